@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
+import shlex
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +19,8 @@ from desk import HOP, SMALL, RunningDesk, running_desk
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.results import Results
 from pareto_ltl.serve.app import ROUTES
+from pareto_ltl.serve.folder import DeskFolder
+from pareto_ltl.serve.plans import MOST_ENDED, Plans
 from quick_wind import wind_words
 
 
@@ -129,6 +135,13 @@ def test_a_map_and_a_formula_are_planned(desk: RunningDesk, folder: Path) -> Non
     state = desk.planned(map=drawn("Лес <b>"), formula="F a", overrides=[*SMALL, "wind=calm"])
     assert state["status"] == "done", state
     assert Results(Path(state["directory"])).plan.formula == "F a"
+    words = shlex.split(state["command"])
+    assert words[:3] == ["cd", str(folder.resolve()), "&&"]
+    words[-1] = "hydra.run.dir=by_command_line"
+    subprocess.run([sys.executable, "-m", "pareto_ltl", *words[4:]], cwd=folder, check=True)
+    for name in ("plan.json", "front.csv", "plan.csv", "scene.json"):
+        ours = (folder / "by_command_line" / name).read_bytes()
+        assert (Path(state["directory"]) / name).read_bytes() == ours, name
     (kept,) = (folder / "maps").iterdir()
     assert json.loads(kept.read_text(encoding="utf-8"))["features"][1]["properties"]["title"] == "Лес <b>"
 
@@ -249,6 +262,16 @@ def test_the_document_describes_every_operation(desk: RunningDesk) -> None:
     paths = desk.client.get("/api/openapi.json").json()["paths"]
     described = {(method.upper(), path) for path, methods in paths.items() for method in methods}
     assert described == {(row.method, row.path) for row in ROUTES}
+
+
+def test_events_of_old_plans_leave_the_memory(tmp_path: Path) -> None:
+    async def many() -> int:
+        plans = Plans(DeskFolder.opened(tmp_path))
+        for _ in range(3 * MOST_ENDED):
+            plans.plan("plan", ["+experiment=hop"]).end("done")
+        return len(plans.jobs)
+
+    assert asyncio.run(many()) == MOST_ENDED + 1
 
 
 def test_a_plan_of_a_server_that_was_killed_says_so(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ WORKER = (sys.executable, "-m", "pareto_ltl.cli.desk_worker")
 PATIENCE = 10.0  # [s] in which a cancelled run can record how it ended
 MOST_LINE = 2**24  # bytes of one event
 MOST_JOBS = 50  # of one worker, whose memory a new one returns
+MOST_ENDED = 20  # jobs whose events stay in memory
 STATUS = {"ok": "done", "stopped": "cancelled", "infeasible": "failed", "failed": "failed"}
 BEACONS = "beacons"  # the command, and the folder that it writes into
 WARNED = " WARNING "  # of a line in run.log
@@ -178,6 +179,9 @@ class Plans:
             self._stop_worker()
 
     def _added(self, name: str, argv: tuple[str, ...]) -> Job:
+        ended = [known for known, job in self.jobs.items() if job.status != "running"]
+        for known in ended[: -MOST_ENDED or None]:  # their directories have what is known of them
+            del self.jobs[known]
         job = self.jobs[name] = Job(name, argv)
         self.waiting.put_nowait(job)
         return job

@@ -25,7 +25,7 @@ function failed(error) {
 
 function forgive() { byId("problem").hidden = true; spot = null; }
 
-const store = new Store(() => { if (ready) panels.show(); backdrop.show(store.mission.backdrop).catch(failed); byId("no-backdrop").hidden = !store.mission.backdrop; map.refresh(); readyToPlan(); }, failed);
+const store = new Store(() => { if (ready) { panels.show(); drawing.hint(); } backdrop.show(store.mission.backdrop).catch(failed); byId("no-backdrop").hidden = !store.mission.backdrop; map.refresh(); readyToPlan(); }, failed);
 let ready = false, drawing, panels, result, studies;
 const backdrop = new Backdrop(() => map.refresh());
 
@@ -65,6 +65,7 @@ function readyToPlan() {
 
 async function plan(command) {
   forgive();
+  drawing.stop();
   await store.send();
   byId("plan-title").scrollIntoView();
   await result.open(await ask("POST", "/api/plans", panels.request(command)));
@@ -140,7 +141,7 @@ async function begin() {
   panels.offer(await ask("GET", "/api/choices"));
   await store.load();
   ready = true;
-  store.changed();
+  drawing.take("select");
   map.fit(everything());
   document.documentElement.dataset.ready = "desk";
   await listEarlier();

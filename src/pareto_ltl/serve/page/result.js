@@ -17,6 +17,8 @@ const EARLY = {  // where the points come from, while the plan is made
   refinement: count => `${count} paths so far. They still change, and how often they fail is counted on few flights.`,
   front: count => `The front: ${count} paths, each judged by flights of its own. The plan is being checked; click a point to see its path.`,
 };
+const SLOW = 4000;  // [ms] of waiting before the page says why
+const LEAST_SAVED = 0.01;  // percentage points: less is not worth a line
 const ELLIPSES = 14;  // at most, on the map
 const SOURCES = { coherent: "winds whose error lasts for hours", independent: "winds whose error changes at every step" };
 
@@ -86,7 +88,10 @@ export class Result {
     byId("cancel").hidden = !working;
     byId("plan").disabled = working;
     byId("progress").hidden = !working && !byId("state").textContent.startsWith("Cancelled");
-    if (working) this.say("Waiting for the planner…");
+    if (!working) return;
+    const text = "Waiting for the planner…", { id } = this;
+    this.say(text);
+    setTimeout(() => { if (this.id === id && byId("state").textContent === text) this.say(`${text} It loads its compiled code, which is made in some minutes the first time on a machine; or it still makes another plan.`); }, SLOW);
   }
 
   say(text, share = undefined) {
@@ -98,10 +103,12 @@ export class Result {
     if (event.event === "stage") { this.stage = STAGES[event.stage] ?? event.stage; this.say(`${this.stage}…`); }
     else if (event.event === "progress") this.say(`${this.stage}… ${event.state.split(",")[0]}`, event.total ? event.done / event.total : undefined);
     else if (event.event === "paths" && event.points.length && !this.studied) {
+      const first = !this.early.length;
       Object.assign(this, { early: event.points, looked: null });
       byId("result").hidden = false;
       byId("result").classList.add("early");
       byId("front-note").textContent = EARLY[event.source](event.points.length);
+      if (first) byId("plan-title").scrollIntoView();
       this.drawFront();
       this.redraw();
     }
@@ -192,8 +199,8 @@ export class Result {
   showLimits() {
     const { limits } = this.view, place = byId("limits");
     if (!limits) { place.replaceChildren(html("p", { class: "note" }, "What limits a path is known for the plan: make this point the plan to see it.")); return; }
-    const rows = limits.prices.slice(0, 4).map(row => html("li", {}, html("strong", {}, row.limit.replace(/^region (\w+)/, (_, name) => `region ${this.title(name)}`)), ` ${row.change}${/\d/.test(row.time) ? ` (${row.time})` : ""}: fails ${row.saved} percentage points less`));
-    place.replaceChildren(html("h3", {}, "What limits it"), rows.length ? html("ul", { class: "plainlist" }, ...rows) : html("p", { class: "note" }, `${limits.no_prices}.`));
+    const rows = limits.prices.filter(row => !(parseFloat(row.saved) < LEAST_SAVED)).slice(0, 4).map(row => html("li", {}, html("strong", {}, row.limit.replace(/^region (\w+)/, (_, name) => `region ${this.title(name)}`)), ` ${row.change}${/\d/.test(row.time) ? ` (${row.time})` : ""}: fails ${row.saved} percentage points less`));
+    place.replaceChildren(html("h3", {}, "What limits it"), rows.length ? html("ul", { class: "plainlist" }, ...rows) : html("p", { class: "note" }, limits.prices.length ? `No small change of a limit saves ${LEAST_SAVED} percentage points of the failures.` : `${limits.no_prices}.`));
   }
 
   // --- time -----------------------------------------------------------------------------------------
