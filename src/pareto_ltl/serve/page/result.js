@@ -122,10 +122,12 @@ export class Result {
     if (this.studied) { this.studies.showStarts(await ask("GET", `/api/plans/${this.id}/departures`)); byId("starts-part").open = true; return; }
     const id = this.id, [front, wind] = await Promise.all([ask("GET", `/api/plans/${id}/front`), ask("GET", `/api/plans/${id}/wind`)]);
     if (id !== this.id) return;
+    const watched = this.early.length > 0;
     Object.assign(this, { front, wind: new WindLayer(wind), early: [] });
     byId("result").hidden = false;
     byId("result").classList.remove("early");
     document.querySelector("main").classList.add("planned");
+    if (watched) byId("plan-title").scrollIntoView();
     await this.show(front.chosen ?? 0, true);
   }
 
