@@ -54,20 +54,13 @@ class RunningDesk:
 
 
 @contextmanager
-def running_desk(folder: Path) -> Iterator[RunningDesk]:
-    """A desk on a free port."""
-    words = [
-        sys.executable,
-        "-m",
-        "pareto_ltl",
-        "serve",
-        "--port",
-        "0",
-        "--no-browser",
-        "--folder",
-        str(folder),
-    ]
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=dict(os.environ))
+def running_desk(folder: Path, largest_file: int | None = None) -> Iterator[RunningDesk]:
+    """A desk on a free port; ``largest_file`` [bytes] stands for a disk that is full."""
+    limit = [] if largest_file is None else ["prlimit", f"--fsize={largest_file}"]
+    words = [*limit, sys.executable, "-m", "pareto_ltl", "serve", "--port", "0", "--no-browser"]
+    process = subprocess.Popen(
+        [*words, "--folder", str(folder)], stdout=subprocess.PIPE, text=True, env=dict(os.environ)
+    )
     try:
         assert process.stdout is not None
         address = process.stdout.readline().strip()

@@ -335,9 +335,15 @@ def test_without_a_budget_nothing_is_varied(grown):
 
 
 def test_progress_tells_the_least_failure_its_length_and_the_volume(grown):
-    told = []
-    front_within(grown, CountedBudget(60), lambda done, total, state: told.append((done, total, state)))
-    assert [done for done, *_ in told][:3] == [1, 2, 3]
-    assert told[-1][:2] == (4, 4)
+    told, last = [], []
+
+    def hear(done, total, state, found):
+        told.append((done, total, state))
+        last[:] = found
+
+    front = front_within(grown, CountedBudget(60), hear)
+    assert [done for done, *_ in told][:3] == [5, 6, 7]  # a coarse search has four steps before
+    assert told[-1][:2] == (8, 8)
+    assert [failed for failed, _ in last] == [k.failed for k in front]
     form = r"fails \S+ % at [\d,]+ km, hypervolume [01]\.\d{4}"
     assert all(re.fullmatch(form, state) for *_, state in told)

@@ -17,12 +17,14 @@ from pareto_ltl.report.sweep_figures import SERIES_COLOURS, SERIES_MARKS
 LEAST = 15.0  # in CIELAB: 2.3 is just noticeable between large fields, thin lines need several times that
 
 
-def causes_of_the_page() -> list[str]:
-    """Colours of the lines of the risk along the way, as the page has them."""
-    text = (Path(page.__file__).parent / "charts.js").read_text(encoding="utf-8")
-    causes = re.findall(r"#[0-9a-f]{6}", re.search(r"CAUSE_COLOURS = \[(.*)\]", text)[1])  # type: ignore[index]
-    assert len(causes) == 4
-    return [style.FAILED, *causes]
+def causes_of_the_page(dark: bool) -> list[str]:
+    """Colours of the lines of the risk along the way, as the page has them on light and on dark paper."""
+    folder = Path(page.__file__).parent
+    failed = re.findall(r'failed: "(#[0-9a-f]{6})"', (folder / "basics.js").read_text(encoding="utf-8"))
+    lists = re.search(r"CAUSE_COLOURS = (.*);", (folder / "charts.js").read_text(encoding="utf-8"))
+    causes = re.findall(r"#[0-9a-f]{6}", lists[1])  # type: ignore[index]
+    assert (len(failed), len(causes)) == (2, 8)
+    return [failed[dark], *causes[0 if dark else 4 :][:4]]
 
 
 TOGETHER = {
@@ -33,7 +35,8 @@ TOGETHER = {
     "series of a sweep": list(SERIES_COLOURS),
     "regions, landmarks and wind arrows": [style.GREEN, style.PURPLE, style.SKY, style.BLACK],
     "wind along a route": [style.SKY, style.BLUE, style.VERMILLION],
-    "causes of failure on the page": causes_of_the_page(),
+    "causes of failure on the page": causes_of_the_page(dark=False),
+    "causes of failure on the dark page": causes_of_the_page(dark=True),
 }  # fmt: skip
 
 

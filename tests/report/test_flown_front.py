@@ -80,14 +80,17 @@ def test_the_front_is_one_line_from_the_shortest_path_on() -> None:
     assert line.get_ydata().tolist() == [rate.failure for rate in front.rates[::-1]]
 
 
-def test_the_ring_is_about_the_claim_and_the_promise_beside_it() -> None:
+def test_the_ring_is_about_the_claim_and_the_promise_at_the_length_of_the_plan() -> None:
     front = flown_front()
     plan = plan_on(front, 1)
     figure = drawn(front, plan)
     marked = [line for line in figure.axes[0].lines if to_hex(line.get_color()) == style.VERMILLION.lower()]
-    bar = next(line for line in marked if len(line.get_xdata()) == 2)
+    bar = next(line for line in marked if len(line.get_xdata()) == 3)
     assert plan.promise is not None
-    assert bar.get_ydata().tolist() == [plan.promise.rate.low, plan.promise.rate.high]
+    rate = plan.promise.rate
+    assert bar.get_ydata().tolist() == [rate.low, rate.failure, rate.high]
+    assert set(bar.get_xdata()) == {1900.0}
+    assert bar.get_transform() == figure.axes[0].transData
     rings = [line for line in figure.axes[0].lines if line.get_markerfacecolor() == "none"]
     assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in rings] == [(1900.0, 0.02)]
     said = texts_of(figure)
@@ -144,3 +147,23 @@ def test_the_axis_holds_all_rates(counts: list[int]) -> None:
     assert hidden == (0 in counts)
     assert low <= min([row[1] for row in rows if row[1] >= 1e-6], default=1.0)
     assert high >= rows[:, 2].max()
+
+
+def test_the_line_of_a_front_with_a_further_cost_has_no_comb() -> None:
+    front = flown_front()
+    (line,) = [line for line in drawn(front).axes[0].lines if to_hex(line.get_color()) == style.STONE.lower()]
+    assert (np.diff(line.get_xdata()) > 0).all()
+    assert (np.diff(line.get_ydata()) < 0).all()
+    worse = replace(front.rates[0], failure=0.9, low=0.8, high=0.95)
+    mixed = replace(front, rates=(worse, *front.rates[1:]))
+    (line,) = [line for line in drawn(mixed).axes[0].lines if to_hex(line.get_color()) == style.STONE.lower()]
+    assert len(line.get_xdata()) == len(front.paths) - 1
+
+
+def test_points_of_the_trees_do_not_widen_the_axis_of_lengths() -> None:
+    front = flown_front()
+    ends = drawn(front).axes[0].get_xlim()
+    far = [replace(cost, costs={"length": 9e9}) for cost in front.raw]
+    figure = drawn(replace(front, raw=tuple(far)))
+    assert figure.axes[0].get_xlim() == ends
+    assert f"trees alone, {len(front.raw_rates)} longer" in texts_of(figure)

@@ -211,7 +211,7 @@ def test_a_page_without_limits_says_so(shown: ShownRun) -> None:
     for sentence in (NO_SEGMENTS, NO_PRICES):
         assert f"{sentence[0].upper()}{sentence[1:]}." in html.unescape(page)
     assert places_in(page) == []
-    assert "What limits it" not in page_of(replace(shown, plan=None))
+    assert "limits-title" not in page_of(replace(shown, plan=None))
 
 
 def test_names_in_limits_are_never_markup(shown: ShownRun) -> None:

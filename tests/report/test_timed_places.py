@@ -83,7 +83,7 @@ def test_the_map_of_a_plan_shows_the_times(scene: Scene) -> None:
         assert texts_outside(figure) == []
     lines = {line for name in scene.regions for line in time_lines(scene, name)}
     assert lines <= set(said)
-    assert "region, with times since departure" in said
+    assert "region, with times" in said
     assert "obstacle for a time" in said
     hatched = [drawn for drawn in figure.axes[0].collections if drawn.get_hatch()]
     assert [len(drawn.get_paths()) for drawn in hatched] == [2]

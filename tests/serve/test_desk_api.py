@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
+import shlex
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +19,9 @@ from desk import HOP, SMALL, RunningDesk, running_desk
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.results import Results
 from pareto_ltl.serve.app import ROUTES
+from pareto_ltl.serve.folder import DeskFolder
+from pareto_ltl.serve.plans import MOST_ENDED, Plans
+from quick_wind import wind_words
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +108,10 @@ def test_a_point_has_its_path_in_degrees(desk: RunningDesk, hop: dict[str, Any])
         assert view["line"][0] == pytest.approx([-92.4, 36.76], abs=0.1)
         assert view["risk"]["runs"] > 0
         assert (view["limits"] is not None) == view["chosen"]
+        flights = view["flights"]
+        assert len(flights["at"][0]) == len(view["t"])
+        failed = [step >= 0 for step in flights["failed"]]
+        assert failed == [why is not None for why in flights["why"]]
 
 
 def test_events_report_stages_paths_and_the_end(desk: RunningDesk, hop: dict[str, Any]) -> None:
@@ -110,8 +121,12 @@ def test_events_report_stages_paths_and_the_end(desk: RunningDesk, hop: dict[str
     assert kinds[0] == "begun"
     assert kinds[-1] == "status"
     paths = [event for event in events if event["event"] == "paths"]
-    assert [event["source"] for event in paths] == ["search", "front"]
-    assert paths[0]["points"][0]["length_m"] > 0
+    sources = [event["source"] for event in paths]
+    assert (sources[0], sources[-1]) == ("search", "front")
+    assert sources.count("refinement") >= 4  # the front grows
+    front = desk.client.get(f"/api/plans/{hop['id']}/front").json()
+    assert [p["failure"] for p in paths[-1]["points"]] == [p["failure"] for p in front["points"]]
+    assert all(point["length_m"] > 0 and point["line"] for event in paths for point in event["points"])
     stages = [event["stage"] for event in events if event["event"] == "stage"]
     assert stages[:2] == ["readings", "scene"]
 
@@ -120,6 +135,13 @@ def test_a_map_and_a_formula_are_planned(desk: RunningDesk, folder: Path) -> Non
     state = desk.planned(map=drawn("Лес <b>"), formula="F a", overrides=[*SMALL, "wind=calm"])
     assert state["status"] == "done", state
     assert Results(Path(state["directory"])).plan.formula == "F a"
+    words = shlex.split(state["command"])
+    assert words[:3] == ["cd", str(folder.resolve()), "&&"]
+    words[-1] = "hydra.run.dir=by_command_line"
+    subprocess.run([sys.executable, "-m", "pareto_ltl", *words[4:]], cwd=folder, check=True)
+    for name in ("plan.json", "front.csv", "plan.csv", "scene.json"):
+        ours = (folder / "by_command_line" / name).read_bytes()
+        assert (Path(state["directory"]) / name).read_bytes() == ours, name
     (kept,) = (folder / "maps").iterdir()
     assert json.loads(kept.read_text(encoding="utf-8"))["features"][1]["properties"]["title"] == "Лес <b>"
 
@@ -154,6 +176,43 @@ def test_the_rest_is_planned_again_after_a_fix(desk: RunningDesk, hop: dict[str,
     assert state["status"] == "done", state
     again = desk.client.get(f"/api/plans/{state['id']}/points/0").json()
     assert again["line"][0] == pytest.approx([lon, lat], abs=0.02)
+
+
+def test_a_beacon_is_tried_along_the_plan(desk: RunningDesk, hop: dict[str, Any]) -> None:
+    place = f"/api/plans/{hop['id']}/beacons"
+    assert desk.client.get(place).status_code == 404
+    job = desk.client.post(place).json()
+    assert desk.ended(job["id"])["status"] == "done"
+    found = desk.client.get(place).json()
+    assert len(found["at"]) == len(found["failure"]) > 50
+    assert found["said"][0].startswith("without a further beacon")
+    assert job["id"] not in [state["id"] for state in desk.client.get("/api/plans").json()["plans"]]
+    assert run_command_line(["verify", hop["directory"]]) == 0
+
+
+def test_the_wind_is_shown_without_a_plan(desk: RunningDesk) -> None:
+    state = desk.planned(command="wind", overrides=["+experiment=hop", "report=none", *wind_words()])
+    assert (state["status"], state["made_by"]) == ("done", "wind")
+    wind = desk.client.get(f"/api/plans/{state['id']}/wind").json()
+    across, along = wind["shape"]
+    assert across * along == len(wind["at"]) == len(wind["uv"][0]) == len(wind["sd"][0])
+    assert len(wind["t"]) == len(wind["utc"]) == len(wind["uv"]) == len(wind["sd"])
+    assert wind["utc"][0] == "2018-10-09T00:00:00Z"
+
+
+def test_starts_are_compared(desk: RunningDesk) -> None:
+    words = [*HOP, "departure.flights=200", "departure.seeds=1", "departure.last=2018-10-09T03:00:00Z"]
+    state = desk.planned(command="departure", overrides=words)
+    assert state["status"] == "done", state
+    found = desk.client.get(f"/api/plans/{state['id']}/departures").json()
+    assert [row["departure"] for row in found["starts"]] == ["2018-10-09T00:00:00Z", "2018-10-09T03:00:00Z"]
+    assert all(len(row["failure_at"]) == len(found["lengths_m"]) for row in found["starts"])
+
+
+def test_other_commands_are_refused(desk: RunningDesk) -> None:
+    answer = desk.client.post("/api/plans", json={"command": "compare", "overrides": HOP})
+    assert answer.status_code == 400
+    assert "command must be one of plan, departure, wind" in answer.json()["error"]
 
 
 def test_a_mission_that_cannot_be_planned_says_why(desk: RunningDesk) -> None:
@@ -203,6 +262,47 @@ def test_the_document_describes_every_operation(desk: RunningDesk) -> None:
     paths = desk.client.get("/api/openapi.json").json()["paths"]
     described = {(method.upper(), path) for path, methods in paths.items() for method in methods}
     assert described == {(row.method, row.path) for row in ROUTES}
+
+
+def test_events_of_old_plans_leave_the_memory(tmp_path: Path) -> None:
+    async def many() -> int:
+        plans = Plans(DeskFolder.opened(tmp_path))
+        for _ in range(3 * MOST_ENDED):
+            plans.plan("plan", ["+experiment=hop"]).end("done")
+        return len(plans.jobs)
+
+    assert asyncio.run(many()) == MOST_ENDED + 1
+
+
+def test_a_plan_of_a_server_that_was_killed_says_so(tmp_path: Path) -> None:
+    words = [*HOP, "planner.n_max=200000", "planner.trees=4"]
+    with running_desk(tmp_path) as killed:
+        name = killed.client.post("/api/plans", json={"overrides": words}).json()["id"]
+        with killed.client.stream("GET", f"/api/plans/{name}/events") as events:
+            next(line for line in events.iter_lines() if "forest" in line)
+        workers = psutil.Process(killed.process.pid).children()
+        killed.process.kill()
+        psutil.wait_procs(workers, timeout=60)  # they end with their server
+        assert not any(worker.is_running() for worker in workers)
+    with running_desk(tmp_path) as again:
+        state = again.client.get(f"/api/plans/{name}").json()
+        assert state["status"] in ("failed", "cancelled")
+        assert again.planned(overrides=HOP)["status"] == "done"
+
+
+def test_a_full_disk_is_reported_and_nothing_is_lost(tmp_path: Path) -> None:
+    with running_desk(tmp_path, largest_file=4000) as full:
+        kept = {"revision": 0, "mission": {"features": [], "formula": "F a"}}
+        assert full.client.put("/api/mission", json=kept).json() == {"revision": 1}
+        large = {"revision": 1, "mission": {"features": ["x" * 9000]}}
+        answer = full.client.put("/api/mission", json=large)
+        assert answer.status_code == 400
+        assert "File too large" in answer.json()["error"]
+        assert full.client.get("/api/mission").json()["mission"] == kept["mission"]
+        state = full.planned(overrides=HOP)
+        assert state["status"] == "failed"
+        assert "File too large" in state["error"]
+        assert full.client.get("/api/mission").json()["mission"] == kept["mission"]
 
 
 def test_plans_and_mission_survive_a_restart(desk: RunningDesk, folder: Path, hop: dict[str, Any]) -> None:

@@ -15,15 +15,27 @@ import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from desk import RunningDesk, running_desk
+from levels import AT_NIGHT
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # the network is cut
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 )  # fmt: skip
+CLICK_ONE = """([dice, left_out]) => {
+  const found = [...document.querySelectorAll("button, .point, input[type=checkbox], summary")].filter(
+    one => one.getClientRects().length && !one.disabled && !left_out.includes(one.id) && !one.dataset.kind);
+  const one = found[Math.floor(dice * found.length)], box = one.getBoundingClientRect();
+  const place = { bubbles: true, clientX: box.x + box.width / 2, clientY: box.y + box.height / 2 };
+  if (one.click) one.click(); else one.dispatchEvent(new MouseEvent("click", place));
+}"""  # of all that can be clicked now
 WIDE, NARROW = (1280, 800), (400, 850)
 MOST, PAUSE = 120_000, 50  # [ms] that a slow machine may take, and between two looks
 CLICKS = 40  # of a random session
+NOT_CLICKED = {  # open a dialog of the browser, or take long; links with data-kind download
+    "open", "save", "save-kml", "backdrop", "plan", "compare-starts", "show-wind", "find-beacon",
+}  # fmt: skip
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
@@ -195,6 +207,46 @@ def test_a_mission_is_drawn_planned_chosen_exported_and_replanned(
         assert not page.locator("#problem").is_visible(), page.locator("#problem").inner_text()
 
 
+def test_points_are_compared_with_flights_beacons_winds_and_starts(
+    browser: Browser, desk: RunningDesk
+) -> None:
+    with opened_page(browser, desk.address, WIDE, "dark") as opened:
+        page = opened.page
+        begin_anew(opened)
+        draw_mission(opened)
+        page.locator("#show-wind").click()  # the wind before a plan, with the departure on a slider
+        opened.wait("!document.getElementById('leave-part').hidden")
+        arrows = page.locator("#map .wind").get_attribute("d")
+        page.locator("#leave").focus()
+        for _ in range(20):
+            page.keyboard.press("ArrowRight")
+        opened.wait("document.getElementById('departure').value === '2018-10-09T10:00'")
+        assert page.locator("#map .wind").get_attribute("d") != arrows
+        page.locator(".layers summary").click()
+        page.locator("#layer-doubt").check()
+        opened.wait("document.querySelectorAll('#map .doubt').length > 20")
+        page.locator("#layer-doubt").uncheck()
+
+        plan_mission(opened)
+        page.locator("#layer-flights").check()
+        opened.wait("document.querySelectorAll('#map .flight').length === 60")
+        page.locator("#pin").click()
+        page.locator("#next" if page.locator("#previous").is_disabled() else "#previous").click()
+        opened.wait("document.querySelectorAll('#comparison tbody tr').length === 4")
+        assert page.locator("#map .track.pinned").count() == 1
+        page.locator("#find-beacon").click()
+        opened.wait("document.querySelectorAll('#map .beacon').length > 50")
+        assert "without a further beacon" in page.locator("#beacon-said").inner_text()
+
+        page.locator("#starts-part summary").click()
+        page.locator("#latest").fill("2018-10-09T13:00")
+        page.locator("#every").fill("3")
+        page.locator("#compare-starts").click()
+        opened.wait("document.querySelectorAll('.start-column').length === 2")
+        page.locator(".start-column").nth(1).click()
+        assert page.locator("#departure").input_value() == "2018-10-09T13:00"
+
+
 def test_the_mission_is_saved_and_opened_and_survives_a_reload(
     browser: Browser, desk: RunningDesk, tmp_path: Path
 ) -> None:
@@ -208,10 +260,15 @@ def test_the_mission_is_saved_and_opened_and_survives_a_reload(
             with page.expect_download() as download:
                 page.locator(button).click()
             download.value.save_as(tmp_path / name)
+        coast = {"type": "LineString", "coordinates": [[-179, -80], [179, 80]]}
+        (tmp_path / "coast.json").write_text(json.dumps(coast), encoding="utf-8")
+        page.locator("#backdrop-file").set_input_files(tmp_path / "coast.json")
+        opened.wait("document.querySelector('#map .backdrop') !== null")
         opened.kept()
         page.reload()
         page.wait_for_selector("html[data-ready=desk]")
         assert page.locator("#features").inner_text() == names
+        opened.wait("document.querySelector('#map .backdrop') !== null")
         for name in ("mission.geojson", "mission.kml"):
             begin_anew(opened)
             page.locator("#file").set_input_files(tmp_path / name)
@@ -261,24 +318,51 @@ def test_a_second_tab_says_that_the_first_has_changed_the_mission(
         first.said.clear()  # the browser logs the refused request
 
 
-@pytest.mark.parametrize("seed", range(3))
+def test_a_plan_goes_on_while_the_browser_is_closed(browser: Browser, desk: RunningDesk) -> None:
+    with opened_page(browser, desk.address, WIDE, "light") as opened:
+        begin_anew(opened)
+        draw_mission(opened)
+        opened.page.locator("#robot").select_option("light_aircraft")
+        opened.wait("!document.getElementById('plan').disabled")
+        opened.page.locator("#plan").click()
+        opened.wait("document.querySelectorAll('#front .point').length > 0")
+        opened.kept()
+    with opened_page(browser, desk.address, NARROW, "dark") as again:
+        again.wait("document.querySelector('.vehicle') !== null")
+        assert not again.page.locator("#problem").is_visible()
+
+
+def random_click(opened: Opened, dice: random.Random) -> None:
+    """A click on the map, a button, a layer or a box to tick; a key; a choice; some letters of a formula."""
+    page, kind = opened.page, dice.random()
+    if kind < 0.45:
+        page.mouse.click(*opened.at(dice.uniform(0.02, 0.8), dice.uniform(0.02, 0.85)))
+    elif kind < 0.75:
+        page.evaluate(CLICK_ONE, [dice.random(), sorted(NOT_CLICKED)])
+    elif kind < 0.85:
+        page.keyboard.press(dice.choice(["Escape", "Enter", "Delete", "Control+z", "Control+y", "+", "-"]))
+    elif kind < 0.93:
+        chosen = page.locator(dice.choice(["#pattern", "#robot", "#planner"]))
+        chosen.select_option(index=dice.randrange(chosen.locator("option").count()))
+    else:
+        page.locator("#formula").fill(dice.choice(["F a", "F(a & )", "G !b", "", "<b>", "F(a & F b)"]))
+
+
+@pytest.mark.parametrize("seed", range(100 if AT_NIGHT else 3))
 def test_random_clicks_leave_no_error(browser: Browser, desk: RunningDesk, seed: int) -> None:
     dice = random.Random(seed)
-    with opened_page(browser, desk.address, (WIDE, NARROW)[seed % 2], "light") as opened:
+    with opened_page(browser, desk.address, (WIDE, NARROW)[seed % 2], ("light", "dark")[seed % 2]) as opened:
         page = opened.page
         begin_anew(opened)
-        tools = page.locator("[data-tool], #undo, #redo, #zoom-in, #zoom-out, #fit").all()
         for _ in range(CLICKS):
-            if dice.random() < 0.35:
-                tool = dice.choice(tools)
-                if tool.is_enabled():
-                    tool.click()
-            elif dice.random() < 0.15:
-                page.keyboard.press(dice.choice(["Escape", "Enter", "Delete", "Control+z", "Control+y"]))
-            else:
-                page.mouse.click(*opened.at(dice.uniform(0.02, 0.85), dice.uniform(0.02, 0.98)))
+            random_click(opened, dice)
+        page.keyboard.press("Escape")
         opened.kept()
-        shown = page.locator("#features li").count()
+        kept = desk.client.get("/api/mission").json()["mission"]
+        shown = page.locator("#features").inner_text(), page.locator("#formula").input_value()
         page.reload()
         page.wait_for_selector("html[data-ready=desk]")
-        assert page.locator("#features li").count() == shown
+        opened.kept()
+        again = desk.client.get("/api/mission").json()["mission"]
+        assert (page.locator("#features").inner_text(), page.locator("#formula").input_value()) == shown
+        assert again == kept

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -139,6 +140,53 @@ def test_only_files_of_the_page_are_served(client: DirectClient) -> None:
 def test_bodies_have_a_limit(client: DirectClient) -> None:
     headers = {**BEARER, "content-length": "99999999999"}
     assert client.post("/api/maps", content=b"x", headers=headers).status_code == 413
+
+
+def test_any_geojson_or_kml_can_lie_under_the_drawing(client: DirectClient) -> None:
+    line = {"type": "MultiLineString", "coordinates": [[[1, 2, 9], [3, 4, 9]], [[5, 6, 9], [7, 8, 9]]]}
+    area = {
+        "type": "Polygon",
+        "coordinates": [[[0, 0], [4, 0], [4, 4], [0, 0]], [[1, 1], [2, 1], [2, 2], [1, 1]]],
+    }
+    features = [
+        {"type": "Feature", "properties": {"name": "<b>Rhône</b>"}, "geometry": line},
+        {
+            "type": "Feature",
+            "properties": None,
+            "geometry": {"type": "GeometryCollection", "geometries": [area]},
+        },
+        {"type": "Feature", "properties": {}, "geometry": None},
+    ]
+    content = json.dumps({"type": "FeatureCollection", "features": features})
+    kept = client.post("/api/backdrops?name=my map.json", content=content, headers=BEARER).json()
+    assert [(shape["kind"], len(shape["lines"])) for shape in kept["shapes"]] == [
+        ("line", 1), ("line", 1), ("area", 2),
+    ]  # fmt: skip
+    assert kept["shapes"][0] == {"name": "<b>Rhône</b>", "kind": "line", "lines": [[[1, 2], [3, 4]]]}
+    again = client.get(f"/api/backdrops/{kept['name']}", headers=BEARER).json()
+    assert again["shapes"] == kept["shapes"]
+    place = "<kml><Placemark><name>A</name><Point><coordinates>7,47</coordinates></Point></Placemark></kml>"
+    kml = client.post("/api/backdrops?name=a.kml", content=place, headers=BEARER).json()
+    assert kml["shapes"] == [{"name": "A", "kind": "point", "lines": [[[7, 47]]]}]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"", b"{}", b"[]", b"null", b"\x89PNG", b'{"type": "Polygon"}',
+        b'{"type": "Polygon", "coordinates": [[[1]]]}',
+        b'{"type": "Point", "coordinates": [NaN, 1]}', b'{"type": "Point", "coordinates": [1e9, 1]}',
+        b'{"type": "LineString", "coordinates": "x"}', b'{"features": [1, {"geometry": 3}]}',
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("name", ["a.geojson", "a.kml", "a.kmz", "../../a.geojson"])
+def test_what_is_no_map_cannot_lie_under_the_drawing(
+    client: DirectClient, content: bytes, name: str, tmp_path: Path
+) -> None:
+    answer = client.post(f"/api/backdrops?name={name}", content=content, headers=BEARER)
+    assert answer.status_code == 400, answer.text
+    assert "\n" not in answer.json()["error"]
+    assert [path for path in tmp_path.iterdir() if path.name != "desk"] == []
 
 
 def test_names_stay_text(client: DirectClient) -> None:

@@ -15,7 +15,7 @@ def beacons_command(argv: Sequence[str]) -> int:
         prog="pareto-ltl beacons",
         description="Find the places along and beside the plan of DIR where a beacon, within whose radius "
         "the robot measures its position, reduces the failure most. The plan stays as it is: plan again with "
-        "the beacon on the map to use it fully. Writes beacons.csv and beacons.png.",
+        "the beacon on the map to use it fully. Writes beacons.csv, beacons.txt and beacons.png.",
     )
     parser.add_result()
     parser.add_argument("--radius", type=float, metavar="M", help="of a beacon [m]; default: 2 %% of the map")

@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from matplotlib.transforms import offset_copy
 
 from pareto_ltl.planning.records import FLIGHTS, FailureRate, Front, Plan
 from pareto_ltl.report import style
@@ -18,7 +17,7 @@ from pareto_ltl.support.arrays import FloatArray
 
 LEFT, BOTTOM, WIDTH, TALL = 0.62, 0.38, 2.76, 1.8  # of the axes [in]
 ROW, GAP = 0.119, 0.05  # height of a line of the legend, and the space above and below it [in]
-ASIDE = 6.0  # [pt] offset of the rate of fresh flights from the point of the plan
+BESIDE = 0.25  # of the lengths of the front: points of the trees that are longer are not drawn
 LOOKS = (
     (style.BLUE, "o"), (style.ORANGE, "s"), (style.GREEN, "D"), (style.PURPLE, "^"), (style.SKY, "v"),
 )  # fmt: skip
@@ -50,7 +49,8 @@ def flown_front_figure(front: Front, plan: Plan | None, unit: tuple[str, float])
     raw = per_metre * np.array([o.length for o in front.raw][: len(before)])
     low, high, hidden = rate_ends(np.concatenate([after, before]))
     ax.scatter(raw, np.clip(before[:, 0], low, high), marker="x", s=10.0, c=style.STONE, lw=0.7, zorder=2)
-    ax.plot(lengths[order], np.maximum(after[order, 0], low), color=style.STONE, lw=0.8, zorder=3)
+    line = [k for k in order if after[k, 0] < after[lengths < lengths[k], 0].min(initial=np.inf)]
+    ax.plot(lengths[line], np.maximum(after[line, 0], low), color=style.STONE, lw=0.8, zorder=3)
     for k in order:
         _draw_point(ax, lengths[k], after[k], looks[front.paths[k].order], low)
     if plan is not None:
@@ -58,11 +58,18 @@ def flown_front_figure(front: Front, plan: Plan | None, unit: tuple[str, float])
     scale_rate_axis(ax, "y", low, high, hidden=hidden)
     ax.set(xlabel=f"path length [{name}]", ylabel=f"failed flights, {front.rates[0].law} winds [%]")
     ax.xaxis.set_major_locator(MaxNLocator(5))
-    ax.margins(x=0.05)
+    ax.set_xlim(*_length_ends(lengths))
     ax.spines[["top", "right"]].set_visible(False)
     for left, column in zip((LEFT - 0.06, LEFT + 1.28), keys, strict=True):
         _explain(figure, left, column)
     return figure
+
+
+def _length_ends(lengths: FloatArray) -> tuple[float, float]:
+    """Ends of the axis of lengths, by the front alone."""
+    low, high = float(lengths.min()), float(lengths.max())
+    span = max(high - low, 0.02 * high)
+    return low - 0.05 * span, high + BESIDE * span
 
 
 def rate_rows(rates: Sequence[FailureRate]) -> FloatArray:
@@ -95,17 +102,15 @@ def _draw_point(ax: Axes, x: float, row: FloatArray, look: tuple[str, str], low:
 
 
 def _mark_plan(ax: Axes, front: Front, plan: Plan, per_metre: float, low: float) -> None:
-    """A ring about the point of the plan and, beside it, the rate of its fresh flights."""
+    """A ring about the point of the plan, and the rate of its fresh flights with its interval."""
     x = per_metre * plan.path.objectives.length
     claims = [r for r, path in zip(front.rates, front.paths, strict=True) if path.origin == plan.path.origin]
     claimed = plan.promise.claimed if plan.promise else next(iter(claims), None)
     if plan.promise is not None:
         rate = plan.promise.rate
-        aside = offset_copy(ax.transData, ax.get_figure(root=True), x=ASIDE, units="points")
-        ends = np.maximum([rate.low, rate.high], low)
-        line = {"color": style.VERMILLION, "transform": aside, "zorder": 6, "clip_on": False}
-        ax.plot([x, x], ends, lw=1.2, **line)  # type: ignore[arg-type]
-        ax.plot(x, max(rate.failure, low), "_", ms=4.0, mew=1.2, **line)  # type: ignore[arg-type]
+        ends = np.maximum([rate.low, rate.failure, rate.high], low)
+        look = {"color": style.VERMILLION, "zorder": 6, "clip_on": False}
+        ax.plot(np.full(3, x), ends, "_-", ms=5.0, mew=1.2, lw=1.2, **look)  # type: ignore[arg-type]
     if claimed is not None:
         ring = {"marker": "o", "ms": 8.5, "mfc": "none", "mec": style.VERMILLION, "mew": 1.3, "ls": ""}
         ax.plot(x, max(claimed.failure, low), **ring, zorder=6, clip_on=False)  # type: ignore[arg-type]
@@ -126,7 +131,10 @@ def other_keys(front: Front, plan: Plan | None) -> list[Line2D]:
     runs = front.rates[0].runs
     keys = [Line2D([], [], color=style.INK, lw=0.9, label=f"95 % interval, {runs:,} flights")]
     if front.raw_rates:
-        keys.append(_key("trees alone", "x", 3.4, style.STONE, style.STONE, 0.7))
+        longest = _length_ends(np.array([path.objectives.length for path in front.paths]))[1]
+        beyond = sum(cost.length > longest for cost in front.raw[: len(front.raw_rates)])
+        label = f"trees alone{f', {beyond} longer' if beyond else ''}"
+        keys.append(_key(label, "x", 3.4, style.STONE, style.STONE, 0.7))
     if plan is not None:
         keys.append(_key("chosen plan", "o", 7.0, "none", style.VERMILLION, 1.3))
         if plan.promise is not None:

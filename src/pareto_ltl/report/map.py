@@ -31,6 +31,7 @@ from pareto_ltl.report.map_layers import (
     draw_mean_path,
     map_axes,
     name_regions,
+    number_obstacles,
     tree_layer,
 )
 from pareto_ltl.report.records import DrawnRun
@@ -74,7 +75,7 @@ class _Sheet:
 
 
 def plan_figure(cfg: ReportConfig, run: DrawnRun, heading: Sequence[str] | None = None) -> Figure:
-    """Map with trees, expected wind, planned path, 95 % ellipses and flights, as Figure 1 of the paper.
+    """Map with expected wind, planned path, 95 % ellipses and flights; with ``cfg.trees`` also the trees.
 
     Without a plan the wind is that at departure, and the heading says why there is no plan; ``heading``
     replaces it. Every probability is given with its wind law.
@@ -98,7 +99,7 @@ def plan_figure(cfg: ReportConfig, run: DrawnRun, heading: Sequence[str] | None 
 
 def _sheet(cfg: ReportConfig, run: DrawnRun, title: list[str]) -> _Sheet:
     inner, height = map_size(run.scene)
-    return _Sheet(_map_keys(run), _flight_keys(cfg, run), title, inner, height, run.wind is not None)
+    return _Sheet(_map_keys(cfg, run), _flight_keys(cfg, run), title, inner, height, run.wind is not None)
 
 
 def map_size(scene: Scene) -> tuple[float, float]:
@@ -110,8 +111,9 @@ def map_size(scene: Scene) -> tuple[float, float]:
 
 def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun) -> None:
     draw_ground(chart, run.scene, run.decomposition)
-    if run.forest is not None:
-        chart.ax.add_collection(tree_layer(run.scene, run.forest), autolim=False)
+    number_obstacles(chart, run.scene, "white")
+    if (forest := _shown_forest(cfg, run)) is not None:
+        chart.ax.add_collection(tree_layer(run.scene, forest), autolim=False)
     if run.plan is not None:
         draw_covariances(chart, run.plan.path.x, run.plan.path.cov)
     for deployment in _widest_first(run):
@@ -120,6 +122,11 @@ def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun) -> None:
         draw_mean_path(chart, run.plan.path.x)
     draw_endpoints(chart, run.scene, run.plan)
     name_regions(chart, run.scene, run.decomposition, taken_points(run.scene, run.plan))
+
+
+def _shown_forest(cfg: ReportConfig, run: DrawnRun) -> Forest | None:
+    """The trees, if they are wanted, or if there is no plan to show."""
+    return run.forest if cfg.trees or run.plan is None else None
 
 
 def _widest_first(run: DrawnRun) -> list[Deployment]:
@@ -248,7 +255,7 @@ def _flight_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
     return keys
 
 
-def _map_keys(run: DrawnRun) -> list[Artist]:
+def _map_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
     """Entries of the legend for everything else on the map."""
     keys: list[Artist] = []
     look: dict[str, Any] = {"ls": "", "ms": 4, "mfc": "white", "mec": "black", "mew": 0.9}
@@ -260,8 +267,8 @@ def _map_keys(run: DrawnRun) -> list[Artist]:
     if run.plan is not None:
         keys.append(Line2D([], [], marker="s", label="end", **look))
     keys += ground_keys(run.scene)
-    if run.forest is not None:
-        keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=_vertices_text(run.forest)))
+    if (forest := _shown_forest(cfg, run)) is not None:
+        keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=_vertices_text(forest)))
     if run.decomposition is not None:
         keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))
     return keys
@@ -272,7 +279,7 @@ def ground_keys(scene: Scene) -> list[Artist]:
     keys: list[Artist] = []
     if visited_outlines(scene):
         timed = any(name not in scene.forbidden for name in scene.windows)
-        keys.append(Patch(**REGION_LOOK, label="region, with times since departure" if timed else "region"))
+        keys.append(Patch(**REGION_LOOK, label="region, with times" if timed else "region"))
     if scene.obstacles:
         keys.append(Patch(**OBSTACLE_LOOK, label="obstacle"))
     if timed_obstacles(scene):

@@ -18,7 +18,7 @@ from pareto_ltl.report.timed_places import time_lines, timed_obstacles, visited_
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import in_kilometres
-from pareto_ltl.world.cells import Decomposition, convex_pieces
+from pareto_ltl.world.cells import Decomposition, convex_pieces, moments
 from pareto_ltl.world.scene import Scene
 
 DRAWN_VERTICES = 12_000  # tree vertices drawn, at most: a second for 50,000, which merge into one grey area
@@ -104,6 +104,27 @@ def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition | Non
     draw_polygons(chart, timed_obstacles(scene), **TIMED_LOOK, zorder=2.9)
     draw_polygons(chart, scene.landmarks, **LANDMARK_LOOK, zorder=2.6)
     draw_polygons(chart, visited_outlines(scene), **REGION_LOOK, zorder=2.5)
+
+
+def number_obstacles(chart: MapAxes, scene: Scene, colour: str) -> None:
+    """The number of each obstacle in which it fits, as texts on limits and legs name it."""
+    scale = metres_per_inch(chart)
+    for number, outline in enumerate(scene.obstacles, 1):
+        half = label_half_size([(str(number), TIME_SIZE)], scale)
+        if np.ptp(outline, axis=0).min() < 2.0 * half.max():
+            continue
+        x, y = moments(outline)[1] * chart.per_metre
+        chart.ax.text(
+            x,
+            y,
+            str(number),
+            color=colour,
+            fontsize=TIME_SIZE,
+            ha="center",
+            va="center",
+            zorder=3.1,
+            clip_on=True,
+        )
 
 
 def name_regions(

@@ -112,5 +112,5 @@ def _planned_share(ax: Axes, rows: Sequence[FigureRow]) -> None:
     x = column_values(rows, "size")
     low, high = column_values(rows, "planned_low"), column_values(rows, "planned_high")
     ax.fill_between(x, low, high, color=style.PURPLE, alpha=0.18, lw=0)
-    ax.plot(x, column_values(rows, "planned"), color=style.PURPLE, lw=1.3, marker="o", ms=3)
-    ax.set(ylim=(-0.02, 1.02), ylabel="share (95 % interval)")
+    ax.plot(x, column_values(rows, "planned"), color=style.PURPLE, lw=1.3, marker="o", ms=3, clip_on=False)
+    ax.set(ylim=(0.0, 1.0), ylabel="share (95 % interval)")

@@ -14,7 +14,14 @@ from matplotlib.ticker import NullLocator
 
 from pareto_ltl.report import style
 from pareto_ltl.report.map_labels import dense_path
-from pareto_ltl.report.map_layers import draw_endpoints, draw_graticule, draw_ground, map_axes, name_regions
+from pareto_ltl.report.map_layers import (
+    draw_endpoints,
+    draw_graticule,
+    draw_ground,
+    map_axes,
+    name_regions,
+    number_obstacles,
+)
 from pareto_ltl.report.rate_axes import GRID_COLOUR
 from pareto_ltl.report.study_axes import FigureRow, Figures, column_values, hide_frame
 from pareto_ltl.report.study_departure_heat import clock_labels, heat_figure
@@ -165,6 +172,7 @@ def _draw_routes(
     chart = map_axes(scene, style.axes_at(figure, left, bottom, MAP, height))
     draw_graticule(chart, scene)
     draw_ground(chart, scene, decomposition)
+    number_obstacles(chart, scene, "white")
     shades = matplotlib.colormaps["viridis"](np.linspace(0.92, 0.08, max(len(routes), 1)))
     best = next(row["time"] for row in rows if row["recommended"])
     keys = []

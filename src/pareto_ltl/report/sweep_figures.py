@@ -141,7 +141,7 @@ def _draw_series(
         moved = at + (0.12 * shift if repeated and not _spans_decade(places) else 0.0)
     axes.plot(
         moved, up, mark, color=colour, markersize=3.2, markeredgecolor="white", markeredgewidth=0.35,
-        linestyle="none", alpha=0.85, label=name or None,
+        linestyle="none", alpha=0.85, label=name or None, clip_on=False,
     )  # fmt: skip
 
 
@@ -184,7 +184,7 @@ def _label_axes(axes: Axes, x: str, y: str, places: Mapping[str, float], series:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(numticks=8))
     elif len(up) and up.min() >= 0 and up.min() < 0.5 * up.max():
-        axes.set_ylim(bottom=-0.02 * up.max())
+        axes.set_ylim(bottom=0.0)
     columns = sorted(set(places.values()))
     if _has_words(places):
         labels = {place: value for value, place in places.items()}

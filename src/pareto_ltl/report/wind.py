@@ -19,7 +19,7 @@ from pareto_ltl.report.lattice import (
     spaced_nodes,
     wind_deviation,
 )
-from pareto_ltl.report.map_layers import MapAxes, map_axes
+from pareto_ltl.report.map_layers import MapAxes, map_axes, number_obstacles
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.scene import Scene
@@ -94,13 +94,15 @@ def draw_wind_arrows(
 
 def wind_figure(scene: Scene, wind: WindField, plan: Plan | None) -> Figure:
     """The wind half-way through the flight; without a plan, at departure."""
-    return wind_panels(scene, wind, *flight_midpoint(plan))
+    return wind_panels(scene, wind, *flight_midpoint(plan), None if plan is None else plan.path.x)
 
 
-def wind_panels(scene: Scene, wind: WindField, t: float, moment: str) -> Figure:
+def wind_panels(
+    scene: Scene, wind: WindField, t: float, moment: str, route: FloatArray | None = None
+) -> Figure:
     """Expected wind at ``t`` [s] with arrows, and standard deviation of the wind of one step.
 
-    Both on the whole lattice; ``moment`` says when that is.
+    Both on the whole lattice, with the planned ``route`` (T+1, 2) [m]; ``moment`` says when that is.
     """
     mean = interpolate_slots(wind.times, wind.mean, t)
     x, y = lattice_nodes(wind)
@@ -110,15 +112,24 @@ def wind_panels(scene: Scene, wind: WindField, t: float, moment: str) -> Figure:
     deviation = wind_deviation(wind, t)
     panels = (
         ("(a) Expected wind", "speed [m/s]", np.hypot(mean[..., 0], mean[..., 1]), "viridis"),
-        ("(b) Standard deviation of a component", "standard deviation [m/s]", deviation, "cividis"),
+        (
+            "(b) Standard deviation, least at readings",
+            "standard deviation [m/s]",
+            deviation,
+            "cividis",
+        ),
     )
     for n, (title, label, values, cmap) in enumerate(panels):
         left = west + n * style.PAGE_WIDTH / 2
         chart = map_axes(scene, style.axes_at(figure, left, 0.42, inner, height))
         _draw_surface(chart, wind, values, cmap)
         _draw_outlines(chart, scene)
+        number_obstacles(chart, scene, "white")
         if n == 0:
             _draw_directions(chart, wind, mean)
+        if route is not None:
+            look = {"lw": 1.3, "zorder": 6, "path_effects": style.white_halo(2.2)}
+            chart.ax.plot(*(route * chart.per_metre).T, color=style.BLACK, **look)  # type: ignore[arg-type]
         bar = figure.colorbar(
             chart.ax.images[0], cax=style.axes_at(figure, left + inner + 0.08, 0.42, 0.09, height)
         )

@@ -16,7 +16,7 @@ from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.simulation.beacons import BeaconMap, BeaconPlaces, beacon_map
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.files import write_csv
+from pareto_ltl.support.files import write_csv, write_text
 from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene import Scene
 
@@ -101,7 +101,7 @@ def place_text(scene: Scene, places: BeaconPlaces, number: int) -> str:
 
 
 def write_beacons(run: Run, found: BeaconMap, folder: Path) -> None:
-    """Write ``beacons.csv`` and ``beacons.png`` into ``folder``."""
+    """Write ``beacons.csv``, ``beacons.png`` and, with the summary, ``beacons.txt`` into ``folder``."""
     from pareto_ltl.report.beacons import beacons_figure
     from pareto_ltl.report.study_axes import save_figures
 
@@ -116,5 +116,6 @@ def write_beacons(run: Run, found: BeaconMap, folder: Path) -> None:
         strict=True,
     )
     write_csv(folder / "beacons.csv", header, ((*row, law, found.flights) for row in rows))
+    write_text(folder / "beacons.txt", "\n".join(beacon_lines(run, found)) + "\n")
     draw = partial(beacons_figure, run.make(SCENE), run.make(DECOMPOSITION), run.make(PLAN), found)
     save_figures(folder, run.settings.report, {"beacons": draw})

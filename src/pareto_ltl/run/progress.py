@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from pareto_ltl.run.watching import watcher
+from pareto_ltl.run.watching import Found, watcher
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 class ProgressBar:
     """One line for the present stage, on the error stream of a terminal.
 
-    A call with ``(done, total)`` moves the bar of the stage; a text beside it describes the result so far.
+    A call with ``(done, total)`` moves the bar of the stage; a text beside it describes the result so
+    far, and ``found`` has the failure rate and the positions (T+1, 2) [m] of each of its paths.
     """
 
     def __init__(self, shown: bool | None = None) -> None:
@@ -61,8 +62,8 @@ class ProgressBar:
             self._bar.remove_task(self._task)
             self._task = outer
 
-    def __call__(self, done: int, total: int, state: str = "") -> None:
+    def __call__(self, done: int, total: int, state: str = "", found: Found = ()) -> None:
         """Move the bar of the stage to ``done`` of ``total`` and write ``state`` beside it."""
-        watcher().progress(done, total, state)
+        watcher().progress(done, total, state, found)
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, completed=done, total=total, state=state)

@@ -5,9 +5,15 @@ The desk sets it in its worker; without it nothing is reported.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pareto_ltl.run.records import RecordKey, Records
+
+if TYPE_CHECKING:
+    from pareto_ltl.support.arrays import FloatArray
+
+Found = Sequence[tuple[float, "FloatArray"]]  # failure rates on the flights of the search, and paths
 
 
 class Watcher(Protocol):
@@ -16,8 +22,8 @@ class Watcher(Protocol):
     def stage(self, name: str) -> None:
         """The stage ``name`` begins."""
 
-    def progress(self, done: int, total: int, state: str) -> None:
-        """The present stage has done ``done`` of ``total``; ``state`` describes the result so far."""
+    def progress(self, done: int, total: int, state: str, found: Found) -> None:
+        """The present stage has done ``done`` of ``total``; ``state`` and ``found`` are the result so far."""
 
     def made(self, key: RecordKey[Any], records: Records) -> None:
         """The record of ``key`` was made; ``records`` has it and all before."""
@@ -29,7 +35,7 @@ class NoWatcher:
     def stage(self, name: str) -> None:
         """Ignore a stage."""
 
-    def progress(self, done: int, total: int, state: str) -> None:
+    def progress(self, done: int, total: int, state: str, found: Found) -> None:
         """Ignore progress."""
 
     def made(self, key: RecordKey[Any], records: Records) -> None:

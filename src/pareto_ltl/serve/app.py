@@ -18,7 +18,7 @@ from starlette.routing import Route
 
 from pareto_ltl import __version__
 from pareto_ltl.run.provenance import one_line
-from pareto_ltl.serve import missions, views
+from pareto_ltl.serve import backdrop, missions, views
 from pareto_ltl.serve.draft import Draft
 from pareto_ltl.serve.folder import DeskFolder
 from pareto_ltl.serve.guard import Guard
@@ -63,8 +63,8 @@ class Operation:
 
 async def make_plan(desk: Desk, request: Request) -> Answer:
     """Start a plan."""
-    words = missions.command_words(desk.folder, await _body(request))
-    return _started(desk, desk.plans.plan(words))
+    command, *words = missions.command_words(desk.folder, await _body(request))
+    return _started(desk, desk.plans.plan(command, words))
 
 
 async def list_plans(desk: Desk, _request: Request) -> Answer:
@@ -109,6 +109,21 @@ async def plan_point(desk: Desk, request: Request) -> Answer:
 async def plan_wind(desk: Desk, request: Request) -> Answer:
     """The wind of a plan."""
     return await run_in_threadpool(views.wind_view, desk.plans.require_done(_name(request)))
+
+
+async def find_beacon(desk: Desk, request: Request) -> Answer:
+    """What a beacon would save."""
+    return _started(desk, desk.plans.beacons(_name(request)))
+
+
+async def plan_beacons(desk: Desk, request: Request) -> Answer:
+    """The places at which a beacon was tried."""
+    return await run_in_threadpool(views.beacons_view, desk.plans.require_done(_name(request)))
+
+
+async def plan_departures(desk: Desk, request: Request) -> Answer:
+    """The starts of a study of departures."""
+    return await run_in_threadpool(views.departures_view, desk.plans.require_done(_name(request)))
 
 
 async def plan_export(desk: Desk, request: Request) -> Answer:
@@ -159,6 +174,18 @@ async def read_map(desk: Desk, request: Request) -> Answer:
     return await run_in_threadpool(missions.read_map, desk.folder, name, await request.body())
 
 
+async def keep_backdrop(desk: Desk, request: Request) -> Answer:
+    """A GeoJSON or KML file to lie under the drawing, copied into the folder."""
+    name = request.query_params.get("name", "")
+    return await run_in_threadpool(backdrop.keep_backdrop, desk.folder, name, await request.body())
+
+
+async def show_backdrop(desk: Desk, request: Request) -> Answer:
+    """The shapes of a file that was copied earlier."""
+    shapes = await run_in_threadpool(backdrop.backdrop_shapes, desk.folder, request.path_params["name"])
+    return {"shapes": shapes}
+
+
 async def keep_wind(desk: Desk, request: Request) -> Answer:
     """A file of winds, copied into the folder."""
     return {"path": desk.folder.keep_wind(request.query_params.get("name", ""), await request.body())}
@@ -193,14 +220,18 @@ async def document(_desk: Desk, _request: Request) -> Answer:
 PLAN = "/api/plans/{id}"
 ROUTES = (
     Operation("POST", "/api/plans", make_plan, "start a plan; answers its id at once",
-              'overrides: settings as on the command line; or map (GeoJSON) and formula'),
+              "overrides: settings as on the command line; or map (GeoJSON) and formula; "
+              "command: plan, departure (compares starts) or wind (without a plan)"),
     Operation("GET", "/api/plans", list_plans, "all plans in the folder, the newest first"),
     Operation("GET", PLAN, plan_state, "status, directory, error and command line"),
     Operation("DELETE", PLAN, cancel_plan, "cancel a running plan"),
     Operation("GET", PLAN + "/events", plan_events, "server-sent events: stage, progress, paths, status"),
     Operation("GET", PLAN + "/front", plan_front, "points, with the columns of front.csv"),
-    Operation("GET", PLAN + "/points/{number}", plan_point, "path, ellipses, log, risk, limits of a point"),
-    Operation("GET", PLAN + "/wind", plan_wind, "the expected wind at some times"),
+    Operation("GET", PLAN + "/points/{number}", plan_point, "path, ellipses, log, flights, risk and limits"),
+    Operation("GET", PLAN + "/wind", plan_wind, "the expected wind at some times, and its deviation"),
+    Operation("POST", PLAN + "/beacons", find_beacon, "try a beacon at many places; answers an id"),
+    Operation("GET", PLAN + "/beacons", plan_beacons, "failure with a beacon at each place, and a summary"),
+    Operation("GET", PLAN + "/departures", plan_departures, "failure of each start at common lengths"),
     Operation("GET", PLAN + "/exports/{kind}", plan_export, "a file for other programs; ?point=N"),
     Operation("POST", PLAN + "/choose", choose_point, "make a point the plan; answers an id",
               "point: its number"),
@@ -209,6 +240,9 @@ ROUTES = (
     Operation("POST", "/api/formula", explain, "a formula or pattern in words, or its error and column",
               "formula; or pattern with goals, avoid, order"),
     Operation("POST", "/api/maps", read_map, "a GeoJSON or KML file (?name=FILE) as features", "the file"),
+    Operation("POST", "/api/backdrops", keep_backdrop, "copy a GeoJSON or KML file (?name=FILE) to lie below",
+              "the file"),
+    Operation("GET", "/api/backdrops/{name}", show_backdrop, "its areas, lines and points in degrees"),
     Operation("POST", "/api/winds", keep_wind, "copy a file of winds (?name=FILE)", "the file"),
     Operation("GET", "/api/choices", show_choices, "names of vehicles, winds, patterns, examples"),
     Operation("GET", "/api/examples/{name}", example, "the map of an example"),

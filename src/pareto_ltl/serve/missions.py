@@ -21,13 +21,14 @@ from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.support.resources import choice_file, choices
 
-KNOWN = ("overrides", "map", "formula")
+KNOWN = ("command", "overrides", "map", "formula")
+COMMANDS = ("plan", "departure", "wind")
 EXAMPLES = ("hop", "phi1", "phi2")
 MOST_STATES = 500  # of an automaton that is explained while somebody types
 
 
 def command_words(folder: DeskFolder, request: Any) -> list[str]:
-    """The settings of ``pareto-ltl plan`` for the body of ``POST /api/plans``; the map is kept in ``folder``.
+    """Command and settings for the body of ``POST /api/plans``; the map is kept in ``folder``.
 
     Raises
     ------
@@ -36,6 +37,8 @@ def command_words(folder: DeskFolder, request: Any) -> list[str]:
     """
     if not isinstance(request, dict) or not set(request) <= set(KNOWN):
         raise ConfigError(f"expected an object with some of {', '.join(KNOWN)}, got {shown_json(request)}")
+    if (command := request.get("command", COMMANDS[0])) not in COMMANDS:
+        raise ConfigError(f"command must be one of {', '.join(COMMANDS)}, got {shown_json(command)}")
     words = request.get("overrides", [])
     if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
         raise ConfigError(f"overrides must be a list of texts KEY=VALUE, got {shown_json(words)}")
@@ -51,7 +54,7 @@ def command_words(folder: DeskFolder, request: Any) -> list[str]:
         found.append(f"mission.formula={quoted(formula)}")
     if not found:
         raise ConfigError("there is nothing to plan: give overrides, or a map and a formula")
-    return found
+    return [command, *found]
 
 
 def map_bytes(drawn: Mapping[str, Any]) -> bytes:

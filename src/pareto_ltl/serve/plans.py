@@ -24,7 +24,9 @@ WORKER = (sys.executable, "-m", "pareto_ltl.cli.desk_worker")
 PATIENCE = 10.0  # [s] in which a cancelled run can record how it ended
 MOST_LINE = 2**24  # bytes of one event
 MOST_JOBS = 50  # of one worker, whose memory a new one returns
+MOST_ENDED = 20  # jobs whose events stay in memory
 STATUS = {"ok": "done", "stopped": "cancelled", "infeasible": "failed", "failed": "failed"}
+BEACONS = "beacons"  # the command, and the folder that it writes into
 WARNED = " WARNING "  # of a line in run.log
 LOST = "the server ended while this plan was made; plan it again"
 
@@ -71,10 +73,18 @@ class Plans:
 
     # --- asked by the API ---------------------------------------------------------------------------
 
-    def plan(self, words: Sequence[str]) -> Job:
-        """A new job that plans with the settings ``words``."""
+    def plan(self, command: str, words: Sequence[str]) -> Job:
+        """A new job that runs ``command`` with the settings ``words``."""
         name = f"{datetime.now(UTC):%Y%m%d-%H%M%S}-{secrets.token_hex(2)}"
-        return self._added(name, ("plan", *words, f"hydra.run.dir={PLANS}/{name}"))
+        return self._added(name, (command, *words, f"hydra.run.dir={PLANS}/{name}"))
+
+    def beacons(self, source: str) -> Job:
+        """A job that writes into the plan ``source`` what a beacon would save."""
+        self.require_done(source)
+        name = f"{source}_{BEACONS}"
+        known = self.jobs.get(name)
+        running = known is not None and known.status == "running"
+        return known if known is not None and running else self._added(name, (BEACONS, f"{PLANS}/{source}"))
 
     def derive(self, source: str, command: str, options: Sequence[str], suffix: str) -> Job:
         """A job that makes another result from the plan ``source``: ``choose`` or ``replan``."""
@@ -116,12 +126,12 @@ class Plans:
         command = f"cd {shlex.quote(str(self.folder.root))} && {shlex.join(['pareto-ltl', *argv])}"
         return {
             "id": name, "status": status, "directory": str(place), "error": error, "command": command,
-            "warnings": _warnings(place),
+            "warnings": _warnings(place), "made_by": argv[0] if argv else "plan",
         }  # fmt: skip
 
     def all_states(self) -> list[dict[str, Any]]:
         """The states of all plans, the newest first."""
-        names = set(self.jobs)
+        names = {name for name, job in self.jobs.items() if job.argv[0] != BEACONS}
         place = self.folder.root / PLANS
         if place.is_dir():
             names |= {found.name for found in place.iterdir() if (found / "run.json").is_file()}
@@ -169,6 +179,9 @@ class Plans:
             self._stop_worker()
 
     def _added(self, name: str, argv: tuple[str, ...]) -> Job:
+        ended = [known for known, job in self.jobs.items() if job.status != "running"]
+        for known in ended[: -MOST_ENDED or None]:  # their directories have what is known of them
+            del self.jobs[known]
         job = self.jobs[name] = Job(name, argv)
         self.waiting.put_nowait(job)
         return job
@@ -225,7 +238,8 @@ def _warnings(place: Path) -> list[str]:
         lines = read_text(place / RUN_LOG).splitlines()
     except (DataError, OSError):
         return []
-    return [line.partition(WARNED)[2].partition(": ")[2] for line in lines if WARNED in line]
+    texts = (line.partition(WARNED)[2].partition(": ")[2] for line in lines if WARNED in line)
+    return list(dict.fromkeys(texts))
 
 
 def _kill(worker: asyncio.subprocess.Process) -> None:

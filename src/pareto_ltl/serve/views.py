@@ -14,23 +14,28 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pareto_ltl.exports.degrees import lonlat
-from pareto_ltl.report.lattice import arrow_nodes, interpolate_slots, lattice_nodes
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.report.lattice import arrow_nodes, interpolate_slots, lattice_nodes, wind_deviation
 from pareto_ltl.report.page.ground import rounded
 from pareto_ltl.report.page.limits import limit_texts
-from pareto_ltl.report.page.points import chosen_number, shown_path
+from pareto_ltl.report.page.points import chosen_number, flown_path, shown_path
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.run.exporting import export
 from pareto_ltl.run.interface import load_results
 from pareto_ltl.run.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.simulation.failure_times import CAUSES, failure_times
+from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.reading import read_text
+from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl.world.navigation import utc_times
 
 CORNERS = 36  # of an ellipse
 CHI_95 = math.sqrt(-2.0 * math.log(0.05))  # 95 % of positions lie within so many standard deviations
 KEPT_RUNS = 3  # results in memory
 MOST_TIMES = 9  # times of the wind
+FLIGHTS = 60  # that are shown of a point
 DEGREES = 6
 Shown = TypeVar("Shown")
 _ONE_AT_A_TIME = threading.RLock()  # records are read on first access
@@ -90,7 +95,8 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
         raise DataError(f"{directory.name}: the map has no place on Earth; open report.html of its directory")
     path, chosen = run.front.paths[number], chosen_number(run)
     given = run.deployments.get(run.problem.fidelity.law) if number == chosen else None
-    shown = shown_path(run, run.problem, path, given)
+    flown = given or flown_path(run, run.problem, path)
+    shown = shown_path(run, run.problem, path, flown)
     angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
     circle = np.stack([np.cos(angle), np.sin(angle)])
     values, vectors = np.linalg.eigh(path.cov)
@@ -105,15 +111,16 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
         "line": rounded(lonlat(run.scene.crs, path.x), DEGREES),
         "ellipses": rounded(lonlat(run.scene.crs, rings), DEGREES - 1),
         "limits": limits,
+        "flights": _flights(run.problem, run.scene.crs, flown),
         **{key: shown[key] for key in ("t", "utc", "label", "fixes", "risk", "log")},
     }
 
 
 @one_at_a_time
 def wind_view(directory: Path) -> dict[str, Any]:
-    """The expected wind at some times: tails [deg] and vectors [m/s], for arrows."""
-    run = _shown(directory)
-    wind, scene = run.wind, run.scene
+    """The wind at some times on a lattice: places [deg], expected vectors and their deviation [m/s]."""
+    results = load_results(directory)
+    wind, scene = results.wind, results.scene
     if scene.crs is None:
         raise DataError(f"{directory.name}: the map has no place on Earth")
     i, j = arrow_nodes(wind, scene.bounds)
@@ -124,9 +131,33 @@ def wind_view(directory: Path) -> dict[str, Any]:
     mean = np.array([interpolate_slots(wind.times, wind.mean, t)[np.ix_(i, j)] for t in times])
     return {
         "t": rounded(times, 0),
+        "utc": utc_times(scene.time_zero, times),
+        "shape": [len(i), len(j)],
         "at": rounded(lonlat(scene.crs, places), DEGREES - 2),
         "uv": rounded(mean.reshape(len(times), -1, 2), 2),
+        "sd": rounded(np.array([wind_deviation(wind, t)[np.ix_(i, j)].ravel() for t in times]), 2),
         "level": wind.level,
+    }
+
+
+def departures_view(directory: Path) -> dict[str, Any]:
+    """``departures.json``: starts, common lengths [m] and failure of each start at them."""
+    found: dict[str, Any] = read_json(directory / "departures.json")
+    return found
+
+
+@one_at_a_time
+def beacons_view(directory: Path) -> dict[str, Any]:
+    """The places of ``beacons.csv`` [deg], the failure with a beacon at each, and the summary."""
+    folder, scene = directory / "beacons", load_results(directory).scene
+    if not (folder / "beacons.txt").is_file():
+        raise DataError(f"there is no search for a beacon in {directory.name}: start one with POST")
+    rows = list(csv.DictReader(io.StringIO(read_text(folder / "beacons.csv"))))
+    places = np.array([[float(row["x_m"]), float(row["y_m"])] for row in rows])
+    return {
+        "at": None if scene.crs is None else rounded(lonlat(scene.crs, places), DEGREES - 1),
+        "failure": [float(row["failure"]) for row in rows],
+        "said": read_text(folder / "beacons.txt").splitlines(),
     }
 
 
@@ -140,6 +171,20 @@ def export_view(directory: Path, kind: str, number: int | None) -> tuple[str, by
     if not written:
         raise InfeasibleError(f"{kind} cannot be written for this plan")
     return written[0].name, written[0].read_bytes()
+
+
+def _flights(problem: Problem, crs: str, flown: Deployment) -> dict[str, Any]:
+    """Some of the flights [deg], and when and why each fails; -1 and None if it does not."""
+    some = Deployment(
+        flown.law, flown.x[:FLIGHTS], flown.accepted[:FLIGHTS], flown.collided[:FLIGHTS],
+        flown.off_map[:FLIGHTS], flown.walled,
+    )  # fmt: skip
+    times = failure_times(problem, some)
+    return {
+        "at": rounded(lonlat(crs, some.x), DEGREES - 2),
+        "failed": times.step.tolist(),
+        "why": [CAUSES[cause] if cause >= 0 else None for cause in times.cause],
+    }
 
 
 @lru_cache(maxsize=KEPT_RUNS)

@@ -12,15 +12,19 @@ import os
 import queue
 import signal
 import sys
+import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from typing import IO, Any
 
+import numpy as np
+
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.records import FOREST, FRONT, PROBLEM, RecordKey, Records
-from pareto_ltl.run.watching import watch_runs
+from pareto_ltl.run.watching import Found, watch_runs
+from pareto_ltl.support.arrays import FloatArray
 
 MOST_PATHS = 40  # paths of the search trees that are reported
 PAUSE = 0.1  # [s] between two reports of progress
@@ -28,6 +32,12 @@ WARMED = (
     "pareto_ltl.planning.refine", "pareto_ltl.planning.growth", "pareto_ltl.simulation.judging",
     "pareto_ltl.report.figures", "pareto_ltl.exports.formats", "pareto_ltl.wind.field",
 )  # fmt: skip
+SMALL_PLAN = (
+    "plan", "+experiment=hop", "planner.trees=1", "planner.n_max=400", "refine.flights=20",
+    "refine.sweep_flights=10", "refine.classes=1", "refine.points=2", "selection.draws=20",
+    "selection.runs=200", "deployment.runs=10",
+)  # fmt: skip
+Known = tuple[float, float, FloatArray]  # failure, length [m], positions (T+1, 2) [m]
 
 
 class Reporter:
@@ -35,6 +45,7 @@ class Reporter:
 
     def __init__(self, stream: IO[str]) -> None:
         self.stream, self.job = stream, ""
+        self.crs: Any = None  # projection of the present job; None: no place on Earth
         self.last = 0.0  # when the last progress was reported [s]
 
     def send(self, event: str, **values: Any) -> None:
@@ -46,39 +57,51 @@ class Reporter:
         """Report the begin of a stage."""
         self.send("stage", stage=name)
 
-    def progress(self, done: int, total: int, state: str) -> None:
-        """Report the progress of the present stage."""
-        if (now := time.monotonic()) < self.last + PAUSE:
-            return
-        self.last = now
-        self.send("progress", done=int(done), total=int(total), state=state)
+    def progress(self, done: int, total: int, state: str, found: Found) -> None:
+        """Report the progress of the present stage, and the paths that refinement has found so far."""
+        if found:
+            lengths = [float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()) for _, x in found]
+            paths = [(failed, length, x) for (failed, x), length in zip(found, lengths, strict=True)]
+            self._send_paths("refinement", paths, bound=False)
+        elif (now := time.monotonic()) >= self.last + PAUSE:
+            self.last = now
+            self.send("progress", done=int(done), total=int(total), state=state)
 
     def made(self, key: RecordKey[Any], records: Records) -> None:
         """Report the paths known so far, when the search trees or the front are made."""
-        if key == FOREST:
+        if key == PROBLEM:
+            self.crs = records[PROBLEM].scene.crs
+        elif key == FOREST:
             from pareto_ltl.planning.selection import unlike_paths
 
             with suppress(ValueError):
-                self._send_paths(
-                    "search", records, unlike_paths(records[PROBLEM], records[FOREST])[:MOST_PATHS]
-                )
+                found = unlike_paths(records[PROBLEM], records[FOREST])[:MOST_PATHS]
+                self._send_paths("search", _by_bound(found), bound=True)
         elif key == FRONT:
-            self._send_paths("front", records, records[FRONT].paths)
+            front = records[FRONT]
+            paths = [
+                (r.failure, p.objectives.length, p.x) for r, p in zip(front.rates, front.paths, strict=False)
+            ]
+            self._send_paths("front", paths or _by_bound(front.paths), bound=not paths)
 
-    def _send_paths(self, source: str, records: Records, paths: Sequence[PlannedPath]) -> None:
+    def _send_paths(self, source: str, paths: Iterable[Known], bound: bool) -> None:
         from pareto_ltl.exports.degrees import lonlat
-        from pareto_ltl.report.page.points import bound_of
 
-        crs, rates = records[PROBLEM].scene.crs, records[FRONT].rates if source == "front" else ()
         points = [
             {
-                "failure": rates[k].failure if rates else bound_of(path.objectives),
-                "length_m": path.objectives.length,
-                "line": None if crs is None else lonlat(crs, path.x).round(5).tolist(),
+                "failure": failure,
+                "length_m": length,
+                "line": None if self.crs is None else lonlat(self.crs, x).round(5).tolist(),
             }
-            for k, path in enumerate(paths)
+            for failure, length, x in paths
         ]
-        self.send("paths", source=source, bound=not rates, points=points)
+        self.send("paths", source=source, bound=bound, points=points)
+
+
+def _by_bound(paths: Iterable[PlannedPath]) -> list[Known]:
+    from pareto_ltl.report.page.points import bound_of
+
+    return [(bound_of(path.objectives), path.objectives.length, path.x) for path in paths]
 
 
 def work(run: Callable[[list[str]], int]) -> None:
@@ -86,12 +109,14 @@ def work(run: Callable[[list[str]], int]) -> None:
     reporter = Reporter(_own_output())
     jobs: queue.Queue[dict[str, Any]] = queue.Queue()
     threading.Thread(target=_read_jobs, args=(jobs,), daemon=True).start()
-    watch_runs(reporter)
     _warm()
+    if jobs.empty():
+        _load_kernels(run)
+    watch_runs(reporter)
     reporter.send("ready")
     while True:
         job = jobs.get()
-        reporter.job = job["id"]
+        reporter.job, reporter.crs = job["id"], None
         reporter.send("begun")
         said, errors = io.StringIO(), io.StringIO()
         with redirect_stdout(said), redirect_stderr(errors):
@@ -120,3 +145,10 @@ def _warm() -> None:
 
     for name in WARMED:
         import_module(name)
+
+
+def _load_kernels(run: Callable[[list[str]], int]) -> None:
+    """Make a small plan and discard it, so that the first one finds all code in memory: 1.6 s earlier."""
+    quiet = io.StringIO()
+    with tempfile.TemporaryDirectory() as place, redirect_stdout(quiet), redirect_stderr(quiet):
+        run([*SMALL_PLAN, f"hydra.run.dir={place}/plan"])

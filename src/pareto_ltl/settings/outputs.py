@@ -47,6 +47,7 @@ class ReportConfig(CheckedSettings):
     )
     dpi: int = setting(200, "resolution of PNG figures, in dots per inch", least=30, most=1200)
     paths: int = setting(40, "simulated flights that are drawn", least=0, most=10_000)
+    trees: bool = setting(False, "whether the map of a plan shows the search trees; without a plan it does")
 
 
 @dataclass

@@ -56,17 +56,17 @@ class Element:
             yield from element.all(tag)
 
 
-def kml_features(path: Path, advice: Advice, faults: MapFaults) -> list[dict[str, Any]]:
+def kml_features(path: Path, advice: Advice, faults: MapFaults, role: str = "") -> list[dict[str, Any]]:
     """The Placemarks of a KML or KMZ file as GeoJSON features; others are ``faults``.
 
-    DataError if the file is neither KML nor KMZ.
+    ``role`` is that of Placemarks without one. DataError if the file is neither KML nor KMZ.
     """
     where = f"scene file {path}"
     data = _kmz_content(path, advice) if path.suffix.lower() == ".kmz" else read_bounded(path, advice)
     root = _parsed(where, data)
     if root.tag != "kml":
         raise DataError(f"{where} has the root element {shown_text(root.tag)!r}; expected kml")
-    read = faults.each(_placemarks(root, ""), lambda item: _feature(where, *item))
+    read = faults.each(_placemarks(root, role), lambda item: _feature(where, *item))
     return [feature for _, feature in read]
 
 

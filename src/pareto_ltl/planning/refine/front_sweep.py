@@ -50,6 +50,7 @@ from pareto_ltl.support.cores import cores
 
 Progress = Callable[..., None]
 COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of the settings of a coarse search
+SEARCH_STEPS = 4  # that are reported of each of the two searches
 COARSE_SHARE = 0.4  # of a time budget: growth and the coarse search
 
 
@@ -69,7 +70,7 @@ def sampled_paths(
         seen = looks(sweep, pool, first_starts(problem, forest))
         if coarse(cfg) != cfg:
             rough = new_sweep(coarse(cfg), problem, flights, budget.until(COARSE_SHARE))
-            known = searched(rough, pool, seen)
+            known = searched(rough, pool, seen, progress, 0)
         found = searched(sweep, pool, [*seen, *(reassessed(sweep, sweep.few, k) for k in known)], progress)
         again = [reassessed(sweep, sweep.flights, k) for k in known]
         found += [k for k in again if not any(beats(other, k) for other in found)]
@@ -99,13 +100,15 @@ def refine_front(
 
 
 def searched(
-    sweep: Sweep, pool: ThreadPoolExecutor, seen: Iterable[Candidate], progress: Progress | None = None
-) -> list[Candidate]:
+    sweep: Sweep, pool: ThreadPoolExecutor, seen: Iterable[Candidate], progress: Progress | None = None,
+    before: int = SEARCH_STEPS,
+) -> list[Candidate]:  # fmt: skip
     """Non-dominated candidates in length and smoothed failure, shortest first, from those ``seen``.
 
-    With a power curve, slower ones that take less energy follow them.
+    With a power curve, slower ones that take less energy follow them. ``progress`` is called after each
+    of the :data:`SEARCH_STEPS` steps, the ``before`` earlier ones counted.
     """
-    seen, told = sorted(seen, key=smoothed), _Teller(progress)
+    seen, told = sorted(seen, key=smoothed), _Teller(progress, before)
     sweep = replace(sweep, hopeless=hopeless_above(seen))
     told(1, seen)
     levels = swept_down(sweep, pool, seen)
@@ -135,8 +138,8 @@ class _Teller:
     front.
     """
 
-    def __init__(self, progress: Progress | None) -> None:
-        self.progress = progress
+    def __init__(self, progress: Progress | None, before: int) -> None:
+        self.progress, self.before = progress, before
         self.longest = 0.0
 
     def __call__(self, done: int, found: Iterable[Candidate]) -> None:
@@ -150,4 +153,4 @@ class _Teller:
         state = (
             f"fails {100 * safest.failed:.2g} % at {safest.length / 1e3:,.0f} km, hypervolume {volume:.4f}"
         )
-        self.progress(done, 4, state)
+        self.progress(self.before + done, 2 * SEARCH_STEPS, state, [(k.failed, k.flight.x) for k in front])

@@ -80,7 +80,7 @@ function markFront() {
 // --- risk along the path -----------------------------------------------------------------------
 
 const CAUSE_DASHES = ["dash", "dot", "dashdot", "longdash"];
-const CAUSE_COLOURS = [COLOURS.stone, COLOURS.landmark, COLOURS.region, COLOURS.flight];
+const CAUSE_COLOURS = DARK ? ["#f0e442", "#d55e00", "#b0b8ff", "#4f6fd8"] : ["#4d4d4d", "#a0457f", "#009e73", "#0072b2"];
 
 function riskTraces(way) {
   const { failed, runs, low, high } = way.risk, unit = timeUnit(way), x = way.t.map(t => t / unit.seconds);

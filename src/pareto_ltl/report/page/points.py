@@ -102,7 +102,7 @@ def shown_path(
         "label": [sorted(names) for names in path.label],
         "fixes": list(path.fixes),
         "utc": utc_times(problem.scene.time_zero, path.t),
-        "risk": _risk(problem, given or _flown(run, problem, path)),
+        "risk": _risk(problem, given or flown_path(run, problem, path)),
     }
     if logged and problem.scene.crs is not None:
         shown["log"] = _shown_log(navigation_log(problem, path))
@@ -110,7 +110,8 @@ def shown_path(
     return plain
 
 
-def _flown(run: ShownRun, problem: Problem, path: PlannedPath) -> Deployment:
+def flown_path(run: ShownRun, problem: Problem, path: PlannedPath) -> Deployment:
+    """``run.runs`` flights of ``path``, in the winds of the deployment of the plan."""
     law = problem.fidelity.law
     seed = unspawned(run.seeds).spawn(len(DRAWS))[list(DRAWS).index(law)]  # as the deployment has it
     return simulate_flights(problem, path.u, run.runs, law, seed, path.x)

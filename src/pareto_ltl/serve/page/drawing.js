@@ -14,6 +14,7 @@ const TOOLS = [
   { name: "landmark", label: "Landmark", role: "landmark", shape: "polygon", hint: "Click the corners of the area in which the vehicle measures its position." },
   { name: "border", label: "Border", role: "border", shape: "box", hint: "Click two opposite corners of the area that is planned in." },
 ];
+const BEGIN = "Begin here: press Start and click on the map, then draw a region; or open an example or a file.";
 const NEAR = 12;  // [pixels] from the first corner that close an outline
 
 export class Drawing {
@@ -32,9 +33,11 @@ export class Drawing {
     if (this.tool.role) this.chosen = null;
     for (const button of byId("tools").querySelectorAll("[data-tool]")) button.setAttribute("aria-pressed", button.dataset.tool === name);
     byId("map").classList.toggle("drawing", Boolean(this.tool.role));
-    this.told(this.tool.hint);
     this.store.changed();
   }
+
+  /** What to do with the tool that is taken; where to begin on an empty map. */
+  hint() { if (!this.points.length) this.told(this.tool.hint || (this.store.mission.features.length ? "" : BEGIN)); }
 
   stop() { this.points = []; this.chosen = this.corner = null; this.take("select"); }
 

@@ -2,6 +2,7 @@
 
 import { pathOf, percent, svg } from "/desk/shapes.js";
 
+const REACH = 25;  // [pixels] from a click to its point
 const EDGE = { left: 52, right: 14, top: 12, bottom: 40 };
 
 const decades = (low, high) => {
@@ -19,12 +20,12 @@ function rounds(low, high, most) {
 }
 
 /** Draw `points` ({failure, failure_low, failure_high, length_m}); `choose(number)` is called for a chosen one. */
-export function drawFront(root, points, { shown, chosen, choose }) {
-  const w = root.clientWidth || 360, h = root.clientHeight || 240, km = points.map(point => point.length_m / 1000);
+export function drawFront(root, points, { shown, chosen, choose, pinned = null }) {
+  const w = root.clientWidth || 360, h = root.clientHeight || 240, km = points.map(point => point.length_m / 1000), all = pinned ? [...km, pinned.length_m / 1000] : km;
   root.setAttribute("viewBox", `0 0 ${w} ${h}`);
   const positive = points.flatMap(point => [point.failure, point.failure_high]).filter(p => p > 0), least = Math.min(...positive, 1);
   const floor = Math.max(1e-7, 10 ** (Math.floor(Math.log10(Math.max(least / 2, 1e-9)) * 3) / 3)), top = Math.min(1, Math.max(...points.map(p => p.failure_high ?? p.failure), floor * 4) * 1.5);
-  const pad = Math.max((Math.max(...km) - Math.min(...km)) * 0.06, Math.max(...km) * 0.004), low = Math.min(...km) - pad, high = Math.max(...km) + pad;
+  const pad = Math.max((Math.max(...all) - Math.min(...all)) * 0.06, Math.max(...all) * 0.004), low = Math.min(...all) - pad, high = Math.max(...all) + pad;
   const x = value => EDGE.left + (value - low) / (high - low) * (w - EDGE.left - EDGE.right);
   const y = p => EDGE.top + (Math.log(top) - Math.log(Math.max(p, floor))) / (Math.log(top) - Math.log(floor)) * (h - EDGE.top - EDGE.bottom);
   const base = h - EDGE.bottom, parts = [], zero = points.some(point => !(point.failure > 0)) ? [svg("text", { x: EDGE.left - 6, y: base + 4, "text-anchor": "end" }, "0")] : [];
@@ -38,14 +39,17 @@ export function drawFront(root, points, { shown, chosen, choose }) {
     if (point.failure_low !== null && point.failure_low !== undefined) parts.push(svg("path", { class: "range", d: pathOf([[x(km[k]), y(point.failure_low)], [x(km[k]), y(point.failure_high)]]) }));
   });
   points.forEach((point, k) => {
-    const marks = ["point", k === shown && "shown", k === chosen && "chosen", !choose && "early"].filter(Boolean).join(" ");
-    const mark = svg("g", { class: marks, "data-point": k }, svg("circle", { class: "reach", cx: x(km[k]), cy: y(point.failure), r: 12 }), svg("circle", { cx: x(km[k]), cy: y(point.failure), r: k === shown ? 7 : 4.5 }), svg("title", {}, `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`));
-    if (choose) {
-      for (const [name, value] of [["tabindex", 0], ["role", "button"], ["aria-label", `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`], ["aria-pressed", k === shown]]) mark.setAttribute(name, value);
-      mark.addEventListener("click", () => choose(k));
-      mark.addEventListener("keydown", event => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(k); } });
-    }
+    const marks = ["point", k === shown && "shown", k === chosen && "chosen"].filter(Boolean).join(" ");
+    const mark = svg("g", { class: marks, "data-point": k }, svg("circle", { cx: x(km[k]), cy: y(point.failure), r: k === shown ? 7 : 4.5 }), svg("title", {}, `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`));
+    for (const [name, value] of [["tabindex", 0], ["role", "button"], ["aria-label", `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`], ["aria-pressed", k === shown]]) mark.setAttribute(name, value);
+    mark.addEventListener("keydown", event => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(k); } });
     parts.push(mark);
   });
+  if (pinned) parts.push(svg("circle", { class: "pinned", cx: x(pinned.length_m / 1000), cy: y(Math.min(top, pinned.failure)), r: 9 }, svg("title", {}, "kept for comparison")));
+  root.onclick = event => {  // the nearest point: marks can overlap
+    const box = root.getBoundingClientRect(), [px, py] = [event.clientX - box.left, event.clientY - box.top], away = points.map((point, k) => Math.hypot(x(km[k]) - px, y(point.failure) - py));
+    const nearest = away.indexOf(Math.min(...away));
+    if (away[nearest] < REACH) choose(nearest);
+  };
   root.replaceChildren(...parts);
 }

@@ -1,6 +1,7 @@
 // The desk: joins map, drawing, panels and result; opens and saves files; shows errors in the page.
 
 import { ask, giveFile } from "/desk/api.js";
+import { Backdrop } from "/desk/backdrop.js";
 import { Drawing } from "/desk/drawing.js";
 import { placeText } from "/desk/geo.js";
 import { ChartMap } from "/desk/map.js";
@@ -8,6 +9,7 @@ import { Panels } from "/desk/panels.js";
 import { Result } from "/desk/result.js";
 import { byId, html, svg } from "/desk/shapes.js";
 import { kml, outline, Store } from "/desk/store.js";
+import { Studies } from "/desk/studies.js";
 
 const EXAMPLE_FORMULAS = { hop: "F(a & F b)", phi1: "F a & F b & F c", phi2: "F(a & F(b & F c)) | F(a & F(d & F c))" };
 let spot = null;  // a place that an error names
@@ -23,16 +25,24 @@ function failed(error) {
 
 function forgive() { byId("problem").hidden = true; spot = null; }
 
-const store = new Store(() => { if (ready) panels.show(); map.refresh(); readyToPlan(); }, failed);
-let ready = false, drawing, panels, result;
+const store = new Store(() => { if (ready) { panels.show(); drawing.hint(); } backdrop.show(store.mission.backdrop).catch(failed); byId("no-backdrop").hidden = !store.mission.backdrop; map.refresh(); readyToPlan(); }, failed);
+let ready = false, drawing, panels, result, studies;
+const backdrop = new Backdrop(() => map.refresh());
 
-const map = new ChartMap(byId("map"), view => [...drawing?.shapes(view) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
+const map = new ChartMap(byId("map"), view => [...backdrop.shapes(view), ...windShapes(view), ...drawing?.shapes(view) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
   press: (place, target) => target.dataset?.fix !== undefined ? { kind: "fix" } : drawing.press(place, target),
   drag: (held, place, before) => held.kind === "fix" ? result.dragFix(place) : drawing.drag(held, place, before),
   dropped: held => { if (held.kind !== "fix") store.changed(); },
   move: place => { byId("where").textContent = placeText(place); drawing.move(place); },
   click: (place, target) => drawing.click(place, target),
 });
+
+/** The wind of the plan that is shown, or the wind before one; it lies under what is drawn. */
+function windShapes(view) {
+  if (!result) return [];
+  byId("legend").textContent = result.view ? result.legend : studies.before.legend;
+  return result.view ? result.wind.shapes(view, result.view.t[result.step]) : studies.before.shapes(view, studies.time);
+}
 
 function spotShapes(view) {
   if (!spot) return [];
@@ -42,28 +52,31 @@ function spotShapes(view) {
 
 function everything() {
   const places = store.mission.features.flatMap(outline);
-  return result.view ? [...places, ...result.view.line] : places;
+  if (result.view) places.push(...result.view.line);
+  return places.length ? places : backdrop.places;
 }
 
 function readyToPlan() {
   if (!ready) return;
   const { features } = store.mission, has = role => features.some(one => one.role === role);
-  byId("plan").disabled = result.working || !has("start") || !has("region") || !panels.formula;
+  byId("plan").disabled = byId("compare-starts").disabled = result.working || !has("start") || !has("region") || !panels.formula;
+  byId("show-wind").disabled = !has("start");
 }
 
-async function plan() {
+async function plan(command) {
   forgive();
+  drawing.stop();
   await store.send();
   byId("plan-title").scrollIntoView();
-  await result.open(await ask("POST", "/api/plans", panels.request()));
+  await result.open(await ask("POST", "/api/plans", panels.request(command)));
   readyToPlan();
   await listEarlier();
 }
 
 async function listEarlier() {
-  const { plans } = await ask("GET", "/api/plans");
+  const plans = (await ask("GET", "/api/plans")).plans.filter(state => state.made_by !== "wind");
   byId("earlier-part").hidden = !plans.length;
-  byId("earlier").replaceChildren(...plans.slice(0, 30).map(state => html("li", {}, html("button", { type: "button", class: "plain", onclick: () => { forgive(); result.open(state).then(readyToPlan); } }, `${state.id.replace(/^(\d{4})(\d\d)(\d\d)-(\d\d)(\d\d)\d\d-\w{4}/, "$1-$2-$3 $4:$5").replaceAll("_", " ")} UTC`), html("span", { class: "note" }, state.status))));
+  byId("earlier").replaceChildren(...plans.slice(0, 30).map(state => html("li", {}, html("button", { type: "button", class: "plain", onclick: () => { forgive(); result.open(state).then(readyToPlan); } }, `${state.id.replace(/^(\d{4})(\d\d)(\d\d)-(\d\d)(\d\d)\d\d-\w{4}/, "$1-$2-$3 $4:$5").replaceAll("_", " ")} UTC`), html("span", { class: "note" }, state.made_by === "departure" ? `departures, ${state.status}` : state.status))));
 }
 
 // --- files --------------------------------------------------------------------------------------------
@@ -88,11 +101,26 @@ async function openExample(name) {
   if (name) take({ ...await ask("GET", `/api/examples/${name}`), mission: { pattern: "formula", formula: EXAMPLE_FORMULAS[name] ?? "", robot: name === "hop" ? "light_aircraft" : "airframe", wind: "sample", departure: "" } });
 }
 
+async function openBackdrop(input) {
+  const [file] = input.files;
+  input.value = "";
+  if (!file) return;
+  forgive();
+  const name = await backdrop.take(file);
+  store.change(mission => { mission.backdrop = name; });
+  map.fit(everything());
+}
+
 function listen() {
   const on = (id, kind, act) => byId(id).addEventListener(kind, event => { Promise.resolve(act(event)).catch(failed); });
-  on("plan", "click", plan);
+  on("plan", "click", () => plan("plan"));
+  on("compare-starts", "click", () => plan("departure"));
+  for (const layer of ["wind", "doubt", "flights"]) on(`layer-${layer}`, "change", () => map.refresh());
   on("open", "click", () => byId("file").click());
   on("file", "change", event => openFile(event.target));
+  on("backdrop", "click", () => byId("backdrop-file").click());
+  on("backdrop-file", "change", event => openBackdrop(event.target));
+  on("no-backdrop", "click", () => store.change(mission => { mission.backdrop = ""; }));
   on("example", "change", async event => { const name = event.target.value; event.target.value = ""; await openExample(name); });
   on("save", "click", () => giveFile("mission.geojson", new Blob([`${JSON.stringify(store.saved(), null, 1)}\n`], { type: "application/geo+json" })));
   on("save-kml", "click", () => giveFile("mission.kml", new Blob([kml(store.geojson())], { type: "application/vnd.google-earth.kml+xml" })));
@@ -107,12 +135,13 @@ function listen() {
 async function begin() {
   drawing = new Drawing(map, store, text => { byId("hint").textContent = text; });
   panels = new Panels(store, drawing, failed);
-  result = new Result({ redraw: () => { map.refresh(); readyToPlan(); }, fit: () => map.fit(everything()), failed, title: name => store.titleOf(name), remember: id => store.adjust(mission => { mission.plan = id; }) });
+  studies = new Studies({ redraw: () => map.refresh(), failed, request: command => panels.request(command), id: () => result.id, departs: departure => store.change(mission => { mission.departure = departure; }) });
+  result = new Result({ studies, redraw: () => { map.refresh(); readyToPlan(); }, fit: () => map.fit(everything()), failed, title: name => store.titleOf(name), remember: id => store.adjust(mission => { mission.plan = id; }) });
   listen();
   panels.offer(await ask("GET", "/api/choices"));
   await store.load();
   ready = true;
-  store.changed();
+  drawing.take("select");
   map.fit(everything());
   document.documentElement.dataset.ready = "desk";
   await listEarlier();

@@ -21,6 +21,7 @@ const WIND_NOTES = {
 };
 const PLANNERS = { quick: "quick", default: "normal", dense: "thorough" };
 const SOURCES = [[/\.csv(\.gz)?$/i, "csv"], [/\.nc4?$/i, "netcdf"], [/\.(grib2?|grb2?)$/i, "grib"]];
+const WEEK = ["report=none", "robot.dt=1800.0", "planner.max_steps=336"];  // the wind for as long, whatever the vehicle
 const TYPING = 250;  // [ms] after a key before the formula is explained
 
 export class Panels {
@@ -177,11 +178,15 @@ export class Panels {
   // --- the request --------------------------------------------------------------------------------------
 
   /** The body of POST /api/plans. */
-  request() {
-    const { mission } = this.store, overrides = [`robot=${mission.robot}`, `wind=${mission.wind}`, `planner=${mission.planner}`];
+  request(command = "plan") {
+    const { mission } = this.store, overrides = [`robot=${mission.robot}`, `wind=${mission.wind}`, ...command === "wind" ? WEEK : [`planner=${mission.planner}`]];
     if (mission.windPath) overrides.push(`wind.path=${mission.windPath}`);
-    if (mission.departure) overrides.push(`mission.start_time=${mission.departure.length === 16 ? `${mission.departure}:00` : mission.departure}Z`);
-    return { map: this.store.geojson(), formula: this.formula, overrides };
+    if (mission.departure && command !== "wind") overrides.push(`mission.start_time=${mission.departure.length === 16 ? `${mission.departure}:00` : mission.departure}Z`);
+    if (command === "departure") {
+      overrides.push("report=none", "departure.flights=2000", "departure.seeds=1", `departure.every=${+byId("every").value || 6}`);
+      if (byId("latest").value) overrides.push(`departure.last=${byId("latest").value}:00Z`);
+    }
+    return { command, map: this.store.geojson(), ...command === "wind" ? {} : { formula: this.formula }, overrides };
   }
 }
 

@@ -4,20 +4,28 @@ import { ask, download, follow } from "/desk/api.js";
 import { lengthText, placeText } from "/desk/geo.js";
 import { drawFront } from "/desk/front.js";
 import { byId, duration, html, percent, svg } from "/desk/shapes.js";
+import { WindLayer } from "/desk/wind.js";
 
 const STAGES = {
   readings: "Reading the wind", scene: "Reading the map", decomposition: "Dividing the map", automaton: "Reading the mission", observations: "Reading the wind", wind: "Fitting the wind",
   problem: "Preparing the search", forest: "Searching for paths", front: "Improving the paths", plan: "Checking the plan with new flights", forecasts: "Checking the plan with new flights",
-  deployment: "Flying the plan", export: "Writing files", report: "Drawing figures", page: "Writing the report",
+  deployment: "Flying the plan", departure: "Comparing departures", export: "Writing files", report: "Drawing figures", page: "Writing the report",
 };
 const FORMATS = { kml: "KML", gpx: "GPX", geojson: "GeoJSON", dead_reckoning: "Log (CSV)", qgc: "QGroundControl", mavlink: "MAVLink", corridor: "Corridor", netcdf: "NetCDF" };
+const EARLY = {  // where the points come from, while the plan is made
+  search: count => `${count} paths of the search so far, with an upper bound on their failures. They are being improved.`,
+  refinement: count => `${count} paths so far. They still change, and how often they fail is counted on few flights.`,
+  front: count => `The front: ${count} paths, each judged by flights of its own. The plan is being checked; click a point to see its path.`,
+};
+const SLOW = 4000;  // [ms] of waiting before the page says why
+const LEAST_SAVED = 0.01;  // percentage points: less is not worth a line
 const ELLIPSES = 14;  // at most, on the map
 const SOURCES = { coherent: "winds whose error lasts for hours", independent: "winds whose error changes at every step" };
 
 export class Result {
   /** `redraw()` draws the map again, `fit(places)` shows places, `failed(error)` shows an error. */
-  constructor({ redraw, fit, failed, remember, title }) {
-    Object.assign(this, { redraw, fit, failed, remember, title, state: null, views: new Map(), fix: null, timer: null, ends: null });
+  constructor({ redraw, fit, failed, remember, title, studies }) {
+    Object.assign(this, { redraw, fit, failed, remember, title, studies, state: null, views: new Map(), fix: null, timer: null, ends: null, pinned: null });
     this.reset();
     const on = (id, act) => byId(id).addEventListener("click", act);
     on("cancel", () => this.cancel().catch(failed));
@@ -26,6 +34,7 @@ export class Result {
     on("choose", () => this.choose().catch(failed));
     on("play", () => this.play());
     on("show-fix", () => { this.fix = this.fix ? null : this.view?.line[this.step] ?? null; this.showFix(); });
+    on("pin", () => { this.pinned = this.pinned ? null : { id: this.id, number: this.shown, row: this.front.points[this.shown], view: this.view }; this.showFacts(); this.drawFront(); this.redraw(); });
     on("replan", () => this.replan().catch(failed));
     byId("time").addEventListener("input", event => { this.stop(); this.moveTo(+event.target.value); });
     for (const [kind, label] of Object.entries(FORMATS)) byId("exports").append(html("button", { type: "button", "data-kind": kind, onclick: event => this.take(kind, event.target) }, label));
@@ -36,8 +45,9 @@ export class Result {
   reset() {
     this.ends?.abort();
     this.stop();
-    Object.assign(this, { id: null, front: null, shown: null, view: null, wind: null, early: [], step: 0, fix: null, working: false });
+    Object.assign(this, { id: null, front: null, shown: null, view: null, wind: new WindLayer(), early: [], looked: null, step: 0, fix: null, working: false });
     this.views.clear();
+    this.studies.reset();
     document.querySelector("main").classList.remove("planned");
     for (const id of ["result", "progress", "timebar", "cancel"]) byId(id).hidden = true;
   }
@@ -48,7 +58,7 @@ export class Result {
   async open(state) {
     this.reset();
     const ends = this.ends = new AbortController();
-    this.id = state.id;
+    Object.assign(this, { id: state.id, studied: state.made_by === "departure" });
     this.remember(state.id);
     byId("command").textContent = state.command;
     byId("directory").textContent = state.directory;
@@ -78,7 +88,10 @@ export class Result {
     byId("cancel").hidden = !working;
     byId("plan").disabled = working;
     byId("progress").hidden = !working && !byId("state").textContent.startsWith("Cancelled");
-    if (working) this.say("Waiting for the planner…");
+    if (!working) return;
+    const text = "Waiting for the planner…", { id } = this;
+    this.say(text);
+    setTimeout(() => { if (this.id === id && byId("state").textContent === text) this.say(`${text} It loads its compiled code, which is made in some minutes the first time on a machine; or it still makes another plan.`); }, SLOW);
   }
 
   say(text, share = undefined) {
@@ -89,12 +102,13 @@ export class Result {
   hear(event) {
     if (event.event === "stage") { this.stage = STAGES[event.stage] ?? event.stage; this.say(`${this.stage}…`); }
     else if (event.event === "progress") this.say(`${this.stage}… ${event.state.split(",")[0]}`, event.total ? event.done / event.total : undefined);
-    else if (event.event === "paths" && event.points.length) {
-      this.early = event.points;
-      this.bound = event.bound;
+    else if (event.event === "paths" && event.points.length && !this.studied) {
+      const first = !this.early.length;
+      Object.assign(this, { early: event.points, looked: null });
       byId("result").hidden = false;
       byId("result").classList.add("early");
-      byId("front-note").textContent = event.source === "search" ? `${event.points.length} paths of the search so far, with an upper bound on their failures. They are being improved.` : "The front; the plan is being checked.";
+      byId("front-note").textContent = EARLY[event.source](event.points.length);
+      if (first) byId("plan-title").scrollIntoView();
       this.drawFront();
       this.redraw();
     }
@@ -105,12 +119,15 @@ export class Result {
   // --- the result ---------------------------------------------------------------------------------
 
   async finish() {
+    if (this.studied) { this.studies.showStarts(await ask("GET", `/api/plans/${this.id}/departures`)); byId("starts-part").open = true; return; }
     const id = this.id, [front, wind] = await Promise.all([ask("GET", `/api/plans/${id}/front`), ask("GET", `/api/plans/${id}/wind`)]);
     if (id !== this.id) return;
-    Object.assign(this, { front, wind, early: [] });
+    const watched = this.early.length > 0;
+    Object.assign(this, { front, wind: new WindLayer(wind), early: [] });
     byId("result").hidden = false;
     byId("result").classList.remove("early");
     document.querySelector("main").classList.add("planned");
+    if (watched) byId("plan-title").scrollIntoView();
     await this.show(front.chosen ?? 0, true);
   }
 
@@ -148,8 +165,8 @@ export class Result {
 
   drawFront() {
     if (byId("result").hidden) return;
-    if (this.front) drawFront(byId("front"), this.front.points, { shown: this.shown, chosen: this.front.chosen, choose: k => this.show(k) });
-    else if (this.early.length) drawFront(byId("front"), this.early, { shown: null, chosen: null, choose: null });
+    if (this.front) drawFront(byId("front"), this.front.points, { shown: this.shown, chosen: this.front.chosen, choose: k => this.show(k), pinned: this.pinned?.row });
+    else if (this.early.length) drawFront(byId("front"), this.early, { shown: this.looked, chosen: null, choose: k => { this.looked = k; this.drawFront(); this.redraw(); } });
   }
 
   showFacts() {
@@ -163,15 +180,29 @@ export class Result {
     const facts = [["Fails", rate, `${range}, in ${SOURCES[this.front.law] ?? this.front.law}`], ["Length", lengthText(row.length_m), row.order ? `order ${row.order.split(">").map(this.title).join(" → ")}` : ""],
       ["Duration", duration(row.duration_s), `${row.steps} legs`], ...view.utc ? [["Arrival", `${view.utc.at(-1).slice(11, 16)} UTC`, view.utc.at(-1).slice(0, 10)]] : []];
     byId("facts").replaceChildren(...facts.map(([name, value, note]) => html("div", {}, html("dt", {}, name), html("dd", {}, value, html("small", {}, note)))));
+    this.showComparison();
     byId("warnings").replaceChildren(...this.state.warnings.map(text => html("li", {}, text)));
     byId("front-note").textContent = "Each point is a path. Lower is safer, left is shorter; the bar is the 95 % interval. Click a point to see its path.";
+  }
+
+  /** The numbers of the pinned point, which can be that of another plan, beside those of the one that is shown. */
+  showComparison() {
+    const { pinned } = this, row = this.front.points[this.shown], same = pinned && pinned.id === this.id && pinned.number === this.shown, place = byId("comparison");
+    byId("pin").textContent = pinned ? "End the comparison" : "Compare with others";
+    place.hidden = !pinned;
+    if (!pinned) return;
+    if (same) { place.replaceChildren(html("caption", {}, `Point ${pinned.number} is kept for comparison: show another point, or another plan.`)); return; }
+    const range = one => one.failure_low === null ? `at most ${percent(one.failure)}` : `${percent(one.failure)} (${percent(one.failure_low)} to ${percent(one.failure_high)})`, sign = (value, text) => `${value < 0 ? "−" : "+"}${text(Math.abs(value))}`;
+    const rows = [["Fails", range(pinned.row), range(row), `${sign(row.failure - pinned.row.failure, percent).replace(" %", "")} points`], ["Length", lengthText(pinned.row.length_m), lengthText(row.length_m), sign(row.length_m - pinned.row.length_m, lengthText)], ["Duration", duration(pinned.row.duration_s), duration(row.duration_s), sign(row.duration_s - pinned.row.duration_s, duration)]];
+    if (pinned.view.utc && this.view.utc) rows.push(["Arrival", pinned.view.utc.at(-1).slice(5, 16).replace("T", " "), this.view.utc.at(-1).slice(5, 16).replace("T", " "), ""]);
+    place.replaceChildren(html("thead", {}, html("tr", {}, html("td"), html("th", {}, `point ${pinned.number}${pinned.id === this.id ? "" : " of the other plan"} (dashed)`), html("th", {}, `point ${this.shown}`), html("th", {}, "difference"))), html("tbody", {}, ...rows.map(([name, ...cells]) => html("tr", {}, html("th", {}, name), ...cells.map(cell => html("td", {}, cell))))));
   }
 
   showLimits() {
     const { limits } = this.view, place = byId("limits");
     if (!limits) { place.replaceChildren(html("p", { class: "note" }, "What limits a path is known for the plan: make this point the plan to see it.")); return; }
-    const rows = limits.prices.slice(0, 4).map(row => html("li", {}, html("strong", {}, row.limit.replace(/^region (\w+)/, (_, name) => `region ${this.title(name)}`)), ` ${row.change}${/\d/.test(row.time) ? ` (${row.time})` : ""}: fails ${row.saved} percentage points less`));
-    place.replaceChildren(html("h3", {}, "What limits it"), rows.length ? html("ul", { class: "plainlist" }, ...rows) : html("p", { class: "note" }, `${limits.no_prices}.`));
+    const rows = limits.prices.filter(row => !(parseFloat(row.saved) < LEAST_SAVED)).slice(0, 4).map(row => html("li", {}, html("strong", {}, row.limit.replace(/^region (\w+)/, (_, name) => `region ${this.title(name)}`)), ` ${row.change}${/\d/.test(row.time) ? ` (${row.time})` : ""}: fails ${row.saved} percentage points less`));
+    place.replaceChildren(html("h3", {}, "What limits it"), rows.length ? html("ul", { class: "plainlist" }, ...rows) : html("p", { class: "note" }, limits.prices.length ? `No small change of a limit saves ${LEAST_SAVED} percentage points of the failures.` : `${limits.no_prices}.`));
   }
 
   // --- time -----------------------------------------------------------------------------------------
@@ -234,8 +265,10 @@ export class Result {
 
   shapes(map) {
     const early = this.early.filter(point => point.line).map(point => svg("path", { class: "track early", d: map.line(point.line) }));
+    if (this.early[this.looked]?.line) early.push(svg("path", { class: "track", d: map.line(this.early[this.looked].line) }));
     if (!this.view || !this.front) return early;
-    const { view, step } = this, stride = Math.max(1, Math.ceil((view.line.length - 1) / ELLIPSES)), found = [...this.arrows(map)];
+    const { view, step } = this, stride = Math.max(1, Math.ceil((view.line.length - 1) / ELLIPSES)), found = [...this.studies.beaconShapes(map), ...this.flights(map)];
+    if (this.pinned) found.push(svg("path", { class: "track pinned", d: map.line(this.pinned.view.line) }));
     for (let k = view.line.length - 1; k > 0; k -= stride) found.push(svg("path", { class: "ellipse", d: map.line(view.ellipses[k], true) }));
     found.push(svg("path", { class: "track", d: map.line(view.line) }), svg("path", { class: "ellipse now", d: map.line(view.ellipses[step], true) }));
     const [ex, ey] = map.at(view.line.at(-1)), [cx, cy] = map.at(view.line[step]);
@@ -245,23 +278,28 @@ export class Result {
     return found;
   }
 
+  /** Simulated flights up to the time that is shown; those that have failed by then are marked. */
+  flights(map) {
+    if (!byId("layer-flights").checked) return [];
+    const { at, failed, why } = this.view.flights, found = [], trails = [[], []];
+    at.forEach((line, k) => {
+      const lost = failed[k] >= 0 && failed[k] <= this.step, [cx, cy] = map.at(line[this.step]);
+      trails[+lost].push(map.line(line.slice(0, this.step + 1)));
+      found.push(svg("circle", { class: lost ? "flight lost" : "flight", cx, cy, r: 2.6 }, lost ? svg("title", {}, `this flight ${why[k]}`) : null));
+    });
+    return [...trails.map((lines, lost) => svg("path", { class: lost ? "trail lost" : "trail", d: lines.join("") })), ...found];
+  }
+
+  /** What the layers show at this time, in words. */
+  get legend() {
+    const told = [this.wind.legend];
+    if (this.view && byId("layer-flights").checked) { const { at, failed } = this.view.flights; told.push(`${at.length} simulated flights, ${failed.filter(step => step >= 0 && step <= this.step).length} failed by now`); }
+    return told.filter(Boolean).join("; ");
+  }
+
   stepText(step) {
     const { view } = this, log = view.log, told = [`${duration(view.t[step])} after departure`, placeText(view.line[step])];
     if (log && step < log.airspeed.length) told.push(`heading ${log.heading[step] === null ? "-" : `${log.heading[step].toFixed(0)}°`}, ${log.airspeed[step].toFixed(1)} m/s`, `wind ${log.wind_speed[step].toFixed(1)} m/s from ${log.wind_from[step].toFixed(0)}°`);
     return told.join("\n");
-  }
-
-  /** Arrows of the expected wind at the time that is shown. */
-  arrows(map) {
-    const { t, at, uv } = this.wind ?? { t: [] };
-    if (!t.length) return [];
-    const now = this.view.t[this.step], k = Math.max(0, Math.min(t.length - 2, t.findLastIndex(one => one <= now))), share = t.length > 1 ? Math.min(1, (now - t[k]) / (t[k + 1] - t[k])) : 0;
-    const most = uv.flat().reduce((fastest, [u, v]) => Math.max(fastest, Math.hypot(u, v)), 1e-9), scale = 26 / most;
-    const lines = at.map((place, n) => {
-      const [x, y] = map.at(place), [u, v] = uv[k][n].map((value, axis) => share ? (1 - share) * value + share * uv[k + 1][n][axis] : value), dx = u * scale, dy = -v * scale;
-      const tip = [x + dx / 2, y + dy / 2], barb = side => `${(tip[0] - 0.32 * dx + side * 0.18 * dy).toFixed(1)} ${(tip[1] - 0.32 * dy - side * 0.18 * dx).toFixed(1)}`;
-      return `M${(x - dx / 2).toFixed(1)} ${(y - dy / 2).toFixed(1)}L${tip[0].toFixed(1)} ${tip[1].toFixed(1)}M${barb(1)}L${tip[0].toFixed(1)} ${tip[1].toFixed(1)}L${barb(-1)}`;
-    });
-    return [svg("path", { class: "wind", d: lines.join("") })];
   }
 }
