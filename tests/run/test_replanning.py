@@ -115,7 +115,7 @@ def test_a_plan_in_memory_gives_the_same_plan(made: Path, anew: Path) -> None:
         ("0s", None, "name a time after its first"),
         ("noon", None, "expected an ISO 8601 time"),
         ("2018-10-08T00:00:00Z", None, "before the first step of the plan"),
-        ("5h", (37.0, -94.0, 0.0), "must be positive"),
+        ("5h", (37.0, -94.0, 0.0), "must be at least 0.01 m"),
         (None, (37.0, -94.0, 500.0), "a fix needs its time"),
         (None, None, "needs a time"),
         ("5h", (37.0, -94.0, float("nan")), "three numbers"),
