@@ -32,7 +32,7 @@ def follow_command(argv: Sequence[str]) -> int:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument(
         "--log", type=Path, metavar="FILE", help="telemetry: a CSV file with the columns time,heading_true,"
-        "airspeed_m_s and, where measured, lat,lon,fix_sd_m; or a .tlog or .bin file of an autopilot",
+        "airspeed_m_s and, where measured, lat,lon,fix_sd_m; or a .tlog, .bin or .log file",
     )  # fmt: skip
     source.add_argument(
         "--connect", metavar="ADDRESS", help="MAVLink, e.g. udpin:127.0.0.1:14550 or /dev/ttyUSB0,57600 "
@@ -61,6 +61,7 @@ def follow_command(argv: Sequence[str]) -> int:
 
 def _follow(options: argparse.Namespace) -> int:
     from pareto_ltl.inflight.following import follow
+    from pareto_ltl.inflight.journal import read_journal, require_place
     from pareto_ltl.inflight.lines import event_line
     from pareto_ltl.inflight.picture import draw_watch
     from pareto_ltl.inflight.replans import Replans
@@ -73,7 +74,8 @@ def _follow(options: argparse.Namespace) -> int:
     folder = options.out or options.directory / "follow"
     settings = WatchSettings(options.every, options.alarm, options.flights)
     readings, listener = _source(options)
-    replans = Replans(options.directory, folder)
+    earlier = read_journal(require_place(folder, resume=True)) if options.resume else ()
+    replans = Replans(options.directory, folder, earlier)
     listeners = [one for one in (listener, replans.answers if options.replan else None) if one is not None]
 
     def answers(watch: Watch, event: Event) -> Iterable[Event]:
@@ -104,7 +106,7 @@ def _source(options: argparse.Namespace) -> tuple[Iterable[Reading] | Path, List
     """The telemetry, and what answers to events."""
     from pareto_ltl.run.interface import load_results
 
-    if options.log is not None and options.log.suffix.lower() not in (".tlog", ".bin"):
+    if options.log is not None and options.log.suffix.lower() not in (".tlog", ".bin", ".log"):
         return options.log, None
     from pareto_ltl.inflight.link import Link, logged_readings
 

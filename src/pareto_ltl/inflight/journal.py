@@ -27,9 +27,9 @@ class Journal:
         self.failed = ""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            if path.exists():  # without a line that was cut off when a watch was killed
+                os.truncate(path, path.read_bytes().rfind(b"\n") + 1)
             self.file: TextIO = path.open("a", encoding="utf-8")
-            if path.stat().st_size and not path.read_bytes().endswith(b"\n"):
-                self.file.write("\n")  # the last line of a killed watch
         except OSError as error:
             raise DataError(f"{path}: cannot be written ({error}); name another folder with --out") from None
 
@@ -51,7 +51,7 @@ class Journal:
 
 
 def read_journal(path: Path) -> Iterator[dict[str, Any]]:
-    """The events of a file; a last line that was cut off is left out.
+    """The events of a file; a last line without an end was cut off, and is left out.
 
     Raises
     ------
@@ -59,17 +59,15 @@ def read_journal(path: Path) -> Iterator[dict[str, Any]]:
         If the file cannot be read, or another line is damaged.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
         raise DataError(f"{path}: cannot be read ({error}); start without --resume") from None
-    for number, line in enumerate(lines, 1):
+    for number, line in enumerate(text[: text.rfind("\n") + 1].splitlines(), 1):
         try:
             event = json.loads(line)
             if not isinstance(event, dict) or not isinstance(event.get("event"), str):
                 raise ValueError
         except ValueError:
-            if number == len(lines):
-                return
             raise DataError(f"{path}, line {number}: no event; start without --resume") from None
         yield event
 

@@ -38,6 +38,9 @@ KINDS = {
 }  # fmt: skip
 GUIDED = 15  # custom mode of ArduPlane in which it takes headings and airspeeds
 FIX_3D, NO_AUTOPILOT = 3, 8  # GPS_FIX_TYPE_3D_FIX, MAV_AUTOPILOT_INVALID
+ARDUPILOT = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
+AEROPLANES = (1, *range(19, 26))  # MAV_TYPE of ArduPlane: fixed wings, and those that take off vertically
+STALE = 5.0  # [s] after its last heartbeat the mode of a vehicle is not known any longer
 ACCEPTED = (0, 5)  # MAV_RESULT_ACCEPTED, MAV_RESULT_IN_PROGRESS
 ARMED = 128  # bit of base_mode
 TRIES, PATIENCE = 3, 2.0  # how often a command is sent, and seconds to wait for its acknowledgement
@@ -109,18 +112,23 @@ class Vehicle:
     system: int = 0
     component: int = 0
     guided: bool = False
+    beaten: float = -math.inf
     heading: float = math.nan
     acknowledged: list[tuple[int, int]] = field(default_factory=list)
 
     def reading(self, message: Any, departure: float) -> Reading | None:
         """The reading of a message of this vehicle; None if it has none."""
-        kind, source = message.get_type(), (message.get_srcSystem(), message.get_srcComponent())
+        kind, source = message.get_type(), (0, 0)
+        if hasattr(message, "get_srcSystem"):  # logs that ArduPilot writes itself are of one vehicle
+            source = message.get_srcSystem(), message.get_srcComponent()
         if kind == "HEARTBEAT" and message.autopilot != NO_AUTOPILOT and not self.system:
             self.system, self.component = source
-        if self.system and source[0] != self.system:
+        if source[0] != self.system:  # nothing is known of a vehicle before its first heartbeat
             return None
         if kind == "HEARTBEAT" and source == (self.system, self.component):
-            self.guided = message.custom_mode == GUIDED and bool(message.base_mode & ARMED)
+            plane = message.autopilot == ARDUPILOT and message.type in AEROPLANES
+            self.guided = plane and message.custom_mode == GUIDED and bool(message.base_mode & ARMED)
+            self.beaten = message._timestamp  # noqa: SLF001
         if kind == "COMMAND_ACK":
             self.acknowledged.append((message.command, message.result))
         values = MESSAGES[kind](message) if kind in MESSAGES else {}
@@ -134,7 +142,7 @@ class Vehicle:
 
 
 def logged_readings(path: Path, time_zero: str | None, given: str | None) -> Iterator[Reading]:
-    """The readings of a ``.tlog`` or ``.bin`` file.
+    """The readings of a ``.tlog``, ``.bin`` or ``.log`` file.
 
     Raises
     ------
@@ -143,7 +151,7 @@ def logged_readings(path: Path, time_zero: str | None, given: str | None) -> Ite
     """
     mavutil = _mavutil()
     if not path.is_file():
-        raise DataError(f"{path}: no such file; give a .tlog, .bin or .csv file")
+        raise DataError(f"{path}: no such file; give a .tlog, .bin, .log or .csv file")
     try:
         log = mavutil.mavlink_connection(str(path), dialect="all")
     except (OSError, ValueError, IndexError, KeyError) as error:
@@ -237,12 +245,14 @@ class Link:
     def answers(self, watch: Watch, event: Event) -> Iterator[Event]:
         """Send what follows from an event; yields what was sent, and alarms about it."""
         yield from self._checked(event["time"])
+        if not self.vehicle.system:
+            return
         if event["event"] == "status":
             for kind in ("wind", "position"):
                 if kind in self.sends:
                     yield self._send(kind, _PARAMETERS[kind](watch, event), event["time"])
         if event["event"] in ("flown", "status") and watch.belief.step != self.leg and not watch.over:
-            if not self.vehicle.guided:
+            if not self.vehicle.guided or clock.time() > self.vehicle.beaten + STALE:
                 return  # no mode is changed: headings follow once the pilot has chosen GUIDED
             self.leg = watch.belief.step
             for kind in ("speed", "heading"):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,18 +28,21 @@ class Replans:
         The result that is watched.
     folder : Path
         Gets ``fixes_N.csv`` and the results ``replan_N``.
+    earlier : iterable of Event
+        Of the journal that is continued.
     """
 
-    def __init__(self, directory: Path, folder: Path) -> None:
+    def __init__(self, directory: Path, folder: Path, earlier: Iterable[Event] = ()) -> None:
         self.directory, self.folder = directory, folder
-        self.fixes: list[tuple[float, ...]] = []
-        self.count, self.planned = 0, 0  # of processes, and of the fixes that the last one knows
+        self.fixes = [_row(event) for event in earlier if _learnt(event)]
+        self.count = len(list(folder.glob("fixes_*.csv"))) if self.fixes else 0
+        self.planned = len(self.fixes)  # fixes that the last process knows
         self.process: subprocess.Popen[str] | None = None
 
     def answers(self, watch: Watch, event: Event) -> Iterator[Event]:
         """Start a process after a fix; yields what a finished one found."""
-        if event["event"] == "fix" and event["use"] == "learnt":
-            self.fixes.append((event["time"], *event["given"], event["sd"]))
+        if _learnt(event):
+            self.fixes.append(_row(event))
         if self.process is not None and (self.process.poll() is not None or event["event"] == "end"):
             yield from self._finished(event["time"])
         if self.process is None and len(self.fixes) > self.planned and not watch.over:
@@ -86,6 +89,15 @@ class Replans:
         if self.process is not None and self.process.poll() is None:
             self.process.kill()
             self.process.communicate()
+
+
+def _learnt(event: Event) -> bool:
+    return bool(event["event"] == "fix" and event["use"] == "learnt")
+
+
+def _row(event: Event) -> tuple[float, ...]:
+    """Time, the two coordinates as they were given, and standard deviation."""
+    return (event["time"], *event["given"], event["sd"])
 
 
 def _rate(rate: dict[str, Any] | None) -> float | None:
