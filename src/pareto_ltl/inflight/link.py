@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -157,13 +158,14 @@ def logged_readings(path: Path, time_zero: str | None, given: str | None) -> Ite
     except (OSError, ValueError, IndexError, KeyError) as error:
         raise DataError(f"{path}: cannot be read as a log of an autopilot ({error})") from None
     departure, vehicle = departure_time(time_zero, given), Vehicle()
-    while (message := log.recv_msg()) is not None:
-        if message.get_type() == "BAD_DATA":
-            yield Reading(math.nan)
-            continue
-        departure = message._timestamp if departure is None else departure  # noqa: SLF001
-        if (reading := vehicle.reading(message, departure)) is not None:
-            yield reading
+    with closing(log):
+        while (message := log.recv_msg()) is not None:
+            if message.get_type() == "BAD_DATA":
+                yield Reading(math.nan)
+                continue
+            departure = message._timestamp if departure is None else departure  # noqa: SLF001
+            if (reading := vehicle.reading(message, departure)) is not None:
+                yield reading
 
 
 def _mavutil() -> Any:
