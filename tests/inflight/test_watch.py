@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
+from levels import AT_NIGHT
 from pareto_ltl.inflight.journal import Journal, read_journal
 from pareto_ltl.inflight.lines import event_line
 from pareto_ltl.inflight.telemetry import Reading, Sieve
@@ -151,7 +152,7 @@ numbers = st.one_of(
 readings = st.builds(Reading, numbers, numbers, numbers, st.none() | st.tuples(numbers, numbers), numbers)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=10_000 if AT_NIGHT else 60)
 @given(st.lists(readings, max_size=40), st.lists(st.integers(0, 70), max_size=30))
 def test_no_stream_stops_a_watch(spoilt: list[Reading], places: list[int]) -> None:
     """Lost, late, doubled and spoilt telemetry: every event is finite, and time never goes back."""
