@@ -267,3 +267,12 @@ def test_a_time_step_that_was_left_to_the_planner_is_that_of_the_metrics(
     result = open_evidence(edited(honest["paper"], tmp_path / "open", lie))
     wrong = [finding.claim for finding in findings(result) if not finding.holds]
     assert wrong == ["run: fingerprint of the settings"]
+
+
+@pytest.mark.parametrize("runs", [20, 300])
+def test_a_promise_of_few_flights_holds(runs: int, tmp_path: Path) -> None:
+    """Few flights with no failure among them: the promise is that of weighted ones, at any rate."""
+    small = SMALL | {"selection": {"draws": 200, "runs": runs}, "deployment": {"runs": 100}}
+    made = pareto_ltl.plan("phi1", "F a", fidelity="full", out=tmp_path / "few", **small)
+    assert [finding.claim for finding in verify(tmp_path / "few") if not finding.holds] == []
+    assert made.plan.promise is not None

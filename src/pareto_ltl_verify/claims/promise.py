@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
@@ -18,7 +19,7 @@ from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.flights import RARE, clopper_pearson, same_rate
 
 DOUBT = 1e-3  # significance level: probability that the flights reject a claim that is true
-MOST_WEIGHTED = 0.01  # highest rate from weighted flights; they are used for rates below 10^-3
+WEIGHTED_BELOW = 1e-3  # share of failed flights below which flights are weighted
 PLACE, ANGLE = 1e-9, 1e-3  # [deg] largest allowed difference of two coordinates and of two headings
 AHEAD = 1.0  # [m] distance from a position to the second point that gives the heading there
 RATE = ("failure", "low", "high", "runs", "law", "method")
@@ -51,8 +52,11 @@ def _rate_faults(result: Evidence, told: dict[str, Any]) -> Iterator[str]:
         yield f"{told['runs']} {told['method']} in {told['law']} winds"
         return
     if told["method"] == WEIGHTED:  # the weights are not kept
-        if not 0.0 <= told["low"] <= told["failure"] <= told["high"] <= MOST_WEIGHTED:
+        if not 0.0 <= told["low"] <= told["failure"] <= told["high"] <= 1.0:
             yield f"the interval is {told['low']:.4g} to {told['high']:.4g}"
+        most = math.ceil(WEIGHTED_BELOW * told["runs"]) - 1
+        if binom.cdf(most, told["runs"], told["low"]) < RARE:
+            yield f"more than {most} of {told['runs']} flights fail at {told['low']:.4g}: no case for weights"
         return
     count = round(told["failure"] * told["runs"])
     found = (count / told["runs"], *clopper_pearson(count, told["runs"]))
