@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import math
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import pairwise
 
@@ -22,6 +24,8 @@ from pymavlink.dialects.v20 import all as mavlink
 from uas_standards.astm.f3548.v21.api import OperationalIntentDetails, Volume4D
 
 from exported_plans import Flown, metres_apart, seconds_apart
+from pareto_ltl.exports.exported import Height
+from pareto_ltl.exports.formats import MAKERS
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.world.projection import to_geographic, to_plane
 
@@ -97,8 +101,10 @@ def test_the_plan_in_kml(flown: Flown) -> None:
     document = fastkml.KML.parse(path)
     marks = list(find_all(document, of_type=fastkml.Placemark))
     positions = [mark for mark in marks if mark.times is not None]
-    lon, lat = np.array([mark.geometry.coords[0] for mark in positions]).T
+    lon, lat, height = np.array([mark.geometry.coords[0] for mark in positions]).T
     assert metres_apart(lat, lon, flown.exported) < 0.01
+    assert set(height) == {10.0}
+    assert path.read_text().count("<altitudeMode>relativeToGround</altitudeMode>") == len(positions) + 1
     assert seconds_apart([mark.times.timestamp.dt for mark in positions], flown.exported) == 0
     names = [mark.name for mark in marks]
     assert {"a", "b", "c", "obstacle 1", "95 % of whole flights, coherent winds"} <= set(names)
@@ -115,6 +121,36 @@ def test_the_plan_in_gpx(flown: Flown) -> None:
     assert seconds_apart([p.time for p in route.points], flown.exported) == 0
     assert found.name == "phi1 <&>"
     assert "fail" in found.description
+    assert {p.elevation for p in route.points} == {None}
+    assert all("10 m above the ground" in p.description for p in route.points)
+
+
+@pytest.mark.parametrize(("height", "vehicle"), [(Height(3000.0, True), 1), (Height(-50.0, False), 12)])
+def test_heights_above_sea_level_are_in_the_files_and_the_home_is_on_the_ground(
+    flown: Flown, height: Height, vehicle: int
+) -> None:
+    exported = replace(flown.exported, height=height, least_airspeed=5.0)
+    (route,) = gpxpy.parse(MAKERS["gpx"](exported).decode()).routes
+    assert {p.elevation for p in route.points} == {height.metres}
+    assert b"<altitudeMode>absolute</altitudeMode>" in MAKERS["kml"](exported)
+    mission = json.loads(MAKERS["qgc"](exported))["mission"]
+    assert mission["plannedHomePosition"][2] == 0.0
+    assert mission["vehicleType"] == vehicle
+
+
+def test_calm_air_has_no_wind_message_and_volumes_of_some_width(flown: Flown) -> None:
+    log, corridor = flown.exported.log, flown.exported.corridor
+    calm = replace(
+        flown.exported,
+        log=replace(log, wind_speed_sd=0.0 * log.wind_speed_sd),
+        corridor=replace(corridor, cov=1e-6 * corridor.cov),
+    )
+    sent = {told["name"] for told in json.loads(MAKERS["mavlink"](calm))["messages"]}
+    assert "MAV_CMD_EXTERNAL_WIND_ESTIMATE" not in sent
+    for volume, x, end in zip(json.loads(MAKERS["f3548"](calm))["volumes"], log.x, log.x[1:], strict=False):
+        corners = [(v["lng"], v["lat"]) for v in volume["volume"]["outline_polygon"]["vertices"]]
+        outline = shapely.Polygon(to_plane(calm.crs, *np.array(corners).T))
+        assert outline.exterior.distance(shapely.LineString([x, end])) > 9.0
 
 
 def test_the_trajectory_in_netcdf(flown: Flown) -> None:

@@ -47,6 +47,8 @@ class ExportedPlan:
         ``robot.feedback_time`` of the plan [s]; None if it is flown without knowledge of the position.
     turn : float or None
         Centripetal acceleration of turns [m/s²]; None for a robot that turns on the spot.
+    least_airspeed : float
+        ``robot.u_min`` [m/s].
     """
 
     name: str
@@ -59,6 +61,7 @@ class ExportedPlan:
     band: tuple[float, float] | None
     feedback: float | None = None
     turn: float | None = None
+    least_airspeed: float = 0.0
 
     @property
     def crs(self) -> str:
@@ -115,6 +118,7 @@ def exported_plan(
         band=None if lower is None or upper is None else (lower, upper),
         feedback=feedback_time(problem),
         turn=problem.turns.acceleration,
+        least_airspeed=problem.motion.u_min,
     )
 
 

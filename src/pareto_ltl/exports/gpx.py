@@ -1,4 +1,4 @@
-"""``plan.gpx`` (GPX 1.1): the expected positions as a route."""
+"""``plan.gpx`` (GPX 1.1): the expected positions as a route, which OpenCPN and chart plotters import."""
 
 from __future__ import annotations
 
@@ -11,8 +11,14 @@ NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 
 def plan_gpx(exported: ExportedPlan) -> bytes:
-    """The file: one ``rtept`` for each step, with its time if the map names a departure."""
-    log = exported.log
+    """The file: one ``rtept`` for each step, with its time if the map names a departure.
+
+    ``ele`` is above mean sea level: it is written for pressure levels and depths. The height of the ground is
+    unknown, so that heights above it are in the description.
+    """
+    log, height = exported.log, exported.height
+    sea = height.above_sea or height.metres < 0.0
+    above = "" if sea else f", {height.metres:g} m above the ground of the start"
     root = Xml.Element("gpx", {"version": "1.1", "creator": "pareto_ltl", "xmlns": NAMESPACE})
     about = add(root, "metadata")
     add(about, "name", exported.name)
@@ -23,10 +29,12 @@ def plan_gpx(exported: ExportedPlan) -> bytes:
     add(route, "name", exported.name)
     for k, (lat, lon) in enumerate(zip(log.lat, log.lon, strict=True)):
         point = add(route, "rtept", lat=f"{lat:.8f}", lon=f"{-180.0 if lon >= 180.0 else lon:.8f}")
+        if sea:
+            add(point, "ele", f"{height.metres:.1f}")
         if log.utc is not None:
             add(point, "time", log.utc[k])
         add(point, "name", f"{k}" if not exported.plan.path.label[k] else f"{k} {region_text(exported, k)}")
-        add(point, "desc", f"95 % of positions within {log.radius[k] / 1e3:.3f} km, {log.law} winds")
+        add(point, "desc", f"95 % of positions within {log.radius[k] / 1e3:.3f} km, {log.law} winds{above}")
     return xml_bytes(root)
 
 

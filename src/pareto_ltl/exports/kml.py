@@ -28,7 +28,7 @@ STYLES = {  # line colour, its width, fill colour: aabbggrr
 
 
 def plan_kml(exported: ExportedPlan) -> bytes:
-    """The document; heights are not given, everything lies on the ground."""
+    """The document: the route and the positions at their height, the map and the areas on the ground."""
     root = Xml.Element("kml", {"xmlns": NAMESPACE})
     document = add(root, "Document")
     add(document, "name", exported.name)
@@ -50,8 +50,9 @@ def plan_kml(exported: ExportedPlan) -> bytes:
 def _add_route(document: Xml.Element, exported: ExportedPlan) -> None:
     place = _placemark(document, "route", "route")
     line = add(place, "LineString")
-    add(line, "tessellate", "1")
-    add(line, "coordinates", _coordinates(line_degrees(exported.crs, exported.log.x)))
+    height = _altitude_mode(line, exported)
+    places = line_degrees(exported.crs, exported.log.x)
+    add(line, "coordinates", " ".join(f"{place},{height}" for place in _coordinates(places).split()))
 
 
 def _add_positions(document: Xml.Element, exported: ExportedPlan) -> None:
@@ -63,7 +64,17 @@ def _add_positions(document: Xml.Element, exported: ExportedPlan) -> None:
         if log.utc is not None:
             add(add(place, "TimeStamp"), "when", log.utc[k])
         _add_data(place, _leg_data(exported, k))
-        add(add(place, "Point"), "coordinates", f"{lon:.8f},{lat:.8f}")
+        point = add(place, "Point")
+        height = _altitude_mode(point, exported)
+        add(point, "coordinates", f"{lon:.8f},{lat:.8f},{height}")
+
+
+def _altitude_mode(shape: Xml.Element, exported: ExportedPlan) -> str:
+    """Write whether the height is above the sea or the ground; return it as text [m]."""
+    height = exported.height
+    sea = height.above_sea or height.metres < 0.0
+    add(shape, "altitudeMode", "absolute" if sea else "relativeToGround")
+    return f"{height.metres:.1f}"
 
 
 def _leg_data(exported: ExportedPlan, k: int) -> dict[str, str]:

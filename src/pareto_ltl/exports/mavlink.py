@@ -45,7 +45,7 @@ def mavlink_script(exported: ExportedPlan) -> bytes:
 
 
 def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:
-    """At the start of each leg wind, airspeed and heading; at a fix that the plan counts on, the position."""
+    """At the start of each leg wind if uncertain, airspeed, heading; at a fix of the plan, the position."""
     log, messages = exported.log, []
     turn = TURN if exported.turn is None else exported.turn
     for k in range(len(log.t)):
@@ -53,14 +53,20 @@ def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:
             messages.append(_position(exported, k))
         if k == len(log.airspeed):
             break
-        wind = [log.wind_speed[k], log.wind_speed_sd[k], log.wind_from[k], log.wind_from_sd[k], 0, 0, 0]
-        messages.append(_message(exported, k, WIND_ESTIMATE, wind))
+        if log.wind_speed_sd[k] > 0.0:  # an estimate without an error would claim certainty
+            messages.append(_message(exported, k, WIND_ESTIMATE, _wind(exported, k)))
         messages.append(_message(exported, k, CHANGE_SPEED, [AIRSPEED, log.airspeed[k], AT_ONCE, 0, 0, 0, 0]))
         if math.isfinite(log.heading[k]):
             messages.append(
                 _message(exported, k, CHANGE_HEADING, [HEADING, log.heading[k], turn, 0, 0, 0, 0])
             )
     return messages
+
+
+def _wind(exported: ExportedPlan, k: int) -> list[Any]:
+    """Speed and direction of the expected wind, each with its standard deviation."""
+    log = exported.log
+    return [log.wind_speed[k], log.wind_speed_sd[k], log.wind_from[k], log.wind_from_sd[k], 0, 0, 0]
 
 
 def _message(exported: ExportedPlan, k: int, command: int, params: list[Any]) -> dict[str, Any]:

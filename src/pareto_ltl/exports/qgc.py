@@ -1,7 +1,9 @@
 """``mission.plan``: waypoints and a geofence for QGroundControl, PX4 and ArduPilot.
 
 An autopilot flies such a mission by position, so the plan's promise does not hold for it: the file also
-states the failure rate of the plan with ``robot.feedback_time=60``. Take-off and landing are left out.
+states the failure rate of the plan with ``robot.feedback_time=60``. Take-off and landing are left out. The
+height of the ground is unknown: the home position has altitude 0, and QGroundControl replaces it by the
+terrain or by the position of the vehicle.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ MISSION_FRAME = 2  # MAV_FRAME_MISSION
 KEEP_THROTTLE = -1
 ALTITUDE_MODES = {False: 1, True: 2}  # of QGroundControl: above the launch place, above mean sea level
 FENCE_SAG = 50.0  # [m] error of the edges of the fence: autopilots store few corners
+GENERIC, FIXED_WING, SUBMARINE = 0, 1, 12  # MAV_TYPE
 LEAST_CHANGE = 0.05  # [m/s] least change of airspeed for which an item is written
 
 
@@ -36,17 +39,24 @@ def mission_plan(exported: ExportedPlan) -> bytes:
         "mission": {
             "version": 2,
             "firmwareType": 0,
-            "vehicleType": 0,
+            "vehicleType": vehicle_type(exported),
             "cruiseSpeed": log.airspeed.max(initial=0.0),
             "hoverSpeed": log.airspeed.max(initial=0.0),
             "globalPlanAltitudeMode": ALTITUDE_MODES[height.above_sea],
-            "plannedHomePosition": [log.lat[0], log.lon[0], height.metres if height.above_sea else 0.0],
+            "plannedHomePosition": [log.lat[0], log.lon[0], 0.0],
             "items": mission_items(exported),
         },
         "geoFence": {"version": 2, "circles": [], "polygons": fence_polygons(exported)},
         "rallyPoints": {"version": 2, "points": []},
     }
     return (json.dumps(plain_data(content), indent=1, allow_nan=False) + "\n").encode()
+
+
+def vehicle_type(exported: ExportedPlan) -> int:
+    """MAV_TYPE: submarine below the surface, fixed wing if the robot has a least airspeed, else generic."""
+    if exported.height.metres < 0.0:
+        return SUBMARINE
+    return FIXED_WING if exported.least_airspeed > 0.0 else GENERIC
 
 
 def mission_items(exported: ExportedPlan) -> list[dict[str, Any]]:

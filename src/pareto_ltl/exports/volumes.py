@@ -1,6 +1,7 @@
 """``operational_intent.json``: volumes in time as ASTM F3548-21 has them in OperationalIntentDetails.
 
-Each leg is a Volume4D: the hull of the ellipses at both ends, of the size that 95 % of whole flights stay in.
+Each leg is a Volume4D: the hull of the ellipses at both ends, of the size that 95 % of whole flights stay in,
+and all places within :data:`LATERAL_FLOOR` of the leg.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pareto_ltl.exports.json_text import listed_json
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import plain_data
 
+LATERAL_FLOOR = 10.0  # [m] least distance from the expected path to the edge: navigation errors in calm air
 SHARE = 0.95  # of whole flights that stay in the volumes
 
 
@@ -32,6 +34,10 @@ def operational_intent(exported: ExportedPlan) -> bytes:
     assert log.utc is not None
     size = corridor.whole[corridor.level(SHARE)]
     hulls = leg_hulls(corridor.outlines(np.full(len(corridor.mean), size)))
+    ways = (shapely.LineString(ends) for ends in pairwise(corridor.mean))
+    hulls = [
+        hull.union(way.buffer(LATERAL_FLOOR)).convex_hull for hull, way in zip(hulls, ways, strict=False)
+    ]
     legs = zip(hulls, pairwise(log.utc), strict=False)  # a plan without a step has a hull and no leg
     volumes = [_volume(exported, hull, *times) for hull, times in legs]
     note = f"{SHARE * 100:g} % of whole flights in {corridor.law} winds stay in these volumes. "

@@ -58,23 +58,28 @@ function planGeojson(way) {
   return `${JSON.stringify({ type: "FeatureCollection", name: PAGE.name, description: fileNote(), features })}\n`;
 }
 
+/** Whether the height is above mean sea level (or a depth), and not above the ground of the start. */
+const heightOfSea = () => PAGE.height.aboveSea || PAGE.height.metres < 0;
+
 function planKml(way) {
+  const height = PAGE.height.metres.toFixed(1), above = `<altitudeMode>${heightOfSea() ? "absolute" : "relativeToGround"}</altitudeMode>`;
   const placemark = (name, inside) => `<Placemark><name>${xml(name)}</name>${inside}</Placemark>`;
-  const coordinates = list => `<coordinates>${list.map(([lon, lat]) => `${lon},${lat}`).join(" ")}</coordinates>`;
+  const coordinates = (list, high = "") => `<coordinates>${list.map(([lon, lat]) => `${lon},${lat}${high}`).join(" ")}</coordinates>`;
   const places = way.t.map((_, k) => lonLat(way, k));
   const steps = places.map((place, k) => placemark(`${k} ${way.label[k].join(" ")}`.trim(),
-    `${way.utc ? `<TimeStamp><when>${way.utc[k]}</when></TimeStamp>` : ""}<Point>${coordinates([place])}</Point>`));
+    `${way.utc ? `<TimeStamp><when>${way.utc[k]}</when></TimeStamp>` : ""}<Point>${above}${coordinates([place], `,${height}`)}</Point>`));
   const areas = PAGE.earth.map(({ name, ring }) => placemark(name,
     `<Polygon><tessellate>1</tessellate><outerBoundaryIs><LinearRing>${coordinates(ring)}</LinearRing></outerBoundaryIs></Polygon>`));
   return `<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document><name>${xml(PAGE.name)}</name><description>${xml(fileNote())}</description>`
-    + placemark("route", `<LineString><tessellate>1</tessellate>${coordinates(places)}</LineString>`)
+    + placemark("route", `<LineString>${above}${coordinates(places, `,${height}`)}</LineString>`)
     + `<Folder><name>positions</name>${steps.join("")}</Folder><Folder><name>map</name>${areas.join("")}</Folder></Document></kml>\n`;
 }
 
 function planGpx(way) {
+  const { metres } = PAGE.height, sea = heightOfSea();
   const points = way.t.map((_, k) => {
     const [lon, lat] = lonLat(way, k), time = way.utc ? `<time>${way.utc[k]}</time>` : "";
-    return `<rtept lat="${lat}" lon="${lon >= 180 ? -180 : lon}">${time}<name>${xml([k, ...way.label[k]].join(" "))}</name><desc>95 % of positions within ${(way.log.radius[k] / 1000).toFixed(3)} km, ${way.risk.law} winds</desc></rtept>`;
+    return `<rtept lat="${lat}" lon="${lon >= 180 ? -180 : lon}">${sea ? `<ele>${metres.toFixed(1)}</ele>` : ""}${time}<name>${xml([k, ...way.label[k]].join(" "))}</name><desc>95 % of positions within ${(way.log.radius[k] / 1000).toFixed(3)} km, ${way.risk.law} winds${sea ? "" : `, ${metres} m above the ground of the start`}</desc></rtept>`;
   });
   const begin = way.utc ? `<time>${way.utc[0]}</time>` : "";
   return `<?xml version="1.0" encoding="UTF-8"?>\n<gpx version="1.1" creator="pareto_ltl" xmlns="http://www.topografix.com/GPX/1/1"><metadata><name>${xml(PAGE.name)}</name><desc>${xml(fileNote())}</desc>${begin}</metadata>`
@@ -95,7 +100,7 @@ function missionPlan(way) {
   return `${JSON.stringify({
     fileType: "Plan", version: 1, groundStation: "pareto_ltl",
     pareto_ltl: { note: `An autopilot flies this mission by position. Take-off and landing are not part of it. ${fileNote()}` },
-    mission: { version: 2, firmwareType: 0, vehicleType: 0, cruiseSpeed: cruise, hoverSpeed: cruise, globalPlanAltitudeMode: mode, plannedHomePosition: [way.log.lat[0], way.log.lon[0], aboveSea ? metres : 0], items },
+    mission: { version: 2, firmwareType: 0, vehicleType: 0, cruiseSpeed: cruise, hoverSpeed: cruise, globalPlanAltitudeMode: mode, plannedHomePosition: [way.log.lat[0], way.log.lon[0], 0], items },
     geoFence: { version: 2, circles: [], polygons: fences.map(({ role, ring }) => ({ version: 1, inclusion: role === "bounds", polygon: ring.slice(0, -1).map(([lon, lat]) => [lat, lon]) })) },
     rallyPoints: { version: 2, points: [] },
   })}\n`;
