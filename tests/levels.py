@@ -36,6 +36,7 @@ NOT_BY_DAY = [
     "cli/test_rerun",
     "cli/test_wind_error",
     "inflight/test_command",
+    "inflight/test_link",
     "planning/test_choices",
     "planning/test_front_sweep",
     "planning/test_no_path",

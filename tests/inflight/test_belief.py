@@ -8,6 +8,7 @@ from numpy.random import SeedSequence
 from scipy.stats import chi2
 
 from coherent import STEPS, coherent_problem, rate_interval
+from levels import BY_DAY
 from pareto_ltl.inflight.belief import Belief
 from pareto_ltl.inflight.local_wind import local_wind
 from pareto_ltl.kernels.flight import CoherentDraws
@@ -16,6 +17,7 @@ from pareto_ltl.planning.conditioning import Fix, learn_at
 from pareto_ltl.planning.evaluate import propagate, square_matrices
 from pareto_ltl.simulation.flights import simulate_flights
 
+TRUTHS = 60 if BY_DAY else 500
 PROBLEM = coherent_problem()
 FLIGHT = propagate(PROBLEM, STEPS)
 DT = PROBLEM.motion.dt
@@ -82,7 +84,7 @@ def test_the_truth_is_in_the_ellipses_as_often_as_they_say() -> None:
 
     Winds are not linear in the position, so 2 % of the coverage are left for that.
     """
-    truths = simulate_flights(PROBLEM, FLIGHT.u, 500, "coherent", SeedSequence(9), FLIGHT.x).x
+    truths = simulate_flights(PROBLEM, FLIGHT.u, TRUTHS, "coherent", SeedSequence(9), FLIGHT.x).x
     rng, inside = np.random.default_rng(3), dict.fromkeys((0.5, 0.9, 0.99), 0)
     for x in truths:
         belief = Belief(PROBLEM, 2, SeedSequence(1))
@@ -130,7 +132,7 @@ def test_the_promise_at_departure_is_that_of_flights() -> None:
 
 def test_the_promise_during_a_flight_is_the_failure_of_flights_like_it() -> None:
     """Mean over truths of what is promised at half-way after a fix, against how many of them fail."""
-    runs, step, rng = 300, 18, np.random.default_rng(8)
+    runs, step, rng = TRUTHS, 18, np.random.default_rng(8)
     truths = simulate_flights(PROBLEM, FLIGHT.u, runs, "coherent", SeedSequence(21), FLIGHT.x)
     lost = np.flatnonzero(truths.failed)
     promised, failed = [], []
