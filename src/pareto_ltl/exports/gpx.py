@@ -1,4 +1,4 @@
-"""``plan.gpx`` (GPX 1.1): the expected positions as a route, which OpenCPN and chart plotters import."""
+"""``plan.gpx`` (GPX 1.1): the expected positions as a route."""
 
 from __future__ import annotations
 
