@@ -65,6 +65,7 @@ NOT_BY_DAY = [
     "settings/test_odd_values",
     "simulation/test_coherent_flights",
     "simulation/test_failure_times",
+    "simulation/test_fixes",
     "simulation/test_judging",
     "support/test_extensions",
     "verify/test_corrections",

@@ -269,7 +269,7 @@ def test_a_time_step_that_was_left_to_the_planner_is_that_of_the_metrics(
     assert wrong == ["run: fingerprint of the settings"]
 
 
-@pytest.mark.parametrize("runs", [20, 300])
+@pytest.mark.parametrize("runs", [20] if BY_DAY else [20, 300])
 def test_a_promise_of_few_flights_holds(runs: int, tmp_path: Path) -> None:
     """Few flights with no failure among them: the promise is that of weighted ones, at any rate."""
     small = SMALL | {"selection": {"draws": 200, "runs": runs}, "deployment": {"runs": 100}}
