@@ -18,12 +18,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from pareto_ltl.inflight.local_wind import LinearWind, linear_wind, local_wind
+from pareto_ltl.inflight.local_wind import LinearWind, LocalWind, linear_wind, local_wind
 from pareto_ltl.kernels.data import IndependentLaw
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray
@@ -62,7 +61,7 @@ class Belief:
         law = problem.laws[LAW]
         assert not isinstance(law, IndependentLaw)
         self.problem, self.law, self.motion = problem, law, problem.motion
-        self.rng: Generator = np.random.default_rng(seed)
+        self.seed, self.rng = seed, np.random.default_rng(seed)
         self.step, self.share = 0, 0.0
         self.air = np.zeros(2)  # displacement through the air since the step began [m]
         modes = law.modes.psi.shape[-1]
@@ -99,46 +98,60 @@ class Belief:
                 self.share = 1.0
                 self._end_step()
 
+    def _local(self) -> LocalWind:
+        """The law at the members at the beginning of this step; that of the last one after the wind's end."""
+        return local_wind(self.law, self._known_step, self.flown[:, -1])
+
+    @property
+    def _known_step(self) -> int:
+        return min(self.step, len(self.law.wind.slot) - 1)
+
     def _begin_step(self) -> LinearWind:
         """The law about the estimate, and a new white part."""
-        step, modes = min(self.step, len(self.law.wind.slot) - 1), self.theta.shape[-1]
-        cross = self.cov[:2, 2 : 2 + 2 * modes].reshape(2, 2, modes)
-        wind = linear_wind(self.law, step, self.x, self.cov[:2, :2], cross)
+        cross = self.cov[:2, 2:-2].reshape(2, 2, -1)
+        wind = linear_wind(self.law, self._known_step, self.x, self.cov[:2, :2], cross)
         self.cov[-2:], self.cov[:, -2:], self.z[-2:] = 0.0, 0.0, 0.0
         self.cov[-2:, -2:] = np.diag(wind.white)
-        self.local = local_wind(self.law, step, self.flown[:, -1])
+        self.local = self._local()
         self.white = np.sqrt(self.local.white) * self.rng.standard_normal((len(self.theta), 2))
         return wind
 
     def _end_step(self) -> None:
         """Carry the state over to the next step, about the new estimate."""
-        H, modes = self._map(), self.theta.shape[-1]
-        mean, members = self._mean(), self._members()
-        keep = np.ones(len(self.z))
-        keep[2:-2] = np.tile(self.law.modes.kept[self.step + 1].astype(float), 2)
+        mean, members, kept = self._mean(), self._members(), self.kept(self.step)
+        keep = np.concatenate([np.ones(2), kept, kept, np.ones(2)])
         carry = np.diag(keep)
-        carry[:2] = H
-        self.cov = carry @ self.cov @ carry.T
-        self.cov[range(2, 2 + 2 * modes), range(2, 2 + 2 * modes)] += 1.0 - keep[2:-2] ** 2
+        carry[:2] = self._map()
+        self.cov = carry @ self.cov @ carry.T + np.diag(1.0 - keep**2)
         self.z = carry @ self.z
         self.z[:2] = 0.0
         self.x, self.air, self.share, self.step = mean, np.zeros(2), 0.0, self.step + 1
         self.flown = np.concatenate([self.flown, members[:, None]], axis=1)
-        kept = keep[2 : 2 + modes]
-        fresh = self.rng.standard_normal(self.theta.shape)
-        self.theta = kept * self.theta + np.sqrt(1.0 - kept**2) * fresh
+        self.theta = faded(self.theta, kept, self.rng)
         self.wind = self._begin_step()
+
+    def kept(self, step: int) -> FloatArray:
+        """ρ (P,) of the coefficients between ``step`` and the next."""
+        return np.asarray(self.law.modes.kept[step + 1], float)
 
     # --- where ---
 
+    def _by_state(self, by_place: FloatArray, seconds: float) -> FloatArray:
+        """The matrix (2, 2P + 4) of what follows from the state: ``by_place`` (2, 2) e, and that of a wind.
+
+        The coefficients θ act through ψ for so many ``seconds``.
+        """
+        east, north = seconds * self.wind.psi
+        return np.block(
+            [by_place, np.array([[*east, *0.0 * east], [*0.0 * north, *north]]), np.zeros((2, 2))]
+        )
+
     def _map(self) -> FloatArray:
         """The deviation now, by the state at the beginning of the step, (2, 2P + 4)."""
-        s, dt, modes = self.share, self.motion.dt, self.theta.shape[-1]
-        H = np.zeros((2, len(self.z)))
-        H[:, :2] = np.eye(2) + s * (self.motion.a - np.eye(2)) + s * dt * self.wind.slope
-        for c in range(2):
-            H[c, 2 + c * modes : 2 + (c + 1) * modes] = s * dt * self.wind.psi[c]
-        H[:, -2:] = s * dt * np.eye(2)
+        s, still = self.share, np.eye(2)
+        flown = s * self.motion.dt
+        H = self._by_state(still + s * (self.motion.a - still) + flown * self.wind.slope, flown)
+        H[:, -2:] = flown * still
         return H
 
     def _drifted(self, x: FloatArray, wind: FloatArray) -> FloatArray:
@@ -152,17 +165,12 @@ class Belief:
 
     def _members(self) -> FloatArray:
         """Positions (n, 2) of the members now [m]."""
-        met = self.local.mean + np.einsum("ncm,ncm->nc", self.local.psi, self.theta) + self.white
-        return self._drifted(self.flown[:, -1], met)
+        return self._drifted(self.flown[:, -1], self.local.met(self.theta, self.white))
 
     def estimate(self) -> Estimate:
         """Position and wind now."""
-        H, modes = self._map(), self.theta.shape[-1]
-        G = np.zeros_like(H)
-        G[:, :2] = self.wind.slope
-        for c in range(2):
-            G[c, 2 + c * modes : 2 + (c + 1) * modes] = self.wind.psi[c]
-        cov, wind_cov = (M @ self.cov @ M.T for M in (H, G))
+        G = self._by_state(self.wind.slope, 1.0)
+        cov, wind_cov = (M @ self.cov @ M.T for M in (self._map(), G))
         return Estimate(
             self._mean(), 0.5 * (cov + cov.T), self.wind.mean + G @ self.z, 0.5 * (wind_cov + wind_cov.T)
         )
@@ -183,7 +191,7 @@ class Belief:
 
         Eq. (M67) of docs/mathematics_methods.md, one fix at a time.
         """
-        H, modes, n = self._map(), self.theta.shape[-1], len(self.theta)
+        H, n = self._map(), len(self.theta)
         S = H @ self.cov @ H.T + R
         gain = np.linalg.solve(S, H @ self.cov).T
         noise = self.rng.standard_normal((n, 2)) @ np.linalg.cholesky(R).T
@@ -193,9 +201,9 @@ class Belief:
         with_now = np.einsum("nti,nj->tij", past[:, :-1], now - now.mean(axis=0)) / max(n - 1, 1)
         self.flown[:, :-1] += np.einsum("tij,jk,nk->nti", with_now, np.linalg.inv(S), gap)
         self.flown[:, -1] += gap @ gain[:2].T
-        self.theta += (gap @ gain[2:-2].T).reshape(n, 2, modes)
+        self.theta += (gap @ gain[2:-2].T).reshape(self.theta.shape)
         self.white += gap @ gain[-2:].T
-        self.local = local_wind(self.law, min(self.step, len(self.law.wind.slot) - 1), self.flown[:, -1])
+        self.local = self._local()
         self.z = self.z + gain @ (place - self._mean())
         left = np.eye(len(self.z)) - gain @ H
         self.cov = left @ self.cov @ left.T + gain @ R @ gain.T  # Joseph's form stays positive
@@ -237,8 +245,8 @@ class _Rest:
 
     def __init__(self, belief: Belief) -> None:
         self.belief, self.x, self.theta = belief, belief.flown, belief.theta
-        children: Any = np.random.default_rng(SeedSequence(belief.step))  # common winds for compared plans
-        self.rng: Generator = children
+        seed = belief.seed  # one child a step: plans that are compared meet the same winds
+        self.rng = np.random.default_rng(SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, belief.step)))
 
     def fly(self, t: int, u: FloatArray, mean: FloatArray) -> None:
         """One step with the control ``u`` (2,); what is left of it if ``t`` is the current step."""
@@ -248,7 +256,7 @@ class _Rest:
         else:
             law, flown, share = local_wind(belief.law, t, at), np.zeros(2), 1.0
             white = np.sqrt(law.white) * self.rng.standard_normal(at.shape)
-        wind = law.mean + np.einsum("ncm,ncm->nc", law.psi, self.theta) + white
+        wind = law.met(self.theta, white)
         flights = np.broadcast_to(u, at.shape)
         if motion.gain > 0.0:
             planned = (mean[t + 1] - motion.a @ mean[t]) / motion.dt - motion.b @ u
@@ -256,8 +264,15 @@ class _Rest:
             flights = _within_airspeed(u - steer @ motion.b_inv.T, motion.u_min, motion.u_max)
         there = at @ motion.a.T + flown + motion.dt * (share * flights @ motion.b.T + wind)
         self.x = np.concatenate([self.x, there[:, None]], axis=1)
-        kept = belief.law.modes.kept[t + 1].astype(float)
-        self.theta = kept * self.theta + np.sqrt(1.0 - kept**2) * self.rng.standard_normal(self.theta.shape)
+        self.theta = faded(self.theta, belief.kept(t), self.rng)
+
+
+def faded(theta: FloatArray, kept: FloatArray, rng: Generator) -> FloatArray:
+    """θ (n, 2, P) a step later, of which the shares ``kept`` (P,) are left.
+
+    Eq. (M15) of docs/mathematics.md.
+    """
+    return np.asarray(kept * theta + np.sqrt(1.0 - kept**2) * rng.standard_normal(theta.shape))
 
 
 def _within_airspeed(u: FloatArray, least: float, most: float) -> FloatArray:

@@ -23,6 +23,10 @@ class LocalWind(NamedTuple):
     psi: FloatArray
     white: FloatArray
 
+    def met(self, theta: FloatArray, white: FloatArray) -> FloatArray:
+        """The winds (n, 2) of the fields ``theta`` (n, 2, P) and the white parts ``white`` (n, 2) [m/s]."""
+        return np.asarray(self.mean + np.einsum("ncm,ncm->nc", self.psi, theta) + white)
+
 
 def local_wind(law: CoherentLaw | LandmarkLaw, step: int, x: FloatArray) -> LocalWind:
     """The law at ``step`` and the positions ``x`` (n, 2) [m].
