@@ -18,6 +18,9 @@ import shapely
 import pareto_ltl
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.inflight.journal import read_journal
+from pareto_ltl.inflight.telemetry import Clock, read_log
+from pareto_ltl.world.navigation import true_heading
+from pareto_ltl.world.projection import to_geographic
 from quick_wind import QUICK_WIND
 
 SMALL: dict[str, Any] = {
@@ -76,6 +79,18 @@ def test_a_log_becomes_lines_a_journal_and_a_figure(
     assert kinds[-1] == "end"
     assert (tmp_path / "follow.png").stat().st_size > 10_000
     assert not (tmp_path / "search_area.geojson").read_bytes().count(b"NaN")
+
+
+def test_the_wind_of_a_status_blows_from_true_north(made: Path, telemetry: Path) -> None:
+    """At the edge of the map, where the plane is turned by degrees against north."""
+    run = pareto_ltl.load_results(made)
+    crs = str(run.scene.crs)
+    readings = list(read_log(telemetry, Clock(run.scene.time_zero), on_earth=True))[:3]
+    status = next(event for event in pareto_ltl.follow(run, readings) if event["event"] == "status")
+    lon, lat = to_geographic(crs, np.array([[status["x"], status["y"]]]))
+    towards = float(true_heading(crs, lon, lat, np.array([status["wind"]]))[0])
+    assert status["wind_from"] == pytest.approx((towards + 180.0) % 360.0, abs=1e-6)
+    assert abs((status["wind_from"] - np.degrees(np.arctan2(*-np.array(status["wind"])))) % 360.0) > 0.5
 
 
 def test_the_search_area_is_where_the_plan_goes_on(made: Path, telemetry: Path, tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
@@ -21,6 +23,11 @@ def axes_of(cov: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return np.sqrt(middle + half), np.sqrt(np.maximum(middle - half, 0.0)), direction
 
 
+def ellipse_scale(share: float) -> float:
+    """Standard deviations of the ellipse that holds ``share`` of a Gaussian of two components."""
+    return math.sqrt(-2.0 * math.log1p(-share))
+
+
 def circle_radius(major: FloatArray, minor: FloatArray, share: float) -> FloatArray:
     """Radius r (N,) of the circle around the mean that holds ``share`` of a Gaussian of these axes (N,)::
 
@@ -29,7 +36,7 @@ def circle_radius(major: FloatArray, minor: FloatArray, share: float) -> FloatAr
     angle = (np.arange(ANGLES) + 0.5) * (2.0 * np.pi / ANGLES)
     variance = (major[:, None] * np.cos(angle)) ** 2 + (minor[:, None] * np.sin(angle)) ** 2
     variance = np.maximum(variance, np.finfo(float).tiny)
-    low, high = np.zeros_like(major), major * np.sqrt(-2.0 * np.log1p(-share))
+    low, high = np.zeros_like(major), major * ellipse_scale(share)
     for _ in range(HALVINGS):
         r = 0.5 * (low + high)
         outside = np.exp(-0.5 * r[:, None] ** 2 / variance).mean(axis=1) > 1.0 - share

@@ -137,10 +137,7 @@ class Belief:
     # --- where ---
 
     def _by_state(self, by_place: FloatArray, seconds: float) -> FloatArray:
-        """The matrix (2, 2P + 4) of what follows from the state: ``by_place`` (2, 2) e, and that of a wind.
-
-        The coefficients θ act through ψ for so many ``seconds``.
-        """
+        """The matrix (2, 2P + 4) that maps the state to ``by_place`` e + ``seconds`` ψ' θ."""
         east, north = seconds * self.wind.psi
         return np.block(
             [by_place, np.array([[*east, *0.0 * east], [*0.0 * north, *north]]), np.zeros((2, 2))]

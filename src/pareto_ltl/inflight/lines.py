@@ -30,8 +30,6 @@ def _place(event: Event) -> str:
 
 
 def _status(event: Event) -> str:
-    east, north = event["wind"]
-    come_from = math.degrees(math.atan2(-east, -north)) % 360.0
     goal = ""
     if event["goal"]:
         late = event["goal_time"] - event["time"]
@@ -45,7 +43,7 @@ def _status(event: Event) -> str:
     return (
         f"at {_place(event)}, 95 % within {distance_text(event['major'])} x {distance_text(event['minor'])}; "
         f"{event['corridor']:.1f} sd from the plan{goal}; {flights}; wind "
-        f"{come_from:03.0f}/{math.hypot(east, north):.1f} m/s, "
+        f"{event['wind_from']:03.0f}/{math.hypot(*event['wind']):.1f} m/s, "
         f"sd {event['wind_sd']:.1f}{energy}"
     )
 

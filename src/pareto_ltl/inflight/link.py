@@ -31,7 +31,7 @@ from pareto_ltl.exports.mavlink import (
     WIND_ESTIMATE,
 )
 from pareto_ltl.inflight.telemetry import Reading
-from pareto_ltl.inflight.watch import Event, Watch
+from pareto_ltl.inflight.watch import ELLIPSE, Event, Watch
 from pareto_ltl.support.errors import ConfigError, DataError
 
 KINDS = {
@@ -297,16 +297,14 @@ class Link:
 
 
 def _wind(_watch: Watch, event: Event) -> dict[str, Any]:
-    east, north = event["wind"]
-    speed, sd = math.hypot(east, north), event["wind_sd"]
-    come_from = math.degrees(math.atan2(-east, -north)) % 360.0
+    speed, sd, come_from = math.hypot(*event["wind"]), event["wind_sd"], event["wind_from"]
     doubt = min(math.degrees(math.atan2(sd, max(speed, 1e-6))), 180.0)
     text = f"wind {come_from:03.0f}/{speed:.1f} m/s, sd {sd:.1f} m/s and {doubt:.0f} deg"
     return {"params": [speed, sd, come_from, doubt, 0, 0, 0], "text": text}
 
 
 def _position(_watch: Watch, event: Event) -> dict[str, Any]:
-    sd = math.sqrt(0.5 * (event["major"] ** 2 + event["minor"] ** 2)) / math.sqrt(-2.0 * math.log(0.05))
+    sd = math.sqrt(0.5 * (event["major"] ** 2 + event["minor"] ** 2)) / ELLIPSE
     return {
         "params": [event["time"], 0.0, sd, 0.0], "x": round(event["lat"] * DEGREE),
         "y": round(event["lon"] * DEGREE), "text": f"position estimate, sd {sd:.0f} m",

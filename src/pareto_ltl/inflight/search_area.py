@@ -15,7 +15,7 @@ from xml.etree import ElementTree as Xml
 import numpy as np
 
 from pareto_ltl.exports.degrees import outline_degrees
-from pareto_ltl.exports.ellipses import ellipse_outlines
+from pareto_ltl.exports.ellipses import ellipse_outlines, ellipse_scale
 from pareto_ltl.exports.xml_text import add, xml_bytes
 from pareto_ltl.inflight.watch import Event
 from pareto_ltl.support.arrays import FloatArray
@@ -53,7 +53,7 @@ def search_areas(scene: Scene, ahead: Sequence[Event]) -> list[dict[str, Any]]:
     utc = utc_times(scene.time_zero, np.array(times))
     found = []
     for share in SHARES:
-        scale = np.full(len(mean), np.sqrt(-2.0 * np.log1p(-share)))
+        scale = np.full(len(mean), ellipse_scale(share))
         for k, outline in enumerate(ellipse_outlines(mean, cov, scale, CORNERS)):
             about = {"probability": share, "t_s": times[k], "time_utc": None if utc is None else utc[k]}
             ring = _ring(crs, outline)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
+from pareto_ltl.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl.inflight.belief import LAW, Belief
 from pareto_ltl.inflight.telemetry import Reading, Sieve
 from pareto_ltl.planning.conditioning import Fix
@@ -31,7 +32,7 @@ USES = {
     "restarted": f"{AGREEING} such fixes agree with each other: the position is believed from here, and what "
     "was learnt of the wind is forgotten",
 }
-ELLIPSE = math.sqrt(-2.0 * math.log(0.05))  # standard deviations of the ellipse that holds 95 %
+ELLIPSE = ellipse_scale(0.95)  # standard deviations
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,14 +141,18 @@ class Watch:
 
     def _direction(self, heading: float) -> FloatArray:
         """Unit vector in the plane of a true ``heading`` [deg] at the believed position."""
+        angle = math.radians(heading) - self._turn()
+        return np.array([math.sin(angle), math.cos(angle)])
+
+    def _turn(self) -> float:
+        """Meridian convergence [rad] where this step began, to be added to directions in the plane."""
         scene = self.problem.scene
         if scene.crs is not None and self.turned != self.belief.step:
             from pareto_ltl.world.projection import meridian_convergence, to_geographic
 
             lon, lat = to_geographic(scene.crs, self.belief.x[None])
             self.turn, self.turned = float(meridian_convergence(scene.crs, lon, lat)[0]), self.belief.step
-        angle = math.radians(heading) - self.turn
-        return np.array([math.sin(angle), math.cos(angle)])
+        return self.turn
 
     def flushed(self) -> Iterator[Event]:
         """Give what was flown since the last time to the belief."""
@@ -172,10 +177,7 @@ class Watch:
             if event["event"] == "flown":
                 self._advance(event)
             elif event["event"] == "fix":
-                place, R = np.array(event["place"], float), float(event["sd"]) ** 2 * np.eye(2)
-                if event["use"] != "refused":
-                    {"learnt": self.belief.learn, "restarted": self.belief.restart}[event["use"]](place, R)
-                    self.last_fix = event["time"]
+                self._believe(event)
             elif event["event"] == "status":
                 self.energy, self.due = event["energy"] or 0.0, event["time"] + self.settings.every
         self.sieve.last = self.heard = self.time
@@ -192,8 +194,7 @@ class Watch:
             self.sieve.refused[f"position within {APART:g} s of the last"] += 1
             return
         yield from self.flushed()
-        R = sd**2 * np.eye(2)
-        far = self.belief.distance(place, R)
+        far = self.belief.distance(place, sd**2 * np.eye(2))
         use = "learnt" if far <= SURPRISE else "restarted" if self._confirmed(place, sd) else "refused"
         event = {
             "event": "fix", "time": self.time, "place": place.tolist(), "given": list(given), "sd": sd,
@@ -208,10 +209,17 @@ class Watch:
                 "fix", f"a position fix lies {far:.1f} standard deviations from where {LAW} winds allow the "
                 f"robot (probability {chance(far):.1g}); {USES[use]}; {why}",
             )  # fmt: skip
-        if use == "refused":
-            return
-        {"learnt": self.belief.learn, "restarted": self.belief.restart}[use](place, R)
-        self.last_fix, self.due, self.suspects = self.time, self.time, []
+        if self._believe(event):
+            self.due = self.time
+
+    def _believe(self, fix: Mapping[str, Any]) -> bool:
+        """Give an event ``fix`` to the belief; returns whether it is used."""
+        take = {"learnt": self.belief.learn, "restarted": self.belief.restart}.get(fix["use"])
+        if take is None:
+            return False
+        take(np.array(fix["place"], float), float(fix["sd"]) ** 2 * np.eye(2))
+        self.last_fix, self.suspects = float(fix["time"]), []
+        return True
 
     def _confirmed(self, place: FloatArray, sd: float) -> bool:
         """Whether the last refused fixes agree with ``place`` and with the believed motion between them."""
@@ -268,7 +276,8 @@ class Watch:
             **self._ellipse(now.cov), "corridor": float(np.sqrt(gap @ np.linalg.solve(spread, gap))),
             "law": LAW, "failure": fails / flights, "low": low, "high": high, "fails": fails,
             "flights": flights, "promised": promise and promise.rate.failure,
-            "wind": now.wind.tolist(), "wind_sd": float(np.sqrt(np.trace(now.wind_cov) / 2.0)),
+            "wind": now.wind.tolist(), "wind_from": self._wind_from(now.wind),
+            "wind_sd": float(np.sqrt(np.trace(now.wind_cov) / 2.0)),
             "energy": None if self.problem.energy is None else self.energy, **self._next_goal(),
         }  # fmt: skip
 
@@ -298,9 +307,12 @@ class Watch:
     @staticmethod
     def _ellipse(cov: FloatArray) -> Event:
         """Half axes [m] of the ellipse that holds 95 %, and the angle of the longer one from +x [rad]."""
-        values, vectors = np.linalg.eigh(cov)
-        minor, major = ELLIPSE * np.sqrt(np.maximum(values, 0.0))
-        return {"major": float(major), "minor": float(minor), "angle": float(math.atan2(*vectors[::-1, 1]))}
+        major, minor, azimuth = (float(part[0]) for part in axes_of(cov[None]))
+        return {"major": ELLIPSE * major, "minor": ELLIPSE * minor, "angle": 0.5 * math.pi - azimuth}
+
+    def _wind_from(self, wind: FloatArray) -> float:
+        """True direction [deg] that a wind in the plane (2,) blows from."""
+        return math.degrees(math.atan2(-wind[0], -wind[1]) + self._turn()) % 360.0
 
     def _next_goal(self) -> Event:
         """The next labels that change the state of the mission, by the plan, and when [s after departure]."""

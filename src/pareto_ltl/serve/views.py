@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pareto_ltl.exports.degrees import lonlat
+from pareto_ltl.exports.ellipses import ellipse_scale
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.report.lattice import arrow_nodes, interpolate_slots, lattice_nodes, wind_deviation
 from pareto_ltl.report.page.ground import rounded
@@ -32,7 +33,6 @@ from pareto_ltl.support.reading import read_json, read_text
 from pareto_ltl.world.navigation import utc_times
 
 CORNERS = 36  # of an ellipse
-CHI_95 = math.sqrt(-2.0 * math.log(0.05))  # 95 % of positions lie within so many standard deviations
 KEPT_RUNS = 3  # results in memory
 MOST_TIMES = 9  # times of the wind
 FLIGHTS = 60  # that are shown of a point
@@ -100,7 +100,7 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
     angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
     circle = np.stack([np.cos(angle), np.sin(angle)])
     values, vectors = np.linalg.eigh(path.cov)
-    axes = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :] * CHI_95
+    axes = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :] * ellipse_scale(0.95)
     rings = path.x[:, None, :] + np.swapaxes(axes @ circle, 1, 2)
     limits = None
     if run.plan is not None and number == chosen:
