@@ -18,7 +18,7 @@ import shapely
 import pareto_ltl
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.inflight.journal import read_journal
-from pareto_ltl.inflight.telemetry import Clock, read_log
+from pareto_ltl.inflight.telemetry import read_log
 from pareto_ltl.world.navigation import true_heading
 from pareto_ltl.world.projection import to_geographic
 from quick_wind import QUICK_WIND
@@ -85,7 +85,7 @@ def test_the_wind_of_a_status_blows_from_true_north(made: Path, telemetry: Path)
     """At the edge of the map, where the plane is turned by degrees against north."""
     run = pareto_ltl.load_results(made)
     crs = str(run.scene.crs)
-    readings = list(read_log(telemetry, Clock(run.scene.time_zero), on_earth=True))[:3]
+    readings = list(read_log(telemetry, run.scene.time_zero, on_earth=True))[:3]
     status = next(event for event in pareto_ltl.follow(run, readings) if event["event"] == "status")
     lon, lat = to_geographic(crs, np.array([[status["x"], status["y"]]]))
     towards = float(true_heading(crs, lon, lat, np.array([status["wind"]]))[0])

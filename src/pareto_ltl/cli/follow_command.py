@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pareto_ltl.inflight.following import Listener
     from pareto_ltl.inflight.telemetry import Reading
     from pareto_ltl.inflight.watch import Event, Watch
+    from pareto_ltl.world.scene import Scene
 
 
 def follow_command(argv: Sequence[str]) -> int:
@@ -73,7 +74,8 @@ def _follow(options: argparse.Namespace) -> int:
         raise ConfigError("--send needs --connect: there is no autopilot to send to")
     folder = options.out or options.directory / "follow"
     settings = WatchSettings(options.every, options.alarm, options.flights)
-    readings, listener = _source(options)
+    results = load_results(options.directory)
+    readings, listener = _source(options, results.scene)
     earlier = read_journal(require_place(folder, resume=True)) if options.resume else ()
     replans = Replans(options.directory, folder, earlier)
     listeners = [one for one in (listener, replans.answers if options.replan else None) if one is not None]
@@ -82,7 +84,7 @@ def _follow(options: argparse.Namespace) -> int:
         return chain.from_iterable(one(watch, event) for one in listeners)
 
     watched = follow(
-        options.directory, readings, out=folder, resume=options.resume, settings=settings, listener=answers
+        results, readings, out=folder, resume=options.resume, settings=settings, listener=answers
     )
     end = None
     try:
@@ -95,27 +97,23 @@ def _follow(options: argparse.Namespace) -> int:
     finally:
         replans.stop()
     if end is not None:
-        write_search_area(load_results(options.directory).scene, end, folder)
-    picture = draw_watch(options.directory, folder)
+        write_search_area(results.scene, end, folder)
+    picture = draw_watch(results, folder)
     written = "journal, figure and search area" if picture else "journal"
     print(f"{written} in {folder}", file=sys.stderr)
     return 0
 
 
-def _source(options: argparse.Namespace) -> tuple[Iterable[Reading] | Path, Listener | None]:
+def _source(options: argparse.Namespace, scene: Scene) -> tuple[Iterable[Reading] | Path, Listener | None]:
     """The telemetry, and what answers to events."""
-    from pareto_ltl.run.interface import load_results
-
     if options.log is not None and options.log.suffix.lower() not in (".tlog", ".bin", ".log"):
         return options.log, None
     from pareto_ltl.inflight.link import Link, logged_readings
 
-    scene = load_results(options.directory).scene
-    time_zero = scene.time_zero
     if options.log is not None:
-        return logged_readings(options.log, time_zero, options.departure), None
+        return logged_readings(options.log, scene.time_zero, options.departure), None
     sends = [kind for kind in options.send.split(",") if kind]
     if "position" in sends and scene.crs is None:
         raise ConfigError("--send position: the map of this plan has no place on Earth; leave it out")
-    link = Link(options.connect, time_zero, options.departure, sends)
+    link = Link(options.connect, scene.time_zero, options.departure, sends)
     return link.readings(), link.answers

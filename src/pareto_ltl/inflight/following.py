@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.inflight.journal import SCHEMA, Journal, read_journal, require_place
-from pareto_ltl.inflight.telemetry import Clock, Reading, read_log
+from pareto_ltl.inflight.telemetry import Reading, read_log
 from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
 from pareto_ltl.run.exporting import run_with_plan
 from pareto_ltl.run.records import PLAN, PROBLEM, SCENE
@@ -66,7 +66,7 @@ def follow(
     place = None if out is None else require_place(Path(out), resume=resume)
     earlier = list(read_journal(place)) if place is not None and resume else []
     if isinstance(readings, str | Path):
-        readings = read_log(Path(readings), Clock(scene.time_zero), on_earth=scene.crs is not None)
+        readings = read_log(Path(readings), scene.time_zero, on_earth=scene.crs is not None)
     return _events(watch, readings, begin, earlier, place, listener)
 
 

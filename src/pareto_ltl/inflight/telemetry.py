@@ -9,6 +9,7 @@ import csv
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -103,8 +104,8 @@ class Sieve:
         return reading.place, reading.sd
 
 
-def read_log(path: Path, seconds: Clock, *, on_earth: bool) -> Iterator[Reading]:
-    """The readings of a table, as they come; ``seconds`` reads a time.
+def read_log(path: Path, time_zero: str | None, *, on_earth: bool) -> Iterator[Reading]:
+    """The readings of a table, as they come; UTC counts from the departure ``time_zero``.
 
     The columns are ``time,heading_true,airspeed_m_s`` and, where the position was measured,
     ``lat,lon,fix_sd_m`` (or ``x,y,fix_sd_m``).
@@ -125,33 +126,24 @@ def read_log(path: Path, seconds: Clock, *, on_earth: bool) -> Iterator[Reading]
                 )
             rows.fieldnames = names
             for row in rows:
-                yield _reading(row, PLACES[on_earth], seconds)
+                yield _reading(row, PLACES[on_earth], time_zero)
     except (OSError, csv.Error) as error:
         raise DataError(f"{path}: cannot be read ({error}); give a CSV file of telemetry") from None
 
 
-class Clock:
-    """Reads times of telemetry: seconds after departure, or ISO 8601 in UTC."""
+def _seconds(text: str, time_zero: str | None) -> float:
+    """Seconds after departure, of such a number or of an ISO 8601 time; NaN if ``text`` is neither."""
+    from pareto_ltl.world.windows import seconds_after
 
-    def __init__(self, time_zero: str | None) -> None:
-        from pareto_ltl.world.windows import seconds_after
-
-        self._zero = time_zero
-        self._after = seconds_after
-
-    def __call__(self, text: str) -> float:
-        """Seconds after departure; NaN if ``text`` is no time."""
-        try:
-            return float(text)
-        except ValueError:
-            pass
-        try:
-            return float(self._after("time", text, self._zero))
-        except DataError:
-            return math.nan
+    with suppress(ValueError):
+        return float(text)
+    try:
+        return seconds_after("time", text, time_zero)
+    except DataError:
+        return math.nan
 
 
-def _reading(row: dict[str, str], places: Sequence[str], seconds: Clock) -> Reading:
+def _reading(row: dict[str, str], places: Sequence[str], time_zero: str | None) -> Reading:
     def number(name: str) -> float:
         try:
             return float(row.get(name) or "nan")
@@ -160,8 +152,8 @@ def _reading(row: dict[str, str], places: Sequence[str], seconds: Clock) -> Read
 
     place = (number(places[0]), number(places[1])) if (row.get(places[0]) or "").strip() else None
     return Reading(
-        seconds((row.get("time") or "").strip()), number("heading_true"), number("airspeed_m_s"), place,
-        number(SD),
+        _seconds((row.get("time") or "").strip(), time_zero), number("heading_true"),
+        number("airspeed_m_s"), place, number(SD),
     )  # fmt: skip
 
 
