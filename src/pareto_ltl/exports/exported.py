@@ -26,6 +26,11 @@ class Height:
     metres: float
     above_sea: bool
 
+    @property
+    def of_sea(self) -> bool:
+        """Whether it is above mean sea level or a depth, so that no height of the ground is needed."""
+        return self.above_sea or self.metres < 0.0
+
 
 @dataclass(frozen=True, slots=True)
 class ExportedPlan:

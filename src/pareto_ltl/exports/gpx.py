@@ -17,8 +17,7 @@ def plan_gpx(exported: ExportedPlan) -> bytes:
     unknown, so that heights above it are in the description.
     """
     log, height = exported.log, exported.height
-    sea = height.above_sea or height.metres < 0.0
-    above = "" if sea else f", {height.metres:g} m above the ground of the start"
+    above = "" if height.of_sea else f", {height.metres:g} m above the ground of the start"
     root = Xml.Element("gpx", {"version": "1.1", "creator": "pareto_ltl", "xmlns": NAMESPACE})
     about = add(root, "metadata")
     add(about, "name", exported.name)
@@ -29,7 +28,7 @@ def plan_gpx(exported: ExportedPlan) -> bytes:
     add(route, "name", exported.name)
     for k, (lat, lon) in enumerate(zip(log.lat, log.lon, strict=True)):
         point = add(route, "rtept", lat=f"{lat:.8f}", lon=f"{-180.0 if lon >= 180.0 else lon:.8f}")
-        if sea:
+        if height.of_sea:
             add(point, "ele", f"{height.metres:.1f}")
         if log.utc is not None:
             add(point, "time", log.utc[k])

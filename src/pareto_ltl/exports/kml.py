@@ -51,8 +51,7 @@ def _add_route(document: Xml.Element, exported: ExportedPlan) -> None:
     place = _placemark(document, "route", "route")
     line = add(place, "LineString")
     height = _altitude_mode(line, exported)
-    places = line_degrees(exported.crs, exported.log.x)
-    add(line, "coordinates", " ".join(f"{place},{height}" for place in _coordinates(places).split()))
+    add(line, "coordinates", _coordinates(line_degrees(exported.crs, exported.log.x), height))
 
 
 def _add_positions(document: Xml.Element, exported: ExportedPlan) -> None:
@@ -66,15 +65,14 @@ def _add_positions(document: Xml.Element, exported: ExportedPlan) -> None:
         _add_data(place, _leg_data(exported, k))
         point = add(place, "Point")
         height = _altitude_mode(point, exported)
-        add(point, "coordinates", f"{lon:.8f},{lat:.8f},{height}")
+        add(point, "coordinates", f"{lon:.8f},{lat:.8f}{height}")
 
 
 def _altitude_mode(shape: Xml.Element, exported: ExportedPlan) -> str:
-    """Write whether the height is above the sea or the ground; return it as text [m]."""
+    """Write whether the height is above the sea or the ground; return it as the end of coordinates [m]."""
     height = exported.height
-    sea = height.above_sea or height.metres < 0.0
-    add(shape, "altitudeMode", "absolute" if sea else "relativeToGround")
-    return f"{height.metres:.1f}"
+    add(shape, "altitudeMode", "absolute" if height.of_sea else "relativeToGround")
+    return f",{height.metres:.1f}"
 
 
 def _leg_data(exported: ExportedPlan, k: int) -> dict[str, str]:
@@ -131,5 +129,5 @@ def _add_polygon(place: Xml.Element, rings: list[FloatArray]) -> None:
         add(add(add(polygon, tag), "LinearRing"), "coordinates", _coordinates(ring))
 
 
-def _coordinates(lonlats: Any) -> str:
-    return " ".join(f"{lon:.8f},{lat:.8f}" for lon, lat in lonlats)
+def _coordinates(lonlats: Any, height: str = "") -> str:
+    return " ".join(f"{lon:.8f},{lat:.8f}{height}" for lon, lat in lonlats)
