@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 import pareto_ltl
+from pareto_ltl.report.components import MODULES, STYLE
 from pareto_ltl.report.page.rendering import SCRIPTS
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings, as_dict
@@ -63,11 +64,12 @@ def test_the_schemas_lie_in_the_package_which_the_wheel_carries_whole() -> None:
 
 
 def test_the_parts_of_the_page_lie_in_the_package_and_are_no_ignored_files() -> None:
-    folder = ROOT / "src" / "pareto_ltl" / "report" / "page"
-    for name in ("page.html", "page.css", *SCRIPTS):
-        assert (folder / name).is_file()
+    report = ROOT / "src" / "pareto_ltl" / "report"
+    own = (report / "page" / name for name in ("page.html", "page.css", *SCRIPTS))
+    for file in (*own, *(report / "components" / name for name in (STYLE, *MODULES))):
+        assert file.is_file()
         assert subprocess.run(
-            ["git", "-C", str(ROOT), "check-ignore", "-q", str(folder / name)], check=False
+            ["git", "-C", str(ROOT), "check-ignore", "-q", str(file)], check=False
         ).returncode
 
 

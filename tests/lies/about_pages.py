@@ -42,8 +42,8 @@ def _safer_promise(data: dict[str, Any]) -> None:
 
 
 def _other_path(data: dict[str, Any]) -> None:
-    for place in data["paths"][str(data["chosen"])]["x"]:
-        place[0] += 30_000
+    for place in data["paths"][str(data["chosen"])]["line"]:
+        place[0] += 0.3
 
 
 def _headline(place: Path) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
 
 from colour_vision import VISIONS, lab, least_distance
-from pareto_ltl.report import page, style
+from pareto_ltl.report import style
+from pareto_ltl.report.components import STYLE, component
 from pareto_ltl.report.flown_front import LOOKS, OTHERS
 from pareto_ltl.report.sweep_figures import SERIES_COLOURS, SERIES_MARKS
 
@@ -19,12 +19,11 @@ LEAST = 15.0  # in CIELAB: 2.3 is just noticeable between large fields, thin lin
 
 def causes_of_the_page(dark: bool) -> list[str]:
     """Colours of the lines of the risk along the way, as the page has them on light and on dark paper."""
-    folder = Path(page.__file__).parent
-    failed = re.findall(r'failed: "(#[0-9a-f]{6})"', (folder / "basics.js").read_text(encoding="utf-8"))
-    lists = re.search(r"CAUSE_COLOURS = (.*);", (folder / "charts.js").read_text(encoding="utf-8"))
-    causes = re.findall(r"#[0-9a-f]{6}", lists[1])  # type: ignore[index]
+    style_sheet = component(STYLE)
+    failed = re.findall(r"--failed: (#[0-9a-f]{6})", style_sheet)
+    causes = re.findall(r"--cause-\d: (#[0-9a-f]{6})", style_sheet)
     assert (len(failed), len(causes)) == (2, 8)
-    return [failed[dark], *causes[0 if dark else 4 :][:4]]
+    return [failed[dark], *causes[4 * dark : 4 * dark + 4]]
 
 
 TOGETHER = {

@@ -12,9 +12,7 @@ import pareto_ltl
 from drawn_world import path_of, scene_of
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.report.lattice import sampled_lattice
 from pareto_ltl.report.legs import _goal_line, closest_barriers
-from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.run.results import Results
 from pareto_ltl.world.windows import Window
 from problems import along, box, make_problem, make_scene
@@ -86,15 +84,3 @@ def test_explain_tells_any_point(page_result: Path, capsys: pytest.CaptureFixtur
     assert run_command_line(["explain", str(page_result), "--point", "-1"]) == 2
     assert run_command_line(["explain", str(page_result / "nowhere")]) == 2
     assert all(line.startswith("pareto-ltl: ") for line in capsys.readouterr().err.splitlines())
-
-
-def test_a_lattice_is_sampled_bilinearly_and_held_beyond_its_edge(shown: ShownRun) -> None:
-    wind = shown.wind
-    nx, ny = wind.mean.shape[1:3]
-    x = wind.origin[0] + wind.spacing * np.arange(nx)
-    y = wind.origin[1] + wind.spacing * np.arange(ny)
-    plane = 2.0 * x[:, None] - 3.0 * y[None, :] + 5.0
-    at, up = np.linspace(x[0], x[-1], 17), np.linspace(y[0], y[-1], 11)
-    np.testing.assert_allclose(sampled_lattice(wind, plane, at, up), 2 * at[:, None] - 3 * up + 5, rtol=1e-9)
-    beyond = sampled_lattice(wind, plane, x[-1:] + 1e6, y[:1] - 1e6)
-    assert beyond[0, 0] == pytest.approx(plane[-1, 0])

@@ -35,7 +35,7 @@ from pareto_ltl.report.limits import (
 )
 from pareto_ltl.report.limits_figure import BARS, limits_figure
 from pareto_ltl.report.page.content import page_content
-from pareto_ltl.report.page.rendering import page_bytes, plotly_script
+from pareto_ltl.report.page.rendering import page_bytes
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.settings import ReportConfig
@@ -95,7 +95,7 @@ class Cells(HTMLParser):
 
 
 def page_of(run: ShownRun) -> str:
-    return page_bytes(page_content(run)).decode().replace(plotly_script(), "")
+    return page_bytes(page_content(run)).decode()
 
 
 def places_in(page: str) -> list[dict[str, Any]]:

@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import gpxpy
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
 import pareto_ltl
 from pareto_ltl.run.results import Results
 from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.world.projection import to_plane
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = (
@@ -71,10 +73,7 @@ def opened(request: pytest.FixtureRequest, browser: Browser, page_result: Path) 
     shown.page.on("pageerror", lambda error: shown.said.append(str(error)))
     shown.page.on("request", lambda request: shown.asked.append(request.url))
     shown.page.goto((page_result / "report.html").as_uri())
-    shown.page.wait_for_selector("html[data-ready=map]")
-    for part in ("front", "risk", "files", "machine"):
-        shown.page.locator(f"#{part}").scroll_into_view_if_needed()
-        shown.wait(f"drawn.has('{part}')")
+    shown.page.wait_for_selector("html[data-ready=page]")
     yield shown
     outside = [address for address in shown.asked if not address.startswith(("file:", "data:", "blob:"))]
     assert shown.said == []
@@ -82,14 +81,20 @@ def opened(request: pytest.FixtureRequest, browser: Browser, page_result: Path) 
     context.close()
 
 
-def trace(name: str, key: str = "x") -> str:
-    return f"byId('map').data[traceNumber('{name}')].{key}"
+def drawn(opened: Opened, kind: str) -> list[str]:
+    """The outlines of all shapes of a class on the map, once it is drawn."""
+    opened.wait("!map.waiting")
+    script = "e => e.getAttribute('d') ?? [e.getAttribute('cx'), e.getAttribute('cy')].join()"
+    return list(opened.value(f"[...document.querySelectorAll('#map {kind}')].map({script})"))
 
 
 def test_the_first_view_is_the_chosen_plan(opened: Opened, page_result: Path) -> None:
     plan = Results(page_result).plan
-    east = opened.value(trace("path"))
-    assert [1e3 * x for x in east] == pytest.approx(plan.path.x[:, 0], abs=0.51)
+    scene = Results(page_result).scene
+    assert scene.crs is not None
+    x = to_plane(scene.crs, *np.array(opened.value("path().line")).T)
+    assert np.abs(x - plan.path.x).max() < 1.0
+    assert drawn(opened, ".track") == [opened.value("map.line(path().line)")]
     assert opened.value("shown.point") == opened.value("PAGE.chosen")
     names = opened.page.locator("#map text").all_text_contents()
     assert {"a", "b", "c"} <= set(names)
@@ -106,20 +111,12 @@ def test_nothing_is_wider_than_the_window(opened: Opened) -> None:
 def test_a_click_on_a_point_of_the_front_shows_its_path(opened: Opened) -> None:
     if opened.value("PAGE.points.length") < 2:
         pytest.fail("the small result needs two points")
-    opened.page.locator("#front").scroll_into_view_if_needed()
     wanted = opened.value("PAGE.chosen === 0 ? PAGE.points.length - 1 : 0")
-    marks = opened.page.locator("#front .scatterlayer .trace").first.locator(".points path")
-    box = marks.nth(wanted).bounding_box()
-    assert box is not None
-    opened.page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    opened.page.locator(f"#front [data-point='{wanted}'] circle").click(force=True)
     opened.wait(f"shown.point === {wanted}")
     assert opened.page.locator("#point").input_value() == str(wanted)
-    assert opened.value(trace("path")) == pytest.approx(
-        opened.value(f"PAGE.paths[{wanted}].x.map(p => p[0] / 1000)")
-    )
-    assert opened.value("byId('front').data[2].x") == [
-        pytest.approx(opened.value(f"PAGE.points[{wanted}].length / 1000"))
-    ]
+    assert drawn(opened, ".track") == [opened.value(f"map.line(PAGE.paths[{wanted}].line)")]
+    assert opened.page.locator("#front .point.shown").get_attribute("data-point") == str(wanted)
     assert f"--point {wanted}" in (opened.page.locator("#export-command").text_content() or "")
     opened.page.locator("#home").click()
     assert opened.value("shown.point === PAGE.chosen")
@@ -140,25 +137,21 @@ def test_points_are_chosen_with_the_keyboard(opened: Opened) -> None:
 
 def test_the_slider_moves_robot_wind_flights_risk_and_automaton(opened: Opened) -> None:
     opened.value("showPoint(PAGE.chosen)")
-    before = {name: opened.value(trace(name)) for name in ("robot", "wind", "heads")}
+    kinds = (".vehicle", ".wind", ".flight")
+    before = {kind: drawn(opened, kind) for kind in kinds}
+    now = opened.page.locator("#risk .now").get_attribute("d")
     clock = opened.page.locator("#clock").text_content()
     opened.page.locator("#time").focus()
     for _ in range(3):
         opened.page.keyboard.press("ArrowRight")
     assert opened.value("shown.step") == 3
-    for name, east in before.items():
-        assert opened.value(trace(name)) != east
+    assert all(drawn(opened, kind) != shapes for kind, shapes in before.items())
     assert opened.page.locator("#clock").text_content() != clock
     opened.page.keyboard.press("End")
-    assert opened.value("shown.step === path().x.length - 1")
-    assert opened.value("byId('risk').layout.shapes[0].x0") == pytest.approx(
-        opened.value("path().t.at(-1) / 3600")
-    )
+    assert opened.value("shown.step === path().line.length - 1")
+    assert opened.page.locator("#risk .now").get_attribute("d") != now
     end = opened.value("path().q.at(-1)")
-    assert (
-        opened.page.locator(f"#machine [data-state='{end}'] circle").first.get_attribute("stroke-width")
-        == "3"
-    )
+    assert opened.page.locator("#machine .state.now").get_attribute("data-state") == str(end)
     assert "mission complete" in (opened.page.locator("#progress .now").text_content() or "")
 
 
@@ -173,75 +166,99 @@ def test_the_flight_plays_pauses_and_ends(opened: Opened) -> None:
     assert play.get_attribute("aria-label") == "play"
     opened.page.wait_for_timeout(400)
     assert opened.value("shown.step") == stopped
-    opened.value("showStep(path().x.length - 2)")
+    opened.value("showStep(path().line.length - 2)")
     play.click()
-    opened.wait("shown.timer === null && shown.step === path().x.length - 1")
+    opened.wait("shown.timer === null && shown.step === path().line.length - 1")
 
 
 def test_failed_flights_have_another_colour_and_another_line(opened: Opened) -> None:
-    good, bad = (opened.value(trace(name, "line")) for name in ("tails", "lost"))
-    assert good["color"] != bad["color"]
-    assert bad["dash"] == "dash"
-    assert "dash" not in good
-    opened.value("showPoint(PAGE.chosen); showStep(path().x.length - 1)")
-    lost = opened.value(trace("lostHeads")).count(None) + bool(opened.value(trace("lostHeads")))
-    assert lost == opened.value("PAGE.flights.failedAt.filter(step => step >= 0).length")
+    opened.value("showPoint(PAGE.chosen); showStep(path().line.length - 1)")
+    drawn(opened, ".flight")
+    looks = [
+        opened.value(
+            f"(({{ stroke, strokeDasharray }}) => [stroke, strokeDasharray])(getComputedStyle({one}))"
+        )
+        for one in ("document.querySelector('.trail')", "document.querySelector('.trail.lost')")
+    ]
+    assert looks[0][0] != looks[1][0]
+    assert looks[0][1] == "none"
+    assert looks[1][1] != "none"
+    assert len(drawn(opened, ".flight.lost")) == opened.value(
+        "PAGE.flights.failed.filter(k => k >= 0).length"
+    )
 
 
 def test_layers_are_switched_off_and_on(opened: Opened) -> None:
-    for box, name in (("show-wind", "wind"), ("show-doubt", "doubt"), ("show-ellipses", "ellipses")):
-        opened.page.locator(f"#{box}").uncheck()
-        assert opened.value(trace(name, "visible")) is False
-        opened.page.locator(f"#{box}").check()
-        assert opened.value(trace(name, "visible")) is True
-    opened.page.locator("#show-flights").uncheck()
-    assert opened.value(trace("tails")) == []
-    opened.page.locator("#show-flights").check()
+    opened.value("showPoint(PAGE.chosen)")
+    for name, kind in (
+        ("wind", ".wind"), ("doubt", ".doubt"), ("ellipses", ".ellipse"), ("flights", ".trail"),
+        ("others", ".others"),
+    ):  # fmt: skip
+        box = opened.page.locator(f"#layer-{name}")
+        begun = box.is_checked()
+        box.uncheck()
+        assert drawn(opened, kind) == []
+        box.check()
+        assert drawn(opened, kind) != []
+        box.set_checked(begun)
 
 
 def test_tight_places_belong_to_the_chosen_plan_and_can_be_hidden(opened: Opened) -> None:
     opened.value("showPoint(PAGE.chosen)")
     places = opened.value("PAGE.places")
-    east = opened.value("path().x.map(p => p[0] / 1000)")
     assert places
-    drawn = [x for place in places for x in (*east[place["step"] : place["step"] + 2], None)][:-1]
-    assert opened.value(trace("places")) == pytest.approx(drawn)
-    reasons = opened.value(trace("reasons", "text"))
-    assert reasons[::4] == ["<br>".join(place["lines"]) for place in places]
-    numbers = [int(text) for text in opened.value(trace("numbers", "text")) if text]
+    wanted = opened.value("PAGE.places.map(({ step }) => map.line(path().line.slice(step, step + 2)))")
+    assert drawn(opened, ".place") == wanted
+    reasons = opened.page.locator("#map .place title").all_text_contents()
+    assert reasons == ["\n".join(place["lines"]) for place in places]
+    numbers = [int(text) for text in opened.page.locator("#map .number").all_text_contents()]
     assert numbers == opened.value("PAGE.pricedObstacles")
     opened.value("showPoint(PAGE.chosen === 0 ? 1 : 0)")
-    for name in ("places", "reasons", "numbers"):
-        assert opened.value(trace(name)) == []
+    assert drawn(opened, ".place") == drawn(opened, ".number") == []
     opened.value("showPoint(PAGE.chosen)")
-    assert opened.value(trace("places")) == pytest.approx(drawn)
-    opened.page.locator("#show-places").uncheck()
-    assert opened.value(trace("places")) == opened.value(trace("reasons")) == []
-    opened.page.locator("#show-places").check()
-    assert opened.value(trace("places")) == pytest.approx(drawn)
+    assert drawn(opened, ".place") == wanted
+    opened.page.locator("#layer-places").uncheck()
+    assert drawn(opened, ".place") == []
+    opened.page.locator("#layer-places").check()
+    assert drawn(opened, ".place") == wanted
 
 
 HOSTILE = "<img src=x onerror=alert(1)>"
-SECOND_SPOT = """(() => {
-  const map = byId('map'), { x, y } = map.data[traceNumber('reasons')], box = map.getBoundingClientRect();
-  const { _size: size, xaxis, yaxis } = map._fullLayout;
-  return [box.x + size.l + xaxis.l2p(x[1]), box.y + size.t + yaxis.l2p(y[1])];
+SPOT = """(() => {
+  const box = byId('map').getBoundingClientRect(), [x, y] = map.at(path().line[PAGE.places[0].step]);
+  return [box.x + x, box.y + y];
 })()"""
 
 
 def test_a_click_on_a_tight_place_goes_to_its_step_and_its_text_is_no_markup(opened: Opened) -> None:
     opened.value("showPoint(PAGE.chosen)")
     step = opened.value("PAGE.places[0].step")
-    opened.value(f'PAGE.places[0].lines.push("{HOSTILE}"); restyleMap(placeTraces())')
-    opened.page.locator("#map").scroll_into_view_if_needed()
-    x, y = opened.value(SECOND_SPOT)
-    opened.page.mouse.move(x, y)
-    opened.wait("document.querySelectorAll('#map .hoverlayer text').length > 0")
-    assert HOSTILE in "".join(opened.page.locator("#map .hoverlayer text").all_text_contents())
+    opened.value(f'PAGE.places[0].lines.push("{HOSTILE}"); map.refresh()')
+    drawn(opened, ".place")
+    assert HOSTILE in (opened.page.locator("#map .place title").first.text_content() or "")
     assert opened.page.locator("img").count() == 0
-    opened.page.mouse.click(x, y)
+    opened.page.locator("#map").scroll_into_view_if_needed()
+    opened.page.mouse.click(*opened.value(SPOT))
     opened.wait(f"shown.step === {step}")
-    opened.value("PAGE.places[0].lines.pop(); restyleMap(placeTraces())")
+    opened.value("PAGE.places[0].lines.pop(); map.refresh()")
+
+
+def test_the_map_moves_and_zooms_and_the_wheel_scrolls_the_page(opened: Opened) -> None:
+    opened.page.locator("#fit").click()
+    whole = opened.value("map.scale")
+    opened.page.locator("#zoom-in").click()
+    assert opened.value("map.scale") == pytest.approx(1.5 * whole)
+    opened.page.locator("#map").focus()
+    middle = opened.value("map.middle")
+    opened.page.keyboard.press("ArrowRight")
+    assert opened.value("map.middle") != middle
+    scale = opened.value("map.scale")
+    opened.page.locator("#map").hover()
+    opened.page.mouse.wheel(0, 200)
+    opened.page.wait_for_timeout(2 * PAUSE)
+    assert opened.value("map.scale") == scale
+    opened.page.locator("#fit").click()
+    assert opened.value("map.scale") == pytest.approx(whole)
 
 
 def test_everything_has_a_name_for_those_who_do_not_see_it(opened: Opened) -> None:
@@ -318,13 +335,10 @@ def test_results_with_less_have_pages_without_faults(
     shown.page.on("console", lambda message: shown.said.append(message.text))
     shown.page.on("pageerror", lambda error: shown.said.append(str(error)))
     shown.page.goto((tmp_path / "run" / "report.html").as_uri())
-    shown.page.wait_for_selector("html[data-ready=map]")
-    for part in shown.value("Object.keys(LATER).filter(id => byId(id))"):
-        shown.page.locator(f"#{part}").scroll_into_view_if_needed()
-        shown.wait(f"drawn.has('{part}')")
+    shown.page.wait_for_selector("html[data-ready=page]")
     shown.page.locator("#time").press("End") if shown.page.locator("#time").is_enabled() else None
     assert shown.page.locator("#files a").count() == 0
-    assert shown.page.locator("#show-places").count() == bool(
+    assert shown.page.locator("#layer-places").count() == bool(
         shown.value("PAGE.places.length + PAGE.pricedObstacles.length")
     )
     assert shown.page.locator("h1").text_content() == "Reach a"
@@ -334,38 +348,23 @@ def test_results_with_less_have_pages_without_faults(
     context.close()
 
 
-def test_a_printed_page_has_all_charts(browser: Browser, page_result: Path) -> None:
-    page = browser.new_page(viewport={"width": DESK[0], "height": DESK[1]})
-    page.goto((page_result / "report.html").as_uri())
-    page.wait_for_selector("html[data-ready=map]")
-    assert page.pdf().startswith(b"%PDF")
-    assert page.evaluate("Object.keys(LATER).every(id => drawn.has(id))")
-    page.close()
-
-
 WIDEST = 718  # [px] between the usual margins of a sheet of A4
-UNFITTED = """[...document.querySelectorAll('.js-plotly-plot')].filter(chart => {
-  const drawn = chart.querySelector('.main-svg').getBoundingClientRect();
-  const place = chart.getBoundingClientRect();
-  return Math.abs(drawn.width - place.width) > 1 || Math.abs(drawn.height - place.height) > 1;
+UNFITTED = """[...document.querySelectorAll('#map, #front, #risk')].filter(chart => {
+  const [, , width, height] = chart.getAttribute('viewBox').split(' ').map(Number);
+  const off = Math.max(Math.abs(width - chart.clientWidth), Math.abs(height - chart.clientHeight));
+  return off > 1 || !chart.children.length;
 }).map(chart => chart.id)"""
-SIGNS = "[...document.querySelectorAll('.legend .layers')]"
-UNSEEN = f"{SIGNS}.filter(sign => sign.getBoundingClientRect().width < 5).length"
 
 
-def test_charts_on_paper_have_the_size_of_their_places_and_signs_in_their_legends(
-    browser: Browser, page_result: Path
-) -> None:
+def test_charts_on_paper_have_the_size_of_their_places(browser: Browser, page_result: Path) -> None:
     page = browser.new_page(viewport={"width": DESK[0], "height": DESK[1]})
     page.goto((page_result / "report.html").as_uri())
-    page.wait_for_selector("html[data-ready=map]")
+    page.wait_for_selector("html[data-ready=page]")
+    assert page.pdf().startswith(b"%PDF")
     width = page.evaluate("byId('map').clientWidth")
     page.emulate_media(media="print")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
-    assert page.evaluate("document.querySelectorAll('.js-plotly-plot').length") == 3
-    assert page.evaluate(f"{SIGNS}.length") >= 3
     assert page.evaluate(UNFITTED) == []
-    assert page.evaluate(UNSEEN) == 0
     assert page.evaluate("document.body.scrollWidth") <= WIDEST
     assert (
         page.evaluate("getComputedStyle(document.querySelector('.key.region')).printColorAdjust") == "exact"

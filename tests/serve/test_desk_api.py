@@ -105,7 +105,7 @@ def test_a_point_has_its_path_in_degrees(desk: RunningDesk, hop: dict[str, Any])
     front = desk.client.get(f"/api/plans/{hop['id']}/front").json()
     for number in range(len(front["points"])):
         view = desk.client.get(f"/api/plans/{hop['id']}/points/{number}").json()
-        assert len(view["line"]) == len(view["t"]) == len(view["ellipses"])
+        assert len(view["line"]) == len(view["t"]) == len(view["spread"])
         assert view["line"][0] == pytest.approx([-92.4, 36.76], abs=0.1)
         assert view["risk"]["runs"] > 0
         assert (view["limits"] is not None) == view["chosen"]
@@ -276,7 +276,7 @@ def test_events_of_old_plans_leave_the_memory(tmp_path: Path) -> None:
 
 
 def ends(process: psutil.Process, patience: float = 60.0) -> bool:
-    """Whether a process ends in time; where nobody waits for an orphan (a container), it stays as a zombie."""
+    """Whether a process ends in time; an orphan for which nobody waits (in a container) stays as a zombie."""
     deadline = time.monotonic() + patience
     while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
         if time.monotonic() > deadline:

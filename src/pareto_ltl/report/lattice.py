@@ -27,19 +27,6 @@ def lattice_nodes(wind: WindField) -> tuple[FloatArray, FloatArray]:
     return wind.origin[0] + wind.spacing * np.arange(nx), wind.origin[1] + wind.spacing * np.arange(ny)
 
 
-def sampled_lattice(wind: WindField, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """``values`` (NX, NY) of the lattice at all ``x`` (A,) and ``y`` (B,) [m], bilinear, (A, B).
-
-    Outside the lattice the value at its edge is taken.
-    """
-    from scipy.ndimage import map_coordinates
-
-    at = [(places - start) / wind.spacing for places, start in zip((x, y), wind.origin, strict=True)]
-    return np.asarray(
-        map_coordinates(values, np.meshgrid(*at, indexing="ij"), order=1, mode="nearest"), float
-    )
-
-
 def arrow_nodes(wind: WindField, bounds: FloatArray) -> tuple[IntArray, IntArray]:
     """Indices along x and y of the nodes at which wind arrows stand on a map of ``bounds`` (2, 2) [m]."""
     (west, south), (east, north) = bounds

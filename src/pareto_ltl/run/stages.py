@@ -217,9 +217,7 @@ def _import_report(cfg: ReportConfig) -> None:
         if cfg.figures:
             import_module("pareto_ltl.report.figures")
         if cfg.page:
-            rendering = import_module("pareto_ltl.report.page.rendering")
-            rendering.page_template()
-            rendering.plotly_script()
+            import_module("pareto_ltl.report.page.rendering").page_template()
 
 
 def make_plan(inputs: StageInputs) -> Plan:

@@ -17,6 +17,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from pareto_ltl import __version__
+from pareto_ltl.report.components import FOLDER
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.serve import backdrop, missions, views
 from pareto_ltl.serve.draft import Draft
@@ -318,7 +319,8 @@ def _endpoint(desk: Desk, make: Endpoint) -> Callable[[Request], Any]:
 
 async def _page_file(request: Request) -> Response:
     name = request.path_params.get("name", "index.html")
-    known = {file.name: file for file in files(PAGE).iterdir() if file.name.rpartition(".")[2] in KINDS}
+    parts = (file for folder in (PAGE, FOLDER) for file in files(folder).iterdir())
+    known = {file.name: file for file in parts if file.name.rpartition(".")[2] in KINDS}
     if name not in known:
         return JSONResponse({"error": "there is no such file"}, 404)
     return Response(known[name].read_bytes(), media_type=KINDS[name.rpartition(".")[2]])

@@ -132,7 +132,7 @@ def _noted(group: str, name: str) -> dict[str, str]:
 
 def example_map(name: str) -> dict[str, Any]:
     """A ready map as GeoJSON with roles; DataError if there is no such example."""
-    from pareto_ltl.report.page.ground import map_on_earth
+    from pareto_ltl.report.page.ground import shown_map
     from pareto_ltl.world.projection import to_geographic
     from pareto_ltl.world.scene_settings import scene_from_settings
 
@@ -145,10 +145,9 @@ def example_map(name: str) -> dict[str, Any]:
     features: list[dict[str, Any]] = [
         _feature("start", "start", {"type": "Point", "coordinates": [float(lon[0]), float(lat[0])]})
     ]
-    for drawn in map_on_earth(scene):
+    for drawn in shown_map(scene)["shapes"]:
         role = "border" if drawn["role"] == "bounds" else drawn["role"]
-        ring = [*drawn["ring"], drawn["ring"][0]]
-        features.append(_feature(role, drawn["name"], {"type": "Polygon", "coordinates": [ring]}))
+        features.append(_feature(role, drawn["name"], {"type": "Polygon", "coordinates": [drawn["ring"]]}))
     return {"type": "FeatureCollection", "features": features}
 
 

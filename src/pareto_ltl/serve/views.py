@@ -14,27 +14,20 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pareto_ltl.exports.degrees import lonlat
-from pareto_ltl.exports.ellipses import ellipse_scale
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.report.lattice import arrow_nodes, interpolate_slots, lattice_nodes, wind_deviation
-from pareto_ltl.report.page.ground import rounded
+from pareto_ltl.report.page.ground import rounded, shown_wind
 from pareto_ltl.report.page.limits import limit_texts
-from pareto_ltl.report.page.points import chosen_number, flown_path, shown_path
+from pareto_ltl.report.page.points import chosen_number, flown_path, shown_flights, shown_path
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.run.exporting import export
 from pareto_ltl.run.interface import load_results
 from pareto_ltl.run.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl.simulation.failure_times import CAUSES, failure_times
-from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.simulation.failure_times import CAUSES
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
-from pareto_ltl.world.navigation import utc_times
 
-CORNERS = 36  # of an ellipse
 KEPT_RUNS = 3  # results in memory
-MOST_TIMES = 9  # times of the wind
 FLIGHTS = 60  # that are shown of a point
 DEGREES = 6
 Shown = TypeVar("Shown")
@@ -81,7 +74,7 @@ def _formula(run: ShownRun) -> str:
 
 @one_at_a_time
 def point_view(directory: Path, number: int) -> dict[str, Any]:
-    """Path, log, 95 % ellipses [deg], risk over time of a point; what limits it if it is the plan.
+    """Path, log, 95 % ellipses, flights and risk over time of a point; what limits it if it is the plan.
 
     Raises
     ------
@@ -96,48 +89,25 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
     path, chosen = run.front.paths[number], chosen_number(run)
     given = run.deployments.get(run.problem.fidelity.law) if number == chosen else None
     flown = given or flown_path(run, run.problem, path)
-    shown = shown_path(run, run.problem, path, flown)
-    angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
-    circle = np.stack([np.cos(angle), np.sin(angle)])
-    values, vectors = np.linalg.eigh(path.cov)
-    axes = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :] * ellipse_scale(0.95)
-    rings = path.x[:, None, :] + np.swapaxes(axes @ circle, 1, 2)
-    limits = None
-    if run.plan is not None and number == chosen:
-        limits = limit_texts(run.scene, run.plan)
+    limited = run.plan is not None and number == chosen
     return {
         "point": number,
         "chosen": number == chosen,
-        "line": rounded(lonlat(run.scene.crs, path.x), DEGREES),
-        "ellipses": rounded(lonlat(run.scene.crs, rings), DEGREES - 1),
-        "limits": limits,
-        "flights": _flights(run.problem, run.scene.crs, flown),
-        **{key: shown[key] for key in ("t", "utc", "label", "fixes", "risk", "log")},
+        **shown_path(run, run.problem, path, flown),
+        "limits": limit_texts(run.scene, run.plan) if limited and run.plan is not None else None,
+        "causes": list(CAUSES),
+        "flights": shown_flights(run.scene, run.problem, flown, FLIGHTS),
     }
 
 
 @one_at_a_time
 def wind_view(directory: Path) -> dict[str, Any]:
-    """The wind at some times on a lattice: places [deg], expected vectors and their deviation [m/s]."""
+    """The wind at some times on a lattice: places, expected vectors and their deviation [m/s]."""
     results = load_results(directory)
     wind, scene = results.wind, results.scene
     if scene.crs is None:
         raise DataError(f"{directory.name}: the map has no place on Earth")
-    i, j = arrow_nodes(wind, scene.bounds)
-    x, y = lattice_nodes(wind)
-    places = np.stack(np.meshgrid(x[i], y[j], indexing="ij"), axis=-1).reshape(-1, 2)
-    last = float(min(wind.known_until, 7 * 86400.0))
-    times = np.linspace(0.0, last, MOST_TIMES) if len(wind.times) > 1 and last > 0 else np.zeros(1)
-    mean = np.array([interpolate_slots(wind.times, wind.mean, t)[np.ix_(i, j)] for t in times])
-    return {
-        "t": rounded(times, 0),
-        "utc": utc_times(scene.time_zero, times),
-        "shape": [len(i), len(j)],
-        "at": rounded(lonlat(scene.crs, places), DEGREES - 2),
-        "uv": rounded(mean.reshape(len(times), -1, 2), 2),
-        "sd": rounded(np.array([wind_deviation(wind, t)[np.ix_(i, j)].ravel() for t in times]), 2),
-        "level": wind.level,
-    }
+    return shown_wind(scene, wind, float(min(wind.known_until, 7 * 86400.0)))
 
 
 def departures_view(directory: Path) -> dict[str, Any]:
@@ -171,20 +141,6 @@ def export_view(directory: Path, kind: str, number: int | None) -> tuple[str, by
     if not written:
         raise InfeasibleError(f"{kind} cannot be written for this plan")
     return written[0].name, written[0].read_bytes()
-
-
-def _flights(problem: Problem, crs: str, flown: Deployment) -> dict[str, Any]:
-    """Some of the flights [deg], and when and why each fails; -1 and None if it does not."""
-    some = Deployment(
-        flown.law, flown.x[:FLIGHTS], flown.accepted[:FLIGHTS], flown.collided[:FLIGHTS],
-        flown.off_map[:FLIGHTS], flown.walled,
-    )  # fmt: skip
-    times = failure_times(problem, some)
-    return {
-        "at": rounded(lonlat(crs, some.x), DEGREES - 2),
-        "failed": times.step.tolist(),
-        "why": [CAUSES[cause] if cause >= 0 else None for cause in times.cause],
-    }
 
 
 @lru_cache(maxsize=KEPT_RUNS)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import parse_json, read_text
@@ -19,10 +20,9 @@ DATA = re.compile(r'<script type="application/json" id="page-data">(.*?)</script
 HEADLINE = re.compile(
     r'<div class="fact main"><dt>fails</dt><dd>(.*?)<small>(.*?)</small></dd></div>', re.DOTALL
 )
-COLUMNS = {
-    "failure": "failure", "low": "failure_low", "high": "failure_high", "length": "length_m",
-    "mission": "mission_risk", "collision": "collision_risk", "duration": "duration_s",
-}  # fmt: skip
+COLUMNS = (
+    "failure", "failure_low", "failure_high", "length_m", "mission_risk", "collision_risk", "duration_s",
+)  # fmt: skip
 ROUNDED = 1e-3  # largest allowed error of a position in the page, as a share of the map's longer side
 
 
@@ -45,7 +45,7 @@ def points(result: Evidence) -> Verdict:
         return no_fault(f"{len(told)} points", [f"{len(rows)} rows"])
     faults = []
     for k, (point, row) in enumerate(zip(told, rows, strict=True)):
-        wanted = {name: float(row[column]) if row[column] else None for name, column in COLUMNS.items()}
+        wanted = {name: float(row[name]) if row[name] else None for name in COLUMNS}
         if wanted["failure"] is None:
             wanted["failure"] = min(1.0, float(row["mission_risk"]) + float(row["collision_risk"]))
         faults += [f"point {k}: {name}" for name, value in wanted.items() if not _equal(point[name], value)]
@@ -63,7 +63,7 @@ def chosen(result: Evidence) -> Verdict:
     """The chosen path and its promise are those of plan.json."""
     data, plan = page_data(result), result.plan
     way = data["paths"][str(data["chosen"])]
-    x, size = np.array(way["x"], float), float(np.ptp(np.array(result.scene["bounds"], float), axis=0).max())
+    x, size = _positions(result, data), float(np.ptp(np.array(result.scene["bounds"], float), axis=0).max())
     faults = [] if x.shape == result.x.shape else [f"{len(x)} positions"]
     if not faults and np.abs(x - result.x).max() > ROUNDED * size:
         faults.append("positions of the path")
@@ -74,6 +74,17 @@ def chosen(result: Evidence) -> Verdict:
     elif promise is not None:
         faults += [f"promise: {key}" for key, value in promise.items() if wanted[key] != value]
     return no_fault(f"point {data['chosen']}", faults)
+
+
+def _positions(result: Evidence, data: Any) -> FloatArray:
+    """The positions of the chosen path (T+1, 2) [m]: the page has degrees for a map on the Earth."""
+    places = np.array(data["paths"][str(data["chosen"])]["line"], float)
+    if not data["map"]["earthly"]:
+        return places
+    from pyproj import Transformer
+
+    to_plane = Transformer.from_crs("EPSG:4326", result.scene["crs"], always_xy=True)
+    return np.column_stack(to_plane.transform(*places.T))
 
 
 def headline(result: Evidence) -> Verdict | None:

@@ -12,7 +12,7 @@ from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, counted_rate
 from pareto_ltl.report.limits import priced_obstacles
-from pareto_ltl.report.page.ground import map_on_earth, shown_map, shown_trees, shown_wind
+from pareto_ltl.report.page.ground import shown_map, shown_trees, shown_wind
 from pareto_ltl.report.page.limits import limit_texts, shown_places
 from pareto_ltl.report.page.machine import shown_automaton
 from pareto_ltl.report.page.points import (
@@ -28,7 +28,7 @@ from pareto_ltl.simulation.failure_times import CAUSES
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
 from pareto_ltl.world.navigation import utc_times
 
-SCHEMA = "pareto_ltl.page/1"
+SCHEMA = "pareto_ltl.page/2"
 NO_PLAN_HOURS = 24.0  # of wind that are shown if there is no plan
 
 
@@ -62,7 +62,6 @@ def page_content(run: ShownRun) -> Content:
         "law": _law(run),
         "timeZero": None if (begin := utc_times(run.scene.time_zero, np.zeros(1))) is None else begin[0],
         "map": shown_map(run.scene),
-        "earth": map_on_earth(run.scene),
         "onEarth": run.scene.crs is not None,
         "height": {"metres": run.height.metres, "aboveSea": run.height.above_sea},
         "wind": shown_wind(run.scene, run.wind, last),
@@ -107,7 +106,7 @@ def _paths(
         for k in told_points(front, chosen, MOST_PLAIN_LEGS):
             flown = given if k == chosen else None
             paths[str(k)] = shown_path(run, run.problem, front.paths[k], flown, logged=k in logged)
-    flights = None if given is None or chosen is None else shown_flights(run, run.problem, given)
+    flights = None if given is None or chosen is None else shown_flights(run.scene, run.problem, given)
     return paths, flights
 
 

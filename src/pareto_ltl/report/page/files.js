@@ -1,6 +1,8 @@
 // Files of the point that is shown, for navigators, maps and autopilots, made from the numbers of the page. They
 // are those of `pareto-ltl export`, without corridors and without the failure rate of flights by position.
 
+import { byId, html } from "./shapes.js";
+
 const XML_SIGNS = { "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" };
 // Characters that XML 1.0 cannot hold become question marks.
 const xml = text => String(text).replace(/[^\t\n\r\x20-\ud7ff\ue000-\ufffd\u{10000}-\u{10ffff}]/gu, "?").replace(/[&<>"]/g, sign => XML_SIGNS[sign]);
@@ -16,7 +18,7 @@ const FILES = [
 /** The note in every file: the mission, its failure rate and wind law, and what is not covered. */
 function fileNote() {
   const row = PAGE.points[shown.point], told = [`Point ${shown.point} of the front of ${PAGE.name}.`, `Mission ${PAGE.formula}.`];
-  const rate = shown.point === PAGE.chosen && PAGE.promise ? { ...PAGE.promise } : row;
+  const rate = shown.point === PAGE.chosen && PAGE.promise ? { ...PAGE.promise, failure_low: PAGE.promise.low, failure_high: PAGE.promise.high } : row;
   told.push(`Flown by heading and airspeed it ${failureText(rate)}.`);
   told.push("An autopilot that flies by position fails at another rate; pareto-ltl export computes it.");
   if (PAGE.notCovered) told.push(`Not covered: ${PAGE.notCovered.replace(/\.$/, "")}.`);
@@ -50,10 +52,10 @@ const feature = (type, coordinates, properties) => ({ type: "Feature", propertie
 
 function planGeojson(way) {
   const places = way.t.map((_, k) => lonLat(way, k)), row = PAGE.points[shown.point];
-  const features = [feature("LineString", places, { role: "route", name: PAGE.name, formula: PAGE.formula, order: row.order, length_m: row.length })];
+  const features = [feature("LineString", places, { role: "route", name: PAGE.name, formula: PAGE.formula, order: row.order, length_m: row.length_m })];
   for (let k = 0; k + 1 < places.length; k++) features.push(feature("LineString", [places[k], places[k + 1]], { role: "leg", leg: k, ...legFacts(way, k) }));
   places.forEach((place, k) => features.push(feature("Point", place, { role: "position", step: k, time_utc: way.utc ? way.utc[k] : null, t_s: way.t[k], radius_95_m: way.log.radius[k], regions: way.label[k], fix: way.fixes.includes(k), wind_law: way.risk.law })));
-  for (const { role, name, ring } of PAGE.earth) features.push(feature("Polygon", [ring], { role, name }));
+  for (const { role, name, ring } of PAGE.map.shapes) features.push(feature("Polygon", [ring], { role, name }));
   features.push(feature("Point", places[0], { role: "start", name: "start" }));
   return `${JSON.stringify({ type: "FeatureCollection", name: PAGE.name, description: fileNote(), features })}\n`;
 }
@@ -68,7 +70,7 @@ function planKml(way) {
   const places = way.t.map((_, k) => lonLat(way, k));
   const steps = places.map((place, k) => placemark(`${k} ${way.label[k].join(" ")}`.trim(),
     `${way.utc ? `<TimeStamp><when>${way.utc[k]}</when></TimeStamp>` : ""}<Point>${above}${coordinates([place], `,${height}`)}</Point>`));
-  const areas = PAGE.earth.map(({ name, ring }) => placemark(name,
+  const areas = PAGE.map.shapes.map(({ name, ring }) => placemark(name,
     `<Polygon><tessellate>1</tessellate><outerBoundaryIs><LinearRing>${coordinates(ring)}</LinearRing></outerBoundaryIs></Polygon>`));
   return `<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document><name>${xml(PAGE.name)}</name><description>${xml(fileNote())}</description>`
     + placemark("route", `<LineString>${above}${coordinates(places, `,${height}`)}</LineString>`)
@@ -95,7 +97,7 @@ function missionPlan(way) {
     if (Math.abs(airspeed - speed) > 0.05 && airspeed > 0) add(178, 2, [0, speed = airspeed, -1, 0, 0, 0, 0]);
     add(16, frame, [0, 0, 0, null, way.log.lat[k + 1], way.log.lon[k + 1], metres], { AMSLAltAboveTerrain: null, Altitude: metres, AltitudeMode: mode });
   });
-  const fences = PAGE.earth.filter(({ role }) => role === "obstacle" || (role === "bounds" && PAGE.map.walled));
+  const fences = PAGE.map.shapes.filter(({ role }) => role === "obstacle" || (role === "bounds" && PAGE.map.walled));
   const cruise = way.log.airspeed.reduce((a, b) => Math.max(a, b), 0);
   return `${JSON.stringify({
     fileType: "Plan", version: 1, groundStation: "pareto_ltl",
@@ -113,6 +115,7 @@ function listFiles() {
   fileAddresses.forEach(address => URL.revokeObjectURL(address));
   fileAddresses = [];
   const way = path(), place = byId("files");
+  if (!place) return;
   byId("files-point").textContent = shown.point === PAGE.chosen ? `the chosen plan (point ${shown.point})` : `point ${shown.point}`;
   if (PAGE.onEarth) byId("export-command").textContent = `pareto-ltl export DIR --point ${shown.point}`;
   place.replaceChildren();
@@ -120,11 +123,11 @@ function listFiles() {
     byId("files-note").textContent = PAGE.onEarth ? "This page has no navigation log of this path: the command below writes its files." : "The map has no place on Earth, so that nothing can be exported.";
     return;
   }
-  const possible = FILES.filter(file => !file.outlined || PAGE.earth.length);
+  const possible = FILES.filter(file => !file.outlined || PAGE.map.exported);
   for (const { name, kind, make } of possible) {
     const address = URL.createObjectURL(new Blob([make(way)], { type: kind }));
     fileAddresses.push(address);
-    place.append(element("a", { href: address, download: `${PAGE.name.replace(/[^\w.-]+/g, "_")}_point_${shown.point}_${name}` }, name));
+    place.append(html("a", { href: address, download: `${PAGE.name.replace(/[^\w.-]+/g, "_")}_point_${shown.point}_${name}` }, name));
   }
   byId("files-note").textContent = "Times are UTC, places WGS 84, headings true. What is promised holds for flights by heading and airspeed.";
 }

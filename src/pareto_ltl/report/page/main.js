@@ -1,23 +1,26 @@
-// Reactions to choices, to the slider and to play; and the first drawing: the map, then the visible charts.
+// Reactions to choices, to the slider and to play; charts, lists, and the layout for printing.
+
+import { drawFront } from "./front.js";
+import { lengthText } from "./geo.js";
+import { drawMachine, markMachine } from "./machine.js";
+import { drawRisk } from "./risk.js";
+import { byId, duration, html, percent } from "./shapes.js";
 
 /** Show a point in all parts of the page. */
 function showPoint(point) {
   if (point === null || !(point in PAGE.points)) return;
   stop();
-  const there = String(point) in PAGE.paths;
   shown.point = point;
   shown.step = 0;
   byId("point").value = point;
   byId("previous").disabled = point === 0;
   byId("next").disabled = point === PAGE.points.length - 1;
   byId("home").disabled = point === PAGE.chosen || PAGE.chosen === null;
-  if (!there) byId("map-note").textContent = `The path of point ${point} is not in this page: pareto-ltl choose DIR --point ${point} makes it the plan.`;
-  else mapNote();
+  byId("map-note").textContent = mapNote();
   limitTime();
   showFacts();
-  if (there) restyleMap({ ...pathTraces(), ...placeTraces(), ...momentTraces() });
-  else restyleMap({ path: { x: [], y: [], text: [] }, ends: { x: [], y: [] }, ellipses: { x: [], y: [], visible: true }, ...placeTraces(), ...momentTraces() });
-  redrawSeen();
+  showFront();
+  listFiles();
   listProgress();
   showMoment();
 }
@@ -29,59 +32,88 @@ function showFacts() {
   showFacts.plan ??= [...place.children];
   note.hidden = shown.point === PAGE.chosen || PAGE.chosen === null;
   if (note.hidden) { place.replaceChildren(...showFacts.plan); return; }
-  const row = PAGE.points[shown.point], way = path(), utc = way?.utc?.at(-1);
-  const rate = row.low === null ? [`≤ ${percent(row.failure)}`, `upper bound, under ${row.law} winds`] : [percent(row.failure), `${percent(row.low)} to ${percent(row.high)} (95 %), under ${row.law} winds, ${row.runs.toLocaleString("en")} flights`];
-  const facts = [["fails", ...rate], ["length", distance(row.length), "of the expected path"], ["duration", duration(row.duration), `${row.steps} steps`]];
+  const row = PAGE.points[shown.point], utc = path()?.utc?.at(-1);
+  const rate = row.failure_low === null ? [`≤ ${percent(row.failure)}`, `upper bound, under ${row.law} winds`] : [percent(row.failure), `${percent(row.failure_low)} to ${percent(row.failure_high)} (95 %), under ${row.law} winds, ${row.runs.toLocaleString("en")} flights`];
+  const facts = [["fails", ...rate], ["length", lengthText(row.length_m), "of the expected path"], ["duration", duration(row.duration_s), `${row.steps} steps`]];
   if (utc) facts.push(["arrival", `${utc.slice(11, 16)} UTC`, utc.slice(0, 10)]);
   facts.push(["shown", `point ${shown.point}`, [`of the front, not the plan (point ${PAGE.chosen})`, ...row.costs].join("; ")]);
-  place.replaceChildren(...facts.map(([name, value, told], k) => {
-    const made = element("div", { class: k ? "fact" : "fact main" }), number = element("dd", {}, value);
-    number.append(element("small", {}, told));
-    made.append(element("dt", {}, name), number);
-    return made;
-  }));
+  place.replaceChildren(...facts.map(([name, value, small], k) => html("div", { class: k ? "fact" : "fact main" }, html("dt", {}, name), html("dd", {}, value, html("small", {}, small)))));
   note.textContent = `These are the numbers of point ${shown.point}. The sections “How often it fails” and “What limits it” are about the plan, point ${PAGE.chosen}.`;
 }
 
-/** Draw again the charts that have been drawn; the others are drawn when they become visible. */
-function redrawSeen() {
-  if (drawn.has("front")) markFront();
-  if (drawn.has("risk")) drawRisk();
-  if (drawn.has("files")) listFiles();
-}
-
 function limitTime() {
-  const way = path(), slider = byId("time"), last = (way ? way.x.length : PAGE.wind.t.length) - 1;
+  const view = path(), slider = byId("time"), last = (view ? view.line.length : PAGE.wind.t.length) - 1;
   slider.max = last;
   slider.value = shown.step = Math.min(shown.step, last);
   slider.disabled = byId("play").disabled = last < 1;
 }
 
-/** The time of the slider, on the map and in the other charts. */
+/** Show a step of the path. */
 function showStep(step) {
   shown.step = step;
   byId("time").value = step;
-  restyleMap(momentTraces());
-  if (drawn.has("risk")) markRisk();
   showMoment();
 }
 
-/** The time and the state of the flight in words. */
+/** The time that is shown: on the map, in the charts and in words. */
 function showMoment() {
-  const way = path(), seconds = way ? way.t[shown.step] : PAGE.wind.t[shown.step] ?? 0;
-  byId("clock").textContent = timeText(seconds);
+  const view = path();
+  byId("clock").textContent = timeText(moment());
   byId("time").setAttribute("aria-valuetext", byId("clock").textContent);
-  if (way) byId("moment").textContent = momentText(way);
-  markMachine();
+  if (view) byId("moment").textContent = momentText(view);
+  map.refresh();
+  showRisk();
+  markProgress();
 }
 
-function momentText(way) {
-  const k = shown.step, { failed, runs, law } = way.risk, count = failed.reduce((sum, cause) => sum + cause[k], 0);
-  const told = [`Step ${k} of ${way.x.length - 1}, ${duration(way.t[k])} after departure`];
-  if (way.label[k].length) told[0] += `, in ${way.label[k].join(", ")}`;
-  if (way.log) told.push(`95 % of positions within ${distance(way.log.radius[k])}`);
-  told.push(`${count} of ${runs} flights (${percent(count / runs)}) have failed so far under ${law} winds`);
-  return `${told.join("; ")}.`;
+// --- charts and lists -----------------------------------------------------------------------------
+
+function showFront() {
+  if (!byId("front")) return;
+  const text = k => [`point ${k}${k === PAGE.chosen ? ", the chosen plan" : ""}`, failureText(PAGE.points[k]), lengthText(PAGE.points[k].length_m), duration(PAGE.points[k].duration_s), ...PAGE.points[k].costs, PAGE.points[k].order].filter(Boolean).join("\n");
+  drawFront(byId("front"), PAGE.points, { shown: shown.point, chosen: PAGE.chosen, choose: showPoint, text, hollow: k => !isDrawn(k) });
+  const [{ law, runs }] = PAGE.points;
+  byId("front-note").textContent = PAGE.judge === "bound" ? `Each point is a path. Up: an upper bound on its failures under ${law} winds. Click a point to see its path.`
+    : `Each point is a path. Up: how many of its ${runs.toLocaleString("en")} flights under ${law} winds fail, with the 95 % interval. Click a point to see its path.`;
+}
+
+function showRisk() {
+  const view = path();
+  if (!byId("risk")) return;
+  if (!view) { byId("risk").replaceChildren(); byId("risk-note").textContent = `The flights of point ${shown.point} are not in this page.`; return; }
+  drawRisk(byId("risk"), view, shown.step, PAGE.causes);
+  const total = view.risk.failed.reduce((sum, cause) => sum + cause.at(-1), 0);
+  byId("risk-note").textContent = `${total.toLocaleString("en")} of ${view.risk.runs.toLocaleString("en")} simulated flights of this point fail under ${view.risk.law} winds: how many have failed by each time; the band is the 95 % interval. `
+    + "Whether a mission was missed is known at its end. The flights of all points meet the same winds.";
+}
+
+function showMachine() {
+  const place = byId("machine"), { automaton } = PAGE;
+  if (!place) return;
+  if (!automaton) place.closest("section").remove();
+  else if (automaton.shapes) drawMachine(place, automaton.shapes);
+  else place.append(html("p", { class: "note" }, `The automaton has ${automaton.states} states, too many to draw.`));
+}
+
+/** Mark the state of the expected path at the step that is shown, and the states before it. */
+function markProgress() {
+  const view = path();
+  if (!view || !byId("machine")) return;
+  markMachine(byId("machine"), view.q[shown.step], new Set([PAGE.automaton?.initial, ...view.q.slice(0, shown.step + 1)]));
+  for (const line of byId("progress").children) line.classList.toggle("now", +line.dataset.first <= shown.step && shown.step < +line.dataset.end);
+}
+
+/** One line for each stretch of the expected path in one state. */
+function listProgress() {
+  const view = path(), list = byId("progress");
+  if (!view || !PAGE.automaton || !list) return;
+  const starts = view.q.map((_, k) => k).filter(k => k === 0 || view.q[k] !== view.q[k - 1]);
+  list.replaceChildren(...starts.map((first, n) => {
+    const end = starts[n + 1] ?? view.q.length, role = PAGE.automaton.roles[view.q[first]];
+    const where = view.label[first].length ? ` in ${view.label[first].join(", ")}` : "";
+    const state = role === "goal" ? "mission complete" : role === "lost" ? "mission lost" : first ? "next goal" : "on the way";
+    return html("li", { "data-first": first, "data-end": end }, `${timeText(view.t[first])}: state ${view.q[first]}${where}, ${state}`);
+  }));
 }
 
 // --- playing ------------------------------------------------------------------------------------
@@ -110,50 +142,18 @@ function play() {
 
 // --- the first picture -----------------------------------------------------------------------------
 
-const drawn = new Set();
-const LATER = { front: drawFront, risk: drawRisk, machine: () => { drawMachine(); markMachine(); }, files: listFiles };
-
-/** Give each chart the size of its place at once: for printing nothing can be drawn later. */
-function fitCharts() {
-  fitMap();
-  for (const chart of document.querySelectorAll(".js-plotly-plot")) Plotly.relayout(chart, { width: chart.clientWidth, height: chart.clientHeight });
-}
-
-/** Lay the page out for printing, and back for the window: a printed chart keeps the size in which it was drawn. */
-function fitPaper(draw) {
-  addEventListener("beforeprint", () => {
-    document.documentElement.classList.add("printing");
-    for (const id of Object.keys(LATER)) if (byId(id)) draw(id);
-    fitCharts();
-  });
-  addEventListener("afterprint", () => {
-    document.documentElement.classList.remove("printing");
-    fitMap();
-    for (const chart of document.querySelectorAll(".js-plotly-plot")) Plotly.relayout(chart, { autosize: true, width: null, height: null });
-  });
-}
-
-/** Draw each part when it comes near the window; all of it before the page is printed. */
-function drawWhenSeen() {
-  const draw = id => {
-    if (drawn.has(id)) return;
-    drawn.add(id);
-    LATER[id]();
-  };
-  const watcher = new IntersectionObserver(entries => {
-    for (const entry of entries) if (entry.isIntersecting) { watcher.unobserve(entry.target); draw(entry.target.id); }
-  }, { rootMargin: "200px" });
-  for (const id of Object.keys(LATER)) if (byId(id)) watcher.observe(byId(id));
-  fitPaper(draw);
+/** Draw map and charts in the size of their places: for printing nothing can be drawn later. */
+function drawAll() {
+  map.fit(border);
+  map.drawNow();
+  showFront();
+  showRisk();
 }
 
 function fillChooser() {
   const select = byId("point");
   if (!select) return;
-  PAGE.points.forEach((row, k) => {
-    const named = `point ${k}: ${distance(row.length)}, ${failureText(row)}${k === PAGE.chosen ? " (chosen)" : ""}`;
-    select.append(element("option", { value: k }, named));
-  });
+  PAGE.points.forEach((row, k) => select.append(html("option", { value: k }, `point ${k}: ${lengthText(row.length_m)}, ${failureText(row)}${k === PAGE.chosen ? " (chosen)" : ""}`)));
   select.value = shown.point;
   select.addEventListener("change", () => showPoint(+select.value));
   byId("previous").addEventListener("click", () => showPoint(shown.point - 1));
@@ -164,50 +164,41 @@ function fillChooser() {
   byId("home").disabled = true;
 }
 
-function mapNote() {
-  const told = [];
-  if (PAGE.flights) told.push(`${PAGE.flights.x.length} of ${PAGE.flights.runs.toLocaleString("en")} simulated flights of the chosen plan are drawn, as they come, under ${PAGE.flights.law} winds; those that have failed are dashed and dark red, with a cross.`);
-  if (PAGE.law && path()) told.push(`Ellipses hold 95 % of positions at a time under ${PAGE.law} winds.`);
-  told.push(fastest ? `Wind at ${PAGE.wind.level}; the longest arrow is ${fastest.toFixed(1)} m/s.` : "Calm air.", PAGE.map.walled ? "The border is a wall: leaving the map is a failure." : "The border is open.");
-  for (const { name, forbidden, told: when } of PAGE.map.windows) told.push(`${forbidden ? "Forbidden" : `${name} holds`} ${when}.`);
-  if (PAGE.map.windows.some(w => w.forbidden)) told.push("What is forbidden at the time of the slider is dark, with a dashed outline.");
-  if (PAGE.trees.length) told.push("Grey lines: the oldest branches of the search trees, as far as they came.");
-  byId("map-note").textContent = told.join(" ");
-}
-
 function hideUseless() {
+  const roles = new Set(PAGE.map.shapes.map(shape => shape.role)), drop = sign => document.querySelector(`.key${sign}`).parentElement.remove();
   if (!PAGE.flights) for (const part of [byId("flights-label"), ...document.querySelectorAll(".flight-key")]) part.remove();
   if (!path()) {
-    for (const sign of [".end", ".way", ".robot"]) document.querySelector(`.key${sign}`).parentElement.remove();
-    byId("show-ellipses").parentElement.remove();
+    for (const sign of [".end", ".way", ".robot"]) drop(sign);
+    byId("layer-ellipses").parentElement.remove();
     byId("moment").remove();
   }
   if (!PAGE.onEarth) byId("export-command")?.parentElement.remove();
   if (!(PAGE.places.length || PAGE.pricedObstacles.length) || PAGE.chosen === null) for (const id of ["places-label", "places-key"]) byId(id).remove();
-  if (!PAGE.map.landmarks.length) byId("landmark-key").remove();
-  if (!PAGE.map.obstacles.length) document.querySelector(".key.obstacle").parentElement.remove();
+  if (!roles.has("landmark")) byId("landmark-key").remove();
+  if (!roles.has("obstacle")) drop(".obstacle");
   if (Object.keys(PAGE.paths).length < 2) byId("others-label").remove();
 }
 
-function begin() {
-  hideUseless();
-  limitTime();
-  byId("time").addEventListener("input", event => { stop(); showStep(+event.target.value); });
-  byId("play").addEventListener("click", play);
-  fillChooser();
-  mapNote();
-  drawMap().then(chart => {
-    chart.on("plotly_click", event => {
-      const on = event.points.find(point => point.curveNumber === traceNumber("path"));
-      const reason = event.points.find(point => point.curveNumber === traceNumber("reasons"));
-      if (on || reason) { stop(); showStep(on ? on.pointNumber : reason.customdata); }
-    });
-    for (const box of document.querySelectorAll(".layers input")) box.addEventListener("change", () => restyleMap({ ...pathTraces(), ...placeTraces(), ...momentTraces() }));
-    document.documentElement.dataset.ready = "map";
-    listProgress();
-    showMoment();
-    drawWhenSeen();
-  });
+function listen() {
+  const on = (id, kind, act) => byId(id).addEventListener(kind, act);
+  on("time", "input", event => { stop(); showStep(+event.target.value); });
+  on("play", "click", play);
+  on("zoom-in", "click", () => map.zoom(1.5));
+  on("zoom-out", "click", () => map.zoom(1 / 1.5));
+  on("fit", "click", () => map.fit(border));
+  for (const box of document.querySelectorAll(".layers input")) box.addEventListener("change", () => { map.refresh(); byId("map-note").textContent = mapNote(); });
+  for (const [kind, printing] of [["beforeprint", true], ["afterprint", false]]) addEventListener(kind, () => { document.documentElement.classList.toggle("printing", printing); drawAll(); });
+  for (const id of ["front", "risk"]) if (byId(id)) new ResizeObserver(() => { showFront(); showRisk(); }).observe(byId(id));
 }
 
-begin();
+hideUseless();
+fillChooser();
+limitTime();
+listen();
+byId("map-note").textContent = mapNote();
+showMachine();
+drawAll();
+if (byId("files")) listFiles();
+listProgress();
+showMoment();
+document.documentElement.dataset.ready = "page";

@@ -6,19 +6,22 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
+from pareto_ltl.exports.ellipses import axes_of, ellipse_scale
+from pareto_ltl.exports.navigation_log import SHARE, NavigationLog, navigation_log
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
-from pareto_ltl.report.page.ground import DEGREES, metre_digits, rounded
+from pareto_ltl.report.page.ground import DEGREES, metre_digits, on_earth, rounded, shown_places
 from pareto_ltl.report.page.shown_run import ShownRun
-from pareto_ltl.simulation.failure_times import failure_times
+from pareto_ltl.simulation.failure_times import CAUSES, failure_times
 from pareto_ltl.simulation.flights import DRAWS, simulate_flights, unspawned
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.projection import meridian_convergence, to_geographic
+from pareto_ltl.world.scene import Scene
 
 MOST_LEGS = 3000  # legs of all complete paths, at most: 200 bytes each
 MOST_PLAIN_LEGS = 40_000  # legs of all paths, with or without a navigation log: 40 bytes each
@@ -47,23 +50,24 @@ def shown_points(front: Front) -> list[dict[str, Any]]:
     for path, rate in zip(front.paths, rates, strict=True):
         cost = path.objectives
         row = {
-            "length": cost.length, "mission": cost.mission_risk, "collision": cost.collision_risk,
-            "duration": float(path.t[-1] - path.t[0]), "steps": len(path.u), "order": path.order,
+            "length_m": cost.length, "mission_risk": cost.mission_risk,
+            "collision_risk": cost.collision_risk, "duration_s": float(path.t[-1] - path.t[0]),
+            "steps": len(path.u), "order": path.order,
             "origin": path.origin,
             "costs": [cost_named(name).text(value) for name, value in cost.further_costs.items()],
         }  # fmt: skip
         if rate is None:
             row |= {
                 "failure": bound_of(cost),
-                "low": None,
-                "high": None,
+                "failure_low": None,
+                "failure_high": None,
                 "runs": None,
                 "law": front.models.law,
             }
         else:
             row |= {
-                "failure": rate.failure, "low": rate.low, "high": rate.high, "runs": rate.runs,
-                "law": rate.law,
+                "failure": rate.failure, "failure_low": rate.low, "failure_high": rate.high,
+                "runs": rate.runs, "law": rate.law,
             }  # fmt: skip
         rows.append(plain_data(row))
     return rows
@@ -92,12 +96,10 @@ def shown_path(
     ``given`` are its flights if there are any; otherwise ``run.runs`` flights are simulated in the same
     winds.
     """
-    digits = metre_digits(problem.scene)
-    xx, xy, yy = path.cov[:, 0, 0], path.cov[:, 0, 1], path.cov[:, 1, 1]
     shown = {
         "t": rounded(path.t, 3),
-        "x": rounded(path.x, digits),
-        "cov": rounded(np.column_stack([xx, xy, yy]), 2 * digits),
+        "line": shown_places(problem.scene, path.x),
+        "spread": _spread(problem.scene, path),
         "q": path.q.tolist(),
         "label": [sorted(names) for names in path.label],
         "fixes": list(path.fixes),
@@ -108,6 +110,16 @@ def shown_path(
         shown["log"] = _shown_log(navigation_log(problem, path))
     plain: dict[str, Any] = plain_data(shown)
     return plain
+
+
+def _spread(scene: Scene, path: PlannedPath) -> list[Any]:
+    """For each step the semi-axes [m] of the ellipse of 95 % of the positions, and its azimuth [deg]."""
+    major, minor, azimuth = axes_of(path.cov)
+    if on_earth(scene) and scene.crs is not None:
+        azimuth = azimuth + meridian_convergence(scene.crs, *to_geographic(scene.crs, path.x))
+    scale, digits = ellipse_scale(SHARE), metre_digits(scene)
+    axes = np.column_stack([scale * major, scale * minor]).round(digits) + 0.0
+    return [[*pair, turn] for pair, turn in zip(axes.tolist(), rounded(np.rad2deg(azimuth), 1), strict=True)]
 
 
 def flown_path(run: ShownRun, problem: Problem, path: PlannedPath) -> Deployment:
@@ -140,16 +152,26 @@ def _rounded_column(values: FloatArray, digits: int) -> list[Any]:
     return column
 
 
-def shown_flights(run: ShownRun, problem: Problem, flown: Deployment) -> dict[str, Any]:
-    """The first flights of ``flown``, not selected: their share of failures estimates the rate."""
-    times = failure_times(problem, flown)
-    steps = flown.x.shape[1] - 1
-    count = int(np.clip(MOST_PLACES // (steps + 1), 10, MOST_FLIGHTS))
+def shown_flights(
+    scene: Scene, problem: Problem, flown: Deployment, count: int | None = None
+) -> dict[str, Any]:
+    """The first flights of ``flown``, not selected: their share of failures estimates the rate.
+
+    ``failed`` is the step at which a flight fails, or -1; ``why`` says why, or is None. There are ``count``
+    flights, by default as many as a page has room for.
+    """
+    if count is None:
+        count = int(np.clip(MOST_PLACES // flown.x.shape[1], 10, MOST_FLIGHTS))
+    some = Deployment(
+        flown.law, flown.x[:count], flown.accepted[:count], flown.collided[:count], flown.off_map[:count],
+        flown.walled,
+    )  # fmt: skip
+    times = failure_times(problem, some)
     return {
         "law": flown.law,
         "runs": len(flown.x),
         "failures": int(flown.failed.sum()),
-        "x": rounded(flown.x[:count], metre_digits(run.scene)),
-        "failedAt": times.step[:count].tolist(),
-        "cause": times.cause[:count].tolist(),
+        "at": shown_places(scene, some.x, coarser=1),
+        "failed": times.step.tolist(),
+        "why": [CAUSES[cause] if cause >= 0 else None for cause in times.cause],
     }

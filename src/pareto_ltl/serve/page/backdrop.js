@@ -1,8 +1,8 @@
 // A map of one's own under the drawing: areas, lines and points of a GeoJSON or KML file in the folder.
 
-import { ask } from "/desk/api.js";
-import { mercator } from "/desk/geo.js";
-import { pathOf, svg } from "/desk/shapes.js";
+import { ask } from "./api.js";
+import { mercator } from "./geo.js";
+import { pathOf, svg } from "./shapes.js";
 
 const MOST_NAMES = 60;  // on the map at once
 

@@ -1,8 +1,8 @@
 // Drawing on the map: tools for each role, corners that can be dragged, and the features as shapes.
 
-import { centre, crossesItself, distance, lengthText, metresOf } from "/desk/geo.js";
-import { byId, html, svg } from "/desk/shapes.js";
-import { outline, ROLES } from "/desk/store.js";
+import { centre, crossesItself, distance, lengthText, metresOf } from "./geo.js";
+import { byId, html, svg } from "./shapes.js";
+import { outline, ROLES } from "./store.js";
 
 const TOOLS = [
   { name: "select", label: "Select", hint: "" },

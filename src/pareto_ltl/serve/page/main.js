@@ -1,15 +1,15 @@
 // The desk: joins map, drawing, panels and result; opens and saves files; shows errors in the page.
 
-import { ask, giveFile } from "/desk/api.js";
-import { Backdrop } from "/desk/backdrop.js";
-import { Drawing } from "/desk/drawing.js";
-import { placeText } from "/desk/geo.js";
-import { ChartMap } from "/desk/map.js";
-import { Panels } from "/desk/panels.js";
-import { Result } from "/desk/result.js";
-import { byId, html, svg } from "/desk/shapes.js";
-import { kml, outline, Store } from "/desk/store.js";
-import { Studies } from "/desk/studies.js";
+import { ask, giveFile } from "./api.js";
+import { Backdrop } from "./backdrop.js";
+import { Drawing } from "./drawing.js";
+import { mercator, placeText } from "./geo.js";
+import { ChartMap } from "./map.js";
+import { Panels } from "./panels.js";
+import { Result } from "./result.js";
+import { byId, html, svg } from "./shapes.js";
+import { kml, outline, Store } from "./store.js";
+import { Studies } from "./studies.js";
 
 const EXAMPLE_FORMULAS = { hop: "F(a & F b)", phi1: "F a & F b & F c", phi2: "F(a & F(b & F c)) | F(a & F(d & F c))" };
 let spot = null;  // a place that an error names
@@ -36,6 +36,8 @@ const map = new ChartMap(byId("map"), view => [...backdrop.shapes(view), ...wind
   move: place => { byId("where").textContent = placeText(place); drawing.move(place); },
   click: (place, target) => drawing.click(place, target),
 });
+
+Object.assign(map, { middle: mercator([-92, 37]), scale: 1200 });  // until there is something to show
 
 /** The wind of the plan that is shown, or the wind before one; it lies under what is drawn. */
 function windShapes(view) {

@@ -1,9 +1,10 @@
 // The panels beside the map: the list of features and their form, the mission, the vehicle and the wind.
 
-import { ask } from "/desk/api.js";
-import { metresOf, placeOf, placeText } from "/desk/geo.js";
-import { titleOf } from "/desk/drawing.js";
-import { byId, html, svg } from "/desk/shapes.js";
+import { ask } from "./api.js";
+import { metresOf, placeOf, placeText } from "./geo.js";
+import { titleOf } from "./drawing.js";
+import { drawMachine } from "./machine.js";
+import { byId, html } from "./shapes.js";
 
 const PATTERNS = {
   sequence: { label: "Visit these in this order", goals: "Regions, in the order in which you press them" },
@@ -168,11 +169,7 @@ export class Panels {
     const shapes = this.explained?.automaton?.shapes;
     byId("machine-part").hidden = !shapes;
     if (!shapes) { byId("machine").replaceChildren(); return; }
-    const arrow = svg("marker", { id: "head", viewBox: "0 0 10 10", refX: 9, refY: 5, markerWidth: 8, markerHeight: 8, orient: "auto-start-reverse" }, svg("path", { d: "M0 1L10 5L0 9z" }));
-    const edges = shapes.edges.map(edge => svg("path", { class: "edge", d: edge.d, "marker-end": "url(#head)" }));
-    const labels = shapes.edges.map(edge => svg("text", { x: edge.at[0], y: edge.at[1] + 4, "text-anchor": "middle" }, edge.lines.join(" ")));
-    const states = shapes.states.map(one => svg("g", { class: `state ${one.role}` }, svg("circle", { cx: one.at[0], cy: one.at[1], r: shapes.radius }), svg("text", { x: one.at[0], y: one.at[1] + 4, "text-anchor": "middle" }, one.number)));
-    byId("machine").replaceChildren(svg("svg", { viewBox: `0 0 ${shapes.width} ${shapes.height}`, width: shapes.width, height: shapes.height, role: "img", "aria-label": "automaton of the mission" }, svg("defs", {}, arrow), ...edges, ...labels, ...states));
+    drawMachine(byId("machine"), shapes);
   }
 
   // --- the request --------------------------------------------------------------------------------------

@@ -1,10 +1,12 @@
 // A plan while it is made and after: progress, front, path with ellipses, wind, what limits it, files, a fix.
 
-import { ask, download, follow } from "/desk/api.js";
-import { lengthText, placeText } from "/desk/geo.js";
-import { drawFront } from "/desk/front.js";
-import { byId, duration, html, percent, svg } from "/desk/shapes.js";
-import { WindLayer } from "/desk/wind.js";
+import { ask, download, follow } from "./api.js";
+import { ellipse, ellipses, flown, stepLines, track, vehicle } from "./flight.js";
+import { drawFront } from "./front.js";
+import { lengthText, placeText } from "./geo.js";
+import { drawRisk } from "./risk.js";
+import { byId, duration, html, percent, svg } from "./shapes.js";
+import { WindLayer } from "./wind.js";
 
 const STAGES = {
   readings: "Reading the wind", scene: "Reading the map", decomposition: "Dividing the map", automaton: "Reading the mission", observations: "Reading the wind", wind: "Fitting the wind",
@@ -19,7 +21,6 @@ const EARLY = {  // where the points come from, while the plan is made
 };
 const SLOW = 4000;  // [ms] of waiting before the page says why
 const LEAST_SAVED = 0.01;  // percentage points: less is not worth a line
-const ELLIPSES = 14;  // at most, on the map
 const SOURCES = { coherent: "winds whose error lasts for hours", independent: "winds whose error changes at every step" };
 
 export class Result {
@@ -38,6 +39,7 @@ export class Result {
     on("replan", () => this.replan().catch(failed));
     byId("time").addEventListener("input", event => { this.stop(); this.moveTo(+event.target.value); });
     for (const [kind, label] of Object.entries(FORMATS)) byId("exports").append(html("button", { type: "button", "data-kind": kind, onclick: event => this.take(kind, event.target) }, label));
+    byId("risk-part").addEventListener("toggle", () => { if (this.view) this.moveTo(this.step); });
     new ResizeObserver(() => this.drawFront()).observe(byId("front"));
   }
 
@@ -212,6 +214,7 @@ export class Result {
     this.step = step;
     byId("time").value = step;
     byId("clock").textContent = view.utc ? `${view.utc[step].slice(0, 10)} ${view.utc[step].slice(11, 16)} UTC` : duration(view.t[step]);
+    if (byId("risk-part").open) drawRisk(byId("risk"), view, step, view.causes);
     this.redraw();
   }
 
@@ -264,30 +267,13 @@ export class Result {
   // --- on the map -----------------------------------------------------------------------------------
 
   shapes(map) {
-    const early = this.early.filter(point => point.line).map(point => svg("path", { class: "track early", d: map.line(point.line) }));
-    if (this.early[this.looked]?.line) early.push(svg("path", { class: "track", d: map.line(this.early[this.looked].line) }));
+    const early = this.early.filter(point => point.line).map(point => track(map, point.line, "early"));
+    if (this.early[this.looked]?.line) early.push(track(map, this.early[this.looked].line));
     if (!this.view || !this.front) return early;
-    const { view, step } = this, stride = Math.max(1, Math.ceil((view.line.length - 1) / ELLIPSES)), found = [...this.studies.beaconShapes(map), ...this.flights(map)];
-    if (this.pinned) found.push(svg("path", { class: "track pinned", d: map.line(this.pinned.view.line) }));
-    for (let k = view.line.length - 1; k > 0; k -= stride) found.push(svg("path", { class: "ellipse", d: map.line(view.ellipses[k], true) }));
-    found.push(svg("path", { class: "track", d: map.line(view.line) }), svg("path", { class: "ellipse now", d: map.line(view.ellipses[step], true) }));
-    const [ex, ey] = map.at(view.line.at(-1)), [cx, cy] = map.at(view.line[step]);
-    found.push(svg("rect", { class: "end", x: ex - 5, y: ey - 5, width: 10, height: 10 }, svg("title", {}, "expected end")));
-    found.push(svg("circle", { class: "vehicle", cx, cy, r: 7 }, svg("title", {}, this.stepText(step))));
-    if (this.fix) { const [x, y] = map.at(this.fix); found.push(svg("circle", { class: "fix", "data-fix": "", cx: x, cy: y, r: 11 }), svg("path", { class: "fixcross", d: `M${x - 16} ${y}H${x + 16}M${x} ${y - 16}V${y + 16}` })); }
-    return found;
-  }
-
-  /** Simulated flights up to the time that is shown; those that have failed by then are marked. */
-  flights(map) {
-    if (!byId("layer-flights").checked) return [];
-    const { at, failed, why } = this.view.flights, found = [], trails = [[], []];
-    at.forEach((line, k) => {
-      const lost = failed[k] >= 0 && failed[k] <= this.step, [cx, cy] = map.at(line[this.step]);
-      trails[+lost].push(map.line(line.slice(0, this.step + 1)));
-      found.push(svg("circle", { class: lost ? "flight lost" : "flight", cx, cy, r: 2.6 }, lost ? svg("title", {}, `this flight ${why[k]}`) : null));
-    });
-    return [...trails.map((lines, lost) => svg("path", { class: lost ? "trail lost" : "trail", d: lines.join("") })), ...found];
+    const { view, step } = this, flights = byId("layer-flights").checked ? flown(map, view.flights, step) : [];
+    const parts = [...this.studies.beaconShapes(map), ...flights, ...this.pinned ? [track(map, this.pinned.view.line, "pinned")] : [], ...ellipses(map, view), track(map, view.line), ellipse(map, view, step, "now"), ...vehicle(map, view, step, stepLines(map, view, step).join("\n"))];
+    if (this.fix) { const [x, y] = map.at(this.fix); parts.push(svg("circle", { class: "fix", "data-fix": "", cx: x, cy: y, r: 11 }), svg("path", { class: "fixcross", d: `M${x - 16} ${y}H${x + 16}M${x} ${y - 16}V${y + 16}` })); }
+    return parts;
   }
 
   /** What the layers show at this time, in words. */
@@ -295,11 +281,5 @@ export class Result {
     const told = [this.wind.legend];
     if (this.view && byId("layer-flights").checked) { const { at, failed } = this.view.flights; told.push(`${at.length} simulated flights, ${failed.filter(step => step >= 0 && step <= this.step).length} failed by now`); }
     return told.filter(Boolean).join("; ");
-  }
-
-  stepText(step) {
-    const { view } = this, log = view.log, told = [`${duration(view.t[step])} after departure`, placeText(view.line[step])];
-    if (log && step < log.airspeed.length) told.push(`heading ${log.heading[step] === null ? "-" : `${log.heading[step].toFixed(0)}°`}, ${log.airspeed[step].toFixed(1)} m/s`, `wind ${log.wind_speed[step].toFixed(1)} m/s from ${log.wind_from[step].toFixed(0)}°`);
-    return told.join("\n");
   }
 }

@@ -1,7 +1,7 @@
 // The mission that is drawn: features with roles, what to do, vehicle and wind; kept by the server, with undo.
 
-import { ask } from "/desk/api.js";
-import { circle, metresOf, nameOf } from "/desk/geo.js";
+import { ask } from "./api.js";
+import { circle, metresOf, nameOf } from "./geo.js";
 
 const EMPTY = { features: [], pattern: "sequence", goals: [], avoid: [], formula: "", robot: "airframe", wind: "sample", windPath: "", departure: "", planner: "default", backdrop: "", plan: null };
 const MOST_UNDO = 100, PAUSE = 500;  // steps; [ms] before a change is sent

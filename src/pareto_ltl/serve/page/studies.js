@@ -1,9 +1,9 @@
 // Questions beside a plan: when to leave (a heat map of starts), what a beacon would buy, the wind before a plan.
 
-import { ask, follow } from "/desk/api.js";
-import { lengthText } from "/desk/geo.js";
-import { byId, html, percent, svg } from "/desk/shapes.js";
-import { WindLayer } from "/desk/wind.js";
+import { ask, follow } from "./api.js";
+import { lengthText } from "./geo.js";
+import { byId, html, percent, svg } from "./shapes.js";
+import { WindLayer } from "./wind.js";
 
 const EDGE = { left: 58, right: 6, top: 6, bottom: 34 };  // of the heat map [pixels]
 const HALF_HOUR = 1800e3;  // [ms] between two positions of the slider of departures

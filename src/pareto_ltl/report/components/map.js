@@ -1,17 +1,19 @@
-// The map: a view of the Mercator plane in SVG, with a graticule in degrees and a scale; layers draw on it.
+// The map: a view of the Mercator plane, or of a plane in metres, in SVG, with a grid and a scale; layers draw on it.
 
-import { angleText, degrees, distance, mercator } from "/desk/geo.js";
-import { pathOf, svg } from "/desk/shapes.js";
+import { EARTHLY } from "./geo.js";
+import { pathOf, svg } from "./shapes.js";
 
-const STEPS = [45, 30, 20, 10, 5, 2, 1, 1 / 2, 1 / 3, 1 / 6, 1 / 12, 1 / 30, 1 / 60, 1 / 120, 1 / 600];  // of the graticule [deg]
 const GAP = 84;  // least distance of its lines [pixels]
 const DRAG = 5;  // [pixels] beyond which a press is no click
-const LARGEST = 4e7, SMALLEST = 40;  // pixels for each unit of the plane
+
+/** Least and largest of many numbers. */
+const extent = values => values.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
 
 export class ChartMap {
-  /** `draw(map)` draws the layers of the page after the graticule; `heard` has press, move, release and click. */
-  constructor(root, draw, heard) {
-    Object.assign(this, { root, draw, heard, middle: mercator([-92, 37]), scale: 1200, pointers: new Map(), pressed: null, waiting: false });
+  /** `draw(map)` draws the layers of the page after the grid; `heard` has press, drag, dropped, move and click.
+   *  In a page that `scrolls`, the wheel zooms with the Ctrl key only. */
+  constructor(root, draw, heard, { plane = EARTHLY, scrolls = false } = {}) {
+    Object.assign(this, { root, draw, heard, plane, scrolls, middle: plane.to([0, 0]), scale: plane.scales[0], pointers: new Map(), pressed: null, waiting: false });
     this.ground = svg("g");
     this.layers = svg("g");
     this.frame = svg("g", { class: "frame" });
@@ -22,16 +24,19 @@ export class ChartMap {
 
   get size() { return [this.root.clientWidth || 600, this.root.clientHeight || 400]; }
 
-  /** Pixels of a place [lon, lat]. */
+  /** Pixels of a place: [lon, lat] on the Earth, [x, y] in metres in a plane; the nearest turn round the Earth. */
   at(place) {
-    const [x, y] = mercator(place), [w, h] = this.size;
-    return [(x - this.middle[0]) * this.scale + w / 2, (this.middle[1] - y) * this.scale + h / 2];
+    const [x, y] = this.plane.to(place), [w, h] = this.size;
+    return [this.nearest(x - this.middle[0]) * this.scale + w / 2, (this.middle[1] - y) * this.scale + h / 2];
   }
+
+  /** A difference in x without whole turns round the Earth. */
+  nearest(x) { return this.plane.around ? x - this.plane.around * Math.round(x / this.plane.around) : x; }
 
   /** The place at pixels. */
   place([px, py]) {
     const [w, h] = this.size;
-    return degrees([(px - w / 2) / this.scale + this.middle[0], this.middle[1] - (py - h / 2) / this.scale]);
+    return this.plane.from([(px - w / 2) / this.scale + this.middle[0], this.middle[1] - (py - h / 2) / this.scale]);
   }
 
   line(places, close = false) { return pathOf(places.map(place => this.at(place)), close); }
@@ -39,14 +44,14 @@ export class ChartMap {
   /** Show all of `places`, with a margin. */
   fit(places) {
     if (!places.length) return;
-    const plane = places.map(mercator), xs = plane.map(p => p[0]), ys = plane.map(p => p[1]);
-    const [west, east, south, north] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)], [w, h] = this.size;
+    const plane = places.map(this.plane.to), first = plane[0][0], [w, h] = this.size;
+    const [west, east] = extent(plane.map(([x]) => first + this.nearest(x - first))), [south, north] = extent(plane.map(([, y]) => y));
     this.middle = [(west + east) / 2, (south + north) / 2];
     this.scale = this.limited(0.84 * Math.min(w / Math.max(east - west, 1e-6), h / Math.max(north - south, 1e-6)));
     this.refresh();
   }
 
-  limited(scale) { return Math.max(SMALLEST, Math.min(LARGEST, scale)); }
+  limited(scale) { return Math.max(this.plane.scales[0], Math.min(this.plane.scales[1], scale)); }
 
   /** Zoom by a factor and keep the place under `spot` where it is. */
   zoom(factor, spot = this.size.map(length => length / 2)) {
@@ -57,7 +62,8 @@ export class ChartMap {
   }
 
   move(dx, dy) {
-    this.middle = [this.middle[0] - dx / this.scale, Math.max(-3.1, Math.min(3.1, this.middle[1] + dy / this.scale))];
+    const y = this.middle[1] + dy / this.scale;
+    this.middle = [this.middle[0] - dx / this.scale, this.plane.around ? Math.max(-3.1, Math.min(3.1, y)) : y];
     this.refresh();
   }
 
@@ -65,28 +71,29 @@ export class ChartMap {
   refresh() {
     if (this.waiting) return;
     this.waiting = true;
-    requestAnimationFrame(() => {
-      this.waiting = false;
-      const [w, h] = this.size;
-      this.root.setAttribute("viewBox", `0 0 ${w} ${h}`);
-      this.graticule();
-      this.layers.replaceChildren(...this.draw(this));
-    });
+    requestAnimationFrame(() => this.drawNow());
   }
 
-  graticule() {
-    const [w, h] = this.size, [west, north] = this.place([0, 0]), [east, south] = this.place([w, h]);
-    const step = STEPS.findLast(one => one * this.scale * Math.PI / 180 >= GAP) ?? STEPS[0], digits = step >= 1 / 60 ? 0 : 1;
-    const lines = [], texts = [];
+  drawNow() {
+    this.waiting = false;
+    const [w, h] = this.size;
+    this.root.setAttribute("viewBox", `0 0 ${w} ${h}`);
+    this.grid();
+    this.layers.replaceChildren(...this.draw(this));
+  }
+
+  grid() {
+    const [w, h] = this.size, [west, north] = this.place([0, 0]), [east, south] = this.place([w, h]), { plane } = this;
+    const step = plane.step(GAP / this.scale), lines = [], texts = [];
     for (let k = Math.ceil(west / step); k * step <= east && lines.length < 99; k++) {
-      const [x] = this.at([k * step, 0]);
+      const x = (plane.to([k * step, 0])[0] - this.middle[0]) * this.scale + w / 2;
       lines.push([[x, 0], [x, h]]);
-      if (x > 70 && x < w - 30) texts.push(svg("text", { x, y: h - 6, "text-anchor": "middle" }, angleText(((k * step + 540) % 360) - 180, "EW", digits)));
+      if (x > 70 && x < w - 30) texts.push(svg("text", { x, y: h - 6, "text-anchor": "middle" }, plane.label(k * step, 0, step)));
     }
     for (let k = Math.ceil(south / step); k * step <= north && lines.length < 199; k++) {
       const [, y] = this.at([0, k * step]);
       lines.push([[0, y], [w, y]]);
-      if (y > 14 && y < h - 62) texts.push(svg("text", { x: 6, y: y - 4 }, angleText(k * step, "NS", digits)));
+      if (y > 14 && y < h - 62) texts.push(svg("text", { x: 6, y: y - 4 }, plane.label(k * step, 1, step)));
     }
     this.ground.replaceChildren(svg("path", { class: "graticule", d: lines.map(line => pathOf(line)).join("") }));
     this.frame.replaceChildren(...texts, this.scaleBar(w, h));
@@ -94,7 +101,7 @@ export class ChartMap {
 
   /** Bars of a round number of kilometres and of nautical miles, true at the middle of the map. */
   scaleBar(w, h) {
-    const across = distance(this.place([w / 2 - 50, h / 2]), this.place([w / 2 + 50, h / 2])) / 100, bar = svg("g", { class: "scale" });
+    const across = this.plane.distance(this.place([w / 2 - 50, h / 2]), this.place([w / 2 + 50, h / 2])) / 100, bar = svg("g", { class: "scale" });
     [["km", 1000], ["nmi", 1852]].forEach(([unit, metres], row) => {
       const most = 110 * across / metres, power = 10 ** Math.floor(Math.log10(most)), round = power * [5, 2, 1].find(m => m * power <= most);
       const length = round * metres / across, y = h - 44 + 15 * row;
@@ -116,7 +123,7 @@ export class ChartMap {
     on("pointermove", event => this.moved(event));
     on("pointerup", event => this.up(event));
     on("pointercancel", event => this.up(event));
-    on("wheel", event => { event.preventDefault(); this.zoom(Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0016)), this.spot(event)); });
+    on("wheel", event => { if (this.scrolls && !event.ctrlKey) return; event.preventDefault(); this.zoom(Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0016)), this.spot(event)); });
     on("keydown", event => {
       const moves = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] };
       if (moves[event.key]) { event.preventDefault(); this.move(...moves[event.key]); }

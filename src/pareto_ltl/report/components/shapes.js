@@ -25,6 +25,7 @@ export const pathOf = (points, close = false) => points.length ? `M${points.map(
 export function percent(p) {
   if (p === null || p === undefined) return "-";
   const value = 100 * Math.min(1, p);
+  if (value >= 99.995) return "100 %";
   return value === 0 ? "0 %" : value < 1e-3 ? `${value.toExponential(1)} %` : `${+value.toPrecision(value >= 10 ? 3 : 2)} %`;
 }
 

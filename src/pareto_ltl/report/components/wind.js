@@ -1,24 +1,25 @@
-// The wind on the map: arrows of the expected wind, and shades of its standard deviation, at one time.
+// The wind on the map: arrows of the expected wind, and shades of its standard deviation, at one time. The boxes
+// layer-wind and layer-doubt of the page switch them.
 
-import { byId, pathOf, svg } from "/desk/shapes.js";
+import { byId, pathOf, svg } from "./shapes.js";
 
 const LONGEST = 26;  // [pixels] of the arrow of the fastest wind
 
 export class WindLayer {
-  /** `view` is the answer of /api/plans/ID/wind; null: no wind. */
-  constructor(view = null) { this.view = view; }
+  /** `view` has the wind at some times `t` [s] and places `at`: `uv`, `sd` [m/s]; null: no wind. */
+  constructor(view = null) { Object.assign(this, { view, fastest: Math.max(...view?.uv.flat().map(([u, v]) => Math.hypot(u, v)) ?? [], 0) }); }
 
   /** Shapes of the time [s after departure]. */
   shapes(map, seconds) {
     const { view } = this;
-    if (!view) return [];
+    if (!view?.at.length) return [];
     const { t } = view, k = Math.max(0, Math.min(t.length - 2, t.findLastIndex(one => one <= seconds))), share = t.length > 1 ? Math.max(0, Math.min(1, (seconds - t[k]) / (t[k + 1] - t[k]))) : 0;
     const between = (before, after) => share ? (1 - share) * before + share * after : before;
     return [...byId("layer-doubt").checked ? this.doubt(map, view.sd[k].map((one, n) => between(one, view.sd[k + 1]?.[n]))) : [], ...byId("layer-wind").checked ? [this.arrows(map, view.uv[k].map((one, n) => one.map((value, axis) => between(value, view.uv[k + 1]?.[n][axis]))))] : []];
   }
 
   arrows(map, uv) {
-    const most = this.view.uv.flat().reduce((fastest, [u, v]) => Math.max(fastest, Math.hypot(u, v)), 1e-9), scale = LONGEST / most;
+    const scale = LONGEST / Math.max(this.fastest, 1e-9);
     const lines = this.view.at.map((place, n) => {
       const [x, y] = map.at(place), [dx, dy] = [uv[n][0] * scale, -uv[n][1] * scale], tip = [x + dx / 2, y + dy / 2];
       const barb = side => [tip[0] - 0.32 * dx + side * 0.18 * dy, tip[1] - 0.32 * dy - side * 0.18 * dx];
@@ -39,9 +40,9 @@ export class WindLayer {
 
   /** Fastest expected wind and largest standard deviation [m/s] in words. */
   get legend() {
-    if (!this.view) return "";
-    const fastest = Math.max(...this.view.uv.flat().map(one => Math.hypot(...one))), sds = this.view.sd.flat();
-    const told = [byId("layer-wind").checked ? `longest arrow ${fastest.toFixed(1)} m/s` : "", byId("layer-doubt").checked ? `shade: uncertainty of the wind, ${Math.min(...sds).toFixed(1)} to ${Math.max(...sds).toFixed(1)} m/s (standard deviation)` : ""];
-    return told.filter(Boolean).join("; ");
+    if (!this.fastest) return "";
+    const sds = this.view.sd.flat();
+    const parts = [byId("layer-wind").checked ? `longest arrow ${this.fastest.toFixed(1)} m/s` : "", byId("layer-doubt").checked ? `shade: uncertainty of the wind, ${Math.min(...sds).toFixed(1)} to ${Math.max(...sds).toFixed(1)} m/s (standard deviation)` : ""];
+    return parts.filter(Boolean).join("; ");
   }
 }

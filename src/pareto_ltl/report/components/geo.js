@@ -1,4 +1,4 @@
-// Places on the Earth: the Mercator plane of the map, distances, degrees as text, names of regions.
+// Places on the Earth or in a plane: what the map shows them in, distances, degrees as text, names of regions.
 
 export const EARTH = 6371008.8;  // mean radius [m]
 const RAD = Math.PI / 180;
@@ -20,6 +20,43 @@ export function beside([lon, lat], metres, direction) {
   const turn = Math.atan2(Math.sin(direction) * Math.sin(arc) * Math.cos(from), Math.cos(arc) - Math.sin(from) * Math.sin(to));
   return [lon + turn / RAD, to / RAD];
 }
+
+/** Round numbers 1, 2 and 5 times powers of ten: the least one that is at least `least`. */
+export function roundAbove(least) {
+  const power = 10 ** Math.floor(Math.log10(least));
+  return power * [1, 2, 5, 10].find(m => m * power >= least * (1 - 1e-9));
+}
+
+/** Round numbers between two ends, about `count` of them. */
+export function ticksBetween(low, high, count) {
+  const step = roundAbove(Math.max(high - low, 1e-9) / count), ticks = [];
+  for (let k = Math.ceil(low / step); k * step <= high; k++) ticks.push(+(k * step).toPrecision(8));
+  return ticks;
+}
+
+const STEPS = [1 / 600, 1 / 120, 1 / 60, 1 / 30, 1 / 12, 1 / 6, 1 / 3, 1 / 2, 1, 2, 5, 10, 20, 30, 45];  // of a graticule [deg]
+
+// Kinds of places that a map can have. `to` and `from` lead to the plane that is drawn; `around` is its extent in
+// x, or 0; `scales` are the least and most pixels for a unit; `step` and `label` are for the lines of its grid.
+export const EARTHLY = {
+  to: mercator, from: degrees, around: 2 * Math.PI, scales: [40, 4e7], distance, beside,
+  step: least => STEPS.find(one => one * RAD >= least) ?? 45,
+  label: (value, axis, step) => axis ? angleText(value, "NS", step >= 1 / 60 ? 0 : 1) : angleText(turned(value), "EW", step >= 1 / 60 ? 0 : 1),
+  text: place => placeText(place),
+};
+export const PLANAR = {  // metres
+  to: place => place, from: place => place, around: 0, scales: [1e-9, 1e6], distance: ([a, b], [c, d]) => Math.hypot(c - a, d - b),
+  beside: ([x, y], metres, direction) => [x + metres * Math.sin(direction), y + metres * Math.cos(direction)],
+  step: least => roundAbove(least),
+  label: (value, axis, step) => `${axis ? "north" : "east"} ${step >= 1000 ? `${(value / 1000).toLocaleString("en")} km` : `${value.toLocaleString("en")} m`}`,
+  text: ([x, y]) => `${(x / 1000).toFixed(2)} km east, ${(y / 1000).toFixed(2)} km north`,
+};
+
+/** Corners of the ellipse with semi-axes a and b [m], a in the direction `azimuth` [deg]. */
+export const ellipseAround = (plane, centre, [a, b, azimuth], corners = 36) => Array.from({ length: corners }, (_, k) => {
+  const angle = 2 * Math.PI * k / corners, along = a * Math.cos(angle), across = b * Math.sin(angle);
+  return plane.beside(centre, Math.hypot(along, across), azimuth * RAD + Math.atan2(across, along));
+});
 
 export const circle = (centre, metres, corners = 48) => Array.from({ length: corners }, (_, k) => beside(centre, metres, 2 * Math.PI * k / corners));
 

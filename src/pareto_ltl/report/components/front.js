@@ -1,0 +1,54 @@
+// The front as a chart: failure on a logarithmic axis against length. A click or Enter selects a point.
+
+import { ticksBetween } from "./geo.js";
+import { pathOf, percent, svg } from "./shapes.js";
+
+const REACH = 25;  // [pixels] from a click to its point
+const EDGE = { left: 52, right: 14, top: 12, bottom: 40 };
+
+const decades = (low, high) => {
+  const ticks = [], marks = Math.log10(high / low) > 2.2 ? [1] : [1, 2, 5];
+  for (let power = -8; power <= 0; power++) for (const m of marks) if (m * 10 ** power >= low * 0.999 && m * 10 ** power <= high * 1.001) ticks.push(m * 10 ** power);
+  return ticks;
+};
+
+const ranged = point => point.failure_low !== null && point.failure_low !== undefined;
+
+/** The scales of the axes: pixels of a length [km] and of a failure, and the lengths and failures at their ends. */
+function scales(points, km, w, h) {
+  const positive = points.flatMap(point => [point.failure, point.failure_high]).filter(p => p > 0), least = Math.min(...positive, 1);
+  const floor = Math.max(1e-7, 10 ** (Math.floor(Math.log10(Math.max(least / 2, 1e-9)) * 3) / 3)), top = Math.min(1, Math.max(...points.map(p => p.failure_high ?? p.failure), floor * 4) * 1.5);
+  const pad = Math.max((Math.max(...km) - Math.min(...km)) * 0.06, Math.max(...km) * 0.004), low = Math.min(...km) - pad, high = Math.max(...km) + pad;
+  return {
+    floor, top, low, high, x: value => EDGE.left + (value - low) / (high - low) * (w - EDGE.left - EDGE.right),
+    y: p => EDGE.top + (Math.log(top) - Math.log(Math.min(top, Math.max(p, floor)))) / (Math.log(top) - Math.log(floor)) * (h - EDGE.top - EDGE.bottom),
+  };
+}
+
+/** Draw `points` ({failure, failure_low, failure_high, length_m}); `choose(number)` is called for a chosen one.
+ *  `text(number)` is what a point says of itself; those of which `hollow(number)` holds are drawn as empty circles. */
+export function drawFront(root, points, { shown, chosen, choose, pinned = null, text = null, hollow = () => false }) {
+  const w = root.clientWidth || 360, h = root.clientHeight || 240, km = points.map(point => point.length_m / 1000);
+  root.setAttribute("viewBox", `0 0 ${w} ${h}`);
+  const { floor, top, low, high, x, y } = scales(points, pinned ? [...km, pinned.length_m / 1000] : km, w, h), base = h - EDGE.bottom, parts = [];
+  const zero = points.some(point => !(point.failure > 0)) ? [svg("text", { x: EDGE.left - 6, y: base + 4, "text-anchor": "end" }, "0")] : [];
+  for (const tick of decades(floor, top)) {
+    if (zero.length && y(tick) > base - 14) continue;
+    parts.push(svg("path", { class: "grid", d: pathOf([[EDGE.left, y(tick)], [w - EDGE.right, y(tick)]]) }), svg("text", { x: EDGE.left - 6, y: y(tick) + 4, "text-anchor": "end" }, percent(tick)));
+  }
+  for (const tick of ticksBetween(low, high, w / 90)) parts.push(svg("path", { class: "grid", d: pathOf([[x(tick), EDGE.top], [x(tick), base]]) }), svg("text", { x: x(tick), y: base + 16, "text-anchor": "middle" }, tick.toLocaleString("en")));
+  parts.push(...zero, svg("path", { class: "axis", d: pathOf([[EDGE.left, EDGE.top], [EDGE.left, base], [w - EDGE.right, base]]) }), svg("text", { x: (EDGE.left + w) / 2, y: h - 6, "text-anchor": "middle" }, "length [km]"));
+  points.forEach((point, k) => { if (ranged(point)) parts.push(svg("path", { class: "range", d: pathOf([[x(km[k]), y(point.failure_low)], [x(km[k]), y(point.failure_high)]]) })); });
+  points.forEach((point, k) => {
+    const marks = ["point", k === shown && "shown", k === chosen && "chosen", hollow(k) && "hollow"].filter(Boolean).join(" "), name = text?.(k) ?? `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`;
+    parts.push(svg("g", { class: marks, "data-point": k, tabindex: 0, role: "button", "aria-label": name, "aria-pressed": String(k === shown), onkeydown: event => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(k); } } },
+      svg("circle", { cx: x(km[k]), cy: y(point.failure), r: k === shown ? 7 : 4.5 }), svg("title", {}, name)));
+  });
+  if (pinned) parts.push(svg("circle", { class: "pinned", cx: x(pinned.length_m / 1000), cy: y(pinned.failure), r: 9 }, svg("title", {}, "kept for comparison")));
+  root.onclick = event => {  // the nearest point: marks can overlap
+    const box = root.getBoundingClientRect(), [px, py] = [event.clientX - box.left, event.clientY - box.top], away = points.map((point, k) => Math.hypot(x(km[k]) - px, y(point.failure) - py));
+    const nearest = away.indexOf(Math.min(...away));
+    if (away[nearest] < REACH) choose(nearest);
+  };
+  root.replaceChildren(...parts);
+}

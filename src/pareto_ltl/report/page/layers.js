@@ -1,0 +1,109 @@
+// What the map shows: the mission, the wind, the path of the point that is shown, its flights and tight places.
+
+import { ellipse, ellipses, flown, stepLines, track, vehicle } from "./flight.js";
+import { centre, EARTHLY, PLANAR } from "./geo.js";
+import { ChartMap } from "./map.js";
+import { byId, percent, svg } from "./shapes.js";
+import { WindLayer } from "./wind.js";
+
+const NEAR = 18;  // [pixels] from a click to a step of the path
+const wind = new WindLayer(PAGE.wind);
+const ticked = id => byId(id)?.checked ?? false;
+const closed = ring => ring.slice(0, -1);
+const shapesOf = role => PAGE.map.shapes.filter(shape => shape.role === role);
+const border = shapesOf("bounds")[0].ring;
+
+const map = new ChartMap(byId("map"), layers, {
+  press: () => null, drag: () => {}, dropped: () => {},
+  move: place => { byId("where").textContent = map.plane.text(place); },
+  click: place => goNear(place),
+}, { plane: PAGE.map.earthly ? EARTHLY : PLANAR, scrolls: true });
+
+/** All layers, the lowest first. */
+function layers() {
+  const view = path();
+  return [
+    ...wind.shapes(map, moment()), svg("path", { class: PAGE.map.walled ? "feature border walled" : "feature border", d: map.line(border, true) }),
+    ...["obstacle", "landmark", "region"].flatMap(role => shapesOf(role).map(shape => outline(shape))), ...closedRegions(moment()), ...trees(),
+    ...otherPaths(), ...view ? pathShapes(view) : [startShape()], ...names(),
+  ];
+}
+
+const outline = ({ role, name, ring }) => svg("path", { class: `feature ${role}`, d: map.line(ring, true), "data-name": name }, svg("title", {}, name));
+
+function startShape() {
+  const [cx, cy] = map.at(PAGE.map.start);
+  return svg("circle", { class: "feature start", cx, cy, r: 5.5 }, svg("title", {}, "start"));
+}
+
+/** Names of regions where they fit, away from the path. */
+function names() {
+  const line = path()?.line.map(place => map.at(place)) ?? [], gap = ([x, y]) => line.reduce((least, [a, b]) => Math.min(least, Math.hypot(a - x, b - y)), 40);
+  return shapesOf("region").map(({ name, ring }) => {
+    const corners = closed(ring).map(place => map.at(place)), middle = centre(corners), tried = [middle, ...corners.map(([x, y]) => [0.55 * middle[0] + 0.45 * x, 0.55 * middle[1] + 0.45 * y])];
+    const [x, y] = tried.reduce((best, spot) => gap(spot) > 1.2 * gap(best) ? spot : best);
+    return svg("text", { class: "label", x, y: y + 5, "text-anchor": "middle" }, name);
+  });
+}
+
+/** Regions that are forbidden at time t. */
+function closedRegions(t) {
+  const now = PAGE.map.windows.filter(w => w.forbidden && (w.begin === null || w.begin <= t) && (w.end === null || t <= w.end)).map(w => w.region);
+  return shapesOf("region").filter(shape => now.includes(shape.name)).map(({ ring }) => svg("path", { class: "shut", d: map.line(ring, true) }));
+}
+
+const trees = () => PAGE.trees.length ? [svg("path", { class: "branches", d: PAGE.trees.map(edge => map.line(edge)).join("") })] : [];
+
+function otherPaths() {
+  if (!ticked("layer-others")) return [];
+  return [svg("path", { class: "others", d: Object.keys(PAGE.paths).filter(k => +k !== shown.point).map(k => map.line(PAGE.paths[k].line)).join("") })];
+}
+
+/** The path that is shown and what belongs to it. */
+function pathShapes(view) {
+  const rings = ticked("layer-ellipses"), flights = PAGE.flights && shown.point === PAGE.chosen && ticked("layer-flights") ? flown(map, PAGE.flights, shown.step) : [];
+  return [
+    ...rings ? ellipses(map, view) : [], ...flights, ...placeShapes(view), track(map, view.line), startShape(), ...rings ? [ellipse(map, view, shown.step, "now")] : [],
+    ...vehicle(map, view, shown.step, [`step ${shown.step} of ${view.line.length - 1}, ${timeText(view.t[shown.step])}`, ...stepLines(map, view, shown.step)].join("\n")),
+  ];
+}
+
+/** Tight places of the chosen plan: stretches of its path that give the reason, and the numbers of the obstacles
+ *  that have a price. */
+function placeShapes(view) {
+  if (shown.point !== PAGE.chosen || !ticked("layer-places")) return [];
+  const places = PAGE.places.map(({ step, lines }) => svg("path", { class: "place", "data-step": step, d: map.line(view.line.slice(step, step + 2)) }, svg("title", {}, lines.join("\n"))));
+  const obstacles = shapesOf("obstacle"), numbers = PAGE.pricedObstacles.map(number => {
+    const [x, y] = centre(closed(obstacles[number - 1].ring).map(place => map.at(place)));
+    return svg("text", { class: "number", x, y: y + 5, "text-anchor": "middle" }, number);
+  });
+  return [...places, ...numbers];
+}
+
+/** Show the step of the path that is nearest to a place, if it is near. */
+function goNear(place) {
+  const view = path(), [x, y] = map.at(place);
+  if (!view) return;
+  const away = view.line.map(one => map.at(one)).map(([a, b]) => Math.hypot(a - x, b - y)), nearest = away.indexOf(Math.min(...away));
+  if (away[nearest] < NEAR) { stop(); showStep(nearest); }
+}
+
+/** What the map says below itself. */
+function mapNote() {
+  if (shown.point !== null && !isDrawn(shown.point)) return `The path of point ${shown.point} is not in this page: pareto-ltl choose DIR --point ${shown.point} makes it the plan.`;
+  const notes = [];
+  if (PAGE.flights) notes.push(`${PAGE.flights.at.length} of ${PAGE.flights.runs.toLocaleString("en")} simulated flights of the chosen plan are drawn, as they come, under ${PAGE.flights.law} winds; those that have failed are dashed and dark red, with a cross.`);
+  if (PAGE.law && path()) notes.push(`Ellipses hold 95 % of positions at a time under ${PAGE.law} winds.`);
+  notes.push(wind.fastest ? [`Wind at ${PAGE.wind.level}`, wind.legend].filter(Boolean).join("; ") + "." : "Calm air.", PAGE.map.walled ? "The border is a wall: leaving the map is a failure." : "The border is open.");
+  for (const { name, forbidden, told } of PAGE.map.windows) notes.push(`${forbidden ? "Forbidden" : `${name} holds`} ${told}.`);
+  if (PAGE.map.windows.some(w => w.forbidden)) notes.push("What is forbidden at the time of the slider is dark, with a dashed outline.");
+  if (PAGE.trees.length) notes.push("Grey lines: the oldest branches of the search trees, as far as they came.");
+  return notes.join(" ");
+}
+
+/** The time and the state of the flight in words. */
+function momentText(view) {
+  const k = shown.step, { failed, runs, law } = view.risk, count = failed.reduce((sum, cause) => sum + cause[k], 0);
+  const [after, , ...more] = stepLines(map, view, k);
+  return `Step ${k} of ${view.line.length - 1}, ${[after, ...more].join(", ")}; ${count} of ${runs} flights (${percent(count / runs)}) have failed so far under ${law} winds.`;
+}
