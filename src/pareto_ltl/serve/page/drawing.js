@@ -4,6 +4,7 @@ import { centre, crossesItself, distance, lengthText, metresOf } from "./geo.js"
 import { byId, html, svg } from "./shapes.js";
 import { outline, ROLES } from "./store.js";
 
+const LETTER = 7;  // about the width of one in a name [pixels]
 const TOOLS = [
   { name: "select", label: "Select", hint: "" },
   { name: "start", label: "Start", role: "start", shape: "point", hint: "Click where the flight starts." },
@@ -175,6 +176,10 @@ function shapeOf(map, one, number, chosen) {
 function labelOf(map, one) {
   const text = one.role === "start" ? "start" : one.title;
   if (!text || one.role === "border") return null;
+  if (one.role === "obstacle" || one.role === "landmark") {  // named where the name has room
+    const across = outline(one).map(place => map.at(place)[0]);
+    if (Math.max(...across) - Math.min(...across) < LETTER * text.length) return null;
+  }
   const [x, y] = map.at(one.shape === "polygon" ? centre(one.points) : one.points[0]);
   return svg("text", { class: `label ${one.role}`, x, y: one.role === "start" ? y - 12 : y + 5, "text-anchor": "middle" }, text);
 }
