@@ -70,7 +70,7 @@ def _map_features(exported: ExportedPlan) -> list[Feature]:
     drawn = [
         _area(crs, outlines, {"role": "region", "name": name}) for name, outlines in scene.regions.items()
     ]
-    corners = [("obstacle", f"obstacle {n}", polygon) for n, polygon in enumerate(scene.obstacles, 1)]
+    corners = [("obstacle", scene.obstacle_title(n), polygon) for n, polygon in enumerate(scene.obstacles, 1)]
     corners += [("landmark", f"landmark {n}", polygon) for n, polygon in enumerate(scene.landmarks, 1)]
     corners += [("bounds", f"border ({scene.border})", border_corners(scene.bounds))]
     drawn += [_area(crs, [polygon], {"role": role, "name": name}) for role, name, polygon in corners]

@@ -91,7 +91,7 @@ def _add_map(document: Xml.Element, exported: ExportedPlan) -> None:
     scene, folder = exported.scene, add(document, "Folder")
     add(folder, "name", "map")
     drawn = [("region", name, outlines) for name, outlines in scene.regions.items()]
-    drawn += [("obstacle", f"obstacle {n}", (polygon,)) for n, polygon in enumerate(scene.obstacles, 1)]
+    drawn += [("obstacle", scene.obstacle_title(n), (c,)) for n, c in enumerate(scene.obstacles, 1)]
     drawn += [("landmark", f"landmark {n}", (polygon,)) for n, polygon in enumerate(scene.landmarks, 1)]
     drawn += [("border", f"border ({scene.border})", (border_corners(scene.bounds),))]
     for style, name, outlines in drawn:

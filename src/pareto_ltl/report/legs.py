@@ -50,7 +50,7 @@ def closest_barriers(scene: Scene, path: PlannedPath) -> list[Clearance | None]:
     """
     import shapely
 
-    names = [f"obstacle {n}" for n in range(1, len(scene.obstacles) + 1)]
+    names = [scene.obstacle_title(n) for n in range(1, len(scene.obstacles) + 1)]
     shapes: list[shapely.Geometry] = [shapely.Polygon(corners) for corners in scene.obstacles]
     if scene.walled:
         corners = border_corners(scene.bounds)

@@ -63,7 +63,7 @@ def segment_rows(scene: Scene, plan: Plan, most: int = MOST) -> list[SegmentRow]
         return []
     return [
         SegmentRow(
-            k, times[k], times[k + 1], limits.nearest[k], float(limits.deviations[k]),
+            k, times[k], times[k + 1], scene.barrier_title(limits.nearest[k]), float(limits.deviations[k]),
             float(limits.probability[k]),
         )
         for k in np.argsort(-limits.probability, kind="stable")[:most].tolist()
@@ -76,7 +76,7 @@ def price_rows(scene: Scene, plan: Plan, most: int | None = None) -> list[PriceR
     rows = [
         PriceRow(
             kind=price.kind,
-            limit=f"region {price.name}" if price.kind in ("region", "avoided") else price.name,
+            limit=_limit_text(scene, price),
             time="" if price.step is None else times[price.step],
             change=PRICE_KINDS[price.kind].format(_change_text(price, unit)),
             saving=saving_of(price, unit),
@@ -94,6 +94,11 @@ def small_change(scene: Scene) -> float:
 def saving_of(price: Price, unit: float) -> float:
     """Failures saved by a change of ``unit`` [m], or of one km/h."""
     return price.saving * (KM_H if price.kind == "airspeed" else unit)
+
+
+def _limit_text(scene: Scene, price: Price) -> str:
+    of_region = price.kind in ("region", "avoided")
+    return f"region {price.name}" if of_region else scene.barrier_title(price.name)
 
 
 def _change_text(price: Price, unit: float) -> str:
@@ -166,7 +171,8 @@ def tight_places(scene: Scene, plan: Plan) -> list[tuple[int, list[str]]]:
     for k in np.flatnonzero(priced | (limits.probability > TIGHT_RISK * plan.epsilon)).tolist():
         most = "" if plan.epsilon >= 1.0 else f" of at most {epsilon_text(plan)}"
         risk = probability_text(float(limits.probability[k]))
-        lines = [f"{limits.nearest[k]}, {times[k]} to {times[k + 1]}", f"collides {risk}{most}, {law} winds"]
+        barrier = scene.barrier_title(limits.nearest[k])
+        lines = [f"{barrier}, {times[k]} to {times[k + 1]}", f"collides {risk}{most}, {law} winds"]
         if priced[k]:
             saved = points_text(float(limits.price[k]) * unit)
             lines.append(f"all barriers {metres_text(unit)} farther: {saved} points fewer failures")

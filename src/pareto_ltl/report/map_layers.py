@@ -107,17 +107,22 @@ def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition | Non
 
 
 def number_obstacles(chart: MapAxes, scene: Scene, colour: str) -> None:
-    """The number of each obstacle in which it fits, as texts on limits and legs name it."""
+    """The name of each obstacle in which it fits, or else its number, by which texts name it too."""
     scale = metres_per_inch(chart)
-    for number, outline in enumerate(scene.obstacles, 1):
-        half = label_half_size([(str(number), TIME_SIZE)], scale)
-        if np.ptp(outline, axis=0).min() < 2.0 * half.max():
+    names = scene.obstacle_names or ("",) * len(scene.obstacles)
+    for number, (outline, name) in enumerate(zip(scene.obstacles, names, strict=True), 1):
+        sides = np.ptp(outline, axis=0)
+        fitting = (
+            text for text in (name, str(number))
+            if text and (sides > 2.0 * label_half_size([(text, TIME_SIZE)], scale)).all()
+        )  # fmt: skip
+        if (label := next(fitting, None)) is None:
             continue
         x, y = moments(outline)[1] * chart.per_metre
         chart.ax.text(
             x,
             y,
-            str(number),
+            label,
             color=colour,
             fontsize=TIME_SIZE,
             ha="center",

@@ -86,7 +86,7 @@ def _point(scene: Scene, name: str, at: Sequence[float]) -> FloatArray:
         if shapely.Polygon(outline).covers(shapely.Point(place)):
             gap = shapely.Polygon(outline).exterior.distance(shapely.Point(place))
             raise ConfigError(
-                f"steer: {name} lies {distance_text(gap)} deep in obstacle {k + 1}; move it out"
+                f"steer: {name} lies {distance_text(gap)} deep in {scene.obstacle_title(k + 1)}; move it out"
             )
     return place
 

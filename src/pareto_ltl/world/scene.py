@@ -44,6 +44,8 @@ class Scene(Displayed):
     simplified : float
         Largest distance by which outlines were moved to simplify them [m]: obstacles and forbidden regions
         outwards, visited regions inwards.
+    obstacle_names : tuple of str
+        The name that the map gives to each obstacle, empty for those without one; () if none has a name.
     """
 
     bounds: FloatArray
@@ -57,6 +59,7 @@ class Scene(Displayed):
     windows: Mapping[str, Window] = field(default_factory=dict)
     forbidden: tuple[str, ...] = ()
     simplified: float = 0.0
+    obstacle_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         require_shape("bounds", self.bounds, 2, 2)
@@ -70,6 +73,8 @@ class Scene(Displayed):
         object.__setattr__(self, "regions", parts)
         for polygon in (*self.region_outlines, *self.obstacles, *self.landmarks):
             require_shape("polygon", polygon, None, 2)
+        if self.obstacle_names and len(self.obstacle_names) != len(self.obstacles):
+            raise ValueError(f"{len(self.obstacle_names)} obstacle_names for {len(self.obstacles)} obstacles")
         for name, window in self.windows.items():
             if window.region not in self.regions:
                 raise ValueError(f"window {name!r} is of {window.region!r}, which is no region of the map")
@@ -85,6 +90,17 @@ class Scene(Displayed):
     def region_outlines(self) -> tuple[FloatArray, ...]:
         """The polygons of all regions."""
         return tuple(outline for outlines in self.regions.values() for outline in outlines)
+
+    def obstacle_title(self, number: int) -> str:
+        """``obstacle 3``, or ``obstacle 3 (EFKU CTR)`` if it has a name; the first has the number 1."""
+        name = self.obstacle_names[number - 1] if self.obstacle_names else ""
+        return f"obstacle {number} ({name})" if name else f"obstacle {number}"
+
+    def barrier_title(self, barrier: str) -> str:
+        """``barrier`` for people: for ``obstacle 3`` its title, for others, as borders, the same text."""
+        kind, _, number = barrier.rpartition(" ")
+        known = kind == "obstacle" and number.isdecimal() and 0 < int(number) <= len(self.obstacles)
+        return self.obstacle_title(int(number)) if known else barrier
 
     def facts(self) -> Mapping[str, str]:
         """Size, regions, obstacles, border, departure and time windows."""

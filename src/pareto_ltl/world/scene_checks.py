@@ -72,16 +72,25 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
     drawn, farthest = simplified_map(sketch, rules, drawn)
     if farthest or any(place.buffer for place in sketch.obstacles):
         drawn = _apart(sketch, drawn)
+    obstacles = [(what, outline) for what, part in drawn.obstacles for outline in outlines_of(part)]
     scene = Scene(
         bounds=sketch.bounds,
         start=sketch.start,
         regions={name: outlines_of(shape) for name, shape in drawn.regions.items()},
-        obstacles=tuple(outline for _, part in drawn.obstacles for outline in outlines_of(part)),
+        obstacles=tuple(outline for _, outline in obstacles),
         crs=sketch.crs,
         time_zero=sketch.time_zero,
         simplified=max(farthest, sketch.simplified),
+        obstacle_names=_obstacle_names([what for what, _ in obstacles]),
     )
     return replace(scene, landmarks=tuple(_convex_landmarks(sketch, scene, drawn)))
+
+
+def _obstacle_names(called: list[str]) -> tuple[str, ...]:
+    """The names in ``called``, such as ``obstacle EFKU CTR``; numbers are no names. () if there is none."""
+    names = [text.removeprefix("obstacle ").removeprefix("obstacle ") for text in called]
+    given = tuple("" if name.isdecimal() else name for name in names)
+    return given if any(given) else ()
 
 
 def _check_window(sketch: SceneSketch, window: TimedPlace) -> None:

@@ -47,10 +47,11 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
 
 
 def _added(scene: Scene) -> dict[str, Any]:
-    """The keys that only some maps have: windows, forbidden, simplified."""
+    """The keys that only some maps have: windows, forbidden, simplified, obstacle_names."""
     windows = {name: window.as_dict() for name, window in scene.windows.items()}
     timed = {"windows": windows, "forbidden": list(scene.forbidden)} if windows else {}
-    return timed | ({"simplified": scene.simplified} if scene.simplified else {})
+    names = {"obstacle_names": list(scene.obstacle_names)} if scene.obstacle_names else {}
+    return timed | names | ({"simplified": scene.simplified} if scene.simplified else {})
 
 
 def _listed_region(outlines: tuple[FloatArray, ...]) -> list[Any]:
@@ -85,6 +86,7 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
         windows={name: Window.from_dict(window) for name, window in (data.get("windows") or {}).items()},
         forbidden=tuple(data.get("forbidden") or ()),
         simplified=data.get("simplified") or 0.0,
+        obstacle_names=tuple(data.get("obstacle_names") or ()),
     )
 
 
@@ -109,7 +111,12 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
     where = f"scene file {path}"
     faults = MapFaults(where)
     _check_departure(where, data.get("time_zero"))
+    names = data.get("obstacle_names") or ()
+    if names and len(names) != len(data["obstacles"]):
+        faults.add(f"{where}: {len(names)} obstacle_names for {len(data['obstacles'])} obstacles")
     obstacles, landmarks = (numbered_outlines(data.get(key, ())) for key in ("obstacles", "landmarks"))
+    if not faults.texts and names:
+        obstacles = [(name or key, drawn) for (key, drawn), name in zip(obstacles, names, strict=True)]
     return SceneSketch(
         where=where,
         bounds=read_bounds(where, "bounds", data["bounds"]),

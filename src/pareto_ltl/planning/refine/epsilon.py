@@ -75,7 +75,7 @@ def _rounded_up(value: float) -> float:
 def _barrier_name(problem: Problem, number: int) -> str:
     """The obstacle, wall or forbidden region of polygon ``number`` of a :class:`Separation`."""
     names = barrier_names(problem)
-    return names[number] if number < len(names) else "a forbidden region"
+    return problem.scene.barrier_title(names[number]) if number < len(names) else "a forbidden region"
 
 
 def barrier_names(problem: Problem) -> list[str]:

@@ -67,7 +67,7 @@ def shown_map(scene: Scene) -> dict[str, Any]:
     ``exported`` says whether files can hold the outlines: not for maps that 180 degrees cut.
     """
     named = [("region", name, c) for name, parts in scene.regions.items() for c in parts]
-    named += [("obstacle", f"obstacle {n}", c) for n, c in enumerate(scene.obstacles, 1)]
+    named += [("obstacle", scene.obstacle_title(n), c) for n, c in enumerate(scene.obstacles, 1)]
     named += [("landmark", f"landmark {n}", c) for n, c in enumerate(scene.landmarks, 1)]
     stride = max(1, -(-sum(len(corners) for _, _, corners in named) // MOST_CORNERS))
     named = [(role, name, c if len(c) < 3 * stride else c[::stride]) for role, name, c in named]
