@@ -15,6 +15,7 @@ from pathlib import Path
 
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.reading import refuse_special
 
 NEEDED = ("time", "heading_true", "airspeed_m_s")
 PLACES = {True: ("lat", "lon"), False: ("x", "y")}  # by whether the map is on Earth
@@ -115,6 +116,7 @@ def read_log(path: Path, time_zero: str | None, *, on_earth: bool) -> Iterator[R
     DataError
         If the file cannot be read, or columns are missing. A row that is wrong is a reading without a time.
     """
+    refuse_special(path)
     try:
         with path.open(encoding="utf-8", errors="replace", newline="") as file:
             rows = csv.DictReader(file)

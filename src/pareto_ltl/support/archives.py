@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import RESULTS, Advice
+from pareto_ltl.support.reading import RESULTS, Advice, refuse_special
 
 FREE_BYTES = 256 * 2**20  # unpacked bytes that are allowed for a file of any size
 MAX_RATIO = 20  # largest ratio of unpacked bytes to file size beyond FREE_BYTES; a zip bomb has up to 1032
@@ -40,6 +40,7 @@ def read_npz(path: Path, advice: Advice = RESULTS) -> dict[str, NDArray[Any]]:
 
     DataError if the file cannot be read, is damaged, or unpacks to far more than its size.
     """
+    refuse_special(path)
     with _described_damage(path, advice), path.open("rb") as file, zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
         _check_size(entries, file.seek(0, 2))

@@ -13,6 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.support.resources import PACKAGE
 
 FRESH = 2.0  # [s] a file that was changed less than this ago may change again without a new date
@@ -29,11 +30,12 @@ def text_fingerprint(text: str) -> str:
 
 
 def file_fingerprint(path: Path) -> str:
-    """Fingerprint of the bytes of ``path``; OSError if it cannot be read.
+    """Fingerprint of the bytes of ``path``; OSError if it cannot be read, DataError if it is no file.
 
     A file is read once per process, and again when its date or size changes. A file that was written less
     than :data:`FRESH` seconds ago is read every time, as it can change again without a new date.
     """
+    refuse_special(path)
     stat = os.stat(path)
     if abs(time.time() - stat.st_mtime) < FRESH:
         return _file_fingerprint.__wrapped__(str(path), stat.st_mtime_ns, stat.st_size)

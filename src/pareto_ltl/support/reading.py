@@ -9,7 +9,9 @@ from __future__ import annotations
 import json
 import math
 import re
+import stat
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,8 +45,17 @@ class Advice:
 RESULTS = Advice()
 
 
+def refuse_special(path: Path) -> None:
+    """DataError if ``path`` is a pipe, a socket or a device: reading it may never end."""
+    with suppress(OSError, ValueError):  # a missing file, or a NUL in the name: whoever opens it says so
+        kind = path.stat().st_mode
+        if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
+            raise DataError(f"{path}: is a pipe, a socket or a device; copy its content into a file")
+
+
 def read_bounded(path: Path, advice: Advice = RESULTS, most: int = MAX_BYTES) -> bytes:
     """The bytes of ``path``; DataError if it cannot be read or has more than ``most`` bytes."""
+    refuse_special(path)
     try:
         with path.open("rb") as file:
             data = file.read(most + 1)  # the size that the system states is not used: a device has none

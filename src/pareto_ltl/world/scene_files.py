@@ -147,7 +147,7 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
 
 def _check_departure(where: str, time_zero: str | None) -> None:
     try:
-        datetime.fromisoformat(time_zero or "2000-01-01")
+        datetime.fromisoformat("2000-01-01" if time_zero is None else time_zero)
     except ValueError:
         raise DataError(
             f"{where}: time_zero is {shown_text(repr(time_zero))}; expected an ISO 8601 time such as "

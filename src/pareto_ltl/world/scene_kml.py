@@ -18,7 +18,7 @@ from xml.parsers import expat
 
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import MAX_BYTES, MAX_DEPTH, Advice, read_bounded
+from pareto_ltl.support.reading import MAX_BYTES, MAX_DEPTH, Advice, read_bounded, refuse_special
 from pareto_ltl.world.scene_faults import MapFaults
 
 MOST_ELEMENTS = 1_000_000
@@ -72,6 +72,7 @@ def kml_features(path: Path, advice: Advice, faults: MapFaults, role: str = "") 
 
 def _kmz_content(path: Path, advice: Advice) -> bytes:
     """The content of the first KML file in a KMZ archive."""
+    refuse_special(path)
     try:
         with zipfile.ZipFile(path) as archive:
             name = next(name for name in archive.namelist() if name.lower().endswith(".kml"))

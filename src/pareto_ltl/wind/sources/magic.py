@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.netcdf import DAMAGE
 
 HDF5, CLASSIC = b"\x89HDF\r\n\x1a\n", (b"CDF\x01", b"CDF\x02", b"CDF\x05")
@@ -38,6 +39,7 @@ def format_of(head: bytes) -> str | None:
 
 def first_bytes(file: Path) -> bytes:
     """The first bytes of ``file``, which state its format; a DataError if it cannot be read."""
+    refuse_special(file)
     try:
         with file.open("rb") as stream:
             return stream.read(64)
