@@ -5,80 +5,36 @@ from __future__ import annotations
 import csv
 import io
 import json
-import shutil
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import gpxpy
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser
 
 import pareto_ltl
+from chromium import PAUSE, Opened, launched, needs_chromium, opened_page
 from pareto_ltl.run.results import Results
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.projection import to_plane
 
-CHROMIUM = shutil.which("chromium")
-FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-)  # fmt: skip
 DESK, PHONE = (1440, 900), (390, 844)
-MOST, PAUSE = 60_000, 50  # [ms] that a slow machine may take, and between two looks
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
-
-
-@dataclass
-class Opened:
-    """A page and what the browser said and asked for while it was open."""
-
-    page: Page
-    said: list[str] = field(default_factory=list)
-    asked: list[str] = field(default_factory=list)
-
-    def value(self, script: str) -> Any:
-        return self.page.evaluate(script)
-
-    def wait(self, condition: str) -> None:
-        """Until ``condition`` holds; the page's policy forbids what ``wait_for_function`` does."""
-        for _ in range(MOST // PAUSE):
-            if self.value(condition):
-                return
-            self.page.wait_for_timeout(PAUSE)
-        pytest.fail(f"not within {MOST} ms: {condition}")
+pytestmark = needs_chromium
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
-        yield opened
-        opened.close()
+browser = pytest.fixture(scope="module")(launched)
 
 
 @pytest.fixture(scope="module", params=[DESK, PHONE], ids=["desk", "phone"])
 def opened(request: pytest.FixtureRequest, browser: Browser, page_result: Path) -> Iterator[Opened]:
     """The page at one width; each test leaves it as it likes."""
-    width, height = request.param
-    touch = request.param == PHONE
-    context = browser.new_context(viewport={"width": width, "height": height}, has_touch=touch)
-    shown = Opened(context.new_page())
-    shown.page.set_default_timeout(MOST)
-    shown.page.on("console", lambda message: shown.said.append(message.text))
-    shown.page.on("pageerror", lambda error: shown.said.append(str(error)))
-    shown.page.on("request", lambda request: shown.asked.append(request.url))
-    shown.page.goto((page_result / "report.html").as_uri())
-    shown.page.wait_for_selector("html[data-ready=page]")
-    yield shown
-    outside = [address for address in shown.asked if not address.startswith(("file:", "data:", "blob:"))]
-    assert shown.said == []
-    assert outside == []
-    context.close()
+    address = (page_result / "report.html").as_uri()
+    with opened_page(browser, address, request.param, "page", has_touch=request.param == PHONE) as shown:
+        yield shown
 
 
 def drawn(opened: Opened, kind: str) -> list[str]:
@@ -330,22 +286,16 @@ def test_results_with_less_have_pages_without_faults(
         pareto_ltl.plan(
             scene, "F a", out=tmp_path / "run", fidelity=fidelity, report={"figures": False}, **FEW
         )
-    context = browser.new_context(viewport={"width": PHONE[0], "height": PHONE[1]})
-    shown = Opened(context.new_page())
-    shown.page.on("console", lambda message: shown.said.append(message.text))
-    shown.page.on("pageerror", lambda error: shown.said.append(str(error)))
-    shown.page.goto((tmp_path / "run" / "report.html").as_uri())
-    shown.page.wait_for_selector("html[data-ready=page]")
-    shown.page.locator("#time").press("End") if shown.page.locator("#time").is_enabled() else None
-    assert shown.page.locator("#files a").count() == 0
-    assert shown.page.locator("#layer-places").count() == bool(
-        shown.value("PAGE.places.length + PAGE.pricedObstacles.length")
-    )
-    assert shown.page.locator("h1").text_content() == "Reach a"
-    assert (shown.page.locator("[role=alert]").count() == 1) == (scene is not PLANAR)
-    assert shown.value("document.documentElement.scrollWidth <= innerWidth")
-    assert shown.said == []
-    context.close()
+    address = (tmp_path / "run" / "report.html").as_uri()
+    with opened_page(browser, address, PHONE, "page") as shown:
+        shown.page.locator("#time").press("End") if shown.page.locator("#time").is_enabled() else None
+        assert shown.page.locator("#files a").count() == 0
+        assert shown.page.locator("#layer-places").count() == bool(
+            shown.value("PAGE.places.length + PAGE.pricedObstacles.length")
+        )
+        assert shown.page.locator("h1").text_content() == "Reach a"
+        assert (shown.page.locator("[role=alert]").count() == 1) == (scene is not PLANAR)
+        assert shown.value("document.documentElement.scrollWidth <= innerWidth")
 
 
 WIDEST = 718  # [px] between the usual margins of a sheet of A4

@@ -4,25 +4,17 @@ from __future__ import annotations
 
 import json
 import random
-import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser
 
+from chromium import Opened, launched, needs_chromium, opened_page
 from desk import RunningDesk, running_desk
 from levels import AT_NIGHT
 
-CHROMIUM = shutil.which("chromium")
-FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # the network is cut
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-)  # fmt: skip
 CLICK_ONE = """([dice, left_out]) => {
   const found = [...document.querySelectorAll("button, .point, input[type=checkbox], summary")].filter(
     one => one.getClientRects().length && !one.disabled && !left_out.includes(one.id) && !one.dataset.kind);
@@ -31,36 +23,16 @@ CLICK_ONE = """([dice, left_out]) => {
   if (one.click) one.click(); else one.dispatchEvent(new MouseEvent("click", place));
 }"""  # of all that can be clicked now
 WIDE, NARROW = (1280, 800), (400, 850)
-MOST, PAUSE = 120_000, 50  # [ms] that a slow machine may take, and between two looks
 CLICKS = 40  # of a random session
 NOT_CLICKED = {  # open a dialog of the browser, or take long; links with data-kind download
     "open", "save", "save-kml", "backdrop", "plan", "compare-starts", "show-wind", "find-beacon",
 }  # fmt: skip
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+pytestmark = needs_chromium
 
 
-@dataclass
-class Opened:
-    """A page of the desk, and what the browser said and asked for while it was open."""
-
-    page: Page
-    address: str
-    said: list[str] = field(default_factory=list)
-    asked: list[str] = field(default_factory=list)
-
-    def value(self, script: str) -> Any:
-        return self.page.evaluate(script)
-
-    def wait(self, condition: str) -> None:
-        """Until ``condition`` holds; the page's policy forbids what ``wait_for_function`` does."""
-        for _ in range(MOST // PAUSE):
-            if self.value(condition):
-                return
-            self.page.wait_for_timeout(PAUSE)
-        pytest.fail(
-            f"not within {MOST} ms: {condition}; the page says {self.page.locator('.side').inner_text()}"
-        )
+class Desk(Opened):
+    """A page of the desk."""
 
     def at(self, u: float, v: float) -> tuple[float, float]:
         """Pixels of a place of the map, as shares of its width and height."""
@@ -86,12 +58,7 @@ class Opened:
         self.page.wait_for_timeout(900)
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
-        yield opened
-        opened.close()
+browser = pytest.fixture(scope="module")(launched)
 
 
 @pytest.fixture(scope="module")
@@ -100,25 +67,11 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDesk]:
         yield running
 
 
-@contextmanager
-def opened_page(browser: Browser, address: str, size: tuple[int, int], scheme: Any) -> Iterator[Opened]:
-    """A new page of the desk; afterwards, nothing was asked of other machines, and no error was logged."""
-    width, height = size
-    context = browser.new_context(
-        viewport={"width": width, "height": height}, color_scheme=scheme, accept_downloads=True
-    )
-    shown = Opened(context.new_page(), address)
-    shown.page.set_default_timeout(MOST)
-    shown.page.on("console", lambda message: shown.said.append(f"{message.text} {message.location['url']}"))
-    shown.page.on("pageerror", lambda error: shown.said.append(str(error)))
-    shown.page.on("request", lambda request: shown.asked.append(request.url))
-    shown.page.goto(address)
-    shown.page.wait_for_selector("html[data-ready=desk]")
-    yield shown
-    own = address.partition("?")[0]
-    assert [url for url in shown.asked if not url.startswith((own, "data:", f"blob:{own}"))] == []
-    assert shown.said == []
-    context.close()
+def opened_desk(
+    browser: Browser, address: str, size: tuple[int, int], scheme: str
+) -> AbstractContextManager[Desk]:
+    """A new page of the desk, without an error and without requests to others."""
+    return opened_page(browser, address, size, "desk", Desk, color_scheme=scheme, accept_downloads=True)
 
 
 def begin_anew(opened: Opened) -> None:
@@ -157,7 +110,7 @@ def plan_mission(opened: Opened) -> None:
 def test_a_mission_is_drawn_planned_chosen_exported_and_replanned(
     browser: Browser, desk: RunningDesk, size: tuple[int, int], scheme: str, tmp_path: Path
 ) -> None:
-    with opened_page(browser, desk.address, size, scheme) as opened:
+    with opened_desk(browser, desk.address, size, scheme) as opened:
         page = opened.page
         begin_anew(opened)
         draw_mission(opened)
@@ -210,7 +163,7 @@ def test_a_mission_is_drawn_planned_chosen_exported_and_replanned(
 def test_points_are_compared_with_flights_beacons_winds_and_starts(
     browser: Browser, desk: RunningDesk
 ) -> None:
-    with opened_page(browser, desk.address, WIDE, "dark") as opened:
+    with opened_desk(browser, desk.address, WIDE, "dark") as opened:
         page = opened.page
         begin_anew(opened)
         draw_mission(opened)
@@ -250,7 +203,7 @@ def test_points_are_compared_with_flights_beacons_winds_and_starts(
 def test_the_mission_is_saved_and_opened_and_survives_a_reload(
     browser: Browser, desk: RunningDesk, tmp_path: Path
 ) -> None:
-    with opened_page(browser, desk.address, WIDE, "light") as opened:
+    with opened_desk(browser, desk.address, WIDE, "light") as opened:
         page = opened.page
         begin_anew(opened)
         draw_mission(opened)
@@ -278,7 +231,7 @@ def test_the_mission_is_saved_and_opened_and_survives_a_reload(
 
 
 def test_faults_are_said_in_the_page(browser: Browser, desk: RunningDesk) -> None:
-    with opened_page(browser, desk.address, WIDE, "dark") as opened:
+    with opened_desk(browser, desk.address, WIDE, "dark") as opened:
         page = opened.page
         begin_anew(opened)
         assert page.locator("#plan").is_disabled()
@@ -302,7 +255,7 @@ def test_faults_are_said_in_the_page(browser: Browser, desk: RunningDesk) -> Non
 def test_a_second_tab_says_that_the_first_has_changed_the_mission(
     browser: Browser, desk: RunningDesk
 ) -> None:
-    with opened_page(browser, desk.address, WIDE, "light") as first:
+    with opened_desk(browser, desk.address, WIDE, "light") as first:
         begin_anew(first)
         first.kept()
         context = first.page.context
@@ -319,7 +272,7 @@ def test_a_second_tab_says_that_the_first_has_changed_the_mission(
 
 
 def test_a_plan_goes_on_while_the_browser_is_closed(browser: Browser, desk: RunningDesk) -> None:
-    with opened_page(browser, desk.address, WIDE, "light") as opened:
+    with opened_desk(browser, desk.address, WIDE, "light") as opened:
         begin_anew(opened)
         draw_mission(opened)
         opened.page.locator("#robot").select_option("light_aircraft")
@@ -327,12 +280,12 @@ def test_a_plan_goes_on_while_the_browser_is_closed(browser: Browser, desk: Runn
         opened.page.locator("#plan").click()
         opened.wait("document.querySelectorAll('#front .point').length > 0")
         opened.kept()
-    with opened_page(browser, desk.address, NARROW, "dark") as again:
+    with opened_desk(browser, desk.address, NARROW, "dark") as again:
         again.wait("document.querySelector('.vehicle') !== null")
         assert not again.page.locator("#problem").is_visible()
 
 
-def random_click(opened: Opened, dice: random.Random) -> None:
+def random_click(opened: Desk, dice: random.Random) -> None:
     """A click on the map, a button, a layer or a box to tick; a key; a choice; some letters of a formula."""
     page, kind = opened.page, dice.random()
     if kind < 0.45:
@@ -351,7 +304,7 @@ def random_click(opened: Opened, dice: random.Random) -> None:
 @pytest.mark.parametrize("seed", range(100 if AT_NIGHT else 3))
 def test_random_clicks_leave_no_error(browser: Browser, desk: RunningDesk, seed: int) -> None:
     dice = random.Random(seed)
-    with opened_page(browser, desk.address, (WIDE, NARROW)[seed % 2], ("light", "dark")[seed % 2]) as opened:
+    with opened_desk(browser, desk.address, (WIDE, NARROW)[seed % 2], ("light", "dark")[seed % 2]) as opened:
         page = opened.page
         begin_anew(opened)
         for _ in range(CLICKS):
