@@ -64,6 +64,13 @@ def test_a_map_without_names_and_its_scene_json_stay_as_they_are(tmp_path: Path)
         assert "obstacle_names" not in scene_to_dict(scene)
 
 
+def test_an_exported_map_gives_the_same_names_again(tmp_path: Path) -> None:
+    scene = read(tmp_path, map_with("EFKU CTR", None, "obstacle (old)", "7"))
+    titles = [scene.obstacle_title(number) for number in range(1, 5)]
+    assert read(tmp_path, map_with(*titles)).obstacle_names == scene.obstacle_names
+    assert scene.obstacle_names == ("EFKU CTR", "", "obstacle (old)", "")
+
+
 def test_scene_json_as_a_map_keeps_the_names(tmp_path: Path) -> None:
     scene = read(tmp_path, map_with("EFKU CTR", None))
     path = tmp_path / "scene.json"

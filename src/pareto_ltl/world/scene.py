@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -11,6 +12,8 @@ from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.display import Displayed, distance_text, listed_text
 from pareto_ltl.world.windows import Window
+
+TITLE = re.compile(r"(obstacle )?\d+|obstacle \d+ \((?P<name>.*)\)", re.DOTALL)  # of an obstacle
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -95,6 +98,12 @@ class Scene(Displayed):
         """``obstacle 3``, or ``obstacle 3 (EFKU CTR)`` if it has a name; the first has the number 1."""
         name = self.obstacle_names[number - 1] if self.obstacle_names else ""
         return f"obstacle {number} ({name})" if name else f"obstacle {number}"
+
+    @staticmethod
+    def name_in_title(text: str) -> str:
+        """The name in a title of :meth:`obstacle_title`; of a number alone, none; any other text itself."""
+        title = TITLE.fullmatch(text)
+        return text if title is None else title["name"] or ""
 
     def barrier_title(self, barrier: str) -> str:
         """``barrier`` for people: for ``obstacle 3`` its title, for others, as borders, the same text."""

@@ -87,10 +87,12 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
 
 
 def _obstacle_names(called: list[str]) -> tuple[str, ...]:
-    """The names in ``called``, such as ``obstacle EFKU CTR``; numbers are no names. () if there is none."""
-    names = [text.removeprefix("obstacle ").removeprefix("obstacle ") for text in called]
-    given = tuple("" if name.isdecimal() else name for name in names)
-    return given if any(given) else ()
+    """The names in ``called``, such as ``obstacle EFKU CTR``; () if there is none.
+
+    Numbers are no names. Titles of exported maps, ``obstacle 3 (EFKU CTR)``, give the name again.
+    """
+    names = tuple(Scene.name_in_title(text.removeprefix("obstacle ")) for text in called)
+    return names if any(names) else ()
 
 
 def _check_window(sketch: SceneSketch, window: TimedPlace) -> None:
