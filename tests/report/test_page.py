@@ -19,7 +19,7 @@ from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.logic.automaton import translate
 from pareto_ltl.report.components import MODULES, bundled, component
 from pareto_ltl.report.page.content import Content, page_content
-from pareto_ltl.report.page.ground import rounded, shown_wind
+from pareto_ltl.report.page.ground import MOST_CORNERS, rounded, shown_map, shown_wind
 from pareto_ltl.report.page.machine import told_clocks
 from pareto_ltl.report.page.points import MOST_LEGS, told_points
 from pareto_ltl.report.page.rendering import SCRIPTS, json_for_script, page_bytes
@@ -155,6 +155,16 @@ def test_paths_for_which_there_is_no_room_are_left_out_but_never_the_chosen_one(
     assert 517 in told
     assert len(told) <= MOST_LEGS // min(len(p.u) for p in front.paths) + 1 <= MOST_LEGS
     assert len(told) * steps <= 2 * MOST_LEGS
+
+
+def test_outlines_that_are_thinned_out_are_drawn_but_never_exported(shown: ShownRun) -> None:
+    assert shown_map(shown.scene)["exported"]
+    angle = np.linspace(0.0, 2.0 * np.pi, MOST_CORNERS + 1, endpoint=False)
+    round_one = shown.scene.bounds.mean(axis=0) + 1e4 * np.column_stack([np.cos(angle), np.sin(angle)])
+    drawn = shown_map(replace(shown.scene, obstacles=(round_one,), obstacle_names=()))
+    (ring,) = [shape["ring"] for shape in drawn["shapes"] if shape["role"] == "obstacle"]
+    assert len(ring) < MOST_CORNERS
+    assert not drawn["exported"]
 
 
 def test_rounded_numbers_have_no_minus_zero_and_whole_ones_no_point() -> None:

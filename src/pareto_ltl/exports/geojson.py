@@ -19,6 +19,7 @@ from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.exports.json_text import listed_json
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import plain_data
+from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.shapes import united_rings
 
 Feature = dict[str, Any]
@@ -70,11 +71,17 @@ def _map_features(exported: ExportedPlan) -> list[Feature]:
     drawn = [
         _area(crs, outlines, {"role": "region", "name": name}) for name, outlines in scene.regions.items()
     ]
-    corners = [("obstacle", scene.obstacle_title(n), polygon) for n, polygon in enumerate(scene.obstacles, 1)]
-    corners += [("landmark", f"landmark {n}", polygon) for n, polygon in enumerate(scene.landmarks, 1)]
-    corners += [("bounds", f"border ({scene.border})", border_corners(scene.bounds))]
-    drawn += [_area(crs, [polygon], {"role": role, "name": name}) for role, name, polygon in corners]
+    drawn += [_area(crs, [c], {"role": role, "name": name}) for role, name, c in titled_outlines(scene)]
     return [*drawn, _feature("Point", lonlat(crs, scene.start), {"role": "start", "name": "start"})]
+
+
+def titled_outlines(scene: Scene) -> list[tuple[str, str, FloatArray]]:
+    """Role, title and corners (n, 2) [m] of obstacles, landmarks and the border (role ``bounds``)."""
+    return [
+        *(("obstacle", scene.obstacle_title(n), corners) for n, corners in enumerate(scene.obstacles, 1)),
+        *(("landmark", f"landmark {n}", corners) for n, corners in enumerate(scene.landmarks, 1)),
+        ("bounds", f"border ({scene.border})", border_corners(scene.bounds)),
+    ]
 
 
 def border_corners(bounds: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pareto_ltl.exports.degrees import line_degrees, outline_degrees
 from pareto_ltl.exports.exported import ExportedPlan
-from pareto_ltl.exports.geojson import border_corners, tube_rings
+from pareto_ltl.exports.geojson import titled_outlines, tube_rings
 from pareto_ltl.exports.gpx import region_text
 from pareto_ltl.exports.xml_text import add, xml_bytes
 from pareto_ltl.support.arrays import FloatArray
@@ -91,9 +91,10 @@ def _add_map(document: Xml.Element, exported: ExportedPlan) -> None:
     scene, folder = exported.scene, add(document, "Folder")
     add(folder, "name", "map")
     drawn = [("region", name, outlines) for name, outlines in scene.regions.items()]
-    drawn += [("obstacle", scene.obstacle_title(n), (c,)) for n, c in enumerate(scene.obstacles, 1)]
-    drawn += [("landmark", f"landmark {n}", (polygon,)) for n, polygon in enumerate(scene.landmarks, 1)]
-    drawn += [("border", f"border ({scene.border})", (border_corners(scene.bounds),))]
+    drawn += [
+        ("border" if role == "bounds" else role, name, (corners,))
+        for role, name, corners in titled_outlines(scene)
+    ]
     for style, name, outlines in drawn:
         place, polygons = _placemark(folder, name, style), united_rings(outlines)
         parent = place if len(polygons) == 1 else add(place, "MultiGeometry")

@@ -89,12 +89,11 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
     path, chosen = run.front.paths[number], chosen_number(run)
     given = run.deployments.get(run.problem.fidelity.law) if number == chosen else None
     flown = given or flown_path(run, run.problem, path)
-    limited = run.plan is not None and number == chosen
     return {
         "point": number,
         "chosen": number == chosen,
         **shown_path(run, run.problem, path, flown),
-        "limits": limit_texts(run.scene, run.plan) if limited and run.plan is not None else None,
+        "limits": limit_texts(run.scene, run.plan) if run.plan is not None and number == chosen else None,
         "causes": list(CAUSES),
         "flights": shown_flights(run.scene, run.problem, flown, FLIGHTS),
     }

@@ -12,6 +12,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import parse_json, read_text
+from pareto_ltl_verify.claims.exports import in_plane
 from pareto_ltl_verify.claims.verdict import Claim, Verdict, close, no_fault
 from pareto_ltl_verify.evidence import Evidence
 
@@ -79,12 +80,7 @@ def chosen(result: Evidence) -> Verdict:
 def _positions(result: Evidence, data: Any) -> FloatArray:
     """The positions of the chosen path (T+1, 2) [m]: the page has degrees for a map on the Earth."""
     places = np.array(data["paths"][str(data["chosen"])]["line"], float)
-    if not data["map"]["earthly"]:
-        return places
-    from pyproj import Transformer
-
-    to_plane = Transformer.from_crs("EPSG:4326", result.scene["crs"], always_xy=True)
-    return np.column_stack(to_plane.transform(*places.T))
+    return in_plane(result, places) if data["map"]["earthly"] else places
 
 
 def headline(result: Evidence) -> Verdict | None:

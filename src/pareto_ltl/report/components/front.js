@@ -4,7 +4,7 @@ import { ticksBetween } from "./geo.js";
 import { pathOf, percent, svg } from "./shapes.js";
 
 const REACH = 25;  // [pixels] from a click to its point
-const EDGE = { left: 52, right: 14, top: 12, bottom: 40 };
+export const EDGE = { left: 52, right: 14, top: 12, bottom: 40 };
 
 const decades = (low, high) => {
   const ticks = [], marks = Math.log10(high / low) > 2.2 ? [1] : [1, 2, 5];

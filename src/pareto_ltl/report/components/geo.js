@@ -58,7 +58,7 @@ export const ellipseAround = (plane, centre, [a, b, azimuth], corners = 36) => A
   return plane.beside(centre, Math.hypot(along, across), azimuth * RAD + Math.atan2(across, along));
 });
 
-export const circle = (centre, metres, corners = 48) => Array.from({ length: corners }, (_, k) => beside(centre, metres, 2 * Math.PI * k / corners));
+export const circle = (centre, metres, corners = 48) => ellipseAround(EARTHLY, centre, [metres, metres, 0], corners);
 
 /** A latitude or longitude as degrees and minutes: 36°45.7′N. */
 export function angleText(value, signs, digits = 1) {

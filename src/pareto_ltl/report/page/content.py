@@ -63,7 +63,7 @@ def page_content(run: ShownRun) -> Content:
         "timeZero": None if (begin := utc_times(run.scene.time_zero, np.zeros(1))) is None else begin[0],
         "map": shown_map(run.scene),
         "onEarth": run.scene.crs is not None,
-        "height": {"metres": run.height.metres, "aboveSea": run.height.above_sea},
+        "height": {"metres": run.height.metres, "aboveSea": run.height.above_sea, "ofSea": run.height.of_sea},
         "wind": shown_wind(run.scene, run.wind, last),
         "trees": [] if paths else shown_trees(run.scene, run.forest),
         "judge": "flights" if front is not None and front.rates else "bound",

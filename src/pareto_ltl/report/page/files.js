@@ -60,11 +60,8 @@ function planGeojson(way) {
   return `${JSON.stringify({ type: "FeatureCollection", name: PAGE.name, description: fileNote(), features })}\n`;
 }
 
-/** Whether the height is above mean sea level (or a depth), and not above the ground of the start. */
-const heightOfSea = () => PAGE.height.aboveSea || PAGE.height.metres < 0;
-
 function planKml(way) {
-  const height = PAGE.height.metres.toFixed(1), above = `<altitudeMode>${heightOfSea() ? "absolute" : "relativeToGround"}</altitudeMode>`;
+  const height = PAGE.height.metres.toFixed(1), above = `<altitudeMode>${PAGE.height.ofSea ? "absolute" : "relativeToGround"}</altitudeMode>`;
   const placemark = (name, inside) => `<Placemark><name>${xml(name)}</name>${inside}</Placemark>`;
   const coordinates = (list, high = "") => `<coordinates>${list.map(([lon, lat]) => `${lon},${lat}${high}`).join(" ")}</coordinates>`;
   const places = way.t.map((_, k) => lonLat(way, k));
@@ -78,7 +75,7 @@ function planKml(way) {
 }
 
 function planGpx(way) {
-  const { metres } = PAGE.height, sea = heightOfSea();
+  const { metres, ofSea: sea } = PAGE.height;
   const points = way.t.map((_, k) => {
     const [lon, lat] = lonLat(way, k), time = way.utc ? `<time>${way.utc[k]}</time>` : "";
     return `<rtept lat="${lat}" lon="${lon >= 180 ? -180 : lon}">${sea ? `<ele>${metres.toFixed(1)}</ele>` : ""}${time}<name>${xml([k, ...way.label[k]].join(" "))}</name><desc>95 % of positions within ${(way.log.radius[k] / 1000).toFixed(3)} km, ${way.risk.law} winds${sea ? "" : `, ${metres} m above the ground of the start`}</desc></rtept>`;

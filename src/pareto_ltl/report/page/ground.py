@@ -9,14 +9,9 @@ import numpy as np
 
 from pareto_ltl.exports.degrees import crosses, lonlat, outline_degrees
 from pareto_ltl.exports.formats import holds_pole
-from pareto_ltl.exports.geojson import border_corners
+from pareto_ltl.exports.geojson import titled_outlines
 from pareto_ltl.planning.records import Forest
-from pareto_ltl.report.lattice import (
-    arrow_nodes,
-    interpolate_slots,
-    lattice_nodes,
-    wind_deviation,
-)
+from pareto_ltl.report.lattice import arrow_nodes, interpolate_slots, lattice_nodes, wind_deviation
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.navigation import utc_times
@@ -45,48 +40,47 @@ def metre_digits(scene: Scene) -> int:
     return int(np.clip(5 - np.floor(np.log10(max(size, 1e-9))), 0, 6))
 
 
-def on_earth(scene: Scene) -> bool:
-    """Whether the map is shown in degrees: it has a place on Earth, and no pole."""
-    return scene.crs is not None and not holds_pole(scene)
+def shown_crs(scene: Scene) -> str | None:
+    """The CRS of a map that is shown in degrees; None for one without a place on Earth, or with a pole."""
+    return None if scene.crs is None or holds_pole(scene) else scene.crs
 
 
-def shown_places(scene: Scene, points: FloatArray, coarser: int = 0) -> list[Any]:
+def north_turn(scene: Scene, points: FloatArray) -> FloatArray:
+    """Angles (N,) [rad] to add to directions of the plane at ``points`` (N, 2) [m]: north is at the top."""
+    crs = shown_crs(scene)
+    return np.zeros(len(points)) if crs is None else meridian_convergence(crs, *to_geographic(crs, points))
+
+
+def map_places(scene: Scene, points: FloatArray, coarser: int = 0) -> list[Any]:
     """``points`` (..., 2) [m] as rounded longitudes and latitudes, or as metres of a map that is no Earth.
 
     ``coarser`` digits are left out of those that positions have.
     """
-    digits = metre_digits(scene) - coarser
-    if on_earth(scene) and scene.crs is not None:
-        return rounded(lonlat(scene.crs, points), DEGREE_DIGITS + digits)
-    return rounded(points, digits)
+    digits, crs = metre_digits(scene) - coarser, shown_crs(scene)
+    return rounded(points, digits) if crs is None else rounded(lonlat(crs, points), DEGREE_DIGITS + digits)
 
 
 def shown_map(scene: Scene) -> dict[str, Any]:
     """Closed outlines, start and border as the map shows them, and the times at which regions hold.
 
-    ``exported`` says whether files can hold the outlines: not for maps that 180 degrees cut.
+    ``exported`` says whether files can hold the outlines: not if they are thinned out or cut by 180 degrees.
     """
     named = [("region", name, c) for name, parts in scene.regions.items() for c in parts]
-    named += [("obstacle", scene.obstacle_title(n), c) for n, c in enumerate(scene.obstacles, 1)]
-    named += [("landmark", f"landmark {n}", c) for n, c in enumerate(scene.landmarks, 1)]
+    named += titled_outlines(scene)
     stride = max(1, -(-sum(len(corners) for _, _, corners in named) // MOST_CORNERS))
-    named = [(role, name, c if len(c) < 3 * stride else c[::stride]) for role, name, c in named]
-    named += [("bounds", f"border ({scene.border})", border_corners(scene.bounds))]
-    earthly = on_earth(scene)
-    shapes, cut = [], False
-    for role, name, corners in named:
-        if earthly and scene.crs is not None:
-            ring = outline_degrees(scene.crs, corners, FENCE_SAG)
-            shapes.append({"role": role, "name": name, "ring": rounded(ring, DEGREES)})
-            cut |= crosses(ring)
-        else:
-            ring = np.concatenate([corners, corners[:1]])
-            shapes.append({"role": role, "name": name, "ring": rounded(ring, metre_digits(scene))})
+    crs = shown_crs(scene)
+    digits = metre_digits(scene) if crs is None else DEGREES
+
+    def ring_of(corners: FloatArray) -> FloatArray:
+        some = corners if len(corners) < 3 * stride else corners[::stride]
+        return np.concatenate([some, some[:1]]) if crs is None else outline_degrees(crs, some, FENCE_SAG)
+
+    rings = [(role, name, ring_of(corners)) for role, name, corners in named]
     return {
-        "earthly": earthly,
-        "shapes": shapes,
-        "exported": earthly and not cut,
-        "start": shown_places(scene, scene.start),
+        "earthly": crs is not None,
+        "shapes": [{"role": role, "name": name, "ring": rounded(ring, digits)} for role, name, ring in rings],
+        "exported": crs is not None and stride == 1 and not any(crosses(ring) for _, _, ring in rings),
+        "start": map_places(scene, scene.start),
         "walled": scene.walled,
         "windows": [
             {"name": name, "forbidden": name in scene.forbidden, "told": str(window)} | window.as_dict()
@@ -103,17 +97,14 @@ def shown_wind(scene: Scene, wind: WindField, last: float) -> dict[str, Any]:
     times = np.linspace(0.0, last, MOST_TIMES) if last > 0.0 and len(wind.times) > 1 else np.zeros(1)
     mean = np.array([interpolate_slots(wind.times, wind.mean, t)[np.ix_(i, j)] for t in times])
     doubt = np.array([wind_deviation(wind, t)[np.ix_(i, j)] for t in times])
-    turn = np.zeros(len(nodes))
-    if on_earth(scene) and scene.crs is not None:  # arrows stand on a map with north at the top
-        turn = meridian_convergence(scene.crs, *to_geographic(scene.crs, nodes))
     speed, bearing = np.hypot(mean[..., 0], mean[..., 1]), np.arctan2(mean[..., 0], mean[..., 1])
-    bearing = bearing + turn.reshape(len(i), len(j))
+    bearing = bearing + north_turn(scene, nodes).reshape(len(i), len(j))
     north = np.stack([speed * np.sin(bearing), speed * np.cos(bearing)], axis=-1)
     return {
         "t": rounded(times, 0),
         "utc": utc_times(scene.time_zero, times),
         "shape": [len(i), len(j)],
-        "at": shown_places(scene, nodes),
+        "at": map_places(scene, nodes),
         "uv": rounded(north.reshape(len(times), -1, 2), SPEED_DIGITS),  # [time][place], m/s
         "sd": rounded(doubt.reshape(len(times), -1), SPEED_DIGITS),
         "level": wind.level,
@@ -128,4 +119,4 @@ def shown_trees(scene: Scene, forest: Forest | None) -> list[Any]:
     edges: Iterable[FloatArray] = (
         np.stack([tree.x[tree.parent[1:share]], tree.x[1:share]], axis=1) for tree in forest.trees
     )
-    return shown_places(scene, np.concatenate(list(edges)))
+    return map_places(scene, np.concatenate(list(edges)))

@@ -11,7 +11,7 @@ from pareto_ltl.exports.navigation_log import SHARE, NavigationLog, navigation_l
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
-from pareto_ltl.report.page.ground import DEGREES, metre_digits, on_earth, rounded, shown_places
+from pareto_ltl.report.page.ground import DEGREES, map_places, metre_digits, north_turn, rounded
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.simulation.failure_times import CAUSES, failure_times
 from pareto_ltl.simulation.flights import DRAWS, simulate_flights, unspawned
@@ -20,7 +20,6 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.navigation import utc_times
-from pareto_ltl.world.projection import meridian_convergence, to_geographic
 from pareto_ltl.world.scene import Scene
 
 MOST_LEGS = 3000  # legs of all complete paths, at most: 200 bytes each
@@ -98,7 +97,7 @@ def shown_path(
     """
     shown = {
         "t": rounded(path.t, 3),
-        "line": shown_places(problem.scene, path.x),
+        "line": map_places(problem.scene, path.x),
         "spread": _spread(problem.scene, path),
         "q": path.q.tolist(),
         "label": [sorted(names) for names in path.label],
@@ -114,9 +113,8 @@ def shown_path(
 
 def _spread(scene: Scene, path: PlannedPath) -> list[Any]:
     """For each step the semi-axes [m] of the ellipse of 95 % of the positions, and its azimuth [deg]."""
-    major, minor, azimuth = axes_of(path.cov)
-    if on_earth(scene) and scene.crs is not None:
-        azimuth = azimuth + meridian_convergence(scene.crs, *to_geographic(scene.crs, path.x))
+    major, minor, direction = axes_of(path.cov)
+    azimuth = direction + north_turn(scene, path.x)
     scale, digits = ellipse_scale(SHARE), metre_digits(scene)
     axes = np.column_stack([scale * major, scale * minor]).round(digits) + 0.0
     return [[*pair, turn] for pair, turn in zip(axes.tolist(), rounded(np.rad2deg(azimuth), 1), strict=True)]
@@ -171,7 +169,7 @@ def shown_flights(
         "law": flown.law,
         "runs": len(flown.x),
         "failures": int(flown.failed.sum()),
-        "at": shown_places(scene, some.x, coarser=1),
+        "at": map_places(scene, some.x, coarser=1),
         "failed": times.step.tolist(),
         "why": [CAUSES[cause] if cause >= 0 else None for cause in times.cause],
     }
