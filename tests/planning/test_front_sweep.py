@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.random import SeedSequence
@@ -22,7 +23,14 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine import MORE_FLIGHTS, front_sweep, length_caps, sampled_paths
 from pareto_ltl.planning.refine.path_classes import path_class
 from pareto_ltl.planning.refine.sampled import Candidate, path_length, resampled_means
-from pareto_ltl.planning.refine.starts import Start, first_starts, flipped_starts, line_starts, tree_starts
+from pareto_ltl.planning.refine.starts import (
+    Start,
+    first_starts,
+    flipped_starts,
+    line_starts,
+    returning_starts,
+    tree_starts,
+)
 from pareto_ltl.planning.selection import hypervolume
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights, is_certain
@@ -117,6 +125,29 @@ def test_a_flipped_path_passes_the_obstacle_on_its_other_side(grown):
     own = path_class(problem, best.x).words
     flipped = {path_class(problem, start.x).words for start in flipped_starts(problem, best.x, "")}
     assert flipped - {own}
+
+
+def test_returning_paths_pass_each_place_a_second_time_and_avoid_obstacles(grown):
+    """One for a and one for b; each is longer by about the way out and back, and completes the mission."""
+    problem, forest = grown
+    best = tree_starts(problem, forest)[0]
+    flight = propagate(problem, best.x)
+    starts = returning_starts(problem, flight, "tree")
+    assert 1 <= len(starts) <= 2
+    regions = [shapely.Polygon(problem.scene.regions[name][0]) for name in "ab"]
+    before = [visits(region, best.x) for region in regions]
+    for start in starts:
+        assert problem.logic.distance[problem.states(start.x)[-1]] == 0.0
+        assert path_length(start.x) > path_length(best.x)
+        assert not shapely.LineString(start.x).intersects(
+            shapely.MultiPolygon([shapely.Polygon(corners) for corners in problem.scene.obstacles])
+        )
+        assert sum(visits(region, start.x) for region in regions) >= sum(before)
+
+
+def visits(region: shapely.Polygon, x: FloatArray) -> float:
+    """The length of ``x`` in ``region`` [m]."""
+    return float(sum(shapely.LineString(x[t : t + 2]).intersection(region).length for t in range(len(x) - 1)))
 
 
 # --- lengths and steps ------------------------------------------------------------------------

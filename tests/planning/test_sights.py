@@ -44,6 +44,13 @@ def test_lines_are_led_through_each_landmark_and_through_both(problem):
         assert not shapely.LineString(x).intersects(shapely.Polygon(WALL))
 
 
+def test_a_line_is_led_through_one_landmark_on_both_ways(problem):
+    """Out and back past one landmark: it is tried in each leg, and in both."""
+    line = np.array([[2, 2], [16, 10], [2, 11.5]]) * KM
+    first = np.array([sights(problem, x)[:, 0] for x in led_lines(problem, [line]) if len(x) == 5])
+    assert any(crossed[:2].any() and crossed[2:].any() for crossed in first)
+
+
 def test_a_landmark_behind_an_obstacle_is_not_entered_through_it(problem):
     behind = replace(LANDMARK_SCENE, landmarks=(box(11, 14, 13, 16),), obstacles=(box(1, 12, 19, 12.5),))
     assert led_lines(landmark_problem(behind), [np.array([[2, 2], [16, 10]]) * KM]) == []

@@ -10,6 +10,7 @@ from numpy.random import SeedSequence
 
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
 from oracle.navigator import filtered
+from pareto_ltl.kernels import navigator
 from pareto_ltl.kernels.pilots import Autopilot, Navigator
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.simulation import flights as deployment
@@ -33,7 +34,19 @@ def flown(problem, path, runs, seed=3, steps=None):
     x = np.empty((runs, len(u) + 1, 2))
     x[:, 0] = problem.scene.start + np.sqrt(problem.start_variance) * rng.standard_normal((runs, 2))
     deployment.fly_draws(problem, draws, pilot, x)
+    carry_all(pilot, len(u) - 1)
     return x, pilot
+
+
+def carry_all(pilot, t):
+    """Bring the covariances of all flights to step ``t``, the last: a flight needs them at its fixes only."""
+    own, moves = pilot.beliefs, pilot.moves
+    for row in set(pilot.history.tolist()):
+        if own.step[row] < t:
+            k = own.step[row]
+            navigator.move_belief(own, row, moves, k)
+            if navigator.changes(moves.kept[k]):
+                navigator.fade_theta(own.theta[row], moves.kept[k])
 
 
 @pytest.mark.statistical

@@ -11,11 +11,13 @@ where s is the share of the step after which it leaves the landmark. The control
 
 Covariances and gains of a filter depend on when and where it has measured, not on what. So flights with the
 same history of fixes share them: a row of :class:`~pareto_ltl.kernels.pilots.Beliefs`. Rows are made when a
-history first occurs, and used again when its last flight has measured anew. In 10,000 flights past three
-landmarks some hundred histories occur.
+history first occurs, and used again when its last flight has measured anew. What happens between two fixes is
+the same for all of them: :class:`~pareto_ltl.kernels.pilots.Moves`.
 """
 
 from __future__ import annotations
+
+import math
 
 from pareto_ltl.kernels.data import Landmarks, Motion, Point
 from pareto_ltl.kernels.interpolation import F32
@@ -23,6 +25,7 @@ from pareto_ltl.kernels.jit import implements, kernel, vector
 from pareto_ltl.kernels.pilots import (
     SHARES,
     Beliefs,
+    Moves,
     Navigator,
     begin_flights,
     command,
@@ -43,7 +46,7 @@ def _begin_navigator(pilot: Navigator) -> None:
             pilot.estimate[i, k] = 0.0
         pilot.history[i], pilot.fixed[i] = 0, False
     own, modes = pilot.beliefs, pilot.beliefs.theta.shape[1]
-    own.used[0], own.flights[0] = 1, len(pilot.history)
+    own.used[0], own.flights[0], own.step[0] = 1, len(pilot.history), 0
     for r in range(2):
         for c in range(2):
             own.cov[0, r, c] = pilot.law.variance if r == c else 0.0
@@ -53,49 +56,145 @@ def _begin_navigator(pilot: Navigator) -> None:
     for i in range(modes):
         for j in range(modes):
             own.theta[0, i, j] = F32(1.0) if i == j else F32(0.0)
+    forget_children(own, 0)
+    stay(pilot.moves, 0)
 
 
-@vector
-def forced(beliefs: Beliefs, row: int, psi: Float32Array, push: Float32Array) -> None:
-    """Write ψ_c' Cov(θ̃) of both components of the wind to ``push`` (2, 2P); ``psi`` (2, P)."""
-    modes, both = psi.shape[1], beliefs.theta.shape[1]
-    for c in range(2):
-        for j in range(both):
-            push[c, j] = F32(0.0)
-        for m in range(modes):
-            p = psi[c, m]
-            for j in range(both):
-                push[c, j] += p * beliefs.theta[row, c * modes + m, j]
+@kernel
+def forget_children(own: Beliefs, row: int) -> None:
+    """No flight of ``row`` has measured at this step."""
+    for k in range(own.child.shape[1]):
+        for part in range(SHARES):
+            own.child[row, k, part] = -1
 
 
-@vector
-def along_modes(psi: Float32Array, values: Float32Array, c: int) -> float:
-    """Σ_m ψ_cm ``values[c P + m]``; ``psi`` (2, P), ``values`` (2P,)."""
-    total, modes = F32(0.0), psi.shape[1]
+@kernel
+def stay(moves: Moves, k: int) -> None:
+    """Let ``k`` be the move of no step."""
+    modes = moves.kept.shape[1]
+    for r in range(2):
+        for c in range(2):
+            moves.turn[k, r, c], moves.noise[k, r, c] = 1.0 if r == c else 0.0, 0.0
+        for j in range(2 * modes):
+            moves.push[k, r, j], moves.mixed[k, r, j] = F32(0.0), F32(0.0)
     for m in range(modes):
-        total += psi[c, m] * values[c * modes + m]
+        moves.kept[k, m] = F32(1.0)
+
+
+@kernel
+def one_step(pilot: Navigator, dt: float, t: int) -> None:
+    """Let the last of the moves be the step from t - 1 to ``t``.
+
+    Eq. (M25) of docs/mathematics.md.
+    """
+    law, moves, k = pilot.law, pilot.moves, len(pilot.moves.turn) - 1
+    modes = moves.kept.shape[1]
+    for r in range(2):
+        for c in range(2):
+            moves.turn[k, r, c] = law.F[t - 1, r, c]
+            moves.noise[k, r, c] = dt * dt * law.white[t - 1, r] if r == c else 0.0
+        for j in range(2 * modes):
+            moves.push[k, r, j], moves.mixed[k, r, j] = F32(0.0), F32(0.0)
+        for m in range(modes):
+            moves.push[k, r, r * modes + m] = F32(dt) * law.psi[t - 1, r, m]
+    for m in range(modes):
+        moves.kept[k, m] = law.kept[t, m]
+
+
+@vector
+def dot(one: Float32Array, other: Float32Array) -> float:
+    """The scalar product of two vectors."""
+    total = F32(0.0)
+    for j in range(len(one)):
+        total += one[j] * other[j]
     return total  # type: ignore[return-value]
 
 
 @vector
-def carry_cross(
-    cross: Float32Array,
-    lagged: Float32Array,
-    F: FloatArray,
-    push: Float32Array,
-    kept: Float32Array,
-    dt: float,
-) -> None:
-    """Cov(ẽ_{t-1}, θ̃_t) and Cov(ẽ_t, θ̃_t) from ``cross`` (2, 2P) a step ago."""
-    modes, h = len(kept), F32(dt)
+def lengthen(moves: Moves, k: int, scratch: Float32Array) -> None:
+    """Follow the move ``k`` by the last one, a single step; ``scratch`` (2, 2P)."""
+    last, modes, half = len(moves.turn) - 1, moves.kept.shape[1], moves.push.shape[2]
+    F, push, mixed, kept = moves.turn[last], moves.push[k], moves.mixed[k], moves.kept[k]
+    step, fade = moves.push[last], moves.kept[last]
     a, b, c, d = F32(F[0, 0]), F32(F[0, 1]), F32(F[1, 0]), F32(F[1, 1])
-    for half in range(2):
-        for m in range(modes):
-            j = half * modes + m
-            x, y = cross[0, j], cross[1, j]
-            lagged[0, j], lagged[1, j] = kept[m] * x, kept[m] * y
-            cross[0, j] = kept[m] * (a * x + b * y + h * push[0, j])
-            cross[1, j] = kept[m] * (c * x + d * y + h * push[1, j])
+    noise, turn = moves.noise[k], moves.turn[k]
+    for r in range(2):
+        for j in range(half):
+            m = j % modes
+            scratch[r, j] = step[r, j] * (F32(1.0) - kept[m] * kept[m])
+    xx, xy, yx, yy = noise[0, 0], noise[0, 1], noise[1, 0], noise[1, 1]
+    w00, w01 = F[0, 0] * xx + F[0, 1] * yx, F[0, 0] * xy + F[0, 1] * yy
+    w10, w11 = F[1, 0] * xx + F[1, 1] * yx, F[1, 0] * xy + F[1, 1] * yy
+    # What θ has lost since the move began acts on e through the step, and is correlated with e before it.
+    p00, p01 = dot(mixed[0], step[0]), dot(mixed[0], step[1])
+    p10, p11 = dot(mixed[1], step[0]), dot(mixed[1], step[1])
+    q00, q01 = F[0, 0] * p00 + F[0, 1] * p10, F[0, 0] * p01 + F[0, 1] * p11
+    q10, q11 = F[1, 0] * p00 + F[1, 1] * p10, F[1, 0] * p01 + F[1, 1] * p11
+    fresh = dot(scratch[0], step[1])
+    noise[0, 0] = w00 * F[0, 0] + w01 * F[0, 1] + 2.0 * q00 + dot(scratch[0], step[0])
+    noise[0, 1] = w00 * F[1, 0] + w01 * F[1, 1] + q01 + q10 + fresh
+    noise[1, 0] = noise[0, 1]
+    noise[1, 1] = w10 * F[1, 0] + w11 * F[1, 1] + 2.0 * q11 + dot(scratch[1], step[1])
+    for r in range(2):
+        noise[r, r] += moves.noise[last, r, r]
+        x, y = turn[0, r], turn[1, r]
+        turn[0, r], turn[1, r] = F[0, 0] * x + F[0, 1] * y, F[1, 0] * x + F[1, 1] * y
+    for j in range(half):
+        m = j % modes
+        x, y = push[0, j], push[1, j]
+        push[0, j] = a * x + b * y + step[0, j] * kept[m]
+        push[1, j] = c * x + d * y + step[1, j] * kept[m]
+        x, y = mixed[0, j], mixed[1, j]
+        mixed[0, j] = fade[m] * (a * x + b * y + scratch[0, j])
+        mixed[1, j] = fade[m] * (c * x + d * y + scratch[1, j])
+    for m in range(modes):
+        kept[m] *= fade[m]
+
+
+@vector
+def times_theta(push: Float32Array, theta: Float32Array, product: Float32Array) -> None:
+    """Write ``push`` (2, 2P) Cov(θ̃) to ``product`` (2, 2P)."""
+    for c in range(2):
+        for j in range(product.shape[1]):
+            product[c, j] = F32(0.0)
+        for i in range(theta.shape[0]):
+            p = push[c, i]
+            for j in range(theta.shape[1]):
+                product[c, j] += p * theta[i, j]
+
+
+@vector
+def move_belief(own: Beliefs, row: int, moves: Moves, k: int) -> None:
+    """The covariances of ``row`` after the move ``k``; ``before``, ``across``, ``lagged`` are with its begin.
+
+    Eq. (M25) of docs/mathematics.md.
+    """
+    A, push, mixed, kept = moves.turn[k], moves.push[k], moves.mixed[k], moves.kept[k]
+    cov, cross, lagged, theta = own.cov[row], own.cross[row], own.lagged[row], own.theta[row]
+    times_theta(push, theta, own.push)
+    a, b, c, d = F32(A[0, 0]), F32(A[0, 1]), F32(A[1, 0]), F32(A[1, 1])
+    # g = G Cov(θ, e), t = G Cov(θ) G'
+    e00, e01, e11 = cov[0, 0], cov[0, 1], cov[1, 1]
+    g00, g01 = dot(push[0], cross[0]), dot(push[0], cross[1])
+    g10, g11 = dot(push[1], cross[0]), dot(push[1], cross[1])
+    t00, t01, t11 = dot(push[0], own.push[0]), dot(push[0], own.push[1]), dot(push[1], own.push[1])
+    before, across = own.before[row], own.across[row]
+    before[0, 0], before[0, 1], before[1, 0], before[1, 1] = e00, e01, e01, e11
+    across[0, 0], across[0, 1] = A[0, 0] * e00 + A[0, 1] * e01 + g00, A[0, 0] * e01 + A[0, 1] * e11 + g01
+    across[1, 0], across[1, 1] = A[1, 0] * e00 + A[1, 1] * e01 + g10, A[1, 0] * e01 + A[1, 1] * e11 + g11
+    # Cov(e') = Cov(e', e) A' + h + Cov(n), with h = (A Cov(e, θ) + G Cov(θ)) G'
+    h00, h01 = A[0, 0] * g00 + A[0, 1] * g01 + t00, A[0, 0] * g10 + A[0, 1] * g11 + t01
+    h11 = A[1, 0] * g10 + A[1, 1] * g11 + t11
+    cov[0, 0] = across[0, 0] * A[0, 0] + across[0, 1] * A[0, 1] + h00 + moves.noise[k, 0, 0]
+    cov[0, 1] = across[0, 0] * A[1, 0] + across[0, 1] * A[1, 1] + h01 + moves.noise[k, 0, 1]
+    cov[1, 1] = across[1, 0] * A[1, 0] + across[1, 1] * A[1, 1] + h11 + moves.noise[k, 1, 1]
+    cov[1, 0] = cov[0, 1]
+    for j in range(theta.shape[0]):
+        m = j % len(kept)
+        x, y = cross[0, j], cross[1, j]
+        lagged[0, j], lagged[1, j] = kept[m] * x, kept[m] * y
+        cross[0, j] = kept[m] * (a * x + b * y + own.push[0, j]) + mixed[0, j]
+        cross[1, j] = kept[m] * (c * x + d * y + own.push[1, j]) + mixed[1, j]
 
 
 @vector
@@ -120,36 +219,37 @@ def changes(kept: Float32Array) -> bool:
 
 
 @kernel
-def carry_belief(pilot: Navigator, motion: Motion, t: int, row: int) -> None:
-    """The covariances of ``row`` at step ``t`` from those at t - 1, without a fix.
+def carry_belief(pilot: Navigator, t: int, row: int) -> None:
+    """Bring the covariances of ``row`` to step ``t``: in one move to t - 1, and the step from there.
 
-    Eq. (M25) of docs/mathematics.md.
+    Only rows whose flights measure are carried: with three landmarks on a way of 131 steps, 1,500 flights
+    take 70 instead of 190 ms.
     """
-    own, law, dt, push = pilot.beliefs, pilot.law, motion.dt, pilot.beliefs.push
-    F, psi, cov = law.F[t - 1], law.psi[t - 1], own.cov[row]
-    forced(own, row, psi, push)
-    for r in range(2):
-        for q in range(2):
-            carried = F[r, 0] * cov[0, q] + F[r, 1] * cov[1, q]
-            own.across[row, r, q] = carried + dt * along_modes(psi, own.cross[row, q], r)
-            own.before[row, r, q] = cov[r, q]
-    # Cov(e_t, e_{t-1}) F' + dt Cov(e_t, θ) ψ, with Cov(e_t, θ) = F C + dt ψ' Cov(θ)
-    c00, c01 = along_modes(psi, own.cross[row, 0], 0), along_modes(psi, own.cross[row, 0], 1)
-    c10, c11 = along_modes(psi, own.cross[row, 1], 0), along_modes(psi, own.cross[row, 1], 1)
-    q00, q01, q11 = along_modes(psi, push[0], 0), along_modes(psi, push[0], 1), along_modes(psi, push[1], 1)
-    across = own.across[row]
-    xx = across[0, 0] * F[0, 0] + across[0, 1] * F[0, 1]
-    xx += dt * (F[0, 0] * c00 + F[0, 1] * c10) + dt * dt * (q00 + law.white[t - 1, 0])
-    xy = (
-        across[0, 0] * F[1, 0] + across[0, 1] * F[1, 1] + dt * (F[0, 0] * c01 + F[0, 1] * c11) + dt * dt * q01
-    )
-    yy = across[1, 0] * F[1, 0] + across[1, 1] * F[1, 1]
-    yy += dt * (F[1, 0] * c01 + F[1, 1] * c11) + dt * dt * (q11 + law.white[t - 1, 1])
-    cov[0, 0], cov[0, 1], cov[1, 0], cov[1, 1] = xx, xy, xy, yy
-    kept = law.kept[t]
-    carry_cross(own.cross[row], own.lagged[row], F, push, kept, dt)
-    if changes(kept):
-        fade_theta(own.theta[row], kept)
+    own, moves = pilot.beliefs, pilot.moves
+    if own.step[row] == t:
+        return
+    for k in (own.step[row], len(moves.turn) - 1):
+        if k != t - 1:  # no move leads from there
+            move_belief(own, row, moves, k)
+            if changes(moves.kept[k]):
+                fade_theta(own.theta[row], moves.kept[k])
+    own.step[row] = t
+    forget_children(own, row)
+
+
+@kernel
+def lengthen_moves(pilot: Navigator, t: int) -> None:
+    """Let the moves from each step that rows are at lead to step ``t``."""
+    own, moves = pilot.beliefs, pilot.moves
+    for k in range(t):
+        moves.needed[k] = False
+    for row in range(own.used[0]):
+        if own.flights[row] > 0:
+            moves.needed[own.step[row]] = True
+    for k in range(t):
+        if moves.needed[k]:
+            lengthen(moves, k, own.push)
+    stay(moves, t)
 
 
 @vector
@@ -224,7 +324,10 @@ def learn_field(
 @kernel
 def last_inside(landmarks: Landmarks, k: int, begin: Point, end: Point) -> float:
     """The last share in [0, 1] of the segment that lies in landmark ``k``; -1 if none does."""
-    faces = landmarks.faces
+    faces, disc = landmarks.faces, landmarks.disc[k]
+    x, y = 0.5 * (begin.x + end.x) - disc[0], 0.5 * (begin.y + end.y) - disc[1]
+    if math.sqrt(x * x + y * y) > disc[2] + 0.5 * math.hypot(end.x - begin.x, end.y - begin.y):
+        return -1.0
     first, last = 0.0, 1.0
     for j in range(faces.ptr[k], faces.ptr[k + 1]):
         nx, ny = faces.normal[j, 0], faces.normal[j, 1]
@@ -242,16 +345,11 @@ def last_inside(landmarks: Landmarks, k: int, begin: Point, end: Point) -> float
 @implements(observe, Navigator)
 def _observe_landmarks(pilot: Navigator, motion: Motion, t: int, x: FloatArray) -> None:
     own, marks = pilot.beliefs, pilot.landmarks
-    for row in range(own.used[0]):
-        if own.flights[row] > 0:
-            if t > 0:
-                carry_belief(pilot, motion, t, row)
-            for k in range(own.child.shape[1]):
-                for part in range(SHARES):
-                    own.child[row, k, part] = -1
-    free = 0
+    if t > 0:
+        one_step(pilot, motion.dt, t)
+    free, fades = 0, t > 0 and changes(pilot.law.kept[t])
     for i in range(len(x)):
-        if pilot.fixed[i] and t > 0:
+        if fades and pilot.fixed[i]:
             fade_field(pilot.field[i], pilot.law.kept[t])
         here = Point(x[i, t, 0], x[i, t, 1])
         begin = Point(x[i, t - 1, 0], x[i, t - 1, 1]) if t > 0 else here
@@ -264,17 +362,21 @@ def _observe_landmarks(pilot: Navigator, motion: Motion, t: int, x: FloatArray) 
             continue
         row, part = pilot.history[i], min(int(share * SHARES + 0.5), SHARES) if t > 0 else SHARES
         part = max(part, 1)
+        carry_belief(pilot, t, row)
         target = own.child[row, mark, part - 1]
         if target < 0:
             free = free_row(own, free)
             target = free
             own.child[row, mark, part - 1] = target
             learn_from_fix(own, row, target, part / SHARES, marks.cov[mark])
+            own.step[target] = t
             free += 1
         own.flights[row] -= 1
         own.flights[target] += 1
         pilot.history[i], pilot.fixed[i] = target, True
         take_fix(pilot, t, i, mark, (begin, here), share if t > 0 else 1.0)
+    if t > 0:
+        lengthen_moves(pilot, t)
 
 
 @kernel
@@ -334,7 +436,8 @@ def _command_navigator(
     if not pilot.fixed[i]:
         return planned_x, planned_y
     ex, ey, b_inv, b, dt, F = estimate[0], estimate[1], motion.b_inv, motion.b, motion.dt, law.F[t]
-    hx, hy = along_modes(law.psi[t], pilot.field[i], 0), along_modes(law.psi[t], pilot.field[i], 1)
+    modes = law.psi.shape[2]
+    hx, hy = dot(law.psi[t, 0], pilot.field[i, :modes]), dot(law.psi[t, 1], pilot.field[i, modes:])
     share = pilot.landmarks.gain / dt
     cx, cy = share * ex + hx, share * ey + hy
     ux, uy = within_airspeed(

@@ -38,11 +38,12 @@ class FilterLaw(NamedTuple):
 class Beliefs(NamedTuple):
     """Covariances of errors of estimates, one row for each history of fixes.
 
-    ``cov`` (N, 2, 2) = Cov(ẽ) [m²], ``before`` (N, 2, 2) the same a step ago, ``across`` (N, 2, 2) =
-    Cov(ẽ_t, ẽ_{t-1}); ``cross`` (N, 2, 2P) = Cov(ẽ, θ̃), ``lagged`` (N, 2, 2P) = Cov(ẽ_{t-1}, θ̃);
-    ``theta`` (N, 2P, 2P) = Cov(θ̃). ``gain`` (N, 2, 2) and ``learnt`` (N, 2, 2P) are the gains of the last
-    fix; ``child`` (N, K, SHARES) is the row after a fix at this step, -1 for none; ``flights`` (N,) counts
-    the flights of a row, ``used`` (1,) the rows ever used. ``push`` (2, 2P) is scratch.
+    ``step`` (N,) is when those of a row were last needed. ``cov`` (N, 2, 2) = Cov(ẽ) [m²], ``before``
+    (N, 2, 2) the same a step ago, ``across`` (N, 2, 2) = Cov(ẽ_t, ẽ_{t-1}); ``cross`` (N, 2, 2P) =
+    Cov(ẽ, θ̃), ``lagged`` (N, 2, 2P) = Cov(ẽ_{t-1}, θ̃); ``theta`` (N, 2P, 2P) = Cov(θ̃). ``gain`` (N, 2, 2)
+    and ``learnt`` (N, 2, 2P) are the gains of the last fix; ``child`` (N, K, SHARES) is the row after a fix
+    at this step, -1 for none; ``flights`` (N,) counts the flights of a row, ``used`` (1,) the rows ever used.
+    ``push`` (2, 2P) is scratch.
     """
 
     cov: FloatArray
@@ -57,6 +58,23 @@ class Beliefs(NamedTuple):
     flights: IntArray
     used: IntArray
     push: Float32Array
+    step: IntArray
+
+
+class Moves(NamedTuple):
+    """The linear law over several steps: from each step t to the present one, and at last a single step.
+
+    e' = A e + G θ + n and θ' = R θ + ζ, with A in ``turn`` (T+2, 2, 2), G in ``push`` (T+2, 2, 2P) [m],
+    Cov(n) in ``noise`` (T+2, 2, 2) [m²], Cov(n, ζ) in ``mixed`` (T+2, 2, 2P) [m] and R in ``kept``
+    (T+2, P); Cov(ζ) = I - R². ``needed`` (T+2,) says from which steps beliefs are carried.
+    """
+
+    turn: FloatArray
+    push: Float32Array
+    noise: FloatArray
+    mixed: Float32Array
+    kept: Float32Array
+    needed: BoolArray
 
 
 class Navigator(NamedTuple):
@@ -76,6 +94,7 @@ class Navigator(NamedTuple):
     history: IntArray
     fixed: BoolArray
     beliefs: Beliefs
+    moves: Moves
 
 
 Pilot: TypeAlias = Autopilot | Navigator

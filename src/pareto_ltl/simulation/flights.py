@@ -18,7 +18,7 @@ from numpy.random import Generator, SeedSequence
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.kernels.pilots import SHARES, Autopilot, Beliefs, FilterLaw, Navigator, Pilot
+from pareto_ltl.kernels.pilots import SHARES, Autopilot, Beliefs, FilterLaw, Moves, Navigator, Pilot
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import Plan
@@ -246,6 +246,7 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
             linear, marks, root, noise, np.empty((runs, 4)),
             np.empty((runs, 2 * kept.shape[1]), np.float32), np.empty(runs, np.int64), np.empty(runs, bool),
             empty_beliefs(2 * runs + 1, len(root), kept.shape[1]),
+            empty_moves(len(held), kept.shape[1]),
         )  # fmt: skip
 
     return navigator
@@ -268,6 +269,16 @@ def empty_beliefs(rows: int, marks: int, modes: int) -> Beliefs:
         np.empty((rows, 2, both), np.float32), np.empty((rows, both, both), np.float32), np.empty(pair),
         np.empty((rows, 2, both), np.float32), np.empty((rows, marks, SHARES), np.int64),
         np.zeros(rows, np.int64), np.zeros(1, np.int64), np.empty((2, both), np.float32),
+        np.zeros(rows, np.int64),
+    )  # fmt: skip
+
+
+def empty_moves(steps: int, modes: int) -> Moves:
+    """Memory for the moves from each of ``steps`` steps, and for a single step."""
+    pair, field = (steps + 1, 2, 2), (steps + 1, 2, 2 * modes)
+    return Moves(
+        np.empty(pair), np.empty(field, np.float32), np.empty(pair), np.empty(field, np.float32),
+        np.empty((steps + 1, modes), np.float32), np.zeros(steps + 1, bool),
     )  # fmt: skip
 
 

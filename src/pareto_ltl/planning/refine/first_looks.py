@@ -9,7 +9,7 @@ import numpy as np
 
 from pareto_ltl.planning.refine.length_caps import front_of
 from pareto_ltl.planning.refine.sampled import Candidate, path_length
-from pareto_ltl.planning.refine.starts import Start, StartKind
+from pareto_ltl.planning.refine.starts import Start, StartKind, returning_starts
 from pareto_ltl.planning.refine.sweep import COARSE, WARM, Sweep, on_other_sides, smoothed, timed_means
 
 LOOSE = 1.1  # factor by which the first polish may lengthen a start
@@ -49,7 +49,8 @@ def first_looks(sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKin
 
     found, known = looks(chosen), {kind for kind, _ in starts}
     best = sorted(front_of(found), key=smoothed)[:FLIPPED]
-    return sorted([*found, *looks(on_other_sides(sweep.problem, best, known))], key=smoothed)
+    again = [start for k in best for start in returning_starts(sweep.problem, k.flight, k.origin)]
+    return sorted([*found, *looks([*on_other_sides(sweep.problem, best, known), *again])], key=smoothed)
 
 
 def _promising(sweep: Sweep, pool: ThreadPoolExecutor, starts: Sequence[Start]) -> list[Start]:

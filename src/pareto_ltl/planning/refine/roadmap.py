@@ -128,15 +128,15 @@ def led_lines(problem: Problem, lines: Sequence[FloatArray]) -> list[FloatArray]
 
 
 def _led(problem: Problem, blocked: shapely.Geometry, line: FloatArray) -> Iterator[FloatArray]:
-    """``line`` through each landmark that it does not cross."""
-    crossed = sights(problem, line).any(axis=0)
+    """``line`` through each landmark, in legs that do not cross it."""
+    crossed = sights(problem, line)
     legs = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    for k in np.flatnonzero(~crossed):
-        middle = problem.landmarks[k].mean(axis=0)
+    for k, corners in enumerate(problem.landmarks):
+        middle = corners.mean(axis=0)
         arms = np.linalg.norm(line - middle, axis=1)
         detour = arms[:-1] + arms[1:] - legs
         met = meets(blocked, line, np.broadcast_to(middle, line.shape))
-        able = (legs.sum() + detour <= STRETCH * legs.sum()) & ~met[:-1] & ~met[1:]
+        able = (legs.sum() + detour <= STRETCH * legs.sum()) & ~met[:-1] & ~met[1:] & ~crossed[:, k]
         for j in [j for j in np.argsort(detour, kind="stable").tolist() if able[j]][:PLACES]:
             yield np.insert(line, j + 1, middle, axis=0)
 

@@ -12,6 +12,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import completing_path, propagate, square_matrices
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath, Tree
@@ -20,6 +21,7 @@ from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
 from pareto_ltl.planning.refine.roadmap import led_lines, roadmap_lines
 from pareto_ltl.planning.refine.sampled import path_length
+from pareto_ltl.planning.refine.search_map import blocked_area, meets
 from pareto_ltl.planning.refine.taut_lines import taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.support.arrays import FloatArray
@@ -32,6 +34,7 @@ SIMILAR = 0.15  # relative difference of lengths that are similar
 LINES = 64  # classes of lines of the roadmap, the shortest
 FLIPPED = 0.15  # of the map's size: obstacles closer to a path than this are also passed on the other side
 BEYOND = 0.03  # of the map's size: distance from the obstacle on the other side
+OVERSHOOT = 1.5  # standard deviations by which a path flies past a place before it returns to it
 
 
 StartKind: TypeAlias = tuple[PathClass, int]  # class, and number of the interval of lengths
@@ -179,4 +182,24 @@ def flipped_starts(problem: Problem, x: FloatArray, origin: str) -> list[Start]:
         bump[0] = 0.0
         low, high = problem.scene.bounds
         found.append(Start(np.clip(x + bump[:, None] * push, low, high), f"{origin}, past obstacle {k}"))
+    return found
+
+
+def returning_starts(problem: Problem, flight: Flight, origin: str) -> list[Start]:
+    """Copies of ``flight``, each of which flies past one place that is to be visited, and back through it.
+
+    A robot that has missed a region may meet it on the second pass.
+    """
+    x, q = flight.x, problem.states(flight.x)
+    blocked, found = blocked_area(problem), []
+    for t in np.flatnonzero(np.diff(q)) + 1:
+        heading = (x[t] - x[t - 1]) / max(float(np.linalg.norm(x[t] - x[t - 1])), 1e-9)
+        sd = float(np.sqrt(np.linalg.eigvalsh(square_matrices(flight.cov[t : t + 1])[0])[-1]))
+        low, high = problem.scene.bounds
+        there = np.clip(x[t] + OVERSHOOT * sd * heading, low, high)
+        back = np.clip(x[t] - OVERSHOOT * sd * heading, low, high)
+        rest = x[t + 1 :] if t + 1 < len(x) and q[-1] != q[t] else back[None]
+        y = np.vstack([x[: t + 1], there, x[t], rest])
+        if not meets(blocked, y[t : t + 3], y[t + 1 : t + 4]).any():
+            found.append(Start(y, f"{origin}, returning"))
     return found
