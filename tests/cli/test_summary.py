@@ -8,7 +8,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from pareto_ltl.cli.summary import collected_warnings, print_summary, summary_rows, warning_paragraphs
+from pareto_ltl.cli.markdown_text import shown_markdown
+from pareto_ltl.cli.summary import collected_warnings, run_answer, summary_rows, warning_paragraphs
 from pareto_ltl.settings import Settings, preset
 
 METRICS = {
@@ -73,10 +74,30 @@ def test_the_warnings_of_a_run_are_printed_each_once(tmp_path: Path) -> None:
 def test_the_law_is_that_of_the_settings(tmp_path: Path) -> None:
     page = io.StringIO()
     settings = Settings(name="trial", fidelity=preset("full"))
-    print_summary(settings, tmp_path, METRICS, [], Console(file=page, width=80), verbose=True)
+    answer = run_answer(settings, tmp_path, METRICS, [], verbose=True)
+    for line in answer.lines:
+        Console(file=page, width=80).print(line)
     assert "mission risk V, coherent winds" in page.getvalue()
     assert "trial" in page.getvalue()
     assert "0.0000" not in page.getvalue()
+    assert answer.document["law"] == "coherent"
+    assert answer.document["metrics"] == METRICS
+
+
+def test_tables_of_a_study_fit_a_terminal_and_lose_no_column_without_a_word() -> None:
+    rows = ["| start | ratio | why |", "|---|---|---|", f"| 00Z | 1.5 | {'x' * 50} |", "| 06Z | 2 | - |"]
+    text = "\n".join(["**Leave at 00Z**.", "", *rows, "", "## Why", "- one"])
+    page = io.StringIO()
+    console = Console(file=page, width=80, highlight=False, markup=False)
+    for part in shown_markdown(text, "tables.md"):
+        console.print(part)
+    lines = page.getvalue().splitlines()
+    assert all(len(line) <= 80 for line in lines)
+    assert not any(mark in page.getvalue() for mark in ("**", "##", "|"))
+    assert sum("x" * 50 in line for line in lines) == 1  # not broken
+    wide = [row + f" {'y' * 70} |" for row in rows]
+    shown = [part for part in shown_markdown("\n".join(wide), "tables.md") if isinstance(part, str)]
+    assert shown == [f"1 more column in tables.md: {'y' * 70}"]
 
 
 def test_a_run_that_only_fits_the_wind_prints_what_it_found() -> None:

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.cli.formula_command import formula_command
+from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.logic import FormulaError, hoa, parse_formula, patterns, translate
 from pareto_ltl.logic import picture as draw
 from pareto_ltl.logic.formula import Formula
@@ -249,7 +249,7 @@ def test_a_picture_is_drawn(formula, tmp_path):
 def test_the_command_tells_what_a_formula_means(capsys, tmp_path):
     files = [tmp_path / name for name in ("m.hoa", "m.dot", "m.png")]
     argv = [f for pair in zip(("--hoa", "--dot", "--picture"), map(str, files), strict=True) for f in pair]
-    assert formula_command(["F(a & F b)", *argv]) == 0
+    assert run_command_line(["formula", "F(a & F b)", *argv]) == 0
     told = capsys.readouterr().out
     for word in ("normal form", "states        3", "insertion-closed"):
         assert word in told
@@ -258,14 +258,14 @@ def test_the_command_tells_what_a_formula_means(capsys, tmp_path):
 
 
 def test_the_command_points_at_a_mistake(capsys):
-    assert formula_command(["F(a & (b"]) == 2
+    assert run_command_line(["formula", "F(a & (b"]) == 2
     line, text, caret = capsys.readouterr().err.splitlines()
-    assert line.startswith("error: expected")
+    assert line.startswith("pareto-ltl: expected")
     assert caret.index("^") == len(text)
 
 
 def test_harmful_visits_are_named(capsys):
-    assert formula_command(["!b U a"]) == 0
+    assert run_command_line(["formula", "!b U a"]) == 0
     assert "an extra {b} makes the mission fail" in capsys.readouterr().out
 
 

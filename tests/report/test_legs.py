@@ -12,7 +12,14 @@ import pareto_ltl
 from drawn_world import path_of, scene_of
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.report.legs import _goal_line, closest_barriers
+from pareto_ltl.report.legs import (
+    Clearance,
+    Leg,
+    _goal_line,
+    _legs_line,
+    closest_barriers,
+    of_one_heading,
+)
 from pareto_ltl.run.results import Results
 from pareto_ltl.world.windows import Window
 from problems import along, box, make_problem, make_scene
@@ -54,17 +61,39 @@ def test_a_leg_through_an_obstacle_has_no_clearance() -> None:
 def test_explain_tells_every_leg_and_names_laws(
     page_result: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run_command_line(["explain", str(page_result)]) == 0
+    assert run_command_line(["explain", str(page_result), "--legs"]) == 0
     out = capsys.readouterr().out
     plan = Results(page_result).plan
-    legs = [line for line in out.splitlines() if line[:4].strip().isdigit()]
-    assert [int(line[:4]) for line in legs] == list(range(len(plan.path.u)))
+    legs = [line for line in out.splitlines() if line[:7].strip().isdigit()]
+    assert [int(line[:7]) for line in legs] == list(range(len(plan.path.u)))
     assert all("heading" in line or "drifting" in line for line in legs)
     for line in out.splitlines():
         if " fails " in line or line.startswith("bound"):
             assert "winds" in line
     assert plan.not_covered in out
-    assert pareto_ltl.explain(page_result) + "\n" == out
+    assert run_command_line(["explain", str(page_result)]) == 0
+    assert pareto_ltl.explain(page_result) + "\n" == capsys.readouterr().out
+
+
+def leg(number: int, heading: float, *, airspeed: float = 20.0, fix: bool = False) -> Leg:
+    near = Clearance("obstacle 1", 9e3, 4.0 + number)
+    return Leg(
+        number, f"{number}:00Z", f"{number + 1}:00Z", heading, airspeed, 5.0, 90.0, 1.0, near, 0.1, fix
+    )
+
+
+def test_successive_legs_of_one_heading_have_one_line() -> None:
+    """Across north too; a fix, a turn or another airspeed begins a new line."""
+    headings = [359.0, 0.5, 1.5, 4.5, 5.0, 5.0, 5.0]
+    legs = [leg(k, h, fix=k == 4, airspeed=20.0 + 2.0 * (k == 6)) for k, h in enumerate(headings)]
+    groups = of_one_heading(legs)
+    assert [[one.number for one in group] for group in groups] == [[0, 1, 2], [3, 4], [5], [6]]
+    line = _legs_line(groups[0])
+    assert line.split("; ")[0].split() == ["0-2", "0:00Z", "-", "3:00Z"]
+    assert "heading 000.3 true, 20.0 m/s; wind 5.0 m/s from 090" in line
+    assert "obstacle 1 at 9.0 km = 4.0 sd" in line
+    assert _legs_line(groups[1]).endswith("position fix at its end")
+    assert of_one_heading([]) == []
 
 
 def test_a_leg_to_a_region_with_a_window_names_the_proposition() -> None:

@@ -143,18 +143,22 @@ def test_the_command_prints_a_table_and_counts_failures(
 ) -> None:
     assert run_command_line(["verify", str(honest["paper"])]) == 0
     out = capsys.readouterr().out.splitlines()
-    assert out[0].split() == ["claim", "claimed", "re-derived", "verdict"]
-    assert all(line.endswith(" holds") for line in out[1:-1])
-    assert out[-1] == f"{len(out) - 2} claims hold"
+    assert all(line.startswith("holds  ") and len(line) <= 80 for line in out[:-1])
+    assert out[-1] == f"{len(out) - 1} claims hold"
 
     lie = next(lie for lie in LIES if lie.name == "the covariance is smaller")
     place = edited(honest["paper"], tmp_path / "lie", lie)
     assert run_command_line(["verify", "--failed-only", str(place)]) == 3
     out = capsys.readouterr().out.splitlines()
-    assert [line.split("  ")[0] for line in out[1:-1]] == [
+    assert [line.removeprefix("FAILS  ") for line in out[:-1:3]] == [
         "plan: covariance", "exports: ellipses and radii", "exports: areas of corridors",
     ]  # fmt: skip
+    assert [line.split()[0] for line in out[1:3]] == ["claimed", "re-derived"]
     assert out[-1].startswith("3 of ")
+
+    assert run_command_line(["verify", str(place), "--json"]) == 3
+    document = json.loads(capsys.readouterr().out)
+    assert document["failed"] == 3 == sum(not claim["holds"] for claim in document["claims"])
 
 
 def test_settings_without_a_selection_are_claims_that_fail(
@@ -168,7 +172,8 @@ def test_settings_without_a_selection_are_claims_that_fail(
     file.write_text(json.dumps(settings))
     assert run_command_line(["verify", "--failed-only", str(place)]) == 3
     told = capsys.readouterr()
-    assert "front: the rule picks the plan    cannot be judged  KeyError: 'selection'" in told.out
+    assert "FAILS  front: the rule picks the plan\n       claimed     cannot be judged\n" in told.out
+    assert "       re-derived  KeyError: 'selection'\n" in told.out
     assert told.err == ""
 
 
@@ -232,7 +237,9 @@ def test_a_damaged_file_is_a_claim_that_fails(
     assert run_command_line(["verify", "--failed-only", str(place)]) == 3
     captured = capsys.readouterr()
     assert captured.err == ""
-    unread = [line for line in captured.out.splitlines() if "cannot be judged" in line]
+    lines = captured.out.splitlines()
+    ends = [k for k, line in enumerate(lines) if line.endswith("claimed     cannot be judged")]
+    unread = [lines[k - 1] + lines[k + 1] for k in ends]
     if names == EXPORTED:
         assert {name for name in names for line in unread if name in line} == set(names)
     else:

@@ -26,6 +26,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 
 if TYPE_CHECKING:
     from pareto_ltl.studies.sweeps.manifest import SweepManifest
+    from pareto_ltl.studies.sweeps.summary import SweepSummary
 
 SWEEP_LOCK = ".sweep.lock"
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -50,8 +51,8 @@ class PointsSweeper(BasicSweeper):
         with claim_folder(place / SWEEP_LOCK, "a sweep", another):
             manifest.write_to(place)
             OmegaConf.save(self.config, place / "multirun.yaml")
-            counts = self._run_points(place, manifest, words, resume=resume)
-        self.task_function.finish(counts)  # type: ignore[attr-defined]
+            found = self._run_points(place, manifest, words, resume=resume)
+        self.task_function.finish(found)  # type: ignore[attr-defined]
         return []
 
     def _points(self, arguments: list[str]) -> tuple[SweepManifest, dict[str, list[str]], bool]:
@@ -84,9 +85,9 @@ class PointsSweeper(BasicSweeper):
 
     def _run_points(
         self, place: Path, manifest: SweepManifest, words: Mapping[str, list[str]], *, resume: bool
-    ) -> dict[str, int]:
+    ) -> SweepSummary:
         """Run the points without an answer and write the summary, also when that is interrupted."""
-        from pareto_ltl.cli.arguments import print_problem
+        from pareto_ltl.cli.output import print_problem
         from pareto_ltl.studies.jobs import JobQueue
         from pareto_ltl.studies.sweeps.runs import RunJob
         from pareto_ltl.studies.sweeps.summary import write_summary
@@ -102,10 +103,11 @@ class PointsSweeper(BasicSweeper):
         queue = JobQueue(launch, print_problem)
         try:
             queue.run(todo)
-        finally:
+        except BaseException:
             found = write_summary(place, given_up=queue.given_up)
             print(f"{found.line()}\nsummary in {place / 'summary.html'}")
-        return found.counts
+            raise
+        return write_summary(place, given_up=queue.given_up)
 
     def _overrides(self, arguments: Sequence[str]) -> dict[str, list[str]]:
         """Every key with its values, as words for a command line; what comes later wins."""

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
+from pareto_ltl.cli.output import Output, print_problem
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
-from pareto_ltl.support.messages import shown_line
 from pareto_ltl.support.stopping import StoppedError, signals_raise
 
 EXPECTED_ERRORS: tuple[type[Exception], ...] = (ParetoLtlError, OSError)
@@ -41,6 +41,7 @@ def run_reported(
     work: Callable[[], int],
     expected: tuple[type[Exception], ...] = EXPECTED_ERRORS,
     describe_error: Callable[[BaseException], str] = one_line,
+    output: Output = Output.TEXT,
 ) -> int:
     """Call ``work`` and return its exit code; for an error, print one line and return the code of the error.
 
@@ -58,22 +59,17 @@ def run_reported(
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except expected as error:
-        print_problem(describe_error(error))
+        print_problem(describe_error(error), output)
         return 2
     except StoppedError as stop:
-        print_problem(one_line(stop))
+        print_problem(one_line(stop), output)
         return stop.exit_code
     except KeyboardInterrupt:
-        print_problem("interrupted")
+        print_problem("interrupted", output)
         return 130
     except Exception as error:
-        print_problem(f"{one_line(error)} (this is a bug; the traceback is in {_write_traceback()})")
+        print_problem(f"{one_line(error)} (this is a bug; the traceback is in {_write_traceback()})", output)
         return 1
-
-
-def print_problem(line: str) -> None:
-    """Print ``line`` to standard error, with the name of the program before it."""
-    print(f"pareto-ltl: {shown_line(line)}", file=sys.stderr)
 
 
 def _write_traceback() -> str:

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import DataError
 
 
-def beacons_command(argv: Sequence[str]) -> int:
-    """Print the best places for beacons, and write table and figure; return 0."""
+def beacons_command(argv: Sequence[str]) -> Answer:
+    """The best places for beacons; writes table and figure."""
     parser = CommandArguments(
         prog="pareto-ltl beacons",
         description="Find the places along and beside the plan of DIR where a beacon, within whose radius "
@@ -25,7 +26,7 @@ def beacons_command(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     if not options.directory.is_dir():
         raise DataError(f"{options.directory}: no such folder; give a results directory")
-    from pareto_ltl.run.beacons import beacon_lines, beacons, write_beacons
+    from pareto_ltl.run.beacons import beacon_document, beacon_lines, beacons, write_beacons
     from pareto_ltl.run.exporting import run_with_plan
     from pareto_ltl.run.interface import PlanningResult
 
@@ -35,5 +36,5 @@ def beacons_command(argv: Sequence[str]) -> int:
     )
     folder = options.out or options.directory / "beacons"
     write_beacons(run, found, folder)
-    print("\n".join([*beacon_lines(run, found), f"table and figure in {folder}"]))
-    return 0
+    lines = [*beacon_lines(run, found), f"table and figure in {folder}"]
+    return Answer({"directory": folder, **beacon_document(run, found)}, lines, [folder])

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
@@ -18,8 +19,8 @@ LENGTH = re.compile(rf"({NUMBER})\s*(|m|km|nmi)")
 SHARE = re.compile(rf"({NUMBER})\s*(%?)")
 
 
-def choose_command(argv: Sequence[str]) -> int:
-    """Write the plan of another path; return 0."""
+def choose_command(argv: Sequence[str]) -> Answer:
+    """Write the plan of another path."""
     parser = CommandArguments(
         prog="pareto-ltl choose",
         description="Write the plan of another path of a front, without planning again: a whole results "
@@ -59,8 +60,8 @@ def choose_command(argv: Sequence[str]) -> int:
     return _choose(parser.parse_intermixed_args(argv), argv)
 
 
-def _choose(options: argparse.Namespace, argv: Sequence[str]) -> int:
-    from pareto_ltl.cli.summary import collected_warnings, print_summary
+def _choose(options: argparse.Namespace, argv: Sequence[str]) -> Answer:
+    from pareto_ltl.cli.summary import collected_warnings, run_answer
     from pareto_ltl.run.choosing import Choice, choose_from_results, default_place
     from pareto_ltl.run.interface import load_results
     from pareto_ltl.run.metrics import run_metrics
@@ -79,8 +80,7 @@ def _choose(options: argparse.Namespace, argv: Sequence[str]) -> int:
     table = application_stages(results.settings)
     with collected_warnings() as warnings:
         run = choose_from_results(results, choice, table, place, ("pareto-ltl", "choose", *argv))
-    print_summary(run.settings, place, run_metrics(run.records, run.seconds), warnings)
-    return 0
+    return run_answer(run.settings, place, run_metrics(run.records, run.seconds), warnings)
 
 
 def read_selection(rule: str | None, words: Sequence[str]) -> dict[str, Any] | None:

@@ -12,12 +12,18 @@ from pareto_ltl.support.messages import shown_value
 class Command:
     """A command: the function ``NAME_command`` of the module ``NAME_command`` in ``cli``.
 
-    The function takes the other words of the command line and returns the exit code;
+    The function takes the other words of the command line and returns an
+    :class:`~pareto_ltl.cli.output.Answer`;
     :func:`~pareto_ltl.cli.arguments.run_reported` reports its errors.
     """
 
     name: str
     meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class StreamingCommand(Command):
+    """A command that prints while it works: its function also takes the output, and returns the exit code."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,15 +68,18 @@ PIPELINE_COMMANDS = (
 )
 COMMANDS = (
     *PIPELINE_COMMANDS,
-    Command("sweep", "many runs and one table; with a folder, its summary written again"),
+    StreamingCommand("sweep", "many runs and one table; with a folder, its summary written again"),
     Command("formula", "the meaning of a mission formula"),
+    Command("front", "the paths of the front: failure rate, length and the other costs"),
     Command("choose", "another path of the front as the plan, without planning again"),
     Command("export", "the plan for autopilots, maps and navigators: KML, GPX, MAVLink and others"),
-    Command("serve", "the planning desk: draw a mission in a browser, plan it, take the plan"),
+    StreamingCommand("serve", "the planning desk: draw a mission in a browser, plan it, take the plan"),
     Command("show", "the page of a result, in a browser"),
     Command("explain", "a plan leg by leg, in the terminal"),
     Command("replan", "the rest of a flight planned again, from a position fix or in a new forecast"),
-    Command("follow", "a flight watched: where the robot is, what the rest of the plan promises, alarms"),
+    StreamingCommand(
+        "follow", "a flight watched: where the robot is, what the rest of the plan promises, alarms"
+    ),
     Command("beacons", "where a beacon would reduce the failure of a plan most"),
     Command("rerun", "make a result again and compare it byte by byte"),
     Command("verify", "derive every claim of a result again, without the planner"),

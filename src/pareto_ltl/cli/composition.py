@@ -56,7 +56,6 @@ def parse_flags(argv: Sequence[str]) -> argparse.Namespace:
     parser = CommandArguments(
         prog="pareto-ltl", add_help=False, parents=[get_args_parser()], conflict_handler="resolve"
     )
-    parser.add_argument("--verbose", action="store_true")
     parser.add_argument("--version", action="version", version=f"pareto-ltl {__version__}")
     arguments = parser.parse_intermixed_args([word for word in argv if word not in HELP_FLAGS])
     wanted = [HELP_FLAGS[word] for word in argv if word in HELP_FLAGS]

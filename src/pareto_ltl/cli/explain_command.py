@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.choose_command import read_number
+from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import DataError
 
 
-def explain_command(argv: Sequence[str]) -> int:
-    """Print a plan leg by leg; return 0."""
+def explain_command(argv: Sequence[str]) -> Answer:
+    """A plan leg by leg, or what limits it."""
     parser = CommandArguments(
         prog="pareto-ltl explain",
         description="Print a plan leg by leg: time, heading, airspeed, wind and its standard deviation, "
@@ -21,11 +22,14 @@ def explain_command(argv: Sequence[str]) -> int:
     parser.add_argument(
         "--limits", action="store_true", help="show only the segments that come closest to planner.epsilon"
     )
+    parser.add_argument(
+        "--legs", action="store_true", help="each leg on a line; default: legs of one heading together"
+    )
     options = parser.parse_args(argv)
     point = None if options.point is None else read_number(options.point)
     if not options.directory.is_dir():
         raise DataError(f"{options.directory}: no such folder; give a results directory")
-    from pareto_ltl.run.showing import explain
+    from pareto_ltl.run.showing import explanation
 
-    print(explain(options.directory, point=point, limits=options.limits))
-    return 0
+    told = explanation(options.directory, point=point, limits=options.limits, each=options.legs)
+    return Answer({"directory": options.directory, **told.document}, told.lines)

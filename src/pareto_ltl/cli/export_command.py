@@ -9,13 +9,14 @@ from typing import Any
 
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.choose_command import read_number
+from pareto_ltl.cli.output import Answer
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 
 
-def export_command(argv: Sequence[str]) -> int:
-    """Write files of a plan; return 0."""
+def export_command(argv: Sequence[str]) -> Answer:
+    """Write files of a plan."""
     parser = CommandArguments(
         prog="pareto-ltl export",
         description="Write a plan for autopilots, maps and navigators, in UTC, WGS 84 and true headings: "
@@ -40,7 +41,7 @@ def export_command(argv: Sequence[str]) -> int:
     return _export(parser.parse_args(argv))
 
 
-def _export(options: argparse.Namespace) -> int:
+def _export(options: argparse.Namespace) -> Answer:
     point = None if options.point is None else read_number(options.point)
     formats = None if options.formats is None else read_formats(options.formats)
     settings: dict[str, Any] = {}
@@ -54,9 +55,8 @@ def _export(options: argparse.Namespace) -> int:
     from pareto_ltl.run.exporting import export
 
     place = options.directory / ("exports" if point is None else f"exports_point_{point}")
-    for path in export(options.directory, options.to or place, formats, point=point, **settings):
-        print(path)
-    return 0
+    written = export(options.directory, options.to or place, formats, point=point, **settings)
+    return Answer({"files": written}, [str(path) for path in written], written)
 
 
 def read_formats(text: str) -> list[str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.output import Output
 from pareto_ltl.support.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from pareto_ltl.world.scene import Scene
 
 
-def follow_command(argv: Sequence[str]) -> int:
+def follow_command(argv: Sequence[str], output: Output) -> int:
     """Print what a watch says about a flight, and write its journal; return 0."""
     parser = CommandArguments(
         prog="pareto-ltl follow",
@@ -56,14 +57,13 @@ def follow_command(argv: Sequence[str]) -> int:
         "--replan", action="store_true", help="plan the rest again after each position fix, in a second "
         "process; the pilot decides which plan is flown",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="one JSON object an event instead of lines")
-    return _follow(parser.parse_args(argv))
+    parser.epilog = "With --json, each event is one line with a JSON object; with --quiet, alarms alone."
+    return _follow(parser.parse_args(argv), output)
 
 
-def _follow(options: argparse.Namespace) -> int:
+def _follow(options: argparse.Namespace, output: Output) -> int:
     from pareto_ltl.inflight.following import follow
     from pareto_ltl.inflight.journal import read_journal, require_place
-    from pareto_ltl.inflight.lines import event_line
     from pareto_ltl.inflight.picture import draw_watch
     from pareto_ltl.inflight.replans import Replans
     from pareto_ltl.inflight.search_area import write_search_area
@@ -90,7 +90,7 @@ def _follow(options: argparse.Namespace) -> int:
     try:
         for event in watched:
             end = event if event["event"] == "end" else end
-            if line := json.dumps(event) if options.json else event_line(event):
+            if line := _shown(event, output):
                 print(line, flush=True)
     except KeyboardInterrupt:
         print("ended by the user; pareto-ltl follow ... --resume continues", file=sys.stderr)
@@ -102,6 +102,15 @@ def _follow(options: argparse.Namespace) -> int:
     written = "journal, figure and search area" if picture else "journal"
     print(f"{written} in {folder}", file=sys.stderr)
     return 0
+
+
+def _shown(event: Event, output: Output) -> str:
+    """The line of an event; empty for one that is not shown."""
+    from pareto_ltl.inflight.lines import event_line
+
+    if output is Output.JSON:
+        return json.dumps(event)
+    return event_line(event) if output is not Output.QUIET or event["event"] == "alarm" else ""
 
 
 def _source(options: argparse.Namespace, scene: Scene) -> tuple[Iterable[Reading] | Path, Listener | None]:

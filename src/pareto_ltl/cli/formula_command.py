@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.output import Answer, print_problem
 from pareto_ltl.logic import hoa
 from pareto_ltl.logic import picture as draw
 from pareto_ltl.logic.automaton import Automaton, show_letter, translate
@@ -16,38 +17,50 @@ from pareto_ltl.logic.formula import Formula
 from pareto_ltl.logic.formula import caret_lines as caret
 from pareto_ltl.logic.formula import parse_formula as parse
 from pareto_ltl.logic.formula import positive_normal_form as positive
-from pareto_ltl.support.errors import FormulaError, ParetoLtlError
-from pareto_ltl.support.messages import shown_line, shown_text
+from pareto_ltl.support.errors import FormulaError
+from pareto_ltl.support.messages import shown_text
 
 
-def formula_command(argv: Sequence[str]) -> int:
-    """Print the meaning of a formula; return 0, or 2 after one line (and a caret) if it cannot be planned."""
-    text = ""
+def formula_command(argv: Sequence[str]) -> Answer:
+    """The meaning of a formula; after one line and a caret, exit code 2 for a mistake in it."""
+    options = _formula_arguments().parse_args(argv)
+    text = options.formula
     try:
-        options = _formula_arguments().parse_args(argv)
-        text = options.formula
         tree = parse(text)
         automaton = translate(text, _alphabet(tree, options), options.max_states)
-        print("\n".join(describe_formula(tree, automaton)))
-        if options.dot:
-            _write_text(options.dot, draw.dot_text(automaton))
-        if options.hoa:
-            _write_text(options.hoa, hoa.hoa_text(automaton))
-        if options.picture:
-            draw.save_picture(automaton, options.picture)
-    except (ParetoLtlError, OSError, ValueError) as error:
-        print(f"error: {shown_line(str(error))}", file=sys.stderr)
-        if isinstance(error, FormulaError) and error.column is not None:
+    except FormulaError as error:
+        print_problem(str(error))
+        if error.column is not None:
             print(caret(text, error.column), file=sys.stderr)
-        return 2
-    return 0
+        return Answer({"error": str(error), "column": error.column}, code=2)
+    if options.dot:
+        _write_text(options.dot, draw.dot_text(automaton))
+    if options.hoa:
+        _write_text(options.hoa, hoa.hoa_text(automaton))
+    if options.picture:
+        draw.save_picture(automaton, options.picture)
+    written = [path for path in (options.dot, options.hoa, options.picture) if path]
+    meaning = describe_formula(tree, automaton)
+    document = {
+        "formula": str(tree),
+        "normal_form": str(positive(tree)),
+        "propositions": automaton.atoms,
+        "letters": len(automaton.letters),
+        "states": automaton.n_states,
+        "initial": automaton.initial,
+        "accepting": np.flatnonzero(automaton.accepting),
+        "distance": automaton.distance,
+        "extra_visits_harmless": automaton.harm() is None,
+        "written": written,
+    }
+    return Answer(document, [f"{name:<14}{value}" for name, value in meaning.items()], written)
 
 
-def describe_formula(tree: Formula, automaton: Automaton) -> list[str]:
-    """The lines that the command prints."""
+def describe_formula(tree: Formula, automaton: Automaton) -> dict[str, str]:
+    """What the command prints of a formula, by name."""
     normal = str(positive(tree))
     free = 2 ** len(automaton.atoms)
-    lines = {
+    return {
         "formula": shown_text(str(tree), 1000),
         "normal form": shown_text(normal, 1000),
         "propositions": ", ".join(automaton.atoms) or "none",
@@ -56,7 +69,6 @@ def describe_formula(tree: Formula, automaton: Automaton) -> list[str]:
         "d_A(initial)": _initial_distance(automaton),
         "extra visits": _extra_visits(automaton),
     }
-    return [f"{name:<14}{value}" for name, value in lines.items()]
 
 
 def _state_roles(automaton: Automaton) -> str:

@@ -22,7 +22,7 @@ ADDED_GROUPS = ("experiment", "sweep")  # written with a + before them
 COMMON_GROUPS = ("experiment", "fidelity", "wind", "selection", "report")
 COMMON_SETTINGS = (
     "name", "seed", "mission.formula", "planner.n_max", "planner.trees", "robot.dt", "robot.u_max",
-    "selection.alpha", "deployment.runs", "scene.file", "wind.path",
+    "selection.alpha", "scene.file", "wind.path",
 )  # fmt: skip
 ABOUT = "Risk-aware temporal-logic mission planning in uncertain wind, without position fixes."
 EXAMPLES = """\
@@ -33,11 +33,11 @@ EXAMPLES = """\
   pareto-ltl +experiment=phi1 seed=1,2 -m                  the Hydra form: plan, with every combination"""
 FLAGS = """\
   -m, --multirun  run every combination of key=value1,value2 or key=range(first,beyond)
-  --config-dir    a folder with your own choices
+  --config-dir    a folder with your own choices; --hydra-help: Hydra's own flags
   --cfg job       show the settings of a command line, and run nothing
-  --help          this text; --help=all: every choice and every setting
-  --version       the version; --verbose: a longer summary
-  --hydra-help    Hydra's own flags"""
+  --help          this text; --help=all: every choice and every setting; --version: the version
+  --json          one JSON document on the standard output; --quiet: only the paths of what was written;
+                  --verbose: a longer summary"""
 MORE = """\
   pareto-ltl COMMAND --help                the settings of one command
   pareto-ltl --help=all                    every choice and every setting, with unit, range and meaning

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from pareto_ltl.cli.arguments import print_problem, run_reported
+from pareto_ltl.cli.arguments import run_reported
 from pareto_ltl.cli.command_table import PipelineCommand, command_named
 from pareto_ltl.cli.composition import (
     ComposedHydra,
@@ -25,23 +27,29 @@ from pareto_ltl.cli.composition import (
     prepare,
 )
 from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
+from pareto_ltl.cli.output import Answer, Output, answered, print_problem
 from pareto_ltl.cli.setting_keys import settings_from
 from pareto_ltl.run.pipeline import Pipeline, run_claimed
+from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.stopping import ends_process
 
+if TYPE_CHECKING:
+    from pareto_ltl.studies.sweeps.summary import SweepSummary
 
-def run_hydra(argv: Sequence[str], command: str | None = None) -> int:
+
+def run_hydra(argv: Sequence[str], command: str | None = None, output: Output = Output.TEXT) -> int:
     """Run the command line ``argv`` after ``command``; return the exit code.
 
     A command with the name of a pipeline selects it; ``sweep`` is ``-m``.
     """
-    typed = [command, *argv] if command else list(argv)
-    return run_reported(lambda: _run_arguments(argv, command, typed), CONFIGURATION_ERRORS, explain_error)
+    return run_reported(
+        lambda: _run_arguments(argv, command, output), CONFIGURATION_ERRORS, explain_error, output
+    )
 
 
-def _run_arguments(argv: Sequence[str], command: str | None, typed: Sequence[str]) -> int:
+def _run_arguments(argv: Sequence[str], command: str | None, output: Output) -> int:
     arguments = parse_flags(argv)
     apply_command(arguments, command)
     if arguments.help:
@@ -51,16 +59,23 @@ def _run_arguments(argv: Sequence[str], command: str | None, typed: Sequence[str
         from pareto_ltl.cli.completion import complete_shell
 
         return complete_shell(arguments)
+    if arguments.hydra_help or arguments.cfg or arguments.info:
+        with opened_hydra(arguments) as hydra:
+            _show_configuration(hydra, arguments)
+        return 0
     if arguments.experimental_rerun is not None:
         raise ConfigError("--experimental-rerun runs code from a file; use pareto-ltl rerun DIR")
+    typed = [command, *argv] if command else list(argv)
+    return answered(partial(_answer_of_jobs, arguments, typed, output), output)
+
+
+def _answer_of_jobs(arguments: argparse.Namespace, typed: Sequence[str], output: Output) -> Answer:
+    """The answer of a run, or of all jobs of a sweep."""
     with opened_hydra(arguments) as hydra:
-        if arguments.hydra_help or arguments.cfg or arguments.info:
-            _show_configuration(hydra, arguments)
-            return 0
         prepared = prepare(hydra, arguments)
-        job = HydraJob(tuple(typed), tuple(arguments.overrides), prepared.pipeline)
+        job = HydraJob(tuple(typed), tuple(arguments.overrides), prepared.pipeline, output)
         prepared.start(hydra, config_name(arguments), job)
-    return max(job.codes, default=0)
+    return replace(job.answer, code=max(job.codes, default=0))
 
 
 def apply_command(arguments: argparse.Namespace, command: str | None) -> None:
@@ -113,6 +128,10 @@ class HydraJob:
         The command line as typed, and the settings that all jobs share.
     pipeline : Pipeline or None
         The checked pipeline of a single run; None if each job makes its own from its configuration.
+    output : Output
+        What is printed.
+    answer : Answer
+        That of a single run, or of all jobs of a sweep once they have ended.
     codes : list of int
         Exit codes of the jobs so far.
     process : int
@@ -122,6 +141,8 @@ class HydraJob:
     argv: tuple[str, ...]
     overrides: tuple[str, ...] = ()
     pipeline: Pipeline | None = None
+    output: Output = Output.TEXT
+    answer: Answer = field(default_factory=partial(Answer, {}))
     codes: list[int] = field(default_factory=list)
     process: int = field(default_factory=os.getpid)
 
@@ -133,27 +154,36 @@ class HydraJob:
         self.codes.append(code)
         return code
 
-    def finish(self, counts: Mapping[str, int]) -> None:
-        """Set the exit code of a sweep: 0 if every job has an answer ("infeasible" is an answer), else 2."""
-        self.codes[:] = [0 if set(counts) <= {"ok", "infeasible"} else 2]
+    def finish(self, found: SweepSummary) -> None:
+        """Set the answer of a sweep; its code is 0 if all jobs have answers ("infeasible" is one), else 2."""
+        self.codes[:] = [0 if set(found.counts) <= {"ok", "infeasible"} else 2]
+        from pareto_ltl.cli.sweep_command import summary_answer
+
+        self.answer = summary_answer(found, found.place / "summary.html")
 
     def _single_job(self, config: DictConfig) -> int:
-        from pareto_ltl.cli.summary import collected_warnings, print_summary
+        from pareto_ltl.cli.summary import collected_warnings, run_answer
 
         directory = Path(HydraConfig.get().runtime.output_dir)
         shown = _relative_path(directory)
         try:
             checked = self.pipeline or check_settings(settings_from(config))
             with collected_warnings() as warnings:
-                metrics = run_claimed(checked, directory, self.argv, _task_overrides())
+                quiet = ProgressBar(shown=False) if self.output is Output.QUIET else None
+                metrics = run_claimed(checked, directory, self.argv, _task_overrides(), quiet)
         except CONFIGURATION_ERRORS as error:
-            print_problem(f"{explain_error(error)} [{shown}]")
-            return 2
+            return self._fails(f"{explain_error(error)} [{shown}]", 2)
         except Exception as error:
-            print_problem(f"{one_line(error)} (this is a bug; the traceback is in {shown / 'run.log'})")
-            return 1
-        print_summary(checked.settings, shown, metrics, warnings, verbose="--verbose" in self.argv)
+            log = shown / "run.log"
+            return self._fails(f"{one_line(error)} (this is a bug; the traceback is in {log})", 1)
+        verbose = self.output is Output.VERBOSE
+        self.answer = run_answer(checked.settings, shown, metrics, warnings, verbose=verbose)
         return 0
+
+    def _fails(self, line: str, code: int) -> int:
+        print_problem(line)
+        self.answer = Answer({"error": line})
+        return code
 
     def _sweep_job(self, config: DictConfig) -> int:
         """Run one job of a sweep, unless it has its answer; print one line about it."""

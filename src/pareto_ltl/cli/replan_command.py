@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
 
-def replan_command(argv: Sequence[str]) -> int:
-    """Write a new plan for the rest of a flight; return 0."""
+def replan_command(argv: Sequence[str]) -> Answer:
+    """Write a new plan for the rest of a flight."""
     parser = CommandArguments(
         prog="pareto-ltl replan",
         description="Plan the rest of a flight of the plan of DIR after position fixes, or with a newer "
@@ -43,9 +44,9 @@ def replan_command(argv: Sequence[str]) -> int:
     return _replan(parser.parse_args(argv))
 
 
-def _replan(options: argparse.Namespace) -> int:
+def _replan(options: argparse.Namespace) -> Answer:
     from pareto_ltl.run.interface import replan
-    from pareto_ltl.run.replan_files import comparison_lines
+    from pareto_ltl.run.replan_files import comparison_lines, replan_document
 
     if options.time is None and options.fixes is None:
         raise ConfigError(
@@ -57,8 +58,8 @@ def _replan(options: argparse.Namespace) -> int:
         options.directory, options.time, fix, fixes=options.fixes, wind=options.wind, quick=not options.full,
         out=place,
     )  # fmt: skip
-    print("\n".join([*comparison_lines(done), f"results in {place}"]))
-    return 0
+    document = {"directory": place, "advice": done.advice, **replan_document(done, str(options.directory))}
+    return Answer(document, [*comparison_lines(done), f"results in {place}"], [place])
 
 
 def read_fix(text: str) -> tuple[float, ...]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 
 if TYPE_CHECKING:
@@ -21,8 +22,8 @@ CODE_VERSIONS = ("version", "code_hash", "python")
 TIME_COLUMN = "second"  # part of the name of columns of computing times
 
 
-def rerun_command(argv: Sequence[str]) -> int:
-    """Make a result again; return 0 if it is the same, 1 if it differs."""
+def rerun_command(argv: Sequence[str]) -> Answer:
+    """Make a result again; the exit code is 0 if it is the same, 1 if it differs."""
     parser = CommandArguments(
         prog="pareto-ltl rerun",
         description="Make a result again from its own settings and compare both, byte by byte. Nothing is "
@@ -47,8 +48,8 @@ def _second_place(into: Path | None) -> Iterator[Path]:
     yield into
 
 
-def rerun_and_compare(directory: Path, place: Path) -> int:
-    """Run the settings of ``directory`` into ``place`` and print the differences; return the exit code.
+def rerun_and_compare(directory: Path, place: Path) -> Answer:
+    """Run the settings of ``directory`` into ``place``; the differences, and what may explain them.
 
     Raises
     ------
@@ -61,22 +62,23 @@ def rerun_and_compare(directory: Path, place: Path) -> int:
 
     before = _finished_record(directory)
     settings = _kept_inside(read_settings_file(directory / "config_resolved.yaml"), place)
-    for line in (
-        *_code_changes(before, provenance.begin(settings, ())),
-        *_changed_inputs(before["inputs"]),
-    ):
-        print(f"note: {line}")
+    notes = [*_code_changes(before, provenance.begin(settings, ())), *_changed_inputs(before["inputs"])]
+
+    def answer(same: bool, *differences: str, compared: Sequence[str] = ()) -> Answer:
+        document = {"same": same, "differences": differences, "compared": compared, "notes": notes}
+        told = differences or [f"the same, byte for byte: {', '.join(compared)}"]
+        return Answer(document, [*(f"note: {note}" for note in notes), *told], code=0 if same else 1)
+
     checked = pipeline.check_pipeline(settings, application_stages(settings))
     try:
         pipeline.run_pipeline(checked, place, before["argv"], before["overrides"])
     except InfeasibleError as error:
         same = before["status"] == "infeasible" and before["error"] == provenance.one_line(error)
-        print("infeasible again, for the same reason" if same else f"now infeasible: {error}")
-        return 0 if same else 1
+        return answer(same, "infeasible again, for the same reason" if same else f"now infeasible: {error}")
     if before["status"] == "infeasible":
-        print(f"now there is an answer; before: {before['error']}")
-        return 1
-    return _compare_results(directory, place, before, checked)
+        return answer(False, f"now there is an answer; before: {before['error']}")
+    compared, differ = _compare_results(directory, place, before, checked)
+    return answer(not differ, *differ, compared=compared)
 
 
 def _finished_record(directory: Path) -> dict[str, Any]:
@@ -124,8 +126,10 @@ def _changed_inputs(inputs: Mapping[str, Any]) -> Iterator[str]:
 # --- comparing -------------------------------------------------------------------------------
 
 
-def _compare_results(one: Path, two: Path, before: Mapping[str, Any], pipeline: Pipeline) -> int:
-    """0 if all files that the stages of ``pipeline`` write are the same in both folders, else 1."""
+def _compare_results(
+    one: Path, two: Path, before: Mapping[str, Any], pipeline: Pipeline
+) -> tuple[list[str], list[str]]:
+    """The files that the stages of ``pipeline`` write, and the differences of both folders in them."""
     names = _written_names(pipeline, one, two)
     differ = {name: unlike for name in names if (unlike := _file_difference(one / name, two / name))}
     tables = _tables_elsewhere(before, two)
@@ -135,8 +139,7 @@ def _compare_results(one: Path, two: Path, before: Mapping[str, Any], pipeline: 
         raise DataError(
             f"{one} holds none of the files that its pipeline writes; there is nothing to compare"
         )
-    print("\n".join(differ.values()) or f"the same, byte for byte: {', '.join(compared)}")
-    return 1 if differ else 0
+    return compared, list(differ.values())
 
 
 def _written_names(pipeline: Pipeline, *places: Path) -> list[str]:

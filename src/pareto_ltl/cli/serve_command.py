@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
 from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.output import Output
 from pareto_ltl.support.errors import ConfigError
 
 DEFAULT_FOLDER = Path("desk")
 LARGEST_PORT = 65535
 
 
-def serve_command(argv: Sequence[str]) -> int:
+def serve_command(argv: Sequence[str], output: Output) -> int:
     """Serve the desk until Ctrl-C or a signal; return 0."""
     parser = CommandArguments(
         prog="pareto-ltl serve",
@@ -36,7 +38,7 @@ def serve_command(argv: Sequence[str]) -> int:
     from pareto_ltl.serve.server import serve_desk
 
     def opened(address: str) -> None:
-        print(address, flush=True)
+        print(json.dumps({"address": address}) if output is Output.JSON else address, flush=True)
         if not options.no_browser and not _open(address):
             print("found no browser: open this address in one on this machine", file=sys.stderr)
 

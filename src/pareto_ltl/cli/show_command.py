@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.output import Answer
 
 
-def show_command(argv: Sequence[str]) -> int:
-    """Open the page of a result; return 0 with or without a browser."""
+def show_command(argv: Sequence[str]) -> Answer:
+    """Open the page of a result; without a browser, only its path is given."""
     parser = CommandArguments(
         prog="pareto-ltl show",
         description="Open report.html of a result in the default browser; it is written first if it is "
@@ -21,11 +22,8 @@ def show_command(argv: Sequence[str]) -> int:
     from pareto_ltl.run.showing import open_page, page_of
 
     path = page_of(options.directory, again=options.again).resolve()
-    if options.print:
-        print(path)
-    elif open_page(path):
-        print(f"opened {path}")
-    else:
-        print(path)
-        print("found no browser: copy this file to a machine with a browser, and open it there")
-    return 0
+    opened = not options.print and open_page(path)
+    lines = [f"opened {path}" if opened else str(path)]
+    if not opened and not options.print:
+        lines.append("found no browser: copy this file to a machine with a browser, and open it there")
+    return Answer({"page": path, "opened": opened}, lines, [path])

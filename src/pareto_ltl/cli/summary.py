@@ -8,14 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from pareto_ltl.cli.markdown_text import shown_markdown
+from pareto_ltl.cli.output import Answer
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.support.schemas import read_document
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 MOST_WARNINGS = 5  # warnings that are printed, at most
 
@@ -48,37 +46,52 @@ def collected_warnings() -> Iterator[list[str]]:
             logger.removeHandler(handler)
 
 
-def print_summary(
+def run_answer(
     settings: Settings,
     directory: Path,
     metrics: Mapping[str, float],
     warnings: Sequence[str],
-    console: Console | None = None,
     *,
     verbose: bool = False,
-) -> None:
-    """Print the most important numbers of a run, its warnings and its directory.
+) -> Answer:
+    """The most important numbers of a run, its warnings and its directory.
 
     ``verbose`` adds the bounds, the simulated flights under every law and the time of each stage.
     """
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
+    document = {
+        "directory": directory, "name": settings.name, "law": settings.fidelity.law, "metrics": metrics,
+        "warnings": warnings, **_covered(directory),
+    }  # fmt: skip
+    lines = list(_summary_lines(settings, directory, metrics, warnings, verbose=verbose))
+    return Answer(document, lines, [directory])
 
-    console = console or Console(highlight=False)
+
+def _summary_lines(
+    settings: Settings,
+    directory: Path,
+    metrics: Mapping[str, float],
+    warnings: Sequence[str],
+    *,
+    verbose: bool,
+) -> Iterator[object]:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
     table = Table(title=settings.name, box=box.SIMPLE_HEAD, show_header=False)
     table.add_column(style="bold")
     table.add_column(justify="right")
     *rows, last = summary_rows(metrics, settings.fidelity.law, verbose=verbose)
     for row in (*rows, *limit_rows(directory), last):
         table.add_row(*row)
-    console.print(table)
+    yield table
     paragraphs = warning_paragraphs(warnings, directory), choice_paragraphs(settings, directory)
     for paragraph in chain(*paragraphs, coverage_paragraphs(directory)):
-        console.print(paragraph, markup=False)
+        yield Text(paragraph)
     if (directory / "tables.md").is_file():  # of an evaluation
-        console.print((directory / "tables.md").read_text(encoding="utf-8"), soft_wrap=True, markup=False)
-    console.print(f"results in {directory}", soft_wrap=True)
+        tables = directory / "tables.md"
+        yield from shown_markdown(tables.read_text(encoding="utf-8"), str(tables))
+    yield f"results in {directory}"
 
 
 def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str]:
@@ -101,12 +114,15 @@ def choice_paragraphs(settings: Settings, directory: Path) -> Iterator[str]:
 
 def coverage_paragraphs(directory: Path) -> Iterator[str]:
     """What the probabilities of the plan in ``directory`` cover and what not; none without a plan."""
+    for key, text in _covered(directory).items():
+        yield f"{key.replace('_', ' ').capitalize()}: {text}"
+
+
+def _covered(directory: Path) -> dict[str, str]:
     if not (directory / "plan.json").is_file():
-        return
+        return {}
     plan = read_document(directory / "plan.json", "plan")
-    for key, name in (("covered", "Covered"), ("not_covered", "Not covered")):
-        if plan.get(key):
-            yield f"{name}: {plan[key]}"
+    return {key: str(plan[key]) for key in ("covered", "not_covered") if plan.get(key)}
 
 
 def limit_rows(directory: Path) -> Iterator[tuple[str, str]]:

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.output import Answer, Output, answered
 from pareto_ltl.support.errors import ConfigError
 
+if TYPE_CHECKING:
+    from pareto_ltl.studies.sweeps.summary import SweepSummary
 
-def sweep_command(argv: Sequence[str]) -> int:
+
+def sweep_command(argv: Sequence[str], output: Output) -> int:
     """Run a sweep if ``argv`` has a setting (key=value), else write the summary of the folder that it names.
 
     ``pareto-ltl sweep +experiment=phi2 seed=0,1`` is ``pareto-ltl -m +experiment=phi2 seed=0,1``.
@@ -17,7 +23,11 @@ def sweep_command(argv: Sequence[str]) -> int:
     if any("=" in word and not word.startswith("-") for word in argv):
         from pareto_ltl.cli.hydra_app import run_hydra
 
-        return run_hydra(argv, "sweep")
+        return run_hydra(argv, "sweep", output)
+    return answered(partial(_summary_of_folder, argv), output)
+
+
+def _summary_of_folder(argv: Sequence[str]) -> Answer:
     options = _sweep_arguments().parse_args(argv)
     if options.directory is None:
         raise ConfigError(
@@ -30,8 +40,14 @@ def sweep_command(argv: Sequence[str]) -> int:
     figure = FigureChoice(options.x, options.y, options.by)
     found = write_summary(options.directory, options.sweep, figure)
     out = options.directory / OLDER_SWEEPS / options.sweep if options.sweep else options.directory
-    print(f"{found.line()}\nsummary in {out / 'summary.html'}")
-    return 0
+    return summary_answer(found, out / "summary.html")
+
+
+def summary_answer(found: SweepSummary, page: Path) -> Answer:
+    """The answer of a sweep whose summary is the file ``page``."""
+    from pareto_ltl.studies.sweeps.summary import summary_content
+
+    return Answer(summary_content(found), [found.line(), f"summary in {page}"], [page])
 
 
 def _sweep_arguments() -> CommandArguments:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.readings import HOUR
@@ -22,8 +23,8 @@ EVERYWHERE = "all"
 LONGEST_NAME = 200  # as the schema has it
 
 
-def wind_error_command(argv: Sequence[str]) -> int:
-    """Estimate and write the law of errors; return 0."""
+def wind_error_command(argv: Sequence[str]) -> Answer:
+    """Estimate and write the law of errors."""
     options = _wind_error_arguments().parse_args(argv)
     area = outline_of(options.area)
     files = _files_in(options.directory)
@@ -43,12 +44,16 @@ def wind_error_command(argv: Sequence[str]) -> int:
     usual = forecast_error_law("gfs", "gfs")
     law = estimated_law(estimate, options.name or options.directory.resolve().name[:LONGEST_NAME], usual)
     told = _told_by_stations(snapshots, reports, area, draws)
-    write_json(options.out, error_document(estimate, law, usual.name, (*files, *reports), told))
+    document = error_document(estimate, law, usual.name, (*files, *reports), told)
+    write_json(options.out, document)
     drawn = draw_wind_error(options.out.parent, options.out.stem, estimate, law, usual)
-    print("\n".join(estimate_lines(estimate, law, usual)))
-    print(f"analysis error: {analysis_text(told)}")
-    print(f"wrote {', '.join(map(str, (options.out, *drawn)))}")
-    return 0
+    written = (options.out, *drawn)
+    lines = [
+        *estimate_lines(estimate, law, usual),
+        f"analysis error: {analysis_text(told)}",
+        f"wrote {', '.join(map(str, written))}",
+    ]
+    return Answer({**document, "written": written}, lines, written)
 
 
 def outline_of(text: str | None) -> list[list[float]] | None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from pareto_ltl.exports.geojson import border_corners
-from pareto_ltl.exports.navigation_log import NavigationLog, expected_winds, navigation_log
+from pareto_ltl.exports.navigation_log import expected_winds, navigation_log
 from pareto_ltl.logic.automaton import show_letter
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.logic.timed import places_of
@@ -24,6 +24,8 @@ from pareto_ltl.world.navigation import utc_times
 from pareto_ltl.world.scene import Scene
 
 FAR = 99.0  # standard deviations; larger clearances are shown as "over 99 sd"
+ONE_HEADING = 3.0  # degrees; legs of a group have headings that differ less from the first one's
+ONE_AIRSPEED = 0.5  # [m/s] and airspeeds that differ less
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +84,57 @@ def _clearances(
     return metres, np.where(metres > 0.0, metres / np.maximum(sd, 1e-12), 0.0)
 
 
-def plan_lines(problem: Problem, plan: Plan, flown: Deployment) -> Iterator[str]:
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One step of a plan, as it is flown.
+
+    Attributes
+    ----------
+    number : int
+        The step, from 0.
+    begin, end : str
+        In UTC, or in hours since departure.
+    heading_true, wind_from : float
+        In degrees; NaN where the robot drifts, and on a map without a place on Earth.
+    airspeed, wind, wind_sd : float
+        In m/s: of the robot, of the expected wind, and the standard deviation of a component of the wind.
+    closest : Clearance or None
+        The nearest barrier; None without barriers.
+    failed : float
+        Share of the simulated flights that have failed by the end of the leg.
+    fix : bool
+        A position fix is possible at its end.
+    """
+
+    number: int
+    begin: str
+    end: str
+    heading_true: float
+    airspeed: float
+    wind: float
+    wind_from: float
+    wind_sd: float
+    closest: Clearance | None
+    failed: float
+    fix: bool
+
+
+def plan_legs(problem: Problem, plan: Plan, flown: Deployment) -> list[Leg]:
+    """The legs of a plan; ``flown`` are simulated flights of it."""
+    path, scene = plan.path, problem.scene
+    failed = failure_times(problem, flown).counts().sum(axis=0) / len(flown.x)
+    near, times = closest_barriers(scene, path), step_times(scene, path)
+    return [
+        Leg(k, times[k], times[k + 1], *course, near[k], float(failed[k + 1]), k + 1 in path.fixes)
+        for k, course in enumerate(_courses(problem, path))
+    ]
+
+
+def plan_lines(problem: Problem, plan: Plan, flown: Deployment, *, each: bool = False) -> Iterator[str]:
     """Lines of text: mission, the legs towards each goal, what is promised and what is not covered.
 
-    ``flown`` are simulated flights of the plan; every probability is given with its wind law.
+    ``flown`` are simulated flights of the plan; every probability is given with its wind law. Successive legs
+    of one heading and airspeed have one line, or with ``each`` their own.
     """
     path, scene = plan.path, problem.scene
     words = mission_in_words(plan.formula)
@@ -101,20 +150,62 @@ def plan_lines(problem: Problem, plan: Plan, flown: Deployment) -> Iterator[str]
         f"{flown.law} winds"
     )
     yield f"sd: standard deviation of the position, and of the wind, {problem.fidelity.law} winds"
-    courses = _courses(problem, path)
-    failed = failure_times(problem, flown).counts().sum(axis=0) / len(flown.x)
-    near, times = closest_barriers(scene, path), step_times(scene, path)
+    legs = plan_legs(problem, plan, flown)
     for first, last in _stretches(path):
         yield ""
         yield _goal_line(problem, path, first, last)
-        for k in range(first, last):
-            told = [f"{k:>4}  {times[k]} - {times[k + 1]}", courses[k]]
-            told += [str(near[k])] if near[k] is not None else []
-            told += [f"failed {probability_text(float(failed[k + 1]))}"]
-            told += ["position fix at its end"] if k + 1 in path.fixes else []
-            yield "; ".join(told)
+        groups = ([leg] for leg in legs[first:last]) if each else of_one_heading(legs[first:last])
+        yield from map(_legs_line, groups)
     yield ""
     yield from _promise_lines(plan, flown)
+
+
+def of_one_heading(legs: Sequence[Leg]) -> list[list[Leg]]:
+    """Successive legs in groups of about one heading and airspeed; a position fix ends a group."""
+    groups = list[list[Leg]]()
+    for leg in legs:
+        if groups and not groups[-1][-1].fix and _like(groups[-1][0], leg):
+            groups[-1].append(leg)
+        else:
+            groups.append([leg])
+    return groups
+
+
+def _like(one: Leg, other: Leg) -> bool:
+    turn = abs((one.heading_true - other.heading_true + 180.0) % 360.0 - 180.0)
+    return turn < ONE_HEADING and abs(one.airspeed - other.airspeed) < ONE_AIRSPEED
+
+
+def _legs_line(legs: Sequence[Leg]) -> str:
+    """The line of one or several legs of one heading: mean course and wind, and what is closest."""
+    first, last = legs[0], legs[-1]
+    number = f"{first.number}" if len(legs) == 1 else f"{first.number}-{last.number}"
+    told = [f"{number:>7}  {first.begin} - {last.end}", _course_text(legs)]
+    near = [leg.closest for leg in legs if leg.closest is not None]
+    told += [str(min(near, key=lambda one: one.deviations))] if near else []
+    told += [f"failed {probability_text(last.failed)}"]
+    told += ["position fix at its end"] if last.fix else []
+    return "; ".join(told)
+
+
+def _course_text(legs: Sequence[Leg]) -> str:
+    """Mean heading, airspeed and expected wind; on a map without a place there are no directions."""
+    air, wind, sd = (
+        float(np.mean([getattr(leg, name) for leg in legs])) for name in ("airspeed", "wind", "wind_sd")
+    )
+    if np.isnan(legs[0].wind_from):
+        return f"{air:.1f} m/s; wind {wind:.1f} m/s (sd {sd:.1f})"
+    heading, source = (
+        _mean_angle([getattr(leg, name) for leg in legs]) for name in ("heading_true", "wind_from")
+    )
+    course = "drifting" if np.isnan(heading) else f"heading {heading:05.1f} true"
+    return f"{course}, {air:.1f} m/s; wind {wind:.1f} m/s from {source:03.0f} (sd {sd:.1f})"
+
+
+def _mean_angle(degrees: Sequence[float]) -> float:
+    """The circular mean in [0, 360)."""
+    turns = np.exp(1j * np.radians(degrees)).mean()
+    return float(np.degrees(np.angle(turns)) % 360.0)
 
 
 def step_times(scene: Scene, path: PlannedPath) -> list[str]:
@@ -144,22 +235,16 @@ def _goal_line(problem: Problem, path: PlannedPath, first: int, last: int) -> st
     return f"to {show_letter(letter)}: state {before} to {after} of {problem.automaton.n_states}{end}"
 
 
-def _courses(problem: Problem, path: PlannedPath) -> list[str]:
-    """Heading, airspeed and expected wind of each leg; on a map without a place there are no directions."""
+def _courses(problem: Problem, path: PlannedPath) -> list[tuple[float, float, float, float, float]]:
+    """Heading, airspeed, wind speed, direction that the wind comes from, and sd of the wind, of each leg."""
     if problem.scene.crs is None:
         wind, variance = expected_winds(problem, path)
-        columns = zip(np.hypot(*path.u.T), np.hypot(*wind.T), np.sqrt(variance.mean(axis=1)), strict=True)
-        return [f"{air:.1f} m/s; wind {speed:.1f} m/s (sd {sd:.1f})" for air, speed, sd in columns]
-    log = navigation_log(problem, path)
-    return [_true_course(log, k) for k in range(len(path.u))]
-
-
-def _true_course(log: NavigationLog, k: int) -> str:
-    heading = "drifting" if np.isnan(log.heading[k]) else f"heading {log.heading[k] % 360.0:05.1f} true"
-    return (
-        f"{heading}, {log.airspeed[k]:.1f} m/s; wind {log.wind_speed[k]:.1f} m/s from "
-        f"{log.wind_from[k]:03.0f} (sd {log.wind_sd[k]:.1f})"
-    )
+        unknown = np.full(len(path.u), np.nan)
+        columns = unknown, np.hypot(*path.u.T), np.hypot(*wind.T), unknown, np.sqrt(variance.mean(axis=1))
+    else:
+        log = navigation_log(problem, path)
+        columns = log.heading, log.airspeed, log.wind_speed, log.wind_from, log.wind_sd
+    return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 def _promise_lines(plan: Plan, flown: Deployment) -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -83,6 +84,31 @@ def beacon_lines(run: Run, found: BeaconMap) -> list[str]:
             f"  {probability_text(site.rate.failure)} fail, {gap:+.2g} points [{low:+.2g}, {high:+.2g}]",
         ]
     return lines
+
+
+def beacon_document(run: Run, found: BeaconMap) -> dict[str, Any]:
+    """The same as :func:`beacon_lines` for programs: rates without and with each further beacon."""
+    scene, places = run.make(SCENE), found.places
+    sites = [
+        {
+            "place": place_text(scene, places, site.number),
+            "x_m": places.at[site.number, 0],
+            "y_m": places.at[site.number, 1],
+            "step": places.step[site.number],
+            "aside_m": places.aside[site.number],
+            "failure": site.rate.failure,
+            "saved": site.saved,
+        }
+        for site in found.sites
+    ]
+    rate = found.without
+    return {
+        "law": rate.law,
+        "runs": rate.runs,
+        "failure": rate.failure,
+        "radius_m": found.radius,
+        "beacons": sites,
+    }
 
 
 def _beside(aside: float) -> str:

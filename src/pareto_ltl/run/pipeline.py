@@ -249,10 +249,11 @@ def run_pipeline(
 
 
 def run_claimed(
-    pipeline: Pipeline, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = ()
-) -> dict[str, float]:
-    """:func:`run_pipeline` in a directory that this process has already locked."""
-    run = Run(pipeline.settings, pipeline.table, directory=Path(directory))
+    pipeline: Pipeline, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = (),
+    progress: ProgressBar | None = None,
+) -> dict[str, float]:  # fmt: skip
+    """:func:`run_pipeline` in a directory that this process has already locked; ``progress`` shows it."""
+    run = Run(pipeline.settings, pipeline.table, directory=Path(directory), progress=progress)
     return carry_out(run, pipeline.stages, argv, overrides)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -130,10 +131,26 @@ def show(planned: PlanningResult | Results | str | Path) -> Path:
     return path
 
 
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Lines of text on a plan, and the same for programs."""
+
+    lines: list[str]
+    document: dict[str, Any]
+
+
 def explain(
     planned: PlanningResult | Results | str | Path, *, point: int | None = None, limits: bool = False
 ) -> str:
-    """Text on each leg of a plan: its goal, the closest obstacle, the share of flights failed by its end.
+    """The text of :func:`explanation`, of all legs."""
+    return "\n".join(explanation(planned, point=point, limits=limits).lines)
+
+
+def explanation(
+    planned: PlanningResult | Results | str | Path, *, point: int | None = None, limits: bool = False,
+    each: bool = False,
+) -> Explanation:  # fmt: skip
+    """Text on the legs of a plan: its goal, the closest obstacle, the share of flights failed by its end.
 
     Parameters
     ----------
@@ -143,6 +160,8 @@ def explain(
         The path of that number in ``front.csv``; default the plan.
     limits : bool
         Only the segments that come closest to ``planner.epsilon``, and what easier limits would save.
+    each : bool
+        A line for each leg; default: one for successive legs of one heading.
 
     Raises
     ------
@@ -151,15 +170,24 @@ def explain(
     InfeasibleError
         If the front has no such path.
     """
-    from pareto_ltl.report.legs import plan_lines
-    from pareto_ltl.report.limits import limit_lines
+    from pareto_ltl.report.legs import plan_legs, plan_lines
+    from pareto_ltl.report.limits import limit_lines, price_rows, segment_rows
 
     run = run_with_plan(planned)
     if point is not None:
         run = choose(planned, point=point).run
     problem, plan = run.make(PROBLEM), run.make(PLAN)
     if limits:
-        return "\n".join(limit_lines(problem.scene, plan))
+        segments, prices = segment_rows(problem.scene, plan), price_rows(problem.scene, plan)
+        document: dict[str, Any] = {
+            "law": plan.models.law,
+            "epsilon": plan.epsilon,
+            "segments": [asdict(row) for row in segments],
+            "prices": [asdict(row) for row in prices],
+        }
+        return Explanation(list(limit_lines(problem.scene, plan)), document)
     runs = min(run.settings.deployment.runs, MOST_RUNS)
     flown = simulate(PlanningResult(run), runs, problem.fidelity.law)
-    return "\n".join(plan_lines(problem, plan, flown))
+    lines = list(plan_lines(problem, plan, flown, each=each))
+    legs = [asdict(leg) for leg in plan_legs(problem, plan, flown)]
+    return Explanation(lines, {"law": flown.law, "flights": len(flown.x), "legs": legs})

@@ -56,7 +56,12 @@ def front_view(directory: Path) -> dict[str, Any]:
         rows.append(found)
     run = _shown(directory)
     law = "" if run.front is None else run.front.models.law
-    return {"points": rows, "chosen": chosen_number(run), "law": law, "formula": _formula(run)}
+    return {
+        "points": rows,
+        "chosen": chosen_number(run.front, run.plan),
+        "law": law,
+        "formula": _formula(run),
+    }
 
 
 def _value(text: str) -> Any:
@@ -86,7 +91,7 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
         raise DataError(f"{directory.name}: the front has no point {number}")
     if run.scene.crs is None:
         raise DataError(f"{directory.name}: the map has no place on Earth; open report.html of its directory")
-    path, chosen = run.front.paths[number], chosen_number(run)
+    path, chosen = run.front.paths[number], chosen_number(run.front, run.plan)
     given = run.deployments.get(run.problem.fidelity.law) if number == chosen else None
     flown = given or flown_path(run, run.problem, path)
     return {

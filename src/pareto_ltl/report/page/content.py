@@ -51,7 +51,7 @@ class Content:
 def page_content(run: ShownRun) -> Content:
     """Texts and numbers of the page of ``run``."""
     front = run.front if run.front is not None and run.front.paths else None
-    chosen = chosen_number(run)
+    chosen = chosen_number(run.front, run.plan)
     paths, flights = _paths(run, front, chosen)
     last = max((path["t"][-1] for path in paths.values()), default=_horizon(run))
     formula = run.automaton.formula if run.automaton is not None else run.plan.formula if run.plan else ""

@@ -10,7 +10,7 @@ from pareto_ltl.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl.exports.navigation_log import SHARE, NavigationLog, navigation_log
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Front, Objectives, PlannedPath
+from pareto_ltl.planning.records import Front, Objectives, Plan, PlannedPath
 from pareto_ltl.report.page.ground import DEGREES, map_places, metre_digits, north_turn, rounded
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.simulation.failure_times import CAUSES, failure_times
@@ -33,12 +33,11 @@ LOG_DIGITS = {
 }  # fmt: skip
 
 
-def chosen_number(run: ShownRun) -> int | None:
+def chosen_number(front: Front | None, plan: Plan | None) -> int | None:
     """The index of the plan in the front; None without a plan, or if the front does not contain it."""
-    if run.plan is None or run.front is None:
+    if plan is None or front is None:
         return None
-    wanted = run.plan.path.x
-    same = (k for k, path in enumerate(run.front.paths) if np.array_equal(path.x, wanted))
+    same = (k for k, path in enumerate(front.paths) if np.array_equal(path.x, plan.path.x))
     return next(same, None)
 
 
