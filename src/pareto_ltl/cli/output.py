@@ -72,7 +72,7 @@ def answered(work: Callable[[], Answer], output: Output) -> int:
 
 @contextmanager
 def _standard_output_kept(output: Output) -> Iterator[None]:
-    """Let only the answer reach the standard output, where a program or nobody reads it."""
+    """Let only the answer reach the standard output."""
     if output is Output.JSON:
         with redirect_stdout(sys.stderr):
             yield
