@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from levels import BY_DAY, left_out
+from levels import BY_DAY, DONE_BY_DAY, left_out, same_by_day
 
 # Tests start hundreds of processes, which would else compile the same modules again and again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -26,6 +26,15 @@ settings.load_profile("house")
 def pytest_ignore_collect(collection_path: Path) -> bool | None:
     """Leave out the modules of other levels, unread."""
     return (collection_path.suffix == ".py" and left_out(collection_path)) or None
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what ``make test`` has just run."""
+    if not DONE_BY_DAY:
+        return
+    again = [item for item in items if not same_by_day(getattr(item, "obj", None), item.path)]
+    config.hook.pytest_deselected(items=[item for item in items if item not in set(again)])
+    items[:] = again
 
 
 @pytest.fixture(scope="session", autouse=True)

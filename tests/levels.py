@@ -1,6 +1,7 @@
 """Which tests run by day (``make test``), before a change is taken in (``make test-all``) and at night.
 
-``PARETO_LTL_TESTS`` is ``day``, ``all`` (the default) or ``night``.
+``PARETO_LTL_TESTS`` is ``day``, ``all`` (the default) or ``night``. With ``PARETO_LTL_DONE=day``, all are
+without the tests that ``make test`` has just run in the same way.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ LEVEL = os.environ.get("PARETO_LTL_TESTS", "all")
 if LEVEL not in ("day", "all", "night"):
     raise ValueError(f"PARETO_LTL_TESTS must be day, all or night, got {LEVEL!r}")
 BY_DAY = LEVEL == "day"
+DONE_BY_DAY = LEVEL == "all" and os.environ.get("PARETO_LTL_DONE") == "day"  # ``make test`` has just run
 AT_NIGHT = LEVEL == "night"
 Case = TypeVar("Case")
 
@@ -84,6 +86,14 @@ def left_out(path: Path) -> bool:
     names = ONLY_AT_NIGHT if LEVEL == "all" else NOT_BY_DAY if BY_DAY else []
     module = path.relative_to(Path(__file__).parent).with_suffix("")
     return any(module.match(name) for name in names)
+
+
+def same_by_day(test: object, path: Path) -> bool:
+    """Whether ``test`` of the module ``path`` is the same by day: no Hypothesis, no sizes by level."""
+    module = path.relative_to(Path(__file__).parent).with_suffix("")
+    if any(module.match(name) for name in NOT_BY_DAY):
+        return False
+    return not getattr(test, "is_hypothesis_test", False) and "BY_DAY" not in path.read_text(encoding="utf-8")
 
 
 def first_of_each(cases: Iterable[Case], kinds: Callable[[Case], Iterable[object]]) -> Iterator[Case]:

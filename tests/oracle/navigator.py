@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,13 +34,15 @@ def last_share(marks: Landmarks, k: int, begin: FloatArray, end: FloatArray) -> 
 
 
 def filtered(
-    law: FilterLaw, marks: Landmarks, root: FloatArray, noise: FloatArray, x: FloatArray, u: FloatArray,
-    b: FloatArray, dt: float,
+    law: FilterLaw, marks: Landmarks, root: FloatArray, noise: FloatArray, x: FloatArray,
+    control: Callable[[int, FloatArray], FloatArray], b: FloatArray, dt: float,
 ) -> Filtered:  # fmt: skip
-    """What a robot knows that has flown ``x`` (T+1, 2) with the controls ``u`` (T, 2).
+    """What a robot knows that has flown ``x`` (T+1, 2).
 
-    ``noise`` (T+1, 2) ~ N(0, 1) of its fixes.
+    ``noise`` (T+1, 2) ~ N(0, 1) of its fixes; ``control`` gives what it commands at a step once it has taken
+    a fix, from its estimate.
     """
+    u = law.u.copy()
     modes = law.psi.shape[2]
     n = 4 + 2 * modes
     mean, joint = np.zeros(n), np.eye(n)
@@ -70,6 +73,8 @@ def filtered(
             mean = mean + gain @ (read - planned - share * mean[:2] - (1.0 - share) * mean[2:4])
             joint = joint - gain @ H @ joint
             done.fixes.append((t, mark, share))
+        if done.fixes:
+            u[t] = control(t, mean)
         done.estimates.append(mean)
     done.joint = joint
     return done

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -78,7 +79,7 @@ def test_robots_know_what_a_plain_filter_knows(error):
     numbers = []
     for i in range(40):
         winds_free = filtered(
-            pilot.law, pilot.landmarks, pilot.root, pilot.noise[:, i], x[i], controls(p, pilot, x, i), b, dt
+            pilot.law, pilot.landmarks, pilot.root, pilot.noise[:, i], x[i], partial(wanted, p, pilot), b, dt
         )
         numbers.append(len(winds_free.fixes))
         known = winds_free.estimates[-1]
@@ -93,28 +94,13 @@ def test_robots_know_what_a_plain_filter_knows(error):
     assert len(set(numbers)) > 3  # many histories
 
 
-def controls(problem, pilot, x, i):
-    """The controls (T, 2) of flight ``i``, replayed from a filter that learns step by step."""
+def wanted(problem, pilot, t, estimate):
+    """The control of step ``t`` for an estimate of (e_t, e_{t-1}, θ), by (M27)."""
     law, motion = pilot.law, problem.motion
-    u = law.u.copy()
-    for t in range(len(u)):
-        done = filtered(
-            law,
-            pilot.landmarks,
-            pilot.root,
-            pilot.noise[:, i],
-            x[i, : t + 2],
-            u[: t + 1],
-            motion.b,
-            motion.dt,
-        )
-        if done.fixes:
-            e, theta = done.estimates[-1][:2], done.estimates[-1][4:]
-            modes = law.psi.shape[2]
-            wind = np.array([law.psi[t, c] @ theta[c * modes : (c + 1) * modes] for c in (0, 1)])
-            wanted = u[t] - motion.b_inv @ (pilot.landmarks.gain / motion.dt * e + wind)
-            u[t] = wanted * min(1.0, motion.u_max / np.linalg.norm(wanted))
-    return u
+    modes = law.psi.shape[2]
+    wind = [law.psi[t, c] @ estimate[4 + c * modes : 4 + (c + 1) * modes] for c in (0, 1)]
+    u = law.u[t] - motion.b_inv @ (pilot.landmarks.gain / motion.dt * estimate[:2] + np.array(wind))
+    return u * min(1.0, motion.u_max / np.linalg.norm(u))
 
 
 @pytest.mark.statistical
