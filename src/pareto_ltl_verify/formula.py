@@ -15,6 +15,7 @@ from functools import cache
 from typing import Any
 
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.names import QUOTED
 
 Node = tuple[Any, ...]  # (operator, argument, ...); a proposition is ("ap", name)
 Rest = frozenset[frozenset[Node]]  # alternatives of obligations
@@ -37,7 +38,7 @@ DUAL = {"&": "|", "|": "&", "X": "X", "F": "G", "G": "F", "U": "R", "R": "U", "W
 
 def read_formula(text: str, short: bool = False) -> Node:
     """The tree of a formula; ``short`` allows ``t`` and ``f`` for true and false, as in HOA labels."""
-    words = re.findall(r"<->|->|<>|\[\]|\[[^\[\]]*\]|&&|\|\||[!~&|()]|\w+|\S", text)
+    words = re.findall(rf"<->|->|<>|\[\]|\[[^\[\]]*\]|&&|\|\||[!~&|()]|{QUOTED}|\w+|\S", text)
     names = WORDS if short else {key: value for key, value in WORDS.items() if key not in ("t", "f")}
     tokens = [names.get(word, word) for word in words]
     tree = _binary(tokens, 0)
@@ -71,6 +72,8 @@ def _unary(tokens: list[str]) -> Node:
         if not tokens or tokens.pop(0) != ")":
             raise DataError("the formula lacks a ')'")
         return inner
+    if token.startswith('"') and len(token) > 2:
+        return ("ap", token[1:-1])
     if not re.fullmatch(r"\w+", token):
         raise DataError(f"the formula has {token!r} where a proposition is expected")
     return (token,) if token in ("true", "false") else ("ap", token)

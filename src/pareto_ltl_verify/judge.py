@@ -99,6 +99,8 @@ def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
     if result.has(REPLANNED):
         reasons["the plan begins during a flight"] = tuple(sorted(OF_A_DEPARTURE))
     with suppress(*UNUSABLE):  # claims about damaged settings fail
+        if world.given_map(result):
+            reasons["the map was given in Python"] = world.OF_THE_SETTINGS
         if result.has("front.csv") and (rule := front.added_rule(result)) is not None:
             reasons[f"another package adds selection.rule={rule}"] = (front.CHOICE,)
     return reasons

@@ -182,9 +182,9 @@ def test_the_start_may_lie_on_the_edge_of_the_map():
             ["region 'a' lies outside", "(10.5, 8)"],
         ),
         ({"regions": {"a": [[4.0, 4.0], [6.0, 4.0], [6.0, 6.0]]}}, ["obstacle 1 overlaps region 'a' at (5."]),
-        ({"regions": {"a b": SQUARE}}, ["region name 'a b'", "e.g. 'a_b'"]),
-        ({"regions": {"1": SQUARE}}, ["region name '1'", "e.g. 'r1'"]),
-        ({"regions": {"F": SQUARE}}, ["region name 'F' is an operator", "'region_F'"]),
+        ({"regions": {"a\nb": SQUARE}}, ["region name 'a\\\\nb'", "cannot be printed; rename it"]),
+        ({"regions": {" ": SQUARE}}, ["region name ' '", "it is empty, or begins or ends with a space"]),
+        ({"regions": {"x" * 81: SQUARE}}, ["it has 81 characters, 80 are the limit"]),
         ({"file": "no/such/file.json"}, ["no/such/file.json: cannot be read", "check scene.file"]),
     ],
 )

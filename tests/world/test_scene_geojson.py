@@ -372,14 +372,14 @@ def test_one_message_names_all_faults_of_a_map_each_with_its_place(tmp_path):
         feature("obstacle", [line], name="wood"),
         feature("obstacle", [bow]),
         feature("obstacle", [square(5.55, 60.55)]),
-        feature("region", [square(5.1, 60.8)], name="c d"),
+        feature("region", [square(5.1, 60.8)], name='c"d'),
         feature("region", [square(5.1, 60.5)], name="late", until="soon"),
     )  # fmt: skip
     words = [
         "map.geojson has 7 faults: (1) feature 5 has role 'zone'", "obstacle wood has 2 distinct corners",
         "obstacle 2 crosses or touches its own outline at (longitude 5.15, latitude 60.15",
         "obstacle 3 overlaps region 'a' at (longitude 5.525, latitude 60.525",
-        "region 'b' lies outside the bounds at (longitude 6, ", "region name 'c d' cannot be used", "'soon'",
+        "region 'b' lies outside the bounds at (longitude 6, ", "name 'c\"d' cannot stand in", "'soon'",
     ]  # fmt: skip
     assert [word for word in words if word not in text] == []
 

@@ -103,7 +103,7 @@ def test_windows_of_settings_are_in_seconds_after_departure_and_survive_the_file
         ({"b": {"region": "a"}}, "expected {from: TIME"),
         ({"b": {"region": "a", "till": "6h"}}, "expected {from: TIME"),
         ({"b": 6}, "expected {from: TIME"),
-        ({"a b": {"region": "a", "until": "6h"}}, "cannot be used in a formula"),
+        ({'a"b': {"region": "a", "until": "6h"}}, "cannot stand in a formula"),
         ({"a": {"until": "tea time"}}, "until is 'tea time'; expected an ISO 8601 time"),
     ],
 )

@@ -6,6 +6,7 @@ from xml.etree import ElementTree as Xml
 
 from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.exports.xml_text import add, xml_bytes
+from pareto_ltl.support.names import joined_names
 
 NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
@@ -39,4 +40,4 @@ def plan_gpx(exported: ExportedPlan) -> bytes:
 
 def region_text(exported: ExportedPlan, k: int) -> str:
     """The regions that step ``k`` is in."""
-    return " ".join(sorted(exported.plan.path.label[k]))
+    return joined_names(exported.plan.path.label[k])

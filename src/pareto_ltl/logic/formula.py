@@ -9,7 +9,7 @@ right::
     and      = binding {("&" | "&&" | "and") binding}
     binding  = unary [("U" | "until" | "R" | "W" | "M") binding]
     unary    = ("!" | "~" | "not" | "X" | "next" | "F" | "eventually" | "<>" | "G" | "[]") unary | atom
-    atom     = "true" | "false" | name | "(" formula ")"
+    atom     = "true" | "false" | name | '"' name of any characters '"' | "(" formula ")"
 
 ``F`` and ``G`` may have a time span that counts from departure, ``F[0,6h] a``
 (:mod:`pareto_ltl.logic.clocks`). ``G``, ``R`` and ``W`` are part of the grammar, so that the error can name
@@ -28,6 +28,7 @@ from pareto_ltl.logic.clocks import Span, clock_windows, end_clock, read_span, s
 from pareto_ltl.support.display import listed_text
 from pareto_ltl.support.errors import FormulaError
 from pareto_ltl.support.messages import SHOWN_WIDTH, shown_text
+from pareto_ltl.support.names import QUOTED, name_fault, quoted_name
 
 MAX_DEPTH = 200  # nesting levels, below the recursion limit of Python; a sequence of n goals has 2 n
 
@@ -44,7 +45,7 @@ _SPELLINGS = {
     **{"&&": "&", "and": "&", "||": "|", "or": "|"},
     **{op: op for op in (*UNARY_OPERATORS, *BINARY_STRENGTH, "(", ")", "true", "false")},
 }
-_TOKEN_PATTERN = re.compile(r"<->|->|<>|\[\]|\[[^\[\]]*\]|&&|\|\||[!~&|()]|\w+")
+_TOKEN_PATTERN = re.compile(rf"<->|->|<>|\[\]|\[[^\[\]]*\]|&&|\|\||[!~&|()]|{QUOTED}|\w+")
 _FOREIGN_OPERATORS = {
     "/\\": "&",
     "\\/": "|",
@@ -160,7 +161,7 @@ def check_names(tree: Formula, names: Iterable[str]) -> None:
     known = {*names, *clock_windows(tree.atoms)}
     for node in tree.walk():
         if node.op == "name" and node.name not in known:
-            have = listed_text(sorted(known), 26)
+            have = listed_text([_name_text(name) for name in sorted(known)], 26)
             guess = difflib.get_close_matches(node.name, sorted(known), n=1, cutoff=0.5)
             hint = f"; did you mean {guess[0]!r}?" if guess else ""
             message = f"unknown region '{shown_text(node.name)}' in the formula: the map has {have}{hint}"
@@ -218,8 +219,10 @@ class FormulaParser:
         return _formula_error(f"{expected}, found {here}{self.hint()}", self.text, here.column)
 
     def hint(self) -> str:
-        """Advice for ``FF a``, which is read as a proposition ``FF`` followed by ``a``."""
+        """Advice for ``EFKU CTR``, and for ``FF a``, which is read as a proposition ``FF`` and ``a``."""
         before = self.text[: self.here.column].rstrip()
+        if self.here.op == "name" and re.search(r"\w$", before) and not re.search(r"\b[XFG]{2,}$", before):
+            return '; a name with spaces stands in double quotes, as in F "two words"'
         glued = re.search(r"\b[XFG]{2,}$", before)
         return f"; to apply operators one after the other write '{' '.join(glued[0])}'" if glued else ""
 
@@ -262,7 +265,9 @@ class FormulaParser:
         if token.op not in ("name", "true", "false"):
             raise self.error(f"expected {_OPERAND_TEXT}")
         self.take()
-        name = token.word if token.op == "name" else ""
+        name = token.word.strip('"') if token.op == "name" else ""
+        if token.op == "name" and (fault := name_fault(name)):
+            raise _formula_error(f"the name {token} cannot be used: {fault}", self.text, token.column)
         return Formula(token.op, (), name, column=token.column, word=token.word)
 
     def span(self) -> Span | None:
@@ -297,6 +302,8 @@ def _formula_tokens(text: str) -> Iterator[_FormulaToken]:
         match = _TOKEN_PATTERN.match(text, column)
         if match is None:
             found, hint = _foreign_operator(text[column:])
+            if found == '"':
+                hint = '; a name in quotes ends with another ", and has no backslash in it'
             raise _formula_error(
                 f"'{shown_text(found)}' has no meaning in a formula{hint or '; expected ' + _OPERAND_TEXT}",
                 text,
@@ -324,10 +331,15 @@ def _binding_strength(node: Formula) -> int:
     )
 
 
+def _name_text(name: str) -> str:
+    """A name as a formula has it; in quotes also if it is an operator."""
+    return f'"{name}"' if name in _SPELLINGS else quoted_name(name) if name else ""
+
+
 def _formula_text(node: Formula, word: str = "") -> str:
     """Text of the syntax tree ``node`` with few parentheses; ``word``, if given, replaces its operator."""
     if not node.args:
-        return node.name or node.op
+        return _name_text(node.name) or node.op
     own, op = _binding_strength(node), word or node.op
     if node.op in UNARY_OPERATORS:
         (arg,) = node.args

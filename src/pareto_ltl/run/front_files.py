@@ -21,6 +21,7 @@ from pareto_ltl.settings import models_of
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.arrays import require_shape
 from pareto_ltl.support.files import write_csv, write_npz
+from pareto_ltl.support.names import joined_names, split_names
 from pareto_ltl.support.reading import read_text
 
 FRONT_HEADER = (
@@ -85,7 +86,7 @@ def _front_arrays(front: Front) -> dict[str, NDArray[Any]]:
     for number, path in enumerate(front.paths):
         key = path_key(number)
         arrays |= {f"{key}/{name}": getattr(path, name) for name in PATH_ARRAYS}
-        arrays[f"{key}/label"] = np.array([" ".join(sorted(label)) for label in path.label], np.str_)
+        arrays[f"{key}/label"] = np.array([joined_names(label) for label in path.label], np.str_)
         arrays[f"{key}/fixes"] = np.array(path.fixes, np.int64)
     return arrays
 
@@ -171,7 +172,7 @@ def _path(
         x=x,
         cov=cov,
         q=q,
-        label=tuple(frozenset(names.split()) for names in arrays[f"{key}/label"].tolist()),
+        label=tuple(split_names(names) for names in arrays[f"{key}/label"].tolist()),
         u=u,
         objectives=costs,
         origin=row["origin"],

@@ -22,6 +22,7 @@ from pareto_ltl.planning.records import (
 from pareto_ltl.run.file_shape import inside, shaped
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_csv, write_json
+from pareto_ltl.support.names import joined_names
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.world.navigation import Navigation
 
@@ -109,7 +110,7 @@ def _navigation_document(navigation: Navigation | None) -> dict[str, Any]:
 def _plan_row(path: PlannedPath, step: int) -> tuple[Any, ...]:
     control = path.u[step] if step < len(path.u) else ("", "")  # the last position has no control
     (xx, xy), (_, yy) = path.cov[step]
-    label = " ".join(sorted(path.label[step]))
+    label = joined_names(path.label[step])
     return (step, path.t[step], *path.x[step], *control, xx, xy, yy, path.q[step], label)
 
 

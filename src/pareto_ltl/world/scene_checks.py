@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.support.names import name_fault
 from pareto_ltl.world import projection
 from pareto_ltl.world.altitude import sketch_at_altitude
 from pareto_ltl.world.cells import convex_pieces
@@ -41,9 +41,6 @@ LARGE_ERROR, LARGEST_ERROR = 0.01, 0.05  # relative errors of lengths for a warn
 OUTSIDE = "the outside of the border"
 POLAR = 66.0  # [deg] latitude beyond which maps are rare
 LEAST_SIDE, MOST_SIDE = 1e-3, 4.1e7  # of a map [m]; the circumference of the Earth is 40,075 km
-RESERVED_WORDS = frozenset(  # of the formula language, not allowed as names of regions
-    ["true", "false", "not", "and", "or", "xor", "next", "eventually", "until", *"XFUMGRW"]
-)
 
 
 def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Scene:
@@ -297,17 +294,9 @@ def _check_distortion(sketch: SceneSketch) -> None:
 
 
 def _check_region_name(sketch: SceneSketch, name: str) -> None:
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
-        better = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "goal"
-        better = better if not better[0].isdigit() else f"r{better}"
+    if fault := name_fault(name):
         raise DataError(
-            f"{sketch.where}: region name {shown_text(name)!r} cannot be used in a formula; use letters, "
-            f"digits and _, not a digit first, e.g. {better[:20]!r}"
-        )
-    if name in RESERVED_WORDS:
-        raise DataError(
-            f"{sketch.where}: region name {name!r} is an operator of the formula language; "
-            f"rename it, e.g. {'region_' + name!r}"
+            f"{sketch.where}: region name {shown_text(name)!r} cannot stand in a formula: {fault}; rename it"
         )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
+from pareto_ltl.support.names import joined_names
 from pareto_ltl_verify.claims.verdict import Claim, Verdict, no_fault, number, same, within
 from pareto_ltl_verify.evidence import LAWS, Evidence
 from pareto_ltl_verify.gaussians import step_margin, step_risk, theorem2
@@ -324,7 +325,7 @@ def table(result: Evidence) -> Verdict:
             xy,
             yy,
             plan["q"][t],
-            " ".join(sorted(plan["label"][t])),
+            joined_names(plan["label"][t]),
         ]
         if [str(value) for value in wanted] != list(row.values()):
             faults.append(f"row {t}")

@@ -21,13 +21,22 @@ RELATIVE = 1e-9  # largest allowed relative difference of two coordinates
 SIMPLIFIED = 0.002  # of the longer side of the map: how far outlines may move with scene.simplify=auto
 
 
+OF_THE_SETTINGS = ("map: border", "map: projection", "map: scene.json is the map of the settings")
+
+
+def given_map(result: Evidence) -> bool:
+    """Whether the map was given in Python, as a Scene: the settings then have none."""
+    told = result.settings["scene"]
+    return not (told["file"] or told["bounds"] or told["start"])
+
+
 def drawn_map(result: Evidence) -> Verdict | None:
     """scene.json is the map of the settings: bounds, start, regions, obstacles and landmarks.
 
     On a map with random places only the places that the settings name are compared.
     """
     told, scene = result.settings["scene"], result.scene
-    if told["file"]:
+    if told["file"] or given_map(result):
         return None
     pairs = [
         ("bounds", _metres(told, told["bounds"]), scene["bounds"]),
@@ -49,7 +58,7 @@ def drawn_map(result: Evidence) -> Verdict | None:
 def border(result: Evidence) -> Verdict | None:
     """The border is scene.border, or with auto that of the fidelity."""
     told = result.settings["scene"]
-    if told["border"] == "auto" and told["file"]:  # the map file may name one
+    if told["border"] == "auto" and (told["file"] or given_map(result)):  # the map may name one
         return None
     said = result.settings["fidelity"]["border"] if told["border"] == "auto" else told["border"]
     return same(result.scene["border"], said)
@@ -60,7 +69,7 @@ def projection(result: Evidence) -> Verdict | None:
     from pyproj import CRS
 
     told, crs = result.settings["scene"], result.scene["crs"]
-    if told["file"]:
+    if told["file"] or given_map(result):
         return None
     if crs is None or told["centre"] is None:
         return same(crs, told["centre"])
