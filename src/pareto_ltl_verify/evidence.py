@@ -17,6 +17,7 @@ from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl.support.run_status import ending_text
 from pareto_ltl_verify import laws
 from pareto_ltl_verify.energy import Power, power_law
 from pareto_ltl_verify.flights import Ground, Simulator
@@ -423,9 +424,7 @@ def open_evidence(directory: Path) -> Evidence:
         raise DataError(f"{directory}: no such folder; give a results directory")
     run = read_json(directory / "run.json")
     if run.get("status") not in ("ok", "infeasible"):
-        raise DataError(
-            f"{directory}: no finished result, its run ended as {run.get('status')!r}; run the plan again"
-        )
+        raise DataError(f"{directory}: no finished result: {ending_text(directory, run.get('status'))}")
     stages = run.get("stages")
     if not isinstance(stages, list) or "plan" not in stages:
         raise DataError(

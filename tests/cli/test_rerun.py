@@ -76,7 +76,11 @@ def test_what_cannot_be_made_again_is_one_line(
     assert run_command_line(["rerun", str(place)]) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    expected = {"nothing": "is this a results directory?", "status": "ended as 'failed'", "settings": "seed"}
+    expected = {
+        "nothing": "is this a results directory?",
+        "status": "its run failed",
+        "settings": "seed",
+    }
     assert expected[what] in err
     assert list(here.iterdir()) == [place]
 

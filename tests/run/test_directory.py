@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -96,18 +95,6 @@ def test_a_second_run_into_a_directory_at_work_is_refused_and_touches_nothing(tm
     assert not (tmp_path / ".hydra").exists()
     (tmp_path / RUN_LOCK).unlink()
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
-
-
-def test_a_folder_that_is_a_link_is_not_cleared_through(tmp_path: Path) -> None:
-    album = tmp_path / "album"
-    album.mkdir()
-    (album / "holiday.png").touch()
-    place = tmp_path / "place"
-    place.mkdir()
-    os.symlink(album, place / "figures")
-    with claimed_directory(place):
-        pass
-    assert (album / "holiday.png").exists()
 
 
 def test_a_file_in_the_place_of_a_directory_is_refused(tmp_path: Path) -> None:

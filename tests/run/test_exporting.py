@@ -153,7 +153,7 @@ def test_a_wish_that_cannot_be_met_is_one_line(
         (lambda place: (place / "plan.json").write_text("{}"), "plan.json: expected schema"),
         (
             lambda place: write_json(place / "run.json", {"status": "infeasible"}),
-            "its run ended as 'infeasible'; there is no plan",
+            "there is no plan: its run found no plan",
         ),
     ],
 )

@@ -188,7 +188,7 @@ def test_settings_without_a_selection_are_claims_that_fail(
         (lambda place: (place / "config_resolved.yaml").write_text("a: [b"), "not YAML"),
         (lambda place: (place / "config_resolved.yaml").write_bytes(b"a: \xff"), "is not UTF-8"),
         (lambda place: (place / "config_resolved.yaml").write_text("5"), "expected keys and values"),
-        (lambda place: _rewrite(place, status="running"), "its run ended as 'running'"),
+        (lambda place: _rewrite(place, status="running"), "its run was killed; plan again"),
         (lambda place: _rewrite(place, stages=["compare"]), "holds no plan, its stages are ['compare']"),
         (lambda place: _rewrite(place, stages=None), "holds no plan"),
     ],

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.run_status import ending_text
 
 if TYPE_CHECKING:
     from pareto_ltl.run.pipeline import Pipeline
@@ -90,7 +91,7 @@ def _finished_record(directory: Path) -> dict[str, Any]:
     record = {"argv": [], "overrides": [], "inputs": {}, "packages": {}} | written
     if record.get("status") not in ANSWERS:
         raise DataError(
-            f"{directory}: its run ended as {record.get('status')!r}; there is nothing to compare"
+            f"{directory}: there is nothing to compare: {ending_text(directory, record.get('status'))}"
         )
     return record
 

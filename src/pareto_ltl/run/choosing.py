@@ -32,6 +32,7 @@ from pareto_ltl.settings import SelectionConfig, Settings
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.display import distance_text, probability_text, round_up
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.run_status import ending_text
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Front
@@ -183,7 +184,8 @@ def require_plan(results: Results) -> None:
         raise DataError(f"{directory}: no such folder; give a results directory")
     if results.run.get("status") != "ok":
         raise DataError(
-            f"{directory}: its run ended as {results.run.get('status')!r}; there is no front to choose from"
+            f"{directory}: there is no front to choose from: "
+            f"{ending_text(directory, results.run.get('status'))}"
         )
     stages = results.settings.pipelines.stages
     if missing := [key.name for key in (FRONT, PLAN) if key.name not in stages]:

@@ -10,8 +10,8 @@ from pareto_ltl.settings.outputs import EXPORT_FILES, PAGE_FILE
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import remove_dead_drafts
 from pareto_ltl.support.locks import claim_folder
+from pareto_ltl.support.run_status import RUN_LOCK
 
-RUN_LOCK = "run.lock"
 RUN_LOG = "run.log"
 BOOKKEEPING = (  # the first is removed first: without it, the other files are no result
     "metrics.json", "run.json", "config_resolved.yaml", RUN_LOG,
@@ -51,22 +51,33 @@ def claimed_directory(directory: Path, written: Iterable[str] = ()) -> Iterator[
     ConfigError
         If another run is at work in it.
     DataError
-        If ``directory`` is a file.
+        If ``directory`` is a file, or one of its folders is a link.
     """
     if directory.exists() and not directory.is_dir():
         raise DataError(f"{directory} is a file, and results need a folder: give the name of a folder")
+    refuse_links(directory)
     with claim_folder(directory / RUN_LOCK, "a run", "name another folder (hydra.run.dir=FOLDER)"):
         clear_results(directory, written)
         yield
 
 
+def refuse_links(directory: Path) -> None:
+    """Raise DataError if a folder that a run writes to in ``directory`` is a link to another place."""
+    for pattern in FOLDERS:
+        for folder in sorted(directory.glob(pattern)):
+            if folder.is_symlink():
+                raise DataError(
+                    f"{folder} is a link, and a run writes nothing through links; remove the link, or name "
+                    "another folder for the results"
+                )
+
+
 def clear_results(directory: Path, written: Iterable[str] = ()) -> None:
     """Remove files of a run from ``directory``, also unfinished ones; all other files stay."""
+    refuse_links(directory)
     for folder in (directory, *(directory / name for name in FOLDERS)):
-        if not folder.is_symlink():
-            remove_dead_drafts(folder)
+        remove_dead_drafts(folder)
     for pattern in dict.fromkeys((*BOOKKEEPING, *RECORD_FILES, *written)):
         for path in directory.glob(pattern):
-            linked = path.parent != directory and path.parent.is_symlink()
-            if not linked and (path.is_symlink() or path.is_file()):
+            if path.is_symlink() or path.is_file():
                 path.unlink()

@@ -16,6 +16,7 @@ from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
 from pareto_ltl.run.stages import EXPORT_STREAM, PLAN_STAGES
 from pareto_ltl.settings import ExportsConfig
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.run_status import ending_text
 
 
 def export(
@@ -82,7 +83,7 @@ def run_with_plan(planned: PlanningResult | Results | str | Path) -> Run:
         return planned.run
     results = load_results(planned)
     if (status := results.run.get("status")) != "ok":
-        raise DataError(f"{results.directory}: its run ended as {status!r}; there is no plan")
+        raise DataError(f"{results.directory}: there is no plan: {ending_text(results.directory, status)}")
     settings = results.settings
     if missing := [key.name for key in (FRONT, PLAN) if key.name not in settings.pipelines.stages]:
         raise DataError(f"{results.directory}: its run made no {' and no '.join(missing)}")

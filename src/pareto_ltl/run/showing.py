@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.logic.clocks import clock_windows
 from pareto_ltl.run.exporting import run_with_plan
 from pareto_ltl.run.interface import PlanningResult, choose, load_results, simulate
 from pareto_ltl.run.page_stage import (
@@ -35,6 +36,8 @@ from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES
 from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.run_status import ending_text
 
 if TYPE_CHECKING:
     from pareto_ltl.report.page.shown_run import ShownRun
@@ -89,10 +92,17 @@ def shown_results(results: Results) -> ShownRun:
 def _run_of_records(results: Results) -> Run:
     """A run with the records of the directory, and those that follow from them without planning."""
     if (status := results.run.get("status")) not in ("ok", "infeasible"):
-        raise DataError(f"{results.directory}: its run ended as {status!r}; there is nothing to show")
+        ending = ending_text(results.directory, status)
+        raise DataError(f"{results.directory}: there is nothing to show: {ending}")
     there = results.records()
     if SCENE not in there or WIND not in there or AUTOMATON not in there:
         raise DataError(f"{results.directory}: it holds no plan of a mission; there is no page of it")
+    known, atoms = {*there[SCENE].regions, *there[SCENE].windows}, there[AUTOMATON].atoms
+    if lost := sorted({*atoms} - known - {*clock_windows(atoms)}):
+        raise DataError(
+            f"{results.directory}: scene.json has no region {shown_value(lost[0])}, which automaton.json "
+            "reads; the files are of two missions, or damaged: plan again"
+        )
     settings = results.settings
     run = Run(settings, with_extension_stages(PLAN_STAGES, settings.pipelines.stages), there)
     if DECOMPOSITION in there:

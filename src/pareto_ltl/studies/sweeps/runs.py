@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl.run import provenance
-from pareto_ltl.run.directory import RUN_LOCK, RUN_LOG
+from pareto_ltl.run.directory import RUN_LOG
 from pareto_ltl.studies.jobs import KILLED, JobState, Metrics, StoredJob
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.locks import is_held
+from pareto_ltl.support.run_status import RUN_LOCK
 from pareto_ltl.support.schemas import read_document
 
 SURVIVORS = (RUN_LOCK, RUN_LOG, ".hydra")  # files that are kept when a run is made again

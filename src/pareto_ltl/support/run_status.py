@@ -1,0 +1,24 @@
+"""How a run ended, in words: ``run.json`` of a killed run still says that it is running."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pareto_ltl.support.locks import is_held
+from pareto_ltl.support.messages import shown_value
+
+RUN_LOCK = "run.lock"
+
+
+def ending_text(directory: Path, status: Any) -> str:
+    """``its run was killed`` or the like, with what to do; ``status`` is that of ``run.json``."""
+    if status == "running" and is_held(directory / RUN_LOCK):
+        return "its run is still at work; wait for its end"
+    texts = {
+        "running": "its run was killed; plan again with the same command",
+        "stopped": "its run was stopped before its end; plan again with the same command",
+        "failed": "its run failed, run.log says why; plan again",
+        "infeasible": "its run found no plan, run.json says why",
+    }
+    return texts.get(status) or f"its run ended as {shown_value(status)}"
