@@ -6,9 +6,11 @@ import csv
 import io
 import json
 import math
+import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import pairwise
+from xml.etree import ElementTree
 
 import fastkml
 import geojson
@@ -26,6 +28,7 @@ from uas_standards.astm.f3548.v21.api import OperationalIntentDetails, Volume4D
 from exported_plans import Flown, metres_apart, seconds_apart
 from pareto_ltl.exports.exported import Height
 from pareto_ltl.exports.formats import MAKERS
+from pareto_ltl.exports.fpl import short_text
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.world.projection import to_geographic, to_plane
 
@@ -123,6 +126,45 @@ def test_the_plan_in_gpx(flown: Flown) -> None:
     assert "fail" in found.description
     assert {p.elevation for p in route.points} == {None}
     assert all("10 m above the ground" in p.description for p in route.points)
+
+
+def test_the_gpx_route_has_the_departure_for_opencpn(flown: Flown) -> None:
+    text = (flown.folder / "plan.gpx").read_text()
+    assert f"<opencpn:planned_departure>{flown.exported.log.utc[0]}</opencpn:planned_departure>" in text
+
+
+def test_the_card_is_the_table_rounded_and_no_leg_is_lost(flown: Flown) -> None:
+    rows = list(csv.DictReader(io.StringIO(MAKERS["card"](flown.exported).decode())))
+    log, legs = flown.exported.log, list[int]()
+    for row in rows[:-1]:
+        first, _, last = row["legs"].partition("-")
+        own = list(range(int(first), int(last or first) + 1))
+        legs += own
+        assert all(round(log.heading[k]) % 360 == int(row["heading_true_deg"]) for k in own)
+        assert np.abs(log.airspeed[own] - float(row["airspeed_m_s"])).max() <= 0.051
+        assert abs(log.duration[own].sum() - float(row["duration_s"])) <= 0.51
+        assert row["time_utc"] == log.utc[own[0]]
+    assert legs == list(range(len(log.airspeed)))
+    assert rows[-1]["legs"] == str(len(legs))
+    assert len(rows) <= len(legs) + 1
+
+
+def test_the_plan_for_garmin(flown: Flown) -> None:
+    """Every point of the route is in the table; identifiers and comments have the letters of a navigator."""
+    root = ElementTree.fromstring(MAKERS["fpl"](flown.exported))
+    space = "{http://www8.garmin.com/xmlschemas/FlightPlan/v1}"
+    assert [child.tag.removeprefix(space) for child in root] == [
+        "file-description", "created", "waypoint-table", "route",
+    ]  # fmt: skip
+    table = {str(p.findtext(f"{space}identifier")): p for p in root.iter(f"{space}waypoint")}
+    route = [table[str(p.findtext(f"{space}waypoint-identifier"))] for p in root.iter(f"{space}route-point")]
+    lat, lon = (np.array([float(str(p.findtext(f"{space}{key}"))) for p in route]) for key in ("lat", "lon"))
+    assert metres_apart(lat, lon, flown.exported) < 0.01
+    assert "fail" in str(root.findtext(f"{space}file-description"))
+    for place in table.values():
+        assert re.fullmatch(r"[A-Z0-9]{1,6}", str(place.findtext(f"{space}identifier")))
+        assert re.fullmatch(r"[A-Z0-9 /]{0,25}", str(place.findtext(f"{space}comment") or ""))
+    assert short_text("Päijänne north, EFKU CTR / <b>") == "PAIJANNE NORTH EFKU CTR /"
 
 
 @pytest.mark.parametrize(("height", "vehicle"), [(Height(3000.0, True), 1), (Height(-50.0, False), 12)])

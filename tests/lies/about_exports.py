@@ -156,6 +156,16 @@ EXPORT_LIES = (
         ("exports: ellipses and radii",),
     ),
     Lie(
+        "the card is flown faster",
+        in_text("flight_card.csv", r",(\d+\.\d),\d+,\d", lambda airspeed: f"{float(airspeed) + 1:.1f}"),
+        ("exports: flight_card.csv",),
+    ),
+    Lie(
+        "the card turns elsewhere",
+        in_text("flight_card.csv", r"Z,\d+,(\d+),", lambda heading: f"{(int(heading) + 2) % 360}"),
+        ("exports: flight_card.csv",),
+    ),
+    Lie(
         "the GPX route lies elsewhere",
         in_text("plan.gpx", r'lat="([^"]+)"', _elsewhere),
         ("exports: plan.gpx",),

@@ -9,6 +9,8 @@ import numpy as np
 
 from pareto_ltl.exports.dead_reckoning import dead_reckoning_csv
 from pareto_ltl.exports.exported import ExportedPlan
+from pareto_ltl.exports.flight_card import flight_card
+from pareto_ltl.exports.fpl import plan_fpl
 from pareto_ltl.exports.geojson import corridor_geojson, plan_geojson
 from pareto_ltl.exports.gpx import plan_gpx
 from pareto_ltl.exports.kml import plan_kml
@@ -26,9 +28,11 @@ from pareto_ltl.world.scene import Scene
 
 MAKERS: dict[str, Callable[[ExportedPlan], bytes]] = {
     "dead_reckoning": dead_reckoning_csv,
+    "card": flight_card,
     "geojson": plan_geojson,
     "kml": plan_kml,
     "gpx": plan_gpx,
+    "fpl": plan_fpl,
     "qgc": mission_plan,
     "mavlink": mavlink_script,
     "corridor": corridor_geojson,

@@ -9,6 +9,7 @@ from pareto_ltl.exports.xml_text import add, xml_bytes
 from pareto_ltl.support.names import joined_names
 
 NAMESPACE = "http://www.topografix.com/GPX/1/1"
+OPENCPN = "http://www.opencpn.org"
 
 
 def plan_gpx(exported: ExportedPlan) -> bytes:
@@ -19,7 +20,9 @@ def plan_gpx(exported: ExportedPlan) -> bytes:
     """
     log, height = exported.log, exported.height
     above = "" if height.of_sea else f", {height.metres:g} m above the ground of the start"
-    root = Xml.Element("gpx", {"version": "1.1", "creator": "pareto_ltl", "xmlns": NAMESPACE})
+    root = Xml.Element(
+        "gpx", {"version": "1.1", "creator": "pareto_ltl", "xmlns": NAMESPACE, "xmlns:opencpn": OPENCPN}
+    )
     about = add(root, "metadata")
     add(about, "name", exported.name)
     add(about, "desc", " ".join(exported.sentences()))
@@ -27,6 +30,9 @@ def plan_gpx(exported: ExportedPlan) -> bytes:
         add(about, "time", log.utc[0])
     route = add(root, "rte")
     add(route, "name", exported.name)
+    if log.utc is not None:  # OpenCPN sets the departure of its table from it
+        own = add(route, "extensions")
+        add(own, "opencpn:planned_departure", log.utc[0])
     for k, (lat, lon) in enumerate(zip(log.lat, log.lon, strict=True)):
         point = add(route, "rtept", lat=f"{lat:.8f}", lon=f"{-180.0 if lon >= 180.0 else lon:.8f}")
         if height.of_sea:

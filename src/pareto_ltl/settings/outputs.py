@@ -13,9 +13,11 @@ from pareto_ltl.support.messages import shown_value
 FIGURE_FORMATS = ("png", "svg", "pdf")
 EXPORT_FILES = {
     "dead_reckoning": "dead_reckoning.csv",
+    "card": "flight_card.csv",
     "geojson": "plan.geojson",
     "kml": "plan.kml",
     "gpx": "plan.gpx",
+    "fpl": "plan.fpl",
     "qgc": "mission.plan",
     "mavlink": "mavlink_script.json",
     "corridor": "corridor.geojson",
@@ -57,7 +59,7 @@ class ExportsConfig(CheckedSettings):
     section: ClassVar[str] = "exports"
     files: bool = setting(True, "whether the plan is exported")
     formats: list[str] = setting(
-        [name for name in EXPORT_FILES if name != "f3548"],
+        [name for name in EXPORT_FILES if name not in ("f3548", "fpl")],
         "formats to write",
         choices=tuple(EXPORT_FILES),
         distinct=True,

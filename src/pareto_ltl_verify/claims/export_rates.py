@@ -167,6 +167,7 @@ def _rims(mean: FloatArray, cov: FloatArray, size: float) -> FloatArray:
 
 TEXTS: dict[str, Callable[[Evidence], str]] = {
     "plan.gpx": lambda result: _xml_text(result, "plan.gpx", "gpx", "metadata", "desc"),
+    "plan.fpl": lambda result: _xml_text(result, "plan.fpl", "fpl", "file-description"),
     "plan.kml": lambda result: _xml_text(result, "plan.kml", "kml", "Document", "description"),
     "plan.geojson": lambda result: str(json_file(result, "plan.geojson")["description"]),
     "mavlink_script.json": lambda result: str(json_file(result, "mavlink_script.json")["description"]),

@@ -23,10 +23,14 @@ METRE, SECOND = 1.0, 1.0  # largest allowed difference of two places [m] and of 
 ANGLE = 0.01  # [deg] largest allowed difference of two directions
 AHEAD = 1.0  # [m] distance from a place to the second point that gives the direction there
 RADIUS = 0.95  # share of the positions within radius_95_m
-TABLE = "dead_reckoning.csv"
+TABLE, CARD = "dead_reckoning.csv", "flight_card.csv"
 WAYPOINT, CHANGE_SPEED, AIRSPEED, HEADING = 16, 178, 43000, 43002  # MAV_CMD
 LEAST_CHANGE = 0.051  # [m/s] changes of airspeed up to 0.05 m/s have no item
-NAMESPACES = {"gpx": "{http://www.topografix.com/GPX/1/1}", "kml": "{http://www.opengis.net/kml/2.2}"}
+NAMESPACES = {
+    "gpx": "{http://www.topografix.com/GPX/1/1}",
+    "kml": "{http://www.opengis.net/kml/2.2}",
+    "fpl": "{http://www8.garmin.com/xmlschemas/FlightPlan/v1}",
+}
 
 
 # --- places and times -------------------------------------------------------------------------
@@ -149,9 +153,18 @@ def _mission(result: Evidence) -> Route:
     return Route([p[0] for p in places], [p[1] for p in places], None, airspeed)
 
 
+def _fpl(result: Evidence) -> Route:
+    tag = NAMESPACES["fpl"]
+    root = xml_root(result, "plan.fpl")
+    places = {str(p.findtext(f"{tag}identifier")): p for p in root.iter(f"{tag}waypoint")}
+    flown = [places[str(p.findtext(f"{tag}waypoint-identifier"))] for p in root.iter(f"{tag}route-point")]
+    lat, lon = ([p.findtext(f"{tag}{key}") for p in flown] for key in ("lat", "lon"))
+    return Route(lat, lon, None)
+
+
 ROUTES: dict[str, Callable[[Evidence], Route]] = {
     "plan.gpx": _gpx, "plan.kml": _kml, "plan.geojson": _geojson, "trajectory.nc": _trajectory,
-    "mission.plan": _mission,
+    "mission.plan": _mission, "plan.fpl": _fpl,
 }  # fmt: skip
 Rows = Sequence[dict[str, str]]
 
@@ -339,6 +352,49 @@ def in_plane(result: Evidence, lonlat: FloatArray) -> FloatArray:
     return np.column_stack(forth.transform(*lonlat.T))
 
 
+ROUNDED = (
+    ("lat_deg", "lat_deg", 1.0, 5.1e-5),
+    ("lon_deg", "lon_deg", 1.0, 5.1e-5),
+    ("radius_95_km", "radius_95_m", 1e3, 51.0),
+    ("t_s", "t_s", 1.0, 0.51),
+)  # columns of the card and of the table, their ratio, and the largest difference
+
+
+def flight_card(result: Evidence) -> Verdict:
+    """Each row is the legs that it names, by ``dead_reckoning.csv``, in whole seconds and degrees."""
+    rows, legs = result.table(CARD), result.table(TABLE)
+    faults, after = list[str](), 0
+    for row in rows[:-1]:
+        first, _, last = row["legs"].partition("-")
+        own = legs[int(first) : int(last or first) + 1]
+        heading, airspeed = ({form(leg) for leg in own} for form in (_whole_heading, _rounded_airspeed))
+        sums = [sum(float(leg[key]) for leg in own) for key in ("duration_s", "distance_m")]
+        said = [float(row["duration_s"]), 1e3 * float(row["distance_km"])]
+        agrees = (
+            int(first) == after
+            and heading == {row["heading_true_deg"]}
+            and airspeed == {row["airspeed_m_s"]}
+            and all(abs(a - b) <= half for a, b, half in zip(said, sums, (0.51, 51.0), strict=True))
+        )
+        faults += [] if agrees else [f"legs {row['legs']}"]
+        after += len(own)
+    for row in rows:
+        leg = legs[int(row["legs"].partition("-")[0])]
+        unlike = [a for a, b, unit, most in ROUNDED if abs(unit * float(row[a]) - float(leg[b])) > most]
+        unlike += ["time_utc"] if row["time_utc"] != leg["time_utc"] else []
+        faults += [f"{what} of leg {row['legs']}" for what in unlike]
+    faults += [] if after == len(legs) - 1 else [f"{after} of {len(legs) - 1} legs"]
+    return no_fault(f"{len(rows)} rows", faults)
+
+
+def _whole_heading(leg: dict[str, str]) -> str:
+    return f"{round(float(leg['heading_true_deg'])) % 360:d}" if leg["heading_true_deg"] else ""
+
+
+def _rounded_airspeed(leg: dict[str, str]) -> str:
+    return f"{float(leg['airspeed_m_s']):.1f}"
+
+
 # --- numbers ----------------------------------------------------------------------------------
 
 
@@ -357,6 +413,7 @@ def _unlike(said: Iterable[Any], wanted: Iterable[Any], least: float = 1e-6) -> 
 PLAN = ("plan.json", "scene.json")
 CLAIMS = (
     Claim("exports: dead_reckoning.csv", (TABLE, *PLAN, "wind.nc"), dead_reckoning),
+    Claim("exports: flight_card.csv", (CARD, TABLE, *PLAN), flight_card),
     Claim("exports: ellipses and radii", (TABLE, *PLAN), spreads),
     *(
         Claim(f"exports: {name}", (name, *PLAN, "cells.json", "automaton.json"), partial(route, name))
