@@ -24,7 +24,7 @@ from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import write_json
 
-DEFAULT = [name for name in EXPORT_FILES if name != "f3548"]
+DEFAULT = [name for name in EXPORT_FILES if name not in ("f3548", "fpl")]
 QUICK = {"planner": {"trees": 1, "n_max": 300}, "deployment": {"runs": 5}, "wind": "calm", "report": "none"}
 PLANAR = {
     "bounds": [[0, 0], [1e6, 1e6]],
@@ -122,7 +122,7 @@ def test_a_plan_in_memory_is_exported(tmp_path: Path) -> None:
     [
         (["--point", "999"], "there is no point 999; the front has points 0 to "),
         (["--point", "-1"], "--point must be the number of a path"),
-        (["--formats", "kml,shp"], "--formats: there is no format 'shp'; there are dead_reckoning, geojson"),
+        (["--formats", "kml,shp"], "there is no format 'shp'; there are dead_reckoning, card, geojson"),
         (["--formats", ""], "--formats: there is no format ''"),
         (
             ["--formats", "f3548"],

@@ -27,6 +27,7 @@ from pareto_ltl.run.watching import Found, watch_runs
 from pareto_ltl.support.arrays import FloatArray
 
 MOST_PATHS = 40  # paths of the search trees that are reported
+LAST_WORDS = 20.0  # [s] in which a run whose server has gone can record how it ended
 PAUSE = 0.1  # [s] between two reports of progress
 WARMED = (
     "pareto_ltl.planning.refine", "pareto_ltl.planning.growth", "pareto_ltl.simulation.judging",
@@ -137,6 +138,8 @@ def _read_jobs(jobs: queue.Queue[dict[str, Any]]) -> None:
     for line in sys.stdin:
         jobs.put(json.loads(line))
     os.kill(os.getpid(), signal.SIGTERM)  # a run records how it ended; see support/stopping.py
+    time.sleep(LAST_WORDS)
+    os._exit(128 + signal.SIGTERM)  # code that ignores exceptions, e.g. a finalizer, may have lost that one
 
 
 def _warm() -> None:
