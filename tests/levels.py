@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -83,17 +84,22 @@ ONLY_AT_NIGHT = ["planning/test_uncompiled_plans", "run/test_documents"]
 
 def left_out(path: Path) -> bool:
     """Whether the tests of the module ``path`` are not of this level."""
-    names = ONLY_AT_NIGHT if LEVEL == "all" else NOT_BY_DAY if BY_DAY else []
-    module = path.relative_to(Path(__file__).parent).with_suffix("")
-    return any(module.match(name) for name in names)
+    return _listed(path, ONLY_AT_NIGHT if LEVEL == "all" else NOT_BY_DAY if BY_DAY else [])
 
 
 def same_by_day(test: object, path: Path) -> bool:
     """Whether ``test`` of the module ``path`` is the same by day: no Hypothesis, no sizes by level."""
+    return not getattr(test, "is_hypothesis_test", False) and _module_same_by_day(path)
+
+
+@cache
+def _module_same_by_day(path: Path) -> bool:
+    return not _listed(path, NOT_BY_DAY) and "BY_DAY" not in path.read_text(encoding="utf-8")
+
+
+def _listed(path: Path, names: Iterable[str]) -> bool:
     module = path.relative_to(Path(__file__).parent).with_suffix("")
-    if any(module.match(name) for name in NOT_BY_DAY):
-        return False
-    return not getattr(test, "is_hypothesis_test", False) and "BY_DAY" not in path.read_text(encoding="utf-8")
+    return any(module.match(name) for name in names)
 
 
 def first_of_each(cases: Iterable[Case], kinds: Callable[[Case], Iterable[object]]) -> Iterator[Case]:

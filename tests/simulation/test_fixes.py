@@ -11,7 +11,7 @@ from numpy.random import SeedSequence
 
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
 from oracle.navigator import filtered
-from pareto_ltl.kernels import navigator
+from pareto_ltl.kernels import moves
 from pareto_ltl.kernels.pilots import Autopilot, Navigator
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.simulation import flights as deployment
@@ -41,13 +41,13 @@ def flown(problem, path, runs, seed=3, steps=None):
 
 def carry_all(pilot, t):
     """Bring the covariances of all flights to step ``t``, the last: a flight needs them at its fixes only."""
-    own, moves = pilot.beliefs, pilot.moves
+    own, steps = pilot.beliefs, pilot.moves
     for row in set(pilot.history.tolist()):
         if own.step[row] < t:
             k = own.step[row]
-            navigator.move_belief(own, row, moves, k)
-            if navigator.changes(moves.kept[k]):
-                navigator.fade_theta(own.theta[row], moves.kept[k])
+            moves.move_belief(own, row, steps, k)
+            if moves.changes(steps.kept[k]):
+                moves.fade_theta(own.theta[row], steps.kept[k])
 
 
 @pytest.mark.statistical

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
 from pareto_ltl.cli.arguments import CommandArguments
-from pareto_ltl.cli.output import Output
+from pareto_ltl.cli.output import Answer, Output, print_answer
 from pareto_ltl.support.errors import ConfigError
 
 DEFAULT_FOLDER = Path("desk")
@@ -38,7 +37,8 @@ def serve_command(argv: Sequence[str], output: Output) -> int:
     from pareto_ltl.serve.server import serve_desk
 
     def opened(address: str) -> None:
-        print(json.dumps({"address": address}) if output is Output.JSON else address, flush=True)
+        print_answer(Answer({"address": address}, [address], [address]), output)
+        sys.stdout.flush()  # a program that reads the address waits for it
         if not options.no_browser and not _open(address):
             print("found no browser: open this address in one on this machine", file=sys.stderr)
 

@@ -161,7 +161,7 @@ def check_names(tree: Formula, names: Iterable[str]) -> None:
     known = {*names, *clock_windows(tree.atoms)}
     for node in tree.walk():
         if node.op == "name" and node.name not in known:
-            have = listed_text([_name_text(name) for name in sorted(known)], 26)
+            have = listed_text([quoted_name(name, _SPELLINGS) for name in sorted(known)], 26)
             guess = difflib.get_close_matches(node.name, sorted(known), n=1, cutoff=0.5)
             hint = f"; did you mean {guess[0]!r}?" if guess else ""
             message = f"unknown region '{shown_text(node.name)}' in the formula: the map has {have}{hint}"
@@ -331,15 +331,10 @@ def _binding_strength(node: Formula) -> int:
     )
 
 
-def _name_text(name: str) -> str:
-    """A name as a formula has it; in quotes also if it is an operator."""
-    return f'"{name}"' if name in _SPELLINGS else quoted_name(name) if name else ""
-
-
 def _formula_text(node: Formula, word: str = "") -> str:
     """Text of the syntax tree ``node`` with few parentheses; ``word``, if given, replaces its operator."""
     if not node.args:
-        return _name_text(node.name) or node.op
+        return quoted_name(node.name, _SPELLINGS) if node.name else node.op
     own, op = _binding_strength(node), word or node.op
     if node.op in UNARY_OPERATORS:
         (arg,) = node.args

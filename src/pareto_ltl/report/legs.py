@@ -130,11 +130,14 @@ def plan_legs(problem: Problem, plan: Plan, flown: Deployment) -> list[Leg]:
     ]
 
 
-def plan_lines(problem: Problem, plan: Plan, flown: Deployment, *, each: bool = False) -> Iterator[str]:
+def plan_lines(
+    problem: Problem, plan: Plan, flown: Deployment, legs: Sequence[Leg], *, each: bool = False
+) -> Iterator[str]:
     """Lines of text: mission, the legs towards each goal, what is promised and what is not covered.
 
-    ``flown`` are simulated flights of the plan; every probability is given with its wind law. Successive legs
-    of one heading and airspeed have one line, or with ``each`` their own.
+    ``flown`` are simulated flights of the plan, ``legs`` those of :func:`plan_legs`; every probability is
+    given with its wind law. Successive legs of one heading and airspeed have one line, or with ``each`` their
+    own.
     """
     path, scene = plan.path, problem.scene
     words = mission_in_words(plan.formula)
@@ -150,7 +153,6 @@ def plan_lines(problem: Problem, plan: Plan, flown: Deployment, *, each: bool = 
         f"{flown.law} winds"
     )
     yield f"sd: standard deviation of the position, and of the wind, {problem.fidelity.law} winds"
-    legs = plan_legs(problem, plan, flown)
     for first, last in _stretches(path):
         yield ""
         yield _goal_line(problem, path, first, last)

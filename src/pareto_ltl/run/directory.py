@@ -73,8 +73,10 @@ def refuse_links(directory: Path) -> None:
 
 
 def clear_results(directory: Path, written: Iterable[str] = ()) -> None:
-    """Remove files of a run from ``directory``, also unfinished ones; all other files stay."""
-    refuse_links(directory)
+    """Remove files of a run, also unfinished ones, from ``directory``, whose folders are no links.
+
+    All other files stay.
+    """
     for folder in (directory, *(directory / name for name in FOLDERS)):
         remove_dead_drafts(folder)
     for pattern in dict.fromkeys((*BOOKKEEPING, *RECORD_FILES, *written)):

@@ -198,6 +198,6 @@ def explanation(
         return Explanation(list(limit_lines(problem.scene, plan)), document)
     runs = min(run.settings.deployment.runs, MOST_RUNS)
     flown = simulate(PlanningResult(run), runs, problem.fidelity.law)
-    lines = list(plan_lines(problem, plan, flown, each=each))
-    legs = [asdict(leg) for leg in plan_legs(problem, plan, flown)]
-    return Explanation(lines, {"law": flown.law, "flights": len(flown.x), "legs": legs})
+    legs = plan_legs(problem, plan, flown)
+    document = {"law": flown.law, "flights": len(flown.x), "legs": [asdict(leg) for leg in legs]}
+    return Explanation(list(plan_lines(problem, plan, flown, legs, each=each)), document)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 
 LONGEST = 80  # characters of a name
 QUOTED = r'"[^"\\\x00-\x1f]*"'
 
 
-def quoted_name(name: str) -> str:
-    """``name``, in double quotes unless it is one word of letters, digits and ``_``."""
-    return name if re.fullmatch(r"\w+", name) else f'"{name}"'
+def quoted_name(name: str, reserved: Container[str] = ()) -> str:
+    """``name``, in double quotes unless it is one word of letters, digits and ``_``, and not ``reserved``."""
+    return name if re.fullmatch(r"\w+", name) and name not in reserved else f'"{name}"'
 
 
 def joined_names(names: Iterable[str]) -> str:

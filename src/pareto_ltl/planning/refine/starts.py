@@ -191,11 +191,10 @@ def returning_starts(problem: Problem, flight: Flight, origin: str) -> list[Star
     A robot that has missed a region may meet it on the second pass.
     """
     x, q = flight.x, problem.states(flight.x)
-    blocked, found = blocked_area(problem), []
+    blocked, found, (low, high) = blocked_area(problem), list[Start](), problem.scene.bounds
     for t in np.flatnonzero(np.diff(q)) + 1:
         heading = (x[t] - x[t - 1]) / max(float(np.linalg.norm(x[t] - x[t - 1])), 1e-9)
         sd = float(np.sqrt(np.linalg.eigvalsh(square_matrices(flight.cov[t : t + 1])[0])[-1]))
-        low, high = problem.scene.bounds
         there = np.clip(x[t] + OVERSHOOT * sd * heading, low, high)
         back = np.clip(x[t] - OVERSHOOT * sd * heading, low, high)
         rest = x[t + 1 :] if t + 1 < len(x) and q[-1] != q[t] else back[None]

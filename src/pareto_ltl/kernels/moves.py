@@ -1,0 +1,141 @@
+"""What happens to flights between two fixes: the linear law over several steps, the same for all of them.
+
+A move is e' = A e + G θ + n, θ' = R θ + ζ (:class:`~pareto_ltl.kernels.pilots.Moves`).
+"""
+
+from __future__ import annotations
+
+from pareto_ltl.kernels.interpolation import F32
+from pareto_ltl.kernels.jit import kernel, vector
+from pareto_ltl.kernels.pilots import Beliefs, Moves
+from pareto_ltl.support.arrays import Float32Array
+
+
+@kernel
+def stay(moves: Moves, k: int) -> None:
+    """Let ``k`` be the move of no step."""
+    modes = moves.kept.shape[1]
+    for r in range(2):
+        for c in range(2):
+            moves.turn[k, r, c], moves.noise[k, r, c] = 1.0 if r == c else 0.0, 0.0
+        for j in range(2 * modes):
+            moves.push[k, r, j], moves.mixed[k, r, j] = F32(0.0), F32(0.0)
+    for m in range(modes):
+        moves.kept[k, m] = F32(1.0)
+
+
+@vector
+def dot(one: Float32Array, other: Float32Array) -> float:
+    """The scalar product of two vectors."""
+    total = F32(0.0)
+    for j in range(len(one)):
+        total += one[j] * other[j]
+    return total  # type: ignore[return-value]
+
+
+@vector
+def lengthen(moves: Moves, k: int, scratch: Float32Array) -> None:
+    """Follow the move ``k`` by the last one, a single step; ``scratch`` (2, 2P)."""
+    last, modes, half = len(moves.turn) - 1, moves.kept.shape[1], moves.push.shape[2]
+    F, push, mixed, kept = moves.turn[last], moves.push[k], moves.mixed[k], moves.kept[k]
+    step, fade = moves.push[last], moves.kept[last]
+    a, b, c, d = F32(F[0, 0]), F32(F[0, 1]), F32(F[1, 0]), F32(F[1, 1])
+    noise, turn = moves.noise[k], moves.turn[k]
+    for r in range(2):
+        for j in range(half):
+            m = j % modes
+            scratch[r, j] = step[r, j] * (F32(1.0) - kept[m] * kept[m])
+    xx, xy, yx, yy = noise[0, 0], noise[0, 1], noise[1, 0], noise[1, 1]
+    w00, w01 = F[0, 0] * xx + F[0, 1] * yx, F[0, 0] * xy + F[0, 1] * yy
+    w10, w11 = F[1, 0] * xx + F[1, 1] * yx, F[1, 0] * xy + F[1, 1] * yy
+    # What θ has lost since the move began acts on e through the step, and is correlated with e before it.
+    p00, p01 = dot(mixed[0], step[0]), dot(mixed[0], step[1])
+    p10, p11 = dot(mixed[1], step[0]), dot(mixed[1], step[1])
+    q00, q01 = F[0, 0] * p00 + F[0, 1] * p10, F[0, 0] * p01 + F[0, 1] * p11
+    q10, q11 = F[1, 0] * p00 + F[1, 1] * p10, F[1, 0] * p01 + F[1, 1] * p11
+    fresh = dot(scratch[0], step[1])
+    noise[0, 0] = w00 * F[0, 0] + w01 * F[0, 1] + 2.0 * q00 + dot(scratch[0], step[0])
+    noise[0, 1] = w00 * F[1, 0] + w01 * F[1, 1] + q01 + q10 + fresh
+    noise[1, 0] = noise[0, 1]
+    noise[1, 1] = w10 * F[1, 0] + w11 * F[1, 1] + 2.0 * q11 + dot(scratch[1], step[1])
+    for r in range(2):
+        noise[r, r] += moves.noise[last, r, r]
+        x, y = turn[0, r], turn[1, r]
+        turn[0, r], turn[1, r] = F[0, 0] * x + F[0, 1] * y, F[1, 0] * x + F[1, 1] * y
+    for j in range(half):
+        m = j % modes
+        x, y = push[0, j], push[1, j]
+        push[0, j] = a * x + b * y + step[0, j] * kept[m]
+        push[1, j] = c * x + d * y + step[1, j] * kept[m]
+        x, y = mixed[0, j], mixed[1, j]
+        mixed[0, j] = fade[m] * (a * x + b * y + scratch[0, j])
+        mixed[1, j] = fade[m] * (c * x + d * y + scratch[1, j])
+    for m in range(modes):
+        kept[m] *= fade[m]
+
+
+@vector
+def times_theta(push: Float32Array, theta: Float32Array, product: Float32Array) -> None:
+    """Write ``push`` (2, 2P) Cov(θ̃) to ``product`` (2, 2P)."""
+    for c in range(2):
+        for j in range(product.shape[1]):
+            product[c, j] = F32(0.0)
+        for i in range(theta.shape[0]):
+            p = push[c, i]
+            for j in range(theta.shape[1]):
+                product[c, j] += p * theta[i, j]
+
+
+@vector
+def move_belief(own: Beliefs, row: int, moves: Moves, k: int) -> None:
+    """The covariances of ``row`` after the move ``k``; ``before``, ``across``, ``lagged`` are with its begin.
+
+    Eq. (M25) of docs/mathematics.md.
+    """
+    A, push, mixed, kept = moves.turn[k], moves.push[k], moves.mixed[k], moves.kept[k]
+    cov, cross, lagged, theta = own.cov[row], own.cross[row], own.lagged[row], own.theta[row]
+    times_theta(push, theta, own.push)
+    a, b, c, d = F32(A[0, 0]), F32(A[0, 1]), F32(A[1, 0]), F32(A[1, 1])
+    # g = G Cov(θ, e), t = G Cov(θ) G'
+    e00, e01, e11 = cov[0, 0], cov[0, 1], cov[1, 1]
+    g00, g01 = dot(push[0], cross[0]), dot(push[0], cross[1])
+    g10, g11 = dot(push[1], cross[0]), dot(push[1], cross[1])
+    t00, t01, t11 = dot(push[0], own.push[0]), dot(push[0], own.push[1]), dot(push[1], own.push[1])
+    before, across = own.before[row], own.across[row]
+    before[0, 0], before[0, 1], before[1, 0], before[1, 1] = e00, e01, e01, e11
+    across[0, 0], across[0, 1] = A[0, 0] * e00 + A[0, 1] * e01 + g00, A[0, 0] * e01 + A[0, 1] * e11 + g01
+    across[1, 0], across[1, 1] = A[1, 0] * e00 + A[1, 1] * e01 + g10, A[1, 0] * e01 + A[1, 1] * e11 + g11
+    # Cov(e') = Cov(e', e) A' + h + Cov(n), with h = (A Cov(e, θ) + G Cov(θ)) G'
+    h00, h01 = A[0, 0] * g00 + A[0, 1] * g01 + t00, A[0, 0] * g10 + A[0, 1] * g11 + t01
+    h11 = A[1, 0] * g10 + A[1, 1] * g11 + t11
+    cov[0, 0] = across[0, 0] * A[0, 0] + across[0, 1] * A[0, 1] + h00 + moves.noise[k, 0, 0]
+    cov[0, 1] = across[0, 0] * A[1, 0] + across[0, 1] * A[1, 1] + h01 + moves.noise[k, 0, 1]
+    cov[1, 1] = across[1, 0] * A[1, 0] + across[1, 1] * A[1, 1] + h11 + moves.noise[k, 1, 1]
+    cov[1, 0] = cov[0, 1]
+    for j in range(theta.shape[0]):
+        m = j % len(kept)
+        x, y = cross[0, j], cross[1, j]
+        lagged[0, j], lagged[1, j] = kept[m] * x, kept[m] * y
+        cross[0, j] = kept[m] * (a * x + b * y + own.push[0, j]) + mixed[0, j]
+        cross[1, j] = kept[m] * (c * x + d * y + own.push[1, j]) + mixed[1, j]
+
+
+@vector
+def fade_theta(theta: Float32Array, kept: Float32Array) -> None:
+    """Cov(θ̃) <- ρ Cov(θ̃) ρ + I - ρ²; ``theta`` (2P, 2P), ``kept`` (P,) = ρ."""
+    modes = len(kept)
+    for i in range(2 * modes):
+        own = kept[i % modes]
+        for half in range(2):
+            for m in range(modes):
+                theta[i, half * modes + m] *= own * kept[m]
+        theta[i, i] += F32(1.0) - own * own
+
+
+@kernel
+def changes(kept: Float32Array) -> bool:
+    """Whether θ of any mode changes at a step; ``kept`` (P,) = ρ."""
+    least = 1.0
+    for m in range(len(kept)):
+        least = min(least, kept[m])
+    return least < 1.0
