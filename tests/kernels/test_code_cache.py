@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import pickle
 import re
@@ -40,6 +41,18 @@ def test_a_file_reaches_what_it_imports_directly_or_through_others():
 
 def test_modules_that_a_file_imports_as_such_are_reached():
     assert {"claim_lists", "claim_rows"} <= names("margin.py")
+
+
+@pytest.mark.parametrize("file", sorted(KERNELS.glob("*.py")), ids=lambda file: file.stem)
+def test_the_pattern_of_imports_finds_what_the_parser_finds(file):
+    found = [node for node in ast.walk(ast.parse(file.read_bytes())) if isinstance(node, ast.ImportFrom)]
+    modules = {node.module for node in found}
+    modules |= {f"{node.module}.{alias.name}" for node in found for alias in node.names}
+    kernels = {KERNELS / f"{name.rpartition('.')[2]}.py" for name in modules if "pareto_ltl.kernels." in name}
+    assert {source for source in kernels if source.is_file()} | {file} == {
+        *code_cache.imported_kernels(file),
+        file,
+    }
 
 
 ENTRIES = [

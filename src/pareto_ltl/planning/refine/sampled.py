@@ -144,10 +144,14 @@ class Refiner:
         self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float, origin: str = ""
     ) -> Candidate:
         """The result of trust-region Newton from the means ``x`` (T+1, 2), about ``longest`` [m] at most."""
+        return self.assessed(self.polished(x, flights, how, longest), flights, how.widths[-1], origin)
+
+    def polished(self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float) -> Flight:
+        """The flight of :meth:`polish`, whose failures are not counted."""
         flight, near, runs = self.flown(x), flights, len(flights)
         for width in how.widths:
             flight, near = self._at_width(flight, near, runs, how, width, longest)
-        return self.assessed(flight, flights, how.widths[-1], origin)
+        return flight
 
     def attraction(
         self, flight: Flight, flights: CommonFlights, here: Descent, width: float, runs: int
