@@ -100,7 +100,7 @@ class RefineConfig(CheckedSettings):
         4, "classes of paths (mission order, sides of the obstacles) that are swept", least=1, most=1000
     )
     points: int = setting(
-        24, "largest number of paths that are polished on all flights", least=2, most=10_000
+        18, "largest number of paths that are polished on all flights", least=2, most=10_000
     )
 
 
