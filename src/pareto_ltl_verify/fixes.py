@@ -13,7 +13,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl_verify.geometry import Convex
-from pareto_ltl_verify.laws import Coherent, Course, Law
+from pareto_ltl_verify.laws import Coherent, Course, Landmark, Law
 
 SHARES = 8  # parts of a step in which the planner puts a fix
 History = tuple[tuple[int, int, int], ...]  # step, landmark and part of the step of each fix
@@ -52,7 +52,7 @@ class Filters:
 
     law: Law
     guide: Course
-    landmarks: Sequence[Convex]
+    landmarks: Sequence[Landmark]
     joint: dict[History, FloatArray] = field(default_factory=dict)
 
     def begin(self, runs: int) -> Robots:
@@ -83,7 +83,7 @@ class Filters:
             self.carry(t)
             robots.wind *= self._kept(t)
         here, begin = x[:, t], x[:, max(t - 1, 0)]
-        shares = np.column_stack([last_share(mark, begin, here) for mark in self.landmarks])
+        shares = np.column_stack([last_share(mark.area, begin, here) for mark in self.landmarks])
         mark = shares.argmax(axis=1)
         share = shares[np.arange(len(x)), mark] if t else np.where(shares.max(axis=1) >= 0, 1.0, -1.0)
         groups: dict[History, list[int]] = {}
@@ -102,15 +102,15 @@ class Filters:
         seen: tuple[FloatArray, FloatArray, FloatArray],
     ) -> None:  # fmt: skip
         """Kalman update of the flights ``rows``, which have the history ``key`` after this fix."""
-        joint, (t, _, part) = self.joint[key[:-1]], key[-1]
-        s, sd = part / SHARES, self.law.robot.fix_sd
+        joint, (t, mark, part) = self.joint[key[:-1]], key[-1]
+        s, error = part / SHARES, self.landmarks[mark].error
         H = np.zeros((2, len(joint)))
         H[:, :2], H[:, 2:4] = s * np.eye(2), (1.0 - s) * np.eye(2)
-        gain = np.linalg.solve(H @ joint @ H.T + sd**2 * np.eye(2), H @ joint).T
+        gain = np.linalg.solve(H @ joint @ H.T + error, H @ joint).T
         self.joint.setdefault(key, joint - gain @ (H @ joint))
         begin, here, noise = seen
         share, mean = share[:, None], self.guide.x
-        read = begin + share * (here - begin) + sd * noise
+        read = begin + share * (here - begin) + noise @ np.linalg.cholesky(error).T
         known = share * (mean[t] + robots.now[rows])
         known += (1.0 - share) * (mean[max(t - 1, 0)] + robots.ago[rows])
         news = read - known

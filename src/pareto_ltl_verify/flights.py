@@ -15,7 +15,7 @@ from pareto_ltl_verify.fixes import Filters
 from pareto_ltl_verify.formula import Dfa, harmful
 from pareto_ltl_verify.gaussians import ON_EDGE
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, deepest, met_by_any
-from pareto_ltl_verify.laws import Coherent, Course, Independent, Law
+from pareto_ltl_verify.laws import Coherent, Course, Independent, Landmark, Law
 from pareto_ltl_verify.timetable import Label, Timetable
 from pareto_ltl_verify.wind_tables import at_step, square_of
 
@@ -209,7 +209,7 @@ class Simulator:
     guide: Course | None
     mean: FloatArray
     u: FloatArray
-    landmarks: Sequence[Convex]
+    landmarks: Sequence[Landmark]
 
     def fly(self, runs: int, rng: np.random.Generator) -> FloatArray:
         """Positions (runs, T+1, 2) [m] of new flights, with random numbers from ``rng``."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -161,6 +162,22 @@ class Independent:
         return Belief(spread, belief.known, belief.cross, belief.theta)
 
 
+class Landmark(NamedTuple):
+    """A convex area in which the robot measures its position, and the covariance (2, 2) of the error [m²]."""
+
+    area: Convex
+    error: FloatArray
+
+
+def fix_error(told: dict[str, float] | None, usual: float) -> FloatArray:
+    """Covariance (2, 2) [m²] of an entry of ``landmark_fixes``; without one, ``usual`` [m] each way."""
+    told = told or {"sd": usual}
+    along, across = (told.get(key, told.get("sd", math.nan)) for key in ("along", "across"))
+    angle = math.radians(90.0 - told.get("bearing", 0.0))  # anticlockwise from x
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    return np.asarray(turn @ np.diag([along**2, across**2]) @ turn.T, float)
+
+
 @dataclass(frozen=True, slots=True)
 class Coherent:
     """One field for a whole flight, w(x) = μ(x) + ψ(x)' θ; the robot gets position fixes at ``landmarks``."""
@@ -168,7 +185,7 @@ class Coherent:
     wind: WindFile
     times: Clock
     robot: Robot
-    landmarks: tuple[Convex, ...] = ()
+    landmarks: tuple[Landmark, ...] = ()
 
     @property
     def modes(self) -> int:
@@ -260,16 +277,16 @@ class Coherent:
         if np.diag(total).min() <= 0:
             return belief
         begin, here = course.x[max(t - 1, 0)], course.x[t]
-        chance, share = 0.0, 1.0
+        chance, share, error = 0.0, 1.0, np.zeros((2, 2))
         for mark in self.landmarks:
-            s = nearest_share(begin, here, mark.corners.mean(axis=0))
-            p = in_polygon(mark, begin + s * (here - begin), total)
+            s = nearest_share(begin, here, mark.area.corners.mean(axis=0))
+            p = in_polygon(mark.area, begin + s * (here - begin), total)
             if p > chance:
-                chance, share = p, s
+                chance, share, error = p, s, mark.error
         since = (1.0 - share) * self.robot.dt
         square = square_of(self.wind.x, self.wind.y, here[None])
         drifted = since**2 * square.value(at_step(self.wind.latent, self.times, max(t - 1, 0)))[0]
-        S = belief.unknown + self.robot.fix_sd**2 * np.eye(2) + np.diag(drifted)
+        S = belief.unknown + error + np.diag(drifted)
         gain = chance * np.linalg.solve(S, belief.unknown).T
         if np.trace(gain @ belief.unknown) <= WORTHWHILE * np.trace(belief.unknown):
             return belief

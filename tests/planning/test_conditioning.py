@@ -268,3 +268,17 @@ def test_a_later_clock_has_the_slots_from_then_on() -> None:
     assert later.times[0] <= 0.0
     assert later.known_until == pytest.approx(field.known_until - moment)
     np.testing.assert_array_equal(later.mean[-1], field.mean[-1])
+
+
+@pytest.mark.parametrize("sd", [1e-4, 0.01])
+@pytest.mark.parametrize("many", [2, 200])
+def test_equal_fixes_that_are_far_more_accurate_than_the_prior_are_learnt(sd: float, many: int) -> None:
+    """Without a floor of their variances the rounding of the covariance makes it indefinite."""
+    root = np.random.default_rng(0).standard_normal((2, 2)) * 1e5
+    cov = root @ root.T
+    prior = Joint(
+        np.zeros(2), cov, np.tile(cov, (many, many)), np.tile(cov, (1, many)), np.zeros((2 * many, 2, 3))
+    )
+    learnt = learn(prior, np.zeros((many, 2)), [Fix(np.array([1.0, 2.0]), sd, 3)] * many)
+    np.testing.assert_allclose(learnt.mean, [1.0, 2.0], atol=1e-3)
+    assert learnt.sd < 0.5

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import SeedSequence
 
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
 from pareto_ltl.kernels.fixes import UNFADED
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
-from pareto_ltl.settings import RobotConfig, SceneConfig
+from pareto_ltl.settings import ReplanningConfig, RobotConfig, SceneConfig
+from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.records import ENSEMBLE, HELD, PARTS, TIME
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
@@ -117,3 +120,30 @@ def test_fixes_tell_of_every_part_of_the_error():
         ends.append(propagate(p, LANDMARK_WAY, p.world.law._replace(modes=modes)).cov[-1])
     assert len(PARTS) == len(UNFADED)
     np.testing.assert_array_equal(ends[0], ends[1])
+
+
+def test_of_overlapping_landmarks_one_fix_is_taken_and_equal_ones_change_nothing():
+    (mark,) = LANDMARK_SCENE.landmarks
+    twice = replace(LANDMARK_SCENE, landmarks=(mark, mark.copy()))
+    paths, failed = [], []
+    for scene in (LANDMARK_SCENE, twice):
+        p = landmark_problem(scene)
+        paths.append(evaluate_path(p, LANDMARK_WAY, ""))
+        failed.append(which_fail(p, paths[-1], 500, SeedSequence(4)))
+    np.testing.assert_array_equal(paths[0].cov, paths[1].cov)
+    np.testing.assert_array_equal(failed[0], failed[1])
+
+
+@pytest.mark.parametrize(
+    ("settings", "key"),
+    [
+        ({"fix_sd": 0.0}, "replanning.fix_sd"), ({"fix_sd": math.nan}, "replanning.fix_sd"),
+        ({"every": 0.0}, "replanning.every"), ({"forecasts": -6.0}, "replanning.forecasts"),
+        ({"fixes": [0]}, "replanning.fixes"), ({"fixes": [2, 2]}, "replanning.fixes"),
+        ({"flights": 0}, "replanning.flights"),
+    ],
+)  # fmt: skip
+def test_settings_of_the_replanning_study_are_checked(settings, key):
+    with pytest.raises(ConfigError, match=key.replace(".", r"\.")) as error:
+        ReplanningConfig(**settings)
+    assert "\n" not in str(error.value)

@@ -14,6 +14,7 @@ import pytest
 import pareto_ltl
 from coherent import SCENE
 from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.newer_wind import warn_of_use
 from pareto_ltl.run.replan_files import comparison_lines
 from pareto_ltl.run.results import Results
@@ -154,6 +155,7 @@ def test_one_fix_and_several_or_another_time_are_refused(made: Path, tmp_path: P
 def test_a_fix_outside_the_law_is_an_alarm_without_a_promise(made: Path, tmp_path: Path) -> None:
     place = tmp_path / "alarm"
     done = pareto_ltl.replan(made, "5h", (*near(made, LAST - 3), 300.0), out=place)
+    assert done.plan.facts()["fails"] == NO_PROMISE
     (alarm,) = done.situation.alarms
     assert "standard deviations" in alarm
     assert "is a clock wrong by 90 min" in alarm
@@ -167,6 +169,59 @@ def test_a_fix_outside_the_law_is_an_alarm_without_a_promise(made: Path, tmp_pat
     assert told["old"] is told["new"] is told["difference"] is None
     assert json.loads((place / "plan.json").read_text())["promise"] is None
     assert not [finding.claim for finding in verify(place) if not finding.holds]
+
+
+@pytest.fixture(scope="module")
+def alarmed(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("alarmed") / "rest"
+    shown = {"formats": ["kml", "qgc"], "flights": 500}
+    pareto_ltl.replan(made, "5h", (*near(made, LAST - 3), 300.0), out=place)
+    pareto_ltl.export(place, place, **shown)
+    return place
+
+
+def test_no_file_of_a_plan_after_an_alarm_has_a_probability(alarmed: Path) -> None:
+    there = {file.name for file in alarmed.iterdir()}
+    assert not there & {"front.csv", "front.npz", "deployments.npz"}
+    metrics = json.loads((alarmed / "metrics.json").read_text())
+    assert not [name for name in metrics if "failure" in name or "risk" in name or "promise" in name]
+    plan = json.loads((alarmed / "plan.json").read_text())
+    risks = ("mission_risk_paper", "mission_risk", "mission_risk_ordered", "collision_risk")
+    assert {plan["objectives"][name] for name in risks} == {None}
+    assert plan["prices"] == []
+    assert "segments" not in plan
+    for name in ("plan.kml", "mission.plan"):
+        text = (alarmed / name).read_text()
+        assert NO_PROMISE.capitalize() in text
+        assert "% (95 %" not in text
+    assert "no promise" in pareto_ltl.page(alarmed, alarmed.parent / "page.html").read_text()
+
+
+def test_a_plan_after_an_alarm_is_replanned_and_has_no_front_to_choose_from(alarmed: Path) -> None:
+    done = pareto_ltl.replan(alarmed, "2h", (*near(alarmed, 4), 300.0))
+    assert not done.situation.alarms
+    assert done.plan.promise is not None
+    with pytest.raises(DataError, match="made after an alarm"):
+        pareto_ltl.choose(alarmed, failure=0.05)
+
+
+@pytest.mark.parametrize(
+    ("file", "change"),
+    [
+        ("plan.json", lambda told: told["objectives"].update(mission_risk=0.01)),
+        ("metrics.json", lambda told: told.update(failure_coherent=0.0)),
+    ],
+)
+def test_a_probability_after_an_alarm_is_a_lie(alarmed: Path, file: str, change: Any) -> None:
+    honest = (alarmed / file).read_text()
+    told = json.loads(honest)
+    change(told)
+    try:
+        (alarmed / file).write_text(json.dumps(told))
+        found = {finding.claim: finding.holds for finding in findings(open_evidence(alarmed), CLAIMS)}
+    finally:
+        (alarmed / file).write_text(honest)
+    assert found["replan: alarms, and no promise after them"] is False
 
 
 # --- a newer forecast -----------------------------------------------------------------------------
@@ -248,6 +303,23 @@ def test_an_older_or_shorter_forecast_is_used_with_a_warning(caplog: pytest.LogC
             warn_of_use(old, new, 7200.0, 3.0 * 3600.0)
         assert len(caplog.messages) == len(words)
         assert all(word in caplog.text for word in words)
+
+
+def test_a_forecast_that_ends_before_the_old_plan_gives_a_new_plan_and_no_rate_of_the_old_one(
+    made: Path, tmp_path: Path
+) -> None:
+    """The old plan arrives at 10:30; the last field, of 9:30, is valid until 10:00."""
+    place, newer = tmp_path / "short", forecast(tmp_path, first=0, hours=9, add=2.0)
+    newer.write_text(newer.read_text().replace("2018-10-09T09:00", "2018-10-09T09:30"))
+    done = pareto_ltl.replan(made, "1h", wind=newer, out=place)
+    assert done.old is None
+    assert done.advice == "outlasted"
+    assert len(done.plan.path.u) < len(done.rest.u)
+    assert "ends before the rest of the old plan would arrive" in "\n".join(comparison_lines(done))
+    told = json.loads((place / "replan.json").read_text())
+    assert told["old"] is told["difference"] is None
+    assert told["new"]["failure"] == done.new.failure
+    assert not [finding.claim for finding in verify(place) if not finding.holds]
 
 
 # --- the rest of the old plan ---------------------------------------------------------------------

@@ -17,6 +17,7 @@ from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.simulation.judging import fly_race
+from pareto_ltl.world.fix_shapes import FixShape
 from problems import KM, QUICK_ERROR, box
 
 
@@ -69,10 +70,13 @@ def test_flights_with_certain_fixes_spread_as_foreseen(error):
 SMALL_MARKS = (box(5.0, 4.5, 6.2, 6.0), box(8.4, 8.0, 9.6, 9.8), box(11.0, 11.4, 12.5, 12.3))
 
 
-@pytest.mark.parametrize("error", [None, QUICK_ERROR])
-def test_robots_know_what_a_plain_filter_knows(error):
+LINES = (FixShape(400.0, 30.0, 60.0), None, FixShape(20.0, 900.0, -20.0))  # errors of their fixes
+
+
+@pytest.mark.parametrize(("error", "fixes"), [(None, ()), (QUICK_ERROR, ()), (None, LINES)])
+def test_robots_know_what_a_plain_filter_knows(error, fixes):
     """Fixes of one flight at any step, or between two, against one matrix for (e_t, e_{t-1}, θ) in NumPy."""
-    p = landmark_problem(replace(LANDMARK_SCENE, landmarks=SMALL_MARKS), error=error)
+    p = landmark_problem(replace(LANDMARK_SCENE, landmarks=SMALL_MARKS, landmark_fixes=fixes), error=error)
     path = evaluate_path(p, LANDMARK_WAY, "")
     x, pilot = flown(p, path, 40)
     b, dt = p.motion.b, p.motion.dt
@@ -192,3 +196,21 @@ def test_equal_paths_with_fixes_fail_in_the_same_flights():
         np.testing.assert_array_equal(flown.failed, failed)
     alone = simulate_flights(p, path.u, 600, "coherent", seed, path.x)
     np.testing.assert_array_equal(alone.failed, failed)
+
+
+@pytest.mark.statistical
+def test_a_line_of_position_makes_only_the_direction_across_it_certain():
+    """Right after the landmark, in flights and in the Gaussian of the plan."""
+    line = replace(LANDMARK_SCENE, landmark_fixes=(FixShape(1e5, 30.0, 45.0),))
+    both, alone = (landmark_problem(scene) for scene in (line, replace(LANDMARK_SCENE, landmarks=())))
+    paths = [evaluate_path(p, LANDMARK_WAY, "") for p in (both, alone)]
+    t = paths[0].fixes[-1] + 2
+    along, across = np.array([1.0, 1.0]) / np.sqrt(2.0), np.array([1.0, -1.0]) / np.sqrt(2.0)
+    for way, low, high in ((along, 0.7, 1.1), (across, 0.0, 0.6)):
+        sds = [np.sqrt(way @ path.cov[t] @ way) for path in paths]
+        assert low < sds[0] / sds[1] < high
+        seen = [
+            simulate_flights(p, path.u, 4000, "coherent", SeedSequence(1), path.x).x[:, t] @ way
+            for p, path in zip((both, alone), paths, strict=True)
+        ]
+        assert low < np.std(seen[0]) / np.std(seen[1]) < high

@@ -13,15 +13,18 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pareto_ltl.exports.geojson import true_fix
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import LONGEST_LINE
 from pareto_ltl.world.cells import decompose, unreachable_regions
+from pareto_ltl.world.fix_shapes import FixShape
 from pareto_ltl.world.projection import to_geographic, to_plane
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl.world.scene_sketch import MissionUse
 from pareto_ltl.world.windows import Window
+from pareto_ltl_verify import laws
 
 
 def feature(role, coordinates, kind="Polygon", **properties):
@@ -442,3 +445,96 @@ def test_places_that_touch_one_another_are_accepted(tmp_path, features, border):
 )
 def test_a_degenerate_border_is_refused_with_the_place(tmp_path, corners, words):
     assert re.search(words, fault_of(tmp_path, START, GOAL, feature("border", [corners]), border="wall"))
+
+
+# --- errors of fixes --------------------------------------------------------------------------------
+
+EVEN = [[5.2, 60.2], [5.3, 60.2], [5.3, 60.25], [5.2, 60.25], [5.2, 60.2]]  # as long as wide
+COAST = [[5.2, 60.2], [5.4, 60.2], [5.4, 60.21], [5.2, 60.21], [5.2, 60.2]]
+
+
+@pytest.mark.parametrize("fix", [{"along": 3000, "across": 40}, '{"sd": 3000, "across": 40}'])
+def test_a_coast_shows_the_distance_across_its_longer_side(tmp_path, fix):
+    scene = scene_of(tmp_path, START, GOAL, feature("landmark", [COAST], fix=fix))
+    (shape,) = scene.landmark_fixes
+    assert (shape.along, shape.across) == (3000.0, 40.0)
+    east = np.diff(plane(scene, COAST[:2]), axis=0)[0]
+    off = math.degrees(math.atan2(*east)) - shape.bearing
+    assert abs((off + 90.0) % 180.0 - 90.0) < 0.1
+    again = scene_from_dict(json.loads(json.dumps(scene_to_dict(scene))))
+    assert again.landmark_fixes == scene.landmark_fixes
+
+
+def test_a_bearing_counts_from_true_north_and_parts_share_the_fix(tmp_path):
+    bent = [[5.2, 60.2], [5.4, 60.2], [5.4, 60.4], [5.35, 60.4], [5.35, 60.22], [5.2, 60.22], [5.2, 60.2]]
+    fix = {"along": 500, "across": 50, "bearing": 30}
+    frame = feature("border", [square(2.6, 60.3, 3.0)])
+    marks = feature("landmark", [bent], fix=fix), feature("landmark", [COAST])
+    scene = scene_of(tmp_path, START, GOAL, frame, *marks)
+    assert [shape is not None for shape in scene.landmark_fixes] == [True] * 2 + [False]
+    assert scene.landmark_fixes[0] == scene.landmark_fixes[1]
+    at, metre = np.array([5.3, 60.3]), 1e-5
+    step = [
+        metre * math.sin(math.radians(30)) / math.cos(math.radians(60.3)),
+        metre * math.cos(math.radians(30)),
+    ]
+    east, north = np.diff(plane(scene, [at, at + step]), axis=0)[0]
+    assert scene.landmark_fixes[0].bearing == pytest.approx(math.degrees(math.atan2(east, north)), abs=0.15)
+    assert abs(scene.landmark_fixes[0].bearing - 30.0) > 2.0  # meridians converge
+
+
+def test_the_covariance_of_a_fix_is_long_along_its_bearing():
+    shape = FixShape(300.0, 20.0, 30.0)
+    xx, xy, yy = shape.cov
+    along = np.array([math.sin(math.radians(30)), math.cos(math.radians(30))])
+    S = np.array([[xx, xy], [xy, yy]])
+    np.testing.assert_allclose(S @ along, 300.0**2 * along)
+    np.testing.assert_allclose(np.linalg.eigvalsh(S), [20.0**2, 300.0**2])
+    np.testing.assert_allclose(S, laws.fix_error({"along": 300.0, "across": 20.0, "bearing": 30.0}, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("corners", "fix", "words"),
+    [
+        (EVEN, {"along": 90, "across": 9}, "landmark 1 is about as long as wide"),
+        (COAST, {}, "fix is {}; expected {sd: M}"),
+        (COAST, 5, "fix is 5; expected {sd: M}"),
+        (COAST, "5 m", "fix is '5 m'; expected {sd: M}"),
+        (COAST, {"sd": 5, "range": 3}, "expected {sd: M}"),
+        (COAST, {"across": 5}, "give along and across, or sd for one of them"),
+        (COAST, {"sd": 5, "across": 5, "along": 7}, "give along and across, or sd for one of them"),
+        (COAST, {"bearing": 5}, "give along and across, or sd for one of them"),
+        (COAST, {"sd": 0}, "fix: sd is 0; expected a number of metres, above 0 and at most 1e+06"),
+        (COAST, {"sd": "5"}, "fix: sd is '5'; expected a number of metres"),
+        (COAST, {"sd": True}, "fix: sd is True; expected a number of metres"),
+        (COAST, {"sd": 2e6}, "fix: sd is 2000000.0; expected a number of metres"),
+        (COAST, {"along": 9, "across": 5, "bearing": 900}, "expected a number of degrees from -360 to 360"),
+    ],
+)
+def test_an_error_of_fixes_that_cannot_be_used_is_refused_in_one_line(tmp_path, corners, fix, words):
+    with pytest.raises(DataError) as error:
+        scene_of(tmp_path, START, GOAL, feature("landmark", [corners], fix=fix))
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_landmarks_of_the_settings_have_errors_of_fixes():
+    strip = [[1, 1], [9, 1], [9, 2], [1, 2]]
+    keys = {"bounds": [[0, 0], [20, 20]], "start": [5, 5], "regions": {"a": [[12, 12], [14, 12], [13, 14]]}}
+    marks = [{"corners": strip, "fix": {"along": 5, "across": 1}}, [[15, 1], [17, 1], [16, 3]]]
+    scene = scene_from_settings(SceneConfig(unit=1000.0, landmarks=marks, **keys), None, "open")
+    assert scene.landmark_fixes == (FixShape(5.0, 1.0, 90.0), None)
+    for wrong in ({"corners": strip, "sd": 5}, {"fix": {"sd": 5}}):
+        with pytest.raises(
+            DataError, match=r"landmark 1 has the keys .*; expected corners, and fix if need be"
+        ):
+            scene_from_settings(SceneConfig(landmarks=[wrong], **keys), None, "open")
+
+
+def test_an_exported_landmark_keeps_the_error_of_its_fixes(tmp_path):
+    frame, fix = feature("border", [square(2.6, 60.3, 3.0)]), {"along": 500, "across": 50, "bearing": 40}
+    marks = [feature("landmark", [COAST], fix=own) for own in (fix, {"sd": 70}, None)]
+    scene = scene_of(tmp_path, START, GOAL, frame, *marks)
+    found = [true_fix(scene, number) for number in (1, 2, 3)]
+    assert found[0]["fix"] == pytest.approx(fix, abs=0.1)
+    assert found[1:] == [{"fix": {"sd": 70.0}}, {}]

@@ -85,7 +85,11 @@ def _summary_lines(
     for row in (*rows, *limit_rows(directory), last):
         table.add_row(*row)
     yield table
-    paragraphs = warning_paragraphs(warnings, directory), choice_paragraphs(settings, directory)
+    paragraphs = (
+        warning_paragraphs(warnings, directory),
+        choice_paragraphs(settings, directory),
+        detour_paragraphs(directory),
+    )
     for paragraph in chain(*paragraphs, coverage_paragraphs(directory)):
         yield Text(paragraph)
     if (directory / "tables.md").is_file():  # of an evaluation
@@ -110,6 +114,19 @@ def choice_paragraphs(settings: Settings, directory: Path) -> Iterator[str]:
 
     if words := selection_rule(settings.selection).in_words(settings.selection):
         yield f"The plan is {words}; `pareto-ltl choose {directory}` takes another point of the front."
+
+
+def detour_paragraphs(directory: Path) -> Iterator[str]:
+    """What detours through landmarks buy, for a plan with a front."""
+    if not all((directory / name).is_file() for name in ("front.csv", "plan.json", "scene.json")):
+        return
+    from pareto_ltl.run.results import Results
+
+    results = Results(directory)
+    if results.scene.landmarks:
+        from pareto_ltl.report.detours import detour_lines
+
+        yield from (f"Detour: {line}." for line in detour_lines(results.scene, results.front, results.plan))
 
 
 def coverage_paragraphs(directory: Path) -> Iterator[str]:

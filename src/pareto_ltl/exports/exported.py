@@ -11,7 +11,7 @@ from pareto_ltl.exports.corridor import Corridor, flown_corridor
 from pareto_ltl.exports.held_course import held_course_rate
 from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FailureRate, Plan
+from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan
 from pareto_ltl.settings import ExportsConfig, Settings
 from pareto_ltl.simulation.flights import unspawned
 from pareto_ltl.support.display import rate_text
@@ -44,8 +44,9 @@ class ExportedPlan:
         Legs and expected positions.
     corridor : Corridor
         Ellipses that hold positions and whole flights.
-    held : FailureRate
-        Failure rate of the plan if an autopilot holds its positions (``robot.feedback_time=60``).
+    held : FailureRate or None
+        Failure rate of the plan if an autopilot holds its positions (``robot.feedback_time=60``); None after
+        an alarm.
     band : (float, float) or None
         Lowest and highest height of the flight above the WGS 84 ellipsoid [m], where they are set.
     feedback : float
@@ -61,7 +62,7 @@ class ExportedPlan:
     plan: Plan
     log: NavigationLog
     corridor: Corridor
-    held: FailureRate
+    held: FailureRate | None
     height: Height
     band: tuple[float, float] | None
     feedback: float | None = None
@@ -89,7 +90,7 @@ class ExportedPlan:
         if promise is not None:
             told.append(_rate_sentence(promise.rate, self.flown_by()))
         pilot = "by an autopilot that knows and holds the positions (robot.feedback_time=60)"
-        told.append(_rate_sentence(self.held, pilot))
+        told.append(f"{NO_PROMISE.capitalize()}." if self.held is None else _rate_sentence(self.held, pilot))
         if self.log.swing > 0.0:
             told.append(
                 f"Turns take {self.log.late:.0f} s, which the times of the legs include. They lead up to "
@@ -118,7 +119,7 @@ def exported_plan(
         plan=plan,
         log=navigation_log(problem, plan.path),
         corridor=flown_corridor(problem, plan.path, cfg.flights, corridor_seed),
-        held=held_course_rate(problem, plan.path, cfg.flights, held_seed),
+        held=None if plan.alarmed else held_course_rate(problem, plan.path, cfg.flights, held_seed),
         height=height_of(level) if cfg.altitude is None else Height(cfg.altitude, above_sea=False),
         band=None if lower is None or upper is None else (lower, upper),
         feedback=feedback_time(problem),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -19,6 +20,8 @@ from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.exports.json_text import listed_json
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import plain_data
+from pareto_ltl.world.fix_shapes import fix_document
+from pareto_ltl.world.projection import meridian_convergence, to_geographic
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.shapes import united_rings
 
@@ -71,8 +74,24 @@ def _map_features(exported: ExportedPlan) -> list[Feature]:
     drawn = [
         _area(crs, outlines, {"role": "region", "name": name}) for name, outlines in scene.regions.items()
     ]
-    drawn += [_area(crs, [c], {"role": role, "name": name}) for role, name, c in titled_outlines(scene)]
+    fixes = {f"landmark {n}": true_fix(scene, n) for n in range(1, len(scene.landmark_fixes) + 1)}
+    drawn += [
+        _area(crs, [c], {"role": role, "name": name} | fixes.get(name, {}))
+        for role, name, c in titled_outlines(scene)
+    ]
     return [*drawn, _feature("Point", lonlat(crs, scene.start), {"role": "start", "name": "start"})]
+
+
+def true_fix(scene: Scene, number: int) -> dict[str, Any]:
+    """The property ``fix`` of a landmark, with its bearing from true north; none if it has no own error."""
+    fix = scene.landmark_fixes[number - 1]
+    if fix is None or math.isnan(fix.bearing):
+        return {} if fix is None else {"fix": fix_document(fix)}
+    middle = scene.landmarks[number - 1].mean(axis=0)
+    turn = math.degrees(
+        float(meridian_convergence(str(scene.crs), *to_geographic(str(scene.crs), middle))[0])
+    )
+    return {"fix": fix_document(fix._replace(bearing=(fix.bearing + turn) % 360.0))}
 
 
 def titled_outlines(scene: Scene) -> list[tuple[str, str, FloatArray]]:

@@ -16,11 +16,15 @@ from pareto_ltl.simulation.flights import fly_pilot
 HELD_TIME = 60.0  # robot.feedback_time of an autopilot that holds positions [s]
 
 
+def held_problem(problem: Problem) -> Problem:
+    """``problem`` for a robot that always knows its position (``robot.feedback_time=60``)."""
+    motion = with_feedback(problem.motion, HELD_TIME)
+    return replace(problem, world=problem.world._replace(law=problem.world.law._replace(motion=motion)))
+
+
 def held_course_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:
     """The rate of ``runs`` flights with ``robot.feedback_time=60``, within the airspeeds of the robot."""
-    motion = with_feedback(problem.motion, HELD_TIME)
-    world = problem.world._replace(law=problem.world.law._replace(motion=motion))
-    held = replace(problem, world=world)
+    held = held_problem(problem)
     pilot = Autopilot(path.u, np.ascontiguousarray(path.x))
     law = problem.fidelity.law
     flown = fly_pilot(held, lambda _noise: pilot, len(path.u), runs, law, seed)

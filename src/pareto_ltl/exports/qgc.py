@@ -108,5 +108,5 @@ def _note(exported: ExportedPlan) -> dict[str, Any]:
         "note": "An autopilot flies this mission by position. Take-off and landing are not part of it. "
         + " ".join(exported.sentences()),
         "failure_by_heading": None if promise is None else asdict(promise.rate),
-        "failure_by_position": asdict(exported.held),
+        "failure_by_position": None if exported.held is None else asdict(exported.held),
     }

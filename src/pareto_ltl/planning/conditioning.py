@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight
 
 
+ROUNDING = 1e-12  # share of a variance below which that of a fix is lost in its rounding
+
+
 @dataclass(frozen=True, slots=True)
 class Fix:
     """A measured position.
@@ -108,7 +111,8 @@ def learn(prior: Joint, means: FloatArray, fixes: Sequence[Fix]) -> Learnt:
 
     Eq. (M67) of docs/mathematics_methods.md.
     """
-    S = prior.among + np.diag(np.repeat([fix.sd**2 for fix in fixes], 2))
+    error = np.repeat([fix.sd**2 for fix in fixes], 2)
+    S = prior.among + np.diag(np.maximum(error, ROUNDING * np.diag(prior.among)))
     L = np.linalg.cholesky(S)
     d = (np.array([fix.place for fix in fixes]) - means).ravel()
     z = np.linalg.solve(L, d)

@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.records import FORECAST, HELD, PARTS, SPACE, TIME, WindField, WindModes
 from pareto_ltl.world.cells import Decomposition, half_planes, locator
+from pareto_ltl.world.fix_shapes import FixShape
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.time_step import with_time_step
 
@@ -238,11 +240,17 @@ def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
     return gain, gain * time / dt
 
 
-def pack_landmarks(robot: RobotConfig, marks: Sequence[FloatArray]) -> kd.Landmarks:
-    """Landmarks, the errors of their fixes, and the share of a known deviation corrected in one step."""
+def pack_landmarks(
+    robot: RobotConfig, marks: Sequence[FloatArray], fixes: Sequence[FixShape | None] = ()
+) -> kd.Landmarks:
+    """Landmarks, the errors of their fixes, and the share of a known deviation corrected in one step.
+
+    ``fixes`` are the errors of the first landmarks; None, and missing ones, are those of ``robot.fix_sd``.
+    """
     middle = np.array([polygon.mean(axis=0) for polygon in marks])
     radius = [np.linalg.norm(polygon - own, axis=1).max() for polygon, own in zip(marks, middle, strict=True)]
-    error = np.tile([robot.fix_sd**2, 0.0, robot.fix_sd**2], (len(marks), 1))
+    usual = FixShape(robot.fix_sd, robot.fix_sd)
+    error = np.stack([(fix or usual).cov for fix, _ in zip_longest(fixes, marks)])
     gain, _ = feedback_shares(robot.fix_time, robot.dt)
     return kd.Landmarks(
         pack_faces(marks), pack_corners(range(len(marks)), marks), np.column_stack([middle, radius]), error,
@@ -275,14 +283,14 @@ def pack_laws(
     planner: PlannerConfig,
     motion: kd.Motion,
     wind: WindField,
-    marks: Sequence[FloatArray],
+    marks: kd.Landmarks | None,
 ) -> dict[str, kd.Law]:
     """Every wind law by name; the coherent one uses position fixes where there are landmarks (``marks``)."""
     lattice = pack_wind(wind, robot.dt, planner.max_steps)
     modes = pack_modes(wind, lattice, robot.dt, robot.u_max)
     coherent: kd.Law = kd.CoherentLaw(lattice, modes, motion)
-    if marks:
-        coherent = kd.LandmarkLaw(lattice, modes, motion, pack_landmarks(robot, marks))
+    if marks is not None:
+        coherent = kd.LandmarkLaw(lattice, modes, motion, marks)
     return {"independent": kd.IndependentLaw(lattice, motion), "coherent": coherent}
 
 
@@ -350,12 +358,13 @@ def build_problem(
     )
 
 
-def used_landmarks(scene: Scene, robot: RobotConfig, fidelity: FidelityConfig) -> tuple[FloatArray, ...]:
+def used_landmarks(scene: Scene, robot: RobotConfig, fidelity: FidelityConfig) -> kd.Landmarks | None:
     """The landmarks at which the robot of these settings measures; a warning says why there are none."""
     missing = missing_for_fixes(robot, fidelity)
     if scene.landmarks and missing:
         LOG.warning("scene.landmarks are not used: position fixes need %s", missing)
-    return () if missing else scene.landmarks
+    used = bool(scene.landmarks) and not missing
+    return pack_landmarks(robot, scene.landmarks, scene.landmark_fixes) if used else None
 
 
 def missing_for_fixes(robot: RobotConfig, fidelity: FidelityConfig) -> str:
@@ -378,11 +387,17 @@ def with_landmarks(problem: Problem, robot: RobotConfig, marks: Sequence[FloatAr
     """
     if missing := missing_for_fixes(robot, problem.fidelity):
         raise ConfigError(f"the robot of this plan takes no position fixes: they need {missing}")
-    scene = replace(problem.scene, landmarks=(*problem.scene.landmarks, *marks))
+    fixes, without = problem.scene.landmark_fixes, (None,) * len(marks)
+    scene = replace(
+        problem.scene,
+        landmarks=(*problem.scene.landmarks, *marks),
+        landmark_fixes=(*fixes, *without) if fixes else (),
+    )
     robot = replace(robot, dt=problem.motion.dt)
     plain = unaided(problem.laws["coherent"])
     assert isinstance(plain, kd.CoherentLaw)
-    law = kd.LandmarkLaw(plain.wind, plain.modes, plain.motion, pack_landmarks(robot, scene.landmarks))
+    packed = pack_landmarks(robot, scene.landmarks, scene.landmark_fixes)
+    law = kd.LandmarkLaw(plain.wind, plain.modes, plain.motion, packed)
     laws, world = {**problem.laws, "coherent": law}, problem.world._replace(law=law)
     return replace(problem, scene=scene, laws=laws, world=world)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from pareto_ltl.support.display import (
 from pareto_ltl.world.navigation import Navigation
 
 FLIGHTS, WEIGHTED = "flights", "importance sampling"  # methods of failure rates
+NO_PROMISE = "no failure rate is promised: the law of the plan does not explain what was measured"
 SAMPLES = {FLIGHTS: "flights", WEIGHTED: "weighted flights"}  # how the runs of each method are called
 
 
@@ -142,6 +144,10 @@ class Objectives:
         """All numbers by name, as in ``plan.json``: length, probabilities, further costs."""
         risks = {name: getattr(self, name) for name in RISKS}
         return {"length": self.length} | risks | self.further_costs
+
+    def without_risks(self) -> Objectives:
+        """The costs alone: all probabilities are NaN."""
+        return Objectives(self.costs, **dict.fromkeys(RISKS, math.nan))
 
 
 RISKS = tuple(part.name for part in fields(Objectives) if part.name != "costs")
@@ -389,17 +395,33 @@ class Plan(Displayed):
         """The models that the plan was made with; its risks hold under their wind law."""
         return models_of(self.fidelity)
 
+    @property
+    def alarmed(self) -> bool:
+        """Whether the plan was made after an alarm: its law does not hold, and it has no probabilities."""
+        return math.isnan(self.path.objectives.mission_risk)
+
+    def without_promise(self) -> Plan:
+        """The plan without any probability, for a flight whose wind is outside the law."""
+        path = replace(self.path, objectives=self.path.objectives.without_risks())
+        return replace(self, path=path, promise=None, limits=None, prices=())
+
     def facts(self) -> Mapping[str, str]:
         """Formula, length, steps, further costs and what the plan promises."""
         o, models = self.path.objectives, self.models
         promised = {} if self.promise is None else {"fails": str(self.promise.rate)}
+        risks = {
+            f"mission risk {models.mission_symbol} in {models.law} winds": o.mission_risk,
+            f"collision risk R in {models.law} winds": o.collision_risk,
+        }
         return {
             "formula": self.formula,
             "length": distance_text(o.length),
             "steps": f"{len(self.path.u)}",
             **{name: cost_named(name).text(value) for name, value in o.further_costs.items()},
-            **promised,
-            f"mission risk {models.mission_symbol} in {models.law} winds": probability_text(o.mission_risk),
-            f"collision risk R in {models.law} winds": probability_text(o.collision_risk),
+            **(
+                {"fails": NO_PROMISE}
+                if self.alarmed
+                else promised | {name: probability_text(risk) for name, risk in risks.items()}
+            ),
             "fidelity": self.fidelity,
         }

@@ -58,9 +58,10 @@ def wind_and_gradient(wind: Wind, x: FloatArray) -> tuple[FloatArray, FloatArray
     """μ(x_t, t) (T, 2) [m/s] and Dμ (T, 2, 2) [1/s] at the rows of ``x``, one per step.
 
     μ is bilinear on the lattice, so ∂μ/∂x runs linearly between the differences along the lower and the
-    upper side of the square. Beyond the lattice the wind is constant.
+    upper side of the square. Beyond the lattice the wind is constant, and so it is after its last known step.
     """
-    k, w = wind.slot[: len(x)], wind.weight[: len(x), None]
+    step = np.minimum(np.arange(len(x)), len(wind.slot) - 1)
+    k, w = wind.slot[step], wind.weight[step, None]
     now, fractions, inside = lattice_corners(wind, wind.mean, k, x)
     after, _, _ = lattice_corners(wind, wind.mean, np.minimum(k + 1, len(wind.mean) - 1), x)
     corners = (1 - w) * now + w * after

@@ -15,7 +15,7 @@ from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.logic.timed import places_of
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FailureRate, Plan, PlannedPath, counted_rate
+from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath, counted_rate
 from pareto_ltl.simulation.failure_times import failure_times
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
@@ -252,11 +252,15 @@ def _courses(problem: Problem, path: PlannedPath) -> list[tuple[float, float, fl
 def _promise_lines(plan: Plan, flown: Deployment) -> Iterator[str]:
     """Promised rate, simulated rate, bound, and what the probabilities cover and do not cover."""
     cost, models, promise = plan.path.objectives, plan.models, plan.promise
-    if promise is not None:
-        yield f"promised: fails {_rate_words(promise.rate)}"
-    yield f"simulated: fails {_rate_words(counted_rate(flown.law, int(flown.failed.sum()), len(flown.x)))}"
-    bound = min(1.0, cost.mission_risk + cost.collision_risk)
-    yield f"bound {models.mission_symbol} + R: {probability_text(bound)}, {models.law} winds"
+    if plan.alarmed:
+        yield NO_PROMISE
+    else:
+        if promise is not None:
+            yield f"promised: fails {_rate_words(promise.rate)}"
+        failed = int(flown.failed.sum())
+        yield f"simulated: fails {_rate_words(counted_rate(flown.law, failed, len(flown.x)))}"
+        bound = min(1.0, cost.mission_risk + cost.collision_risk)
+        yield f"bound {models.mission_symbol} + R: {probability_text(bound)}, {models.law} winds"
     for name, text in (("covered", plan.covered), ("not covered", plan.not_covered)):
         if text:
             yield f"{name}: {text}"

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from pareto_ltl.planning.records import Forest, Plan, Promise
+from pareto_ltl.planning.records import NO_PROMISE, Forest, Plan, Promise
 from pareto_ltl.report import style
 from pareto_ltl.report.map_labels import dense_path
 from pareto_ltl.report.map_layers import (
@@ -175,7 +175,9 @@ def _heading(run: DrawnRun) -> list[str]:
     hours, steps = (path.t[-1] - path.t[0]) / 3600, len(path.u)
     lines = [
         f"{distance_text(path.objectives.length)}, {hours:,.1f} h, {steps} steps of {run.plan.dt:,.8g} s",
-        f"planned in {models.law} winds: {models.mission_symbol} ≤ "
+        NO_PROMISE
+        if run.plan.alarmed
+        else f"planned in {models.law} winds: {models.mission_symbol} ≤ "
         f"{shown_probability(path.objectives.mission_risk)}, "
         f"R ≤ {shown_probability(path.objectives.collision_risk)}",
         *promise_lines(run.plan.promise),

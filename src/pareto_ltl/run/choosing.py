@@ -177,8 +177,8 @@ def choose_from_results(
     return run
 
 
-def require_plan(results: Results) -> None:
-    """Raise DataError unless ``results`` is a finished run with a front and a plan."""
+def require_plan(results: Results, needed: Sequence[RecordKey[Any]] = (FRONT, PLAN)) -> None:
+    """Raise DataError unless ``results`` is a finished run with the records ``needed``."""
     directory = results.directory
     if not directory.is_dir():
         raise DataError(f"{directory}: no such folder; give a results directory")
@@ -188,7 +188,13 @@ def require_plan(results: Results) -> None:
             f"{ending_text(directory, results.run.get('status'))}"
         )
     stages = results.settings.pipelines.stages
-    if missing := [key.name for key in (FRONT, PLAN) if key.name not in stages]:
+    missing = [key.name for key in needed if key.name not in stages]
+    if missing == [FRONT.name] and (directory / "replan.json").is_file():
+        raise DataError(
+            f"{directory}: the plan was made after an alarm (replan.json), so that its front has no failure "
+            "rates to choose by; replan with a correct fix or forecast"
+        )
+    if missing:
         raise DataError(
             f"{directory}: its run made no {' and no '.join(missing)}; name the results directory of a plan"
         )
@@ -201,7 +207,8 @@ def chosen_settings(settings: Settings, choice: Choice) -> Settings:
 
 def kept_records(results: Results) -> Records:
     """The records of ``results`` that come before the plan; the forest with its time of growth."""
-    records = Records({key: results[key] for key in KEPT})
+    fronted = FRONT.name in results.settings.pipelines.stages  # else a plan after an alarm
+    records = Records({key: results[key] for key in KEPT if fronted or key is not FRONT})
     timed = replace(records[FOREST], seconds=results.metrics["growth_seconds"])
     return records.replaced(FOREST, timed)
 

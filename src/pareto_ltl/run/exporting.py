@@ -10,7 +10,7 @@ from typing import Any
 from pareto_ltl.run.choosing import kept_records
 from pareto_ltl.run.interface import PlanningResult, choose, load_results
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import FRONT, PLAN, PROBLEM
+from pareto_ltl.run.records import PLAN, PROBLEM
 from pareto_ltl.run.results import Results
 from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
 from pareto_ltl.run.stages import EXPORT_STREAM, PLAN_STAGES
@@ -85,7 +85,7 @@ def run_with_plan(planned: PlanningResult | Results | str | Path) -> Run:
     if (status := results.run.get("status")) != "ok":
         raise DataError(f"{results.directory}: there is no plan: {ending_text(results.directory, status)}")
     settings = results.settings
-    if missing := [key.name for key in (FRONT, PLAN) if key.name not in settings.pipelines.stages]:
-        raise DataError(f"{results.directory}: its run made no {' and no '.join(missing)}")
+    if PLAN.name not in settings.pipelines.stages:
+        raise DataError(f"{results.directory}: its run made no plan")
     table = with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
     return Run(settings, table, kept_records(results).replaced(PLAN, results.plan))

@@ -247,6 +247,7 @@ def choose(
         run, where = planned.run, "the front"
     else:
         results = load_results(planned)
+        require_plan(results)
         table = with_extension_stages(PLAN_STAGES, results.settings.pipelines.stages)
         if out is not None:
             return PlanningResult(choose_from_results(results, choice, table, Path(out)))
@@ -308,7 +309,7 @@ def replan(
         run, source = planned.run, str(planned.run.directory or "a plan in memory")
     else:
         results = load_results(planned)
-        require_plan(results)
+        require_plan(results, (PLAN,))
         run, source = _run_of(results), str(results.directory)
         run.records[DECOMPOSITION], run.records[AUTOMATON] = results.decomposition, results.automaton
         if out is not None and Path(out).resolve() == results.directory.resolve():

@@ -115,14 +115,12 @@ def _front_numbers(front: Front) -> dict[str, float]:
 
 def _plan_numbers(plan: Plan) -> dict[str, float]:
     from pareto_ltl.planning.costs import cost_named
+    from pareto_ltl.planning.records import RISKS
 
     o = plan.path.objectives
     return {
         "length_m": o.length,
-        "mission_risk_paper": o.mission_risk_paper,
-        "mission_risk": o.mission_risk,
-        "mission_risk_ordered": o.mission_risk_ordered,
-        "collision_risk": o.collision_risk,
+        **({} if plan.alarmed else {name: getattr(o, name) for name in RISKS}),
         "steps": len(plan.path.u),
         "dt_s": plan.dt,
         "duration_s": float(plan.path.t[-1] - plan.path.t[0]),

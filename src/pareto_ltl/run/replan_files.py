@@ -9,19 +9,13 @@ from typing import Any
 
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Run, carry_out
-from pareto_ltl.run.records import PLAN
-from pareto_ltl.run.replanning import Replanned
+from pareto_ltl.run.records import FRONT, PLAN, Records
+from pareto_ltl.run.replanning import ADVICE, Replanned
 from pareto_ltl.run.rest_of_flight import AUTOMATON_FILE
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.files import write_json
 
-ADVICE = {
-    "new": "the new plan is safer",
-    "old": "the rest of the old plan is safer",
-    "either": "neither is safer beyond chance",
-    "alarm": "no failure rate is promised: the law of the plan does not explain what was measured; check the "
-    "alarm before the new plan is flown",
-}
+OF_RATES = ("front", "forecasts", "deployment")  # stages whose files are probabilities: not after an alarm
 
 
 def write_replanned(done: Replanned, run: Run, place: Path, source: str, argv: Sequence[str] = ()) -> None:
@@ -30,10 +24,14 @@ def write_replanned(done: Replanned, run: Run, place: Path, source: str, argv: S
 
     with claimed_directory(place, run.table.files):
         if done.run is not None:
-            settings = done.run.settings
+            settings, records = done.run.settings, done.run.records
             mission = replace(settings.mission, automaton=str(place / AUTOMATON_FILE))
+            if done.situation.alarms:
+                left = [name for name in settings.pipelines.stages if name not in OF_RATES]
+                settings = replace(settings, pipelines=replace(settings.pipelines, stages=left))
+                records = Records({key: records[key] for key in records if key is not FRONT})
             written = Run(
-                replace(settings, mission=mission), run.table, done.run.records, dict(done.run.seconds), place
+                replace(settings, mission=mission), run.table, records, dict(done.run.seconds), place
             )
             stages = [run.table[name] for name in settings.pipelines.stages]
             carry_out(written, [s for s in stages if s.makes not in written.records], argv)
@@ -64,10 +62,10 @@ def replan_document(done: Replanned, source: str) -> dict[str, Any]:
         "state": at.state,
         "certainty": at.certainty,
         "rest": {"x": done.rest.x, "u": done.rest.u},
-        "old": asdict(done.old) if compared else None,
+        "old": asdict(done.old) if compared and done.old is not None else None,
         "new": asdict(done.new) if compared else None,
         "difference": dict(zip(("middle", "low", "high"), done.difference, strict=True))
-        if compared
+        if compared and done.old is not None
         else None,
     }
 
@@ -95,10 +93,13 @@ def comparison_lines(done: Replanned) -> list[str]:
     if at.alarms:
         alarms = [f"ALARM: {alarm}" for alarm in at.alarms]
         return [*lines, *alarms, f"new plan: {new}; planned in {done.seconds:.1f} s", ADVICE["alarm"]]
+    fails = f"failure rate of the new plan ({new}): {done.new}"
+    if done.old is None:
+        return [*lines, fails, f"planned in {done.seconds:.1f} s", ADVICE[done.advice]]
     gap, low, high = (100.0 * value for value in done.difference)
     lines += [
         f"failure rate of the rest of the old plan ({rest}): {done.old}",
-        f"failure rate of the new plan ({new}): {done.new}",
+        fails,
         f"difference: {gap:+.2f} points [{low:+.2f}, {high:+.2f}]; planned in {done.seconds:.1f} s",
         ADVICE[done.advice],
     ]

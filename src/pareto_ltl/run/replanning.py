@@ -11,6 +11,7 @@ fails significantly more often than the rest is replaced by a path of the front 
 from __future__ import annotations
 
 import logging
+import math
 import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.newer_wind import NewWind
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import (
@@ -49,6 +51,14 @@ if TYPE_CHECKING:
 LOG = logging.getLogger(__name__)
 STREAM = "replan"  # stream of the compared flights
 TRIES = 3  # paths of the front that are compared if the rule's choice is the worse plan
+ADVICE = {
+    "new": "the new plan is safer",
+    "old": "the rest of the old plan is safer",
+    "either": "neither is safer beyond chance",
+    "outlasted": "the newer forecast ends before the rest of the old plan would arrive: how often that fails "
+    "is not known, and the new plan arrives before",
+    "alarm": f"{NO_PROMISE}; check the alarm before the new plan is flown",
+}
 KEPT: tuple[RecordKey[Any], ...] = (SCENE, DECOMPOSITION, AUTOMATON, WIND, PROBLEM, FOREST, FRONT)
 
 
@@ -64,9 +74,10 @@ class Replanned(Displayed):
         The new plan; without new information, the rest of the old one.
     old, new : FailureRate
         Of the rest of the old plan and of the new one, in the same fresh winds given the fixes. Without new
-        information both are that of the whole old plan. Worthless if there are ``situation.alarms``.
+        information both are that of the whole old plan. Worthless if there are ``situation.alarms``. ``old``
+        is None if the newer forecast ends before the rest of the old plan would arrive.
     difference : (float, float, float)
-        New less old failure rate, and the ends of its 95 % interval.
+        New less old failure rate, and the ends of its 95 % interval; NaN without ``old``.
     rest : PlannedPath
         The rest of the old plan.
     wind : str
@@ -79,7 +90,7 @@ class Replanned(Displayed):
     run: Run | None
     plan: Plan
     rest: PlannedPath
-    old: FailureRate
+    old: FailureRate | None
     new: FailureRate
     difference: tuple[float, float, float]
     seconds: float
@@ -87,10 +98,15 @@ class Replanned(Displayed):
 
     @property
     def advice(self) -> str:
-        """``new`` or ``old`` if one fails significantly less, else ``either``; ``alarm``: unknown."""
+        """``new`` or ``old`` if one fails significantly less, else ``either``.
+
+        ``alarm``: unknown; ``outlasted``: the rest of the old plan lasts longer than the newer forecast.
+        """
         _, low, high = self.difference
         if self.situation.alarms:
             return "alarm"
+        if self.old is None:
+            return "outlasted"
         return "new" if high < 0.0 else "old" if low > 0.0 else "either"
 
     def facts(self) -> Mapping[str, str]:
@@ -103,6 +119,8 @@ class Replanned(Displayed):
         }
         if at.alarms:
             return facts | {"alarm": "; ".join(at.alarms)}
+        if self.old is None:
+            return facts | {"new plan fails": str(self.new), "advice": ADVICE[self.advice]}
         return facts | {
             "old plan fails": str(self.old),
             "new plan fails": str(self.new),
@@ -168,33 +186,35 @@ def replanned(
     seconds = clock.perf_counter() - began
     other, flown = never_worse(other, rest)
     if situation.alarms:
-        other.records[PLAN] = replace(other.make(PLAN), promise=None)
-    runs = run.settings.selection.runs
-    old, new = (counted_rate(problem.fidelity.law, int(failed.sum()), runs) for failed in flown)
+        other.records[PLAN] = other.make(PLAN).without_promise()
+    new, *others = (counted_rate(problem.fidelity.law, int(row.sum()), len(row)) for row in flown)
+    difference = paired_difference(flown[1], flown[0]) if others else (math.nan, math.nan, math.nan)
     return Replanned(
-        situation, other, other.make(PLAN), rest, old, new, paired_difference(*flown), seconds,
+        situation, other, other.make(PLAN), rest, others[0] if others else None, new, difference, seconds,
         "" if wind is None else str(wind) if isinstance(wind, str | Path) else other.make(WIND).source,
     )  # fmt: skip
 
 
-def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, tuple[BoolArray, BoolArray]]:
+def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     """A run whose plan does not fail significantly more often than ``rest``, and which flights of both fail.
 
     If the rule's choice does, the shortest path of the front is taken that fails no more often than the rest,
-    which was judged with it; of the paths tried, the one with the fewest failures.
+    which was judged with it; of the paths tried, the one with the fewest failures. A rest that outlasts the
+    wind cannot be flown: then the flights are those of the plan alone.
     """
     from pareto_ltl.simulation.judging import which_fail_each
 
     problem, cfg = other.make(PROBLEM), other.settings.selection
     seeds = stage_seeds(other.settings.seed, STREAM)
-    flown = which_fail_each(problem, [rest, other.make(PLAN).path], cfg.runs, seeds)
-    old, new = flown[0], flown[1]
+    if len(rest.u) > len(problem.wind.slot):
+        return other, list(which_fail_each(problem, [other.make(PLAN).path], cfg.runs, seeds))
+    old, new = which_fail_each(problem, [rest, other.make(PLAN).path], cfg.runs, seeds)
     if paired_difference(old, new)[1] <= 0.0:
-        return other, (old, new)
+        return other, [new, old]
     front = other.make(FRONT)
     tried = _safer_points(front, float(old.mean()))
     if not tried:
-        return other, (old, new)
+        return other, [new, old]
     failed = which_fail_each(problem, [front.paths[k] for k in tried], cfg.runs, seeds)
     held = [row for row in range(len(tried)) if paired_difference(old, failed[row])[1] <= 0.0]
     row = held[0] if held else int(np.argmin(failed.sum(axis=1)))
@@ -204,7 +224,7 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, tuple[BoolArray, Bo
     settings = replace(other.settings, selection=selection)
     safer = Run(settings, other.table, Records(kept), dict(other.seconds))
     safer.make(PLAN)
-    return safer, (old, failed[row])
+    return safer, [failed[row], old]
 
 
 def _safer_points(front: Front, failure: float) -> list[int]:

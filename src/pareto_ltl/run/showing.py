@@ -180,6 +180,7 @@ def explanation(
     InfeasibleError
         If the front has no such path.
     """
+    from pareto_ltl.report.detours import detour_lines
     from pareto_ltl.report.legs import plan_legs, plan_lines
     from pareto_ltl.report.limits import limit_lines, price_rows, segment_rows
 
@@ -199,5 +200,8 @@ def explanation(
     runs = min(run.settings.deployment.runs, MOST_RUNS)
     flown = simulate(PlanningResult(run), runs, problem.fidelity.law)
     legs = plan_legs(problem, plan, flown)
+    front = run.records.get(FRONT)
+    detours = [] if front is None else detour_lines(problem.scene, front, plan)
     document = {"law": flown.law, "flights": len(flown.x), "legs": [asdict(leg) for leg in legs]}
-    return Explanation(list(plan_lines(problem, plan, flown, legs, each=each)), document)
+    lines = [*plan_lines(problem, plan, flown, legs, each=each), *(f"detour: {line}" for line in detours)]
+    return Explanation(lines, document | {"detours": detours})

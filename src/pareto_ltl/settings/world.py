@@ -76,7 +76,10 @@ class SceneConfig(CheckedSettings):
         choices=("auto", *BORDERS),
     )
     landmarks: list[Any] = setting(
-        [], "corners of each area where the robot measures its position", unit="units"
+        [],
+        "corners of each area where the robot measures its position, or {corners: [...], fix: {...}} with "
+        "the error of its fixes [m]: {sd: 50} or {along: 2000, across: 50, bearing: 30}; docs/maps.md",
+        unit="units",
     )
     simplify: Any = setting(
         "auto",

@@ -59,9 +59,16 @@ class DrawnFlights:
 
     def unaided(self, flight: Flight) -> FloatArray:
         """Positions (n, T+1, 2) [m] of the controls of ``flight`` without position fixes."""
-        x = np.empty((len(self), len(flight.x), 2))
+        return self.held(flight.u, flight.x)
+
+    def held(self, u: FloatArray, mean: FloatArray) -> FloatArray:
+        """Positions (n, T+1, 2) [m] of the controls ``u`` (T, 2) along ``mean`` without position fixes.
+
+        A robot with feedback steers towards ``mean``.
+        """
+        x = np.empty((len(self), len(mean), 2))
         x[:, 0] = self.problem.scene.start + self.start
-        fly_draws(self.problem, self.draws, Autopilot(flight.u, flight.x), x)
+        fly_draws(self.problem, self.draws, Autopilot(u, np.ascontiguousarray(mean)), x)
         return x
 
     def failed(self, x: FloatArray) -> BoolArray:

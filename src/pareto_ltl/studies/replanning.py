@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.exports.held_course import held_problem
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.report.records import Study
 from pareto_ltl.run.pipeline import Run
@@ -37,16 +38,20 @@ from pareto_ltl.wind.conditioned import field_from
 from pareto_ltl.wind.records import WindField
 
 STREAM, FIXES, FORECASTS = "replanning", "replanning fixes", "replanning forecasts"
-OPEN_LOOP = "as planned"
+OPEN_LOOP, HELD = "as planned", "position always known"
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """One way to fly: ``name``, the steps of its fixes, and those at which a newer forecast arrives."""
+    """One way to fly: ``name``, the steps of its fixes, and those at which a newer forecast arrives.
+
+    ``held``: the plan is flown by an autopilot that always knows its position.
+    """
 
     name: str
     fixes: tuple[int, ...] = ()
     forecasts: tuple[int, ...] = ()
+    held: bool = False
 
     @property
     def steps(self) -> tuple[int, ...]:
@@ -89,7 +94,7 @@ def run_replanning(
 
 
 def ways_of(settings: Settings, run: Run) -> tuple[Way, ...]:
-    """As planned; with each set of fixes; with the last set and newer forecasts."""
+    """As planned; with a known position; with each set of fixes; with the last set and newer forecasts."""
     cfg, plan = settings.replanning, run.make(PLAN)
     steps = len(plan.path.u)
     if cfg.every is not None:
@@ -98,7 +103,8 @@ def ways_of(settings: Settings, run: Run) -> tuple[Way, ...]:
     else:
         sets = {f"{count} fix{'es' * (count > 1)}": evenly(steps, count) for count in cfg.fixes}
         sets |= {"fixes at landmarks": plan.path.fixes} if plan.path.fixes else {}
-    ways = [Way(OPEN_LOOP), *(Way(name, own) for name, own in sets.items())]
+    known = [] if run[PROBLEM].motion.gain > 0.0 else [Way(HELD, held=True)]
+    ways = [Way(OPEN_LOOP), *known, *(Way(name, own) for name, own in sets.items())]
     if cfg.forecasts is not None:
         apart = max(1, round(3600.0 * cfg.forecasts / plan.dt))
         cycles = tuple(range(apart, steps, apart))
@@ -119,8 +125,12 @@ def replanning_part(context: ReplanningContext, way: int, number: int) -> Column
     """One true wind flown in one way: whether the flight fails, its new plans and the length flown."""
     wind = context.winds.only(np.array([number]))
     u, x, taken = replanned_controls(context, context.ways[way], wind, number)
+    if context.ways[way].held:
+        flown = replace(wind, problem=held_problem(wind.problem)).held(u, x)
+    else:
+        flown = wind.flown(u, x)
     return {
-        "failed": bool(wind.failed(wind.flown(u, x))[0]),
+        "failed": bool(wind.failed(flown)[0]),
         "new_plans": taken,
         "length_m": float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()),
     }

@@ -11,6 +11,7 @@ import numpy as np
 from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.display import Displayed, distance_text, listed_text
+from pareto_ltl.world.fix_shapes import FixShape
 from pareto_ltl.world.windows import Window
 
 TITLE = re.compile(r"(obstacle )?\d+|obstacle \d+ \((?P<name>.*)\)", re.DOTALL)  # of an obstacle
@@ -49,6 +50,8 @@ class Scene(Displayed):
         outwards, visited regions inwards.
     obstacle_names : tuple of str
         The name that the map gives to each obstacle, empty for those without one; () if none has a name.
+    landmark_fixes : tuple of FixShape or None
+        The error of fixes at each landmark, None for that of ``robot.fix_sd``; () if none has its own.
     """
 
     bounds: FloatArray
@@ -63,6 +66,7 @@ class Scene(Displayed):
     forbidden: tuple[str, ...] = ()
     simplified: float = 0.0
     obstacle_names: tuple[str, ...] = ()
+    landmark_fixes: tuple[FixShape | None, ...] = ()
 
     def __post_init__(self) -> None:
         require_shape("bounds", self.bounds, 2, 2)
@@ -78,6 +82,8 @@ class Scene(Displayed):
             require_shape("polygon", polygon, None, 2)
         if self.obstacle_names and len(self.obstacle_names) != len(self.obstacles):
             raise ValueError(f"{len(self.obstacle_names)} obstacle_names for {len(self.obstacles)} obstacles")
+        if self.landmark_fixes and len(self.landmark_fixes) != len(self.landmarks):
+            raise ValueError(f"{len(self.landmark_fixes)} landmark_fixes for {len(self.landmarks)} landmarks")
         for name, window in self.windows.items():
             if window.region not in self.regions:
                 raise ValueError(f"window {name!r} is of {window.region!r}, which is no region of the map")

@@ -17,6 +17,7 @@ from pareto_ltl.support.names import name_fault
 from pareto_ltl.world import projection
 from pareto_ltl.world.altitude import sketch_at_altitude
 from pareto_ltl.world.cells import convex_pieces
+from pareto_ltl.world.fix_shapes import FixShape
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_faults import MapFaults
 from pareto_ltl.world.scene_shapes import (
@@ -80,7 +81,11 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
         simplified=max(farthest, sketch.simplified),
         obstacle_names=_obstacle_names([what for what, _ in obstacles]),
     )
-    return replace(scene, landmarks=tuple(_convex_landmarks(sketch, scene, drawn)))
+    marks = list(_convex_landmarks(sketch, scene, drawn))
+    fixes = tuple(fix for _, fix in marks)
+    return replace(
+        scene, landmarks=tuple(corners for corners, _ in marks), landmark_fixes=fixes if any(fixes) else ()
+    )
 
 
 def _obstacle_names(called: list[str]) -> tuple[str, ...]:
@@ -255,16 +260,19 @@ def _drawn_landmark(
     return found
 
 
-def _convex_landmarks(sketch: SceneSketch, scene: Scene, drawn: DrawnMap) -> Iterator[FloatArray]:
-    """Landmarks as convex polygons; those that are not convex are split."""
+def _convex_landmarks(
+    sketch: SceneSketch, scene: Scene, drawn: DrawnMap
+) -> Iterator[tuple[FloatArray, FixShape | None]]:
+    """Landmarks as convex polygons, with the errors of their fixes; those that are not convex are split."""
     import shapely
 
-    for _, shape in drawn.landmarks:
+    for place, (what, shape) in zip(sketch.landmarks, drawn.landmarks, strict=True):
+        fix = place.fix and place.fix.in_area(sketch.where, what, shape)
         for part in shapely.get_parts(shape).tolist():
             if shapely.convex_hull(part).area <= part.area + sketch.tolerance * part.length:
-                yield from outlines_of(part)
+                yield from ((corners, fix) for corners in outlines_of(part))
             else:
-                yield from convex_pieces(scene, [part])
+                yield from ((corners, fix) for corners in convex_pieces(scene, [part]))
 
 
 def _check_size(sketch: SceneSketch) -> None:

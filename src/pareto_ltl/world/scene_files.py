@@ -14,6 +14,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import Advice, read_json_value
 from pareto_ltl.support.schemas import check_document
+from pareto_ltl.world.fix_shapes import fix_document, read_fix
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_faults import MapFaults
 from pareto_ltl.world.scene_geojson import crs_name, sketch_features
@@ -24,6 +25,7 @@ from pareto_ltl.world.scene_sketch import (
     called,
     numbered_outlines,
     read_bounds,
+    read_landmarks,
     read_places,
     read_start,
 )
@@ -47,11 +49,12 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
 
 
 def _added(scene: Scene) -> dict[str, Any]:
-    """The keys that only some maps have: windows, forbidden, simplified, obstacle_names."""
+    """The keys that only some maps have: windows, forbidden, simplified, names and fixes."""
     windows = {name: window.as_dict() for name, window in scene.windows.items()}
     timed = {"windows": windows, "forbidden": list(scene.forbidden)} if windows else {}
     names = {"obstacle_names": list(scene.obstacle_names)} if scene.obstacle_names else {}
-    return timed | names | ({"simplified": scene.simplified} if scene.simplified else {})
+    fixes = {"landmark_fixes": list(map(fix_document, scene.landmark_fixes))} if scene.landmark_fixes else {}
+    return timed | names | fixes | ({"simplified": scene.simplified} if scene.simplified else {})
 
 
 def _listed_region(outlines: tuple[FloatArray, ...]) -> list[Any]:
@@ -87,6 +90,10 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
         forbidden=tuple(data.get("forbidden") or ()),
         simplified=data.get("simplified") or 0.0,
         obstacle_names=tuple(data.get("obstacle_names") or ()),
+        landmark_fixes=tuple(
+            read_fix("scene.json", f"landmark {number}", fix)
+            for number, fix in enumerate(data.get("landmark_fixes") or (), 1)
+        ),
     )
 
 
@@ -114,7 +121,11 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
     names = data.get("obstacle_names") or ()
     if names and len(names) != len(data["obstacles"]):
         faults.add(f"{where}: {len(names)} obstacle_names for {len(data['obstacles'])} obstacles")
-    obstacles, landmarks = (numbered_outlines(data.get(key, ())) for key in ("obstacles", "landmarks"))
+    obstacles, landmarks = numbered_outlines(data.get("obstacles", ())), data.get("landmarks") or ()
+    fixes = data.get("landmark_fixes") or ()
+    if fixes and len(fixes) != len(landmarks):
+        faults.add(f"{where}: {len(fixes)} landmark_fixes for {len(landmarks)} landmarks")
+        fixes = ()
     if not faults.texts and names:
         obstacles = [(name or key, drawn) for (key, drawn), name in zip(obstacles, names, strict=True)]
     return SceneSketch(
@@ -134,7 +145,7 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
         show=lambda point: f"({point[0]:.6g} m, {point[1]:.6g} m)",
         crs=data.get("crs"),
         time_zero=data.get("time_zero"),
-        landmarks=read_places(faults, "landmark", landmarks, np.copy),
+        landmarks=read_landmarks(faults, landmarks, fixes, np.copy),
         border=data.get("border"),
         timed=tuple(
             TimedPlace(name, w["region"], w.get("begin"), w.get("end"), name in (data.get("forbidden") or ()))

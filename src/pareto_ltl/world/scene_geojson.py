@@ -18,6 +18,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
+from pareto_ltl.world.fix_shapes import read_fix
 from pareto_ltl.world.scene_faults import MapFaults
 from pareto_ltl.world.scene_sketch import Place, SceneSketch, called, read_corners, read_start
 from pareto_ltl.world.windows import TimedPlace
@@ -64,7 +65,7 @@ def sketch_features(faults: MapFaults, features: Any, crs_name: str | None) -> S
         return f"(longitude {lon[0]:.6g}, latitude {lat[0]:.6g})"
 
     def all_of(wanted: str) -> tuple[Place, ...]:
-        return tuple(place.moved(metres) for role, place in drawn if role == wanted)
+        return tuple(_turned(crs, place).moved(metres) for role, place in drawn if role == wanted)
 
     starts = all_of("start")
     frame = None if border is None or not _is_rectangle(border) else border
@@ -85,6 +86,14 @@ def sketch_features(faults: MapFaults, features: Any, crs_name: str | None) -> S
         timed=timed,
         faults=tuple(faults.texts),
     )
+
+
+def _turned(crs: str, place: Place) -> Place:
+    """``place`` with the bearing of its fix from the y axis of the plane instead of true north."""
+    if place.fix is None or math.isnan(place.fix.bearing):
+        return place
+    turn = math.degrees(float(projection.meridian_convergence(crs, *place.corners.mean(axis=0)[:, None])[0]))
+    return replace(place, fix=place.fix._replace(bearing=place.fix.bearing - turn))
 
 
 def _bounds_in_plane(
@@ -170,6 +179,8 @@ class _FeatureReader:
         geometry = _member(where, number, feature, "geometry")
         if role == "start":
             return role, self._in_degrees(replace(place, lines=(_start_point(where, geometry),))), None
+        if role == "landmark":
+            place = replace(place, fix=read_fix(where, what, properties.get("fix")))
         place = _with_geometry(where, role, _with_numbers(where, place, properties), geometry)
         return _with_times(where, role, number, self._in_degrees(place), properties)
 

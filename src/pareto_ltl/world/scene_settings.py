@@ -21,6 +21,7 @@ from pareto_ltl.world.scene_sketch import (
     SceneSketch,
     numbered_outlines,
     read_bounds,
+    read_landmarks,
     read_places,
     read_start,
     read_timed,
@@ -97,7 +98,7 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
 
     regions = read_places(faults, "region", cfg.regions.items(), metres)
     obstacles = read_places(faults, "obstacle", numbered_outlines(cfg.obstacles), metres)
-    landmarks = read_places(faults, "landmark", numbered_outlines(cfg.landmarks), metres)
+    landmarks = read_landmarks(faults, cfg.landmarks, (), metres)
     timed: list[TimedPlace] = []
     with faults.noted():
         timed += read_timed(where, cfg.windows, cfg.regions)

@@ -16,6 +16,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.world.fix_shapes import FixShape, read_fix
 from pareto_ltl.world.scene_faults import MapFaults
 from pareto_ltl.world.windows import TimedPlace
 
@@ -43,6 +44,8 @@ class Place:
         Altitudes between which the place is active [m]; None: no limit.
     solid : bool
         Whether a region is an obstacle that is active for a limited time.
+    fix : FixShape or None
+        The error of fixes at a landmark; None: that of ``robot.fix_sd``.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Place:
     floor: float | None = None
     ceiling: float | None = None
     solid: bool = False
+    fix: FixShape | None = None
 
     @property
     def corners(self) -> FloatArray:
@@ -221,6 +225,32 @@ def read_places(
         return Place(name if kind == "region" else what, what, tuple((outline,) for outline in outlines))
 
     return tuple(place for _, place in faults.each(items, read))
+
+
+def read_landmarks(
+    faults: MapFaults, items: Sequence[Any], fixes: Sequence[Any], metres: Callable[[FloatArray], FloatArray]
+) -> tuple[Place, ...]:
+    """The landmarks of ``items``, each with the error of its fixes: corners, or {corners: ..., fix: ...}.
+
+    ``fixes`` are the errors of landmarks that are given as corners; empty if none has its own.
+    """
+
+    def read(item: tuple[int, Any]) -> Place:
+        number, drawn = item
+        fix = fixes[number - 1] if fixes else None
+        if isinstance(drawn, Mapping):
+            if not {"corners"} <= set(drawn) <= {"corners", "fix"}:
+                keys = shown_text(", ".join(map(str, drawn)))
+                raise DataError(
+                    f"{faults.where}: landmark {number} has the keys {keys}; expected corners, and fix if "
+                    "need be"
+                )
+            drawn, fix = drawn["corners"], drawn.get("fix")
+        what = called("landmark", str(number))
+        outline = metres(read_corners(faults.where, what, drawn))
+        return Place(what, what, ((outline,),), fix=read_fix(faults.where, what, fix))
+
+    return tuple(place for _, place in faults.each(enumerate(items, 1), read))
 
 
 def _are_outlines(value: Any) -> bool:

@@ -40,6 +40,8 @@ def mission_failure(result: Evidence) -> Verdict:
     if promise and by_heading:
         faults += [f"by heading: {key}" for key, value in by_heading.items() if promise[key] != value]
     rate = told["failure_by_position"]
+    if rate is None:  # after an alarm of replanning
+        return no_fault("no rates", [*faults, *["alone by heading"] * (by_heading is not None)])
     count, runs = round(rate["failure"] * rate["runs"]), int(rate["runs"])
     ends = clopper_pearson(count, runs)
     if not all(close(a, b, 1e-9, 1e-12) for a, b in zip((rate["low"], rate["high"]), ends, strict=True)):
@@ -56,7 +58,8 @@ def stated_rates(name: str, result: Evidence) -> Verdict:
     text, promise = TEXTS[name](result), result.plan["promise"]
     found = [RATE.fullmatch(sentence) for sentence in SENTENCE.findall(text)]
     said = {("feedback_time=60)" in part["how"]): part for part in found if part is not None}
-    faults = [f"{len(said)} rates"] * (len(said) != len(found) or len(said) != 1 + (promise is not None))
+    rates = 0 if result.plan["objectives"]["mission_risk"] is None else 1 + (promise is not None)
+    faults = [f"{len(said)} rates"] * (len(said) != len(found) or len(said) != rates)
     for part in said.values():
         faults += [f"{part['law']} winds"] * (part["law"] != result.planned_law)
     if promise is not None and False in said:

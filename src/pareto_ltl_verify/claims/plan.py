@@ -225,8 +225,9 @@ def energy(result: Evidence) -> Verdict | None:
     return number(math.nan if said is None else said, result.energy_of(result.u), rel=1e-9)
 
 
-def _risk(claimed: float, found: float) -> Verdict:
-    return number(claimed, found, rel=RISK, least=LEAST_RISK)
+def _risk(claimed: float | None, found: Callable[[], float]) -> Verdict | None:
+    """``claimed`` is the bound ``found``; a plan after an alarm of replanning claims none."""
+    return None if claimed is None else number(claimed, found(), rel=RISK, least=LEAST_RISK)
 
 
 def _f_o(result: Evidence, course: Course) -> float:
@@ -234,21 +235,25 @@ def _f_o(result: Evidence, course: Course) -> float:
     return theorem2(result.visited, course.x, course.cov, labels)
 
 
-def risk_of_paper(result: Evidence) -> Verdict:
+def risk_of_paper(result: Evidence) -> Verdict | None:
     """f_o of Theorem 2 under the independent law."""
-    return _risk(result.plan["objectives"]["mission_risk_paper"], _f_o(result, result.paper_course))
+    claimed = result.plan["objectives"]["mission_risk_paper"]
+    return _risk(claimed, lambda: _f_o(result, result.paper_course))
 
 
-def ordered_bound(result: Evidence) -> Verdict:
+def ordered_bound(result: Evidence) -> Verdict | None:
     """V under the law of the plan."""
-    return _risk(result.plan["objectives"]["mission_risk_ordered"], result.mission_bound(result.course))
+    claimed = result.plan["objectives"]["mission_risk_ordered"]
+    return _risk(claimed, lambda: result.mission_bound(result.course))
 
 
-def judged_risk(result: Evidence) -> Verdict:
+def judged_risk(result: Evidence) -> Verdict | None:
     """The mission risk is the bound that the settings name, under the law of the plan."""
-    bound = result.settings["fidelity"]["mission_bound"]
-    found = result.mission_bound(result.course) if bound == "ordered" else _f_o(result, result.course)
-    return _risk(result.plan["objectives"]["mission_risk"], found)
+    ordered = result.settings["fidelity"]["mission_bound"] == "ordered"
+    return _risk(
+        result.plan["objectives"]["mission_risk"],
+        lambda: result.mission_bound(result.course) if ordered else _f_o(result, result.course),
+    )
 
 
 def _between(claimed: float, bounds: tuple[float, float]) -> Verdict:
@@ -259,8 +264,10 @@ def _between(claimed: float, bounds: tuple[float, float]) -> Verdict:
     )
 
 
-def collision_bound(result: Evidence) -> Verdict:
+def collision_bound(result: Evidence) -> Verdict | None:
     """R under the law of the plan."""
+    if result.plan["objectives"]["collision_risk"] is None:
+        return None
     bounds = result.collision_bounds(result.law(result.planned_law), result.course)
     return _between(float(result.plan["objectives"]["collision_risk"]), bounds)
 
@@ -285,7 +292,8 @@ def forecast(law: str, judge: Callable[[Evidence, str], Verdict], result: Eviden
 
 def forecast_mission(result: Evidence, law: str) -> Verdict:
     """V of the controls under a law."""
-    return _risk(result.metrics[f"mission_risk_{law}"], result.mission_bound(result.forecasts[law]))
+    found = result.mission_bound(result.forecasts[law])
+    return number(result.metrics[f"mission_risk_{law}"], found, rel=RISK, least=LEAST_RISK)
 
 
 def forecast_collision(result: Evidence, law: str) -> Verdict:
@@ -335,7 +343,8 @@ def table(result: Evidence) -> Verdict:
 def metrics(result: Evidence) -> Verdict:
     """The metrics of the plan agree with plan.json."""
     plan, told = result.plan, result.metrics
-    pairs = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
+    stated = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
+    pairs = {name: value for name, value in stated.items() if value is not None or name in told}
     pairs |= {"steps": len(plan["u"]), "duration_s": plan["t"][-1] - plan["t"][0], "dt_s": plan["dt"]}
     if result.power is not None:
         pairs |= {"energy_j": plan["objectives"].get("energy")}

@@ -23,6 +23,8 @@ from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, SPACE, TIME,
 
 FILE = "replan.json"
 UNLIKELY = 1e-4  # probability under the law of the plan below which a fix is an alarm
+RISKS = ("mission_risk_paper", "mission_risk", "mission_risk_ordered", "collision_risk")
+OF_RATES = ("promise_", "failure_", "least_failure", "mission_risk_i", "mission_risk_c", "collision_risk_")
 RUNS = 4000  # new flights of each of the two plans
 SHARE = 2e-3  # largest allowed relative difference of covariances and distances
 WIND = 0.05  # m/s, largest allowed difference of the expected wind
@@ -53,7 +55,7 @@ def start(result: Evidence) -> Verdict:
 
 
 def alarms(result: Evidence) -> Verdict:
-    """A fix that the law gives less than 1e-4 is an alarm, and a plan after an alarm promises nothing."""
+    """A fix that the law gives less than 1e-4 is an alarm; after an alarm no file has a probability."""
     told = _told(result)
     far = math.sqrt(-2.0 * math.log(UNLIKELY))
     unlikely = sum(fix["distance"] > far for fix in told["fixes"])
@@ -61,11 +63,21 @@ def alarms(result: Evidence) -> Verdict:
     faults += ["an alarm without a reason"] * (bool(told["alarms"]) and not unlikely and told["wind"] is None)
     promised = [told[name] for name in ("old", "new", "difference")] + [result.plan["promise"]]
     faults += ["a promise after an alarm"] * (bool(told["alarms"]) and any(v is not None for v in promised))
+    risks = [result.plan["objectives"][name] for name in RISKS]
+    numbers = [name for name in result.metrics if name.startswith(OF_RATES)]
+    if told["alarms"]:
+        faults += [name for name in ("front.csv", "front.npz", "deployments.npz") if result.has(name)]
+        faults += ["bounds after an alarm"] * any(risk is not None for risk in risks) + numbers
+    elif None in risks:
+        faults.append("no bounds, but no alarm")
     return no_fault(f"{len(told['alarms'])} alarms", faults)
 
 
 def rates(result: Evidence) -> Verdict | None:
-    """Both plans fail as often as their new flights in wind.nc; their difference is that of the rates."""
+    """Both plans fail as often as their new flights in wind.nc; their difference is that of the rates.
+
+    The rest of the old plan has no rate if it lasts longer than a newer forecast.
+    """
     told = _told(result)
     if told["alarms"]:
         return None
@@ -73,7 +85,12 @@ def rates(result: Evidence) -> Verdict | None:
     paths = {"old": (np.array(rest["x"]), np.array(rest["u"])), "new": (result.x, result.u)}
     chance = 1.0
     for number, (name, (means, u)) in enumerate(paths.items()):
-        law, said = result.law(told[name]["law"], len(u)), told[name]
+        said = told[name]
+        if said is None:
+            if not _outlasts(result, len(u)):
+                return Verdict("no rate of the old plan", "its winds are known", False)
+            continue
+        law = result.law(said["law"], len(u))
         x = means + (result.start - means[0])
         guided = isinstance(law, Coherent) and bool(law.landmarks)
         if guided or law.robot.feedback:
@@ -82,10 +99,21 @@ def rates(result: Evidence) -> Verdict | None:
         failed = int(result.ground.failed(flown).sum())
         count = round(said["failure"] * said["runs"])
         chance = min(chance, 2.0 * same_rate(count, said["runs"], failed, RUNS))
+    if told["old"] is None:
+        return likely(f"{told['new']['failure']:.4g}", chance, RARE)
     gap = told["new"]["failure"] - told["old"]["failure"]
     if not (close(told["difference"]["middle"], gap, 1e-6, 1e-9) and told["difference"]["low"] <= gap):
         return Verdict(f"difference {told['difference']['middle']:.4g}", f"{gap:.4g}", False)
     return likely(f"{told['old']['failure']:.4g} and {told['new']['failure']:.4g}", chance, RARE)
+
+
+def _outlasts(result: Evidence, steps: int) -> bool:
+    """Whether a flight of ``steps`` lasts longer than wind.nc is known."""
+    try:
+        result.clock_of(steps)
+    except ParetoLtlError:
+        return True
+    return False
 
 
 def old_plan(result: Evidence) -> Verdict | None:

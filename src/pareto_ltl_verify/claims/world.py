@@ -14,6 +14,7 @@ from pareto_ltl_verify.claims.verdict import Claim, Verdict, no_fault, same
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import Convex, convex, deepest, outline_distance, signed_area
 from pareto_ltl_verify.geometry import within as lies_within
+from pareto_ltl_verify.laws import fix_error
 from pareto_ltl_verify.timetable import clock_of, windows_of
 
 SAMPLES = 20_000  # points of the map at which cells, parts and polygons are compared
@@ -52,6 +53,7 @@ def drawn_map(result: Evidence) -> Verdict | None:
     if not told["random"]["regions"] and set(scene["regions"]) - set(told["regions"]):
         faults.append(f"regions {sorted(scene['regions'])}")
     faults += [fault for kind in ("obstacles", "landmarks") for fault in _area_faults(result, kind)]
+    faults += _fix_faults(result)
     return no_fault("the outlines of the settings", faults)
 
 
@@ -150,6 +152,34 @@ def _edge_distance(polygons: list[FloatArray], points: FloatArray) -> FloatArray
     return least
 
 
+def _corners(drawn: Any) -> Any:
+    """The corners of an area of the settings; landmarks may be mappings with corners and fix."""
+    return drawn["corners"] if isinstance(drawn, Mapping) else drawn
+
+
+def _fix_faults(result: Evidence) -> list[str]:
+    """Landmarks whose outline is that of the settings, and whose errors of fixes are not.
+
+    The bearing is compared where the settings have one.
+    """
+    told, scene, usual = result.settings["scene"], result.scene, result.robot.fix_sd
+    marks = scene.get("landmarks") or []
+    fixes = scene.get("landmark_fixes") or [None] * len(marks)
+    faults = ["landmark_fixes"] * (len(fixes) != len(marks))
+    for number, drawn in enumerate(told["landmarks"]):
+        outline = _outline(told, _corners(drawn))
+        here = next((f for one, f in zip(marks, fixes, strict=False) if _same_outline(outline, one)), None)
+        asked = drawn.get("fix") if isinstance(drawn, Mapping) else None
+        if asked and not here and any(_same_outline(outline, one) for one in marks):
+            faults.append(f"fix of landmark {number + 1} is missing")
+        if not here:
+            continue
+        wanted = fix_error({"bearing": here.get("bearing", 0.0)} | dict(asked or {"sd": usual}), usual)
+        if not np.allclose(wanted, fix_error(here, usual), rtol=1e-6):
+            faults.append(f"fix of landmark {number + 1}")
+    return faults
+
+
 def _area_faults(result: Evidence, kind: str) -> Iterator[str]:
     """Obstacles or landmarks of the settings that are not in the map, and others in it.
 
@@ -158,7 +188,7 @@ def _area_faults(result: Evidence, kind: str) -> Iterator[str]:
     """
     told, bounds = result.settings["scene"], np.array(result.scene["bounds"])
     kept = [np.array(corners) for corners in result.scene.get(kind) or []]
-    drawn = [_outline(told, corners) for corners in told[kind]]
+    drawn = [_outline(told, _corners(one)) for one in told[kind]]
     moved, rest = float(result.scene.get("simplified", 0.0)), []
     for number, one in enumerate(drawn):
         place = next((i for i, other in enumerate(kept) if _same_outline(one, other)), None)

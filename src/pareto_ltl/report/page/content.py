@@ -10,7 +10,7 @@ import numpy as np
 
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, counted_rate
+from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, PlannedPath, counted_rate
 from pareto_ltl.report.limits import priced_obstacles
 from pareto_ltl.report.page.ground import shown_map, shown_trees, shown_wind
 from pareto_ltl.report.page.limits import limit_texts, shown_places
@@ -143,6 +143,8 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
             "value": probability_text(rate.failure),
             "note": f"{interval_text(rate.low, rate.high)} (95 %), under {rate.law} winds, {rate.sample}",
         }
+    elif plan.alarmed:
+        fails = {"value": "no promise", "note": NO_PROMISE}
     else:
         cost = path.objectives
         fails = {
