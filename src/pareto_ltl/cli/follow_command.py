@@ -106,6 +106,10 @@ def _add_sending(parser: CommandArguments) -> None:
         help="number of the vehicle; default: the first one heard",
     )
     parser.add_argument(
+        "--vehicle-clock", action="store_true", help="count time by the vehicle's own clock, as of a "
+        "simulated one that flies faster",
+    )  # fmt: skip
+    parser.add_argument(
         "--signing-key", type=Path, metavar="FILE", help="key of MAVLink 2: 64 hexadecimal digits, or a "
         "passphrase; messages without its signature are ignored",
     )  # fmt: skip
@@ -213,6 +217,7 @@ def _source(
         departure=options.departure, sends=sends, system=options.vehicle,
         key=b"" if options.signing_key is None else signing_key(options.signing_key),
         prologue=prologue_of(scene, options.ground) if "prologue" in sends else (),
+        own_clock=options.vehicle_clock,
     )  # fmt: skip
     link = Link(options.connect, scene.time_zero, settings, typed)
     return link.readings(), link.answers

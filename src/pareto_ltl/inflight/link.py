@@ -11,7 +11,7 @@ import os
 import time as clock
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ STALE = 5.0  # [s] after its last heartbeat the mode of a vehicle is not known a
 BEAT = 1.0  # [s] between two heartbeats, and the longest wait for a message
 IDLE = 5.0  # [s] without a message after which the time is passed on
 KEY_BYTES = 32
+LITTLE = 1e-3  # [s] between messages of one time of the vehicle
 
 
 def departure_time(time_zero: str | None, given: str | None) -> float | None:
@@ -128,6 +129,9 @@ class LinkSettings:
         Of signatures; without one nothing is signed, and signatures are not checked.
     prologue : tuple of mapping
         Messages before the departure, with their heights.
+    own_clock : bool
+        Whether time is that of the vehicle since it was heard first, as of a simulated one that flies faster
+        than the clock, and not that of the arrival of its messages.
     """
 
     departure: str | None = None
@@ -135,6 +139,7 @@ class LinkSettings:
     system: int = 0
     key: bytes = b""
     prologue: tuple[dict[str, Any], ...] = ()
+    own_clock: bool = False
 
 
 class Link:
@@ -172,6 +177,8 @@ class Link:
         self.sender = Sender(self.port.mav, self.vehicle)
         self.leg: tuple[int, int] | None = None  # the watch and its step whose heading was sent
         self.beaten, self.prepared, self.known = -math.inf, False, 0
+        self.begun: tuple[float, float] | None = None  # time of the vehicle, after departure
+        self.last, self.same = math.nan, 0
 
     def readings(self) -> Iterator[Reading]:
         """The readings of the vehicle; without any for a while, the time alone. Ctrl-C ends them."""
@@ -192,14 +199,27 @@ class Link:
                 self.departure = message._timestamp if self.departure is None else self.departure  # noqa: SLF001
                 if (reading := self.vehicle.reading(message, self.departure)) is not None:
                     quiet = now
-                    yield reading
+                    yield replace(reading, time=self._time(now))
             if self.departure is not None:
                 while self.typed is not None and self.typed.fixes:
                     first, second, sd = self.typed.fixes.popleft()
-                    yield Reading(now - self.departure, place=(first, second), sd=sd)
-                if now > quiet + IDLE:
+                    yield Reading(self._time(now), place=(first, second), sd=sd)
+                if now > quiet + IDLE and not self.settings.own_clock:
                     quiet = now
-                    yield Reading(now - self.departure)
+                    yield Reading(self._time(now))
+
+    def _time(self, now: float) -> float:
+        """Seconds after departure; of several messages at one time of the vehicle, each is a little later."""
+        assert self.departure is not None
+        if not self.settings.own_clock:
+            return now - self.departure
+        first, boot = self.begun, self.vehicle.boot
+        if first is None or not math.isfinite(boot):
+            self.begun = None if not math.isfinite(boot) else (boot, now - self.departure)
+            return now - self.departure
+        self.same = self.same + 1 if boot == self.last else 0
+        self.last = boot
+        return first[1] + boot - first[0] + LITTLE * self.same
 
     # --- sending ---
 

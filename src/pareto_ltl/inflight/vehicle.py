@@ -89,6 +89,8 @@ class Vehicle:
         By the heartbeat at ``beaten`` [Unix time, s].
     satellites : bool or None
         Whether its receiver has a fix; None: it has not said so yet.
+    boot : float
+        Its own time [s], by its last message with one.
     strangers : set of int
         Other vehicles on the same link, which are ignored.
     """
@@ -103,6 +105,7 @@ class Vehicle:
     plane: bool = False
     satellites: bool | None = None
     origin: tuple[float, float] | None = None
+    boot: float = math.nan
     acknowledged: list[tuple[int, int]] = field(default_factory=list)
     strangers: set[int] = field(default_factory=set)
 
@@ -126,6 +129,8 @@ class Vehicle:
             self.armed = bool(message.base_mode & ARMED)
             self.guided = self.plane and message.custom_mode == GUIDED and self.armed
             self.beaten = message._timestamp  # noqa: SLF001
+        if hasattr(message, "time_boot_ms"):
+            self.boot = message.time_boot_ms / 1e3
         if kind == "COMMAND_ACK":
             self.acknowledged.append((message.command, message.result))
         return self._reading(MESSAGES[kind](message), time) if kind in MESSAGES else None
