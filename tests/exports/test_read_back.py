@@ -259,6 +259,24 @@ def test_the_messages_of_the_script_are_those_of_mavlink(flown: Flown) -> None:
     assert seconds_apart([*times, datetime.fromisoformat(log.utc[-1])], flown.exported) == 0
 
 
+def test_the_prologue_of_the_script_is_that_of_mavlink(flown: Flown) -> None:
+    script, log = read_document(flown.folder / "mavlink_script.json", "mavlink_script"), flown.exported.log
+    origin, home, position = script["prologue"]
+    place = (round(1e7 * log.lat[0]), round(1e7 * log.lon[0]))
+    assert all((told["x"], told["y"]) == place for told in script["prologue"])
+    assert origin["message"] == "SET_GPS_GLOBAL_ORIGIN"
+    assert mavlink.MAVLink_set_gps_global_origin_message.fieldnames[1:4] == [
+        "latitude",
+        "longitude",
+        "altitude",
+    ]
+    for told in (home, position):
+        assert mavlink.enums["MAV_CMD"][told["command"]].name == told["name"]
+    assert origin["fill_in"] == home["fill_in"] == ["z"]
+    assert position["params"][2] >= 1.0
+    assert "ArduPlane" in script["firmware"]
+
+
 @pytest.mark.parametrize(
     "name", ["plan.kml", "plan.gpx", "plan.geojson", "mission.plan", "mavlink_script.json"]
 )

@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+import io
 import math
+import os
 import struct
 import threading
 import time as clock
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.random import SeedSequence
+
+os.environ["MAVLINK20"] = "1"  # read when pymavlink is imported
+
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as mavlink2
 
+from pareto_ltl.exports.mavlink import prologue
 from pareto_ltl.inflight.following import follow
-from pareto_ltl.inflight.link import Link, departure_time, logged_readings
-from pareto_ltl.inflight.link import Vehicle as Known
+from pareto_ltl.inflight.link import Link, LinkSettings, departure_time, logged_readings, signing_key
+from pareto_ltl.inflight.sends import Sender
+from pareto_ltl.inflight.typed import Typed
+from pareto_ltl.inflight.vehicle import Vehicle as Known
 from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
 from pareto_ltl.support.errors import ConfigError, DataError
 from watched import PATH, PLAN, PROBLEM, heading_of
@@ -31,25 +41,33 @@ class Vehicle(threading.Thread):
 
     def __init__(
         self, port: int, *, mode: int = 15, answer: int | None = ACKNOWLEDGED, kind: int = 1,
-        beats: int = 10**6,
+        beats: int = 10**6, armed: bool = True, fix: int | None = None, key: bytes = b"",
     ) -> None:  # fmt: skip
         super().__init__(daemon=True)
         self.link = mavutil.mavlink_connection(f"udpout:127.0.0.1:{port}", dialect="all", source_system=7)
         self.mode, self.answer, self.stopped = mode, answer, threading.Event()
         self.kind, self.beats = kind, beats
+        self.armed, self.fix = armed, fix
+        if key:
+            self.link.setup_signing(key)
         self.sent: list[tuple[int, list[float]]] = []
+        self.origins: list[tuple[int, int, int]] = []
 
     def run(self) -> None:
         mav = self.link.mav
         while not self.stopped.wait(0.02):
+            if self.fix is not None:
+                mav.gps_raw_int_send(0, self.fix, 0, 0, 0, 100, 100, 0, 0, 9)
             if self.beats > 0:
                 self.beats -= 1
-                mav.heartbeat_send(self.kind, 3, 128 | 1, self.mode, 4)
+                mav.heartbeat_send(self.kind, 3, (128 if self.armed else 0) | 1, self.mode, 4)
             heading, airspeed = heading_of(PATH.u[0])
             mav.attitude_send(0, 0.0, 0.0, math.radians(heading), 0.0, 0.0, 0.0)
             mav.vfr_hud_send(airspeed, 25.0, round(heading), 50, 100.0, 0.0)
             mav.global_position_int_send(0, 0, 0, 0, 0, 0, 0, 0, 0)
             while (message := self.link.recv_match(blocking=False)) is not None:
+                if message.get_type() == "SET_GPS_GLOBAL_ORIGIN":
+                    self.origins.append((message.latitude, message.longitude, message.altitude))
                 if message.get_type() not in ("COMMAND_LONG", "COMMAND_INT"):
                     continue
                 self.sent.append((message.command, [message.param1, message.param2, message.param3]))
@@ -57,9 +75,10 @@ class Vehicle(threading.Thread):
                     mav.command_ack_send(message.command, self.answer)
 
 
-def listened(port: int, vehicle: Vehicle, sends: tuple[str, ...], seconds: float) -> list[Event]:
+def listened(port: int, vehicle: Vehicle, sends: tuple[str, ...], seconds: float, **more: Any) -> list[Event]:
     """What a watch says in so many seconds."""
-    link = Link(f"udpin:127.0.0.1:{port}", None, "now", sends)
+    settings = LinkSettings(datetime.now(UTC).isoformat(), sends, **more)
+    link = Link(f"udpin:127.0.0.1:{port}", None, settings)
     watch = Watch(PROBLEM, PLAN, WatchSettings(every=1.0, members=50, alarm=1.0), SeedSequence(1))
     events: list[Event] = []
 
@@ -124,17 +143,18 @@ def test_nothing_is_sent_before_a_heartbeat(free_port: int) -> None:
 
 def test_a_mode_is_forgotten_without_heartbeats(monkeypatch: pytest.MonkeyPatch) -> None:
     link = object.__new__(Link)
-    link.vehicle, link.sends, link.leg, link.waiting = (
-        Known(7, 1, True, clock.time() - 6.0),
-        ("heading",),
-        -1,
-        {},
+    link.vehicle, link.settings = (
+        Known(7, 1, heard=True, guided=True, beaten=clock.time() - 6.0),
+        LinkSettings(None, ("heading",)),
     )
+    link.leg, link.known, link.sender = None, 0, Sender(None, link.vehicle)
+    sent: list[dict[str, Any]] = []
+    monkeypatch.setattr(Sender, "send", lambda _self, message: sent.append(message))
     watch = Watch(PROBLEM, PLAN, WatchSettings(members=50), SeedSequence(1))
     assert not list(link.answers(watch, {"event": "flown", "time": 1.0}))
     link.vehicle.beaten = clock.time()
-    monkeypatch.setattr(Link, "_send", lambda _self, kind, _message, _time: {"event": "sent", "kind": kind})
-    assert [event["kind"] for event in link.answers(watch, {"event": "flown", "time": 1.0})] == ["heading"]
+    assert [event["event"] for event in link.answers(watch, {"event": "flown", "time": 1.0})] == ["sent"]
+    assert [message["command"] for message in sent] == [43002]
 
 
 def test_a_refusal_and_a_silent_autopilot_are_alarms(free_port: int) -> None:
@@ -189,12 +209,161 @@ def test_a_log_of_ardupilot_is_read(tmp_path: Path) -> None:
 
 
 def test_addresses_and_times_that_are_none(tmp_path) -> None:
-    with pytest.raises(ConfigError, match="--send wings: expected some of wind, heading, speed, position"):
-        Link("udpin:127.0.0.1:0", None, "now", ["wings"])
+    with pytest.raises(
+        ConfigError, match="--send wings: expected some of wind, heading, speed, position, prologue"
+    ):
+        Link("udpin:127.0.0.1:0", None, LinkSettings("now", ("wings",)))
     with pytest.raises(DataError, match="cannot be opened"):
-        Link(str(tmp_path / "no-such-port"), None, "now")
+        Link(str(tmp_path / "no-such-port"), None, LinkSettings("now"))
     with pytest.raises(ConfigError, match="--departure must be now or a time"):
         departure_time(None, "noon")
     assert departure_time("1970-01-01T00:01:00Z", None) == 60.0
     with pytest.raises(ConfigError, match="must be 1 to 86,400 s"):
         follow(tmp_path, [], settings=WatchSettings(every=0.0))
+
+
+# --- what is read ---------------------------------------------------------------------------------
+
+
+def heard(*messages: Any, known: Known | None = None) -> list[Any]:
+    """The readings of messages of vehicle 7, a second apart, after its heartbeat."""
+    vehicle, found = known or Known(), []
+    for second, message in enumerate(messages):
+        message._timestamp = float(second)  # noqa: SLF001
+        if not message.get_srcSystem():
+            addressed(message, 7, 1)
+        found.append(vehicle.reading(message, 0.0))
+    return [reading for reading in found if reading is not None]
+
+
+def addressed(message: Any, system: int, component: int) -> None:
+    """Let a message come from a system."""
+    message._header = mavlink2.MAVLink_header(message.id, srcSystem=system, srcComponent=component)  # noqa: SLF001
+
+
+def odometry(estimator: int, variance: float = 9.0, frame: int = 1) -> Any:
+    cov = [math.nan] * 21
+    cov[0], cov[6] = variance, variance
+    return mavlink2.MAVLink_odometry_message(
+        0, frame, 1, 1000.0, 2000.0, 0.0, [1.0, 0.0, 0.0, 0.0], *[0.0] * 6, cov, [math.nan] * 21, 0, estimator
+    )
+
+
+def test_odometry_of_a_camera_is_a_position_and_the_filter_of_an_autopilot_is_none() -> None:
+    beat = mavlink2.MAVLink_heartbeat_message(1, 3, 128, 15, 4, 3)
+    origin = mavlink2.MAVLink_gps_global_origin_message(371000000, -945000000, 0)
+    assert not heard(beat, odometry(3))  # the origin is not known
+    (one,) = heard(beat, origin, odometry(3))
+    north = 1000.0 / 111_195.0
+    assert one.place == (pytest.approx(37.1 + north, abs=1e-5), pytest.approx(-94.5 + 0.022544, abs=1e-4))
+    assert one.sd == 3.0
+    assert not heard(beat, origin, odometry(8), odometry(0), odometry(3, math.nan), odometry(3, frame=20))
+
+
+def test_positions_that_others_send_to_the_vehicle_count() -> None:
+    beat = mavlink2.MAVLink_heartbeat_message(1, 3, 128, 15, 4, 3)
+    place = (371000000, -945000000, 0.0)
+    sent = mavlink2.MAVLink_command_int_message(7, 1, 0, 43003, 0, 0, 5.0, 0.0, 80.0, 0.0, *place)
+    other = mavlink2.MAVLink_command_int_message(9, 1, 0, 43003, 0, 0, 5.0, 0.0, 80.0, 0.0, *place)
+    for message in (sent, other):
+        addressed(message, 255, 190)
+    (one,) = heard(beat, sent, other)
+    assert one.place == (pytest.approx(37.1), pytest.approx(-94.5))
+    assert one.sd == 80.0
+
+
+def test_wind_and_battery_are_read() -> None:
+    beat = mavlink2.MAVLink_heartbeat_message(1, 3, 128, 15, 4, 3)
+    wind = mavlink2.MAVLink_wind_message(-90.0, 8.0, 0.0)
+    power = mavlink2.MAVLink_sys_status_message(0, 0, 0, 0, 0, 0, 55, 0, 0, 0, 0, 0, 0)
+    found = heard(beat, wind, power)
+    assert found[0].wind == (270.0, 8.0)
+    assert found[1].battery == 0.55
+
+
+def test_other_vehicles_are_ignored_and_named(free_port: int) -> None:
+    known = Known(7)
+    others = [mavlink2.MAVLink_heartbeat_message(1, 3, 128, 15, 4, 3) for _ in range(2)]
+    hud = mavlink2.MAVLink_vfr_hud_message(25.0, 25.0, 30, 50, 100.0, 0.0)
+    for message in (others[0], hud):
+        addressed(message, 3, 1)
+    assert not heard(others[0], others[1], hud, known=known)
+    assert (known.system, known.component, known.strangers) == (7, 1, {3})
+    vehicle = Vehicle(free_port)
+    events = listened(free_port, vehicle, ("heading",), 1.5, system=8)
+    assert "others on this link are ignored: 7" in next(e["text"] for e in events if e["event"] == "alarm")
+    assert not vehicle.sent
+
+
+# --- the prologue, signatures, and what is typed --------------------------------------------------
+
+
+def test_the_prologue_goes_to_an_aeroplane_that_is_not_armed(free_port: int) -> None:
+    messages = tuple(
+        told | {"z": 300.0 if "z" in told["fill_in"] else None} for told in prologue(37.1, -94.5, 2.0)
+    )
+    vehicle = Vehicle(free_port, armed=False, fix=1)
+    events = listened(free_port, vehicle, ("prologue", "wind", "heading"), 2.5, prologue=messages)
+    assert vehicle.origins == [(371000000, -945000000, 300_000)]
+    assert [command for command, _ in vehicle.sent if command != 43004] == [179, 43003]
+    assert not [event for event in events if event["event"] == "alarm"]
+
+
+def test_nothing_of_the_prologue_goes_to_an_armed_vehicle_or_to_one_with_satellites(free_port: int) -> None:
+    messages = tuple(told | {"z": 300.0} for told in prologue(37.1, -94.5, 2.0))
+    flying = Vehicle(free_port, fix=1)
+    events = listened(free_port, flying, ("prologue",), 1.5, prologue=messages)
+    assert any("armed already" in event.get("text", "") for event in events)
+    located = Vehicle(free_port, armed=False, fix=3)
+    listened(free_port, located, ("prologue",), 1.5, prologue=messages)
+    unknown = Vehicle(free_port, armed=False)
+    listened(free_port, unknown, ("prologue",), 1.5, prologue=messages)
+    assert not [one for vehicle in (flying, located, unknown) for one in (*vehicle.sent, *vehicle.origins)]
+
+
+@pytest.mark.parametrize(("theirs", "some"), [(b"k" * 32, True), (b"w" * 32, False), (b"", False)])
+def test_with_a_key_only_its_signatures_count(theirs: bytes, some: bool, free_port: int) -> None:
+    vehicle = Vehicle(free_port, key=theirs)
+    events = listened(free_port, vehicle, ("wind",), 2.0, key=b"k" * 32)
+    assert any(event["event"] == "status" for event in events) is some
+    assert bool(vehicle.sent) is some
+
+
+def test_a_key_is_hexadecimal_or_a_passphrase(tmp_path: Path) -> None:
+    file = tmp_path / "key"
+    file.write_text("ab" * 32 + "\n")
+    assert signing_key(file) == b"\xab" * 32
+    file.write_text("secret\n")
+    assert signing_key(file).hex() == "2bb80d537b1da3e38bd30361aa855686bde0eacd7162fef6a25fe97bf527a25b"
+    file.write_text(" \n")
+    with pytest.raises(DataError, match="the key is empty"):
+        signing_key(file)
+    with pytest.raises(DataError, match="cannot be read"):
+        signing_key(tmp_path / "none")
+
+
+def test_what_is_typed_is_a_fix_or_an_answer() -> None:
+    said: list[str] = []
+    typed = Typed(
+        io.StringIO("fix 37.1,-94.5,200\nfix 1,2\nfix nan,1,2\nhello\n\nfix 1,2,-3\ny\n"), said.append
+    )
+    typed.start()
+    end = clock.time() + 10.0
+    while not typed.agreed.is_set() and clock.time() < end:
+        clock.sleep(0.01)
+    assert list(typed.fixes) == [(37.1, -94.5, 200.0)]
+    assert typed.agreed.is_set()
+    assert len(said) == 4
+
+
+def test_a_typed_fix_becomes_a_reading(free_port: int) -> None:
+    typed = Typed(io.StringIO(""), print)
+    typed.take("fix 37.1,-94.5,200")
+    link, vehicle = Link(f"udpin:127.0.0.1:{free_port}", None, LinkSettings("now"), typed), Vehicle(free_port)
+    vehicle.start()
+    found = next(reading for reading in link.readings() if reading.place is not None)
+    vehicle.stopped.set()
+    vehicle.join()
+    vehicle.link.close()
+    link.port.close()
+    assert (found.place, found.sd) == ((37.1, -94.5), 200.0)

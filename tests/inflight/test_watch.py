@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from pareto_ltl.inflight.journal import Journal, read_journal
 from pareto_ltl.inflight.lines import event_line
 from pareto_ltl.inflight.telemetry import Reading, Sieve
 from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
+from pareto_ltl.planning.power import Body, EnergyModel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.errors import DataError
 from watched import DT, FLIGHT_TIME, PATH, PLAN, PROBLEM, heading_of
@@ -219,3 +221,50 @@ def test_a_damaged_journal_is_named(tmp_path) -> None:
         list(read_journal(path))
     with pytest.raises(DataError, match="cannot be read"):
         list(read_journal(tmp_path / "none"))
+
+
+def test_a_flight_as_planned_is_in_its_corridor_within_steps() -> None:
+    """Half-way along a leg the planned position is half-way, not that of the next step."""
+    events = list(new_watch(every=30.0, alarm=1.0).events(as_planned(every=10.0, until=6.0 * DT)))
+    status = [event for event in events if event["event"] == "status"]
+    assert len({event["time"] % DT for event in status}) > 2
+    assert max(event["corridor"] for event in status) < 0.1
+    assert "corridor" not in alarms(events)
+
+
+def test_an_old_forecast_is_an_alarm_and_its_age_counts_from_its_start() -> None:
+    cfg = WatchSettings(every=400.0, members=50, alarm=1.0, wind_age=2500.0)
+    for issued, raised in ((math.nan, 2600.0), (-1000.0, 1600.0)):
+        watch = Watch(PROBLEM, PLAN, cfg, SeedSequence(2), issued)
+        ages = [e["time"] for e in watch.events(as_planned()) if e["event"] == "alarm" and e["kind"] == "age"]
+        assert len(ages) == 1
+        assert raised - 100.0 < ages[0] <= raised + 400.0
+
+
+def test_a_battery_that_ends_before_the_plan_is_an_alarm() -> None:
+    for rate, raised in ((0.5, False), (1.2, True)):
+        stream = [
+            Reading(r.time, r.heading, r.airspeed, battery=max(0.0, 1.0 - rate * r.time / FLIGHT_TIME))
+            for r in as_planned(every=50.0)
+        ]
+        events = list(new_watch(alarm=1.0).events(stream))
+        assert ("energy" in alarms(events)) is raised
+        assert events[-1]["battery"] == pytest.approx(max(0.0, 1.0 - rate), abs=0.02)
+
+
+def test_the_energy_that_is_needed_is_that_of_the_plan() -> None:
+    model = EnergyModel(Body(base=50.0, drag=0.01), None)
+    problem = replace(PROBLEM, energy=model)
+    whole = model.of(PATH.u, DT)
+    status = [e for e in new_watch(problem, alarm=1.0).events(as_planned()) if e["event"] == "status"]
+    assert [event["energy_needed"] for event in status] == pytest.approx([whole] * len(status), rel=1e-6)
+    small = replace(PROBLEM, energy=EnergyModel(model.curve, 0.9 * whole))
+    assert "Wh are needed" in alarms(new_watch(small, alarm=1.0).events(as_planned()))["energy"]
+
+
+def test_what_the_autopilot_believes_of_the_wind_is_said_and_not_used() -> None:
+    stream = [Reading(r.time, r.heading, r.airspeed, wind=(270.0, 9.5)) for r in as_planned()]
+    told, plain = (list(new_watch(alarm=1.0).events(s))[-1] for s in (stream, as_planned()))
+    assert told["heard_wind"] == [270.0, 9.5]
+    assert "(autopilot: 270/9.5)" in event_line(told)
+    assert (told["x"], told["wind"]) == (plain["x"], plain["wind"])

@@ -20,11 +20,11 @@ from pareto_ltl.cli.export_command import read_formats, read_metres
 from pareto_ltl.exports.exported import flown_level, height_of
 from pareto_ltl.exports.formats import MAKERS
 from pareto_ltl.settings import ExportsConfig, RobotConfig, Settings, WindConfig
-from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import write_json
 
-DEFAULT = [name for name in EXPORT_FILES if name not in ("f3548", "fpl")]
+DEFAULT = [name for name in EXPORT_FILES if name not in ON_REQUEST]
 QUICK = {"planner": {"trees": 1, "n_max": 300}, "deployment": {"runs": 5}, "wind": "calm", "report": "none"}
 PLANAR = {
     "bounds": [[0, 0], [1e6, 1e6]],

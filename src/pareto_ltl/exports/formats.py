@@ -14,6 +14,7 @@ from pareto_ltl.exports.fpl import plan_fpl
 from pareto_ltl.exports.geojson import corridor_geojson, plan_geojson
 from pareto_ltl.exports.gpx import plan_gpx
 from pareto_ltl.exports.kml import plan_kml
+from pareto_ltl.exports.lua import plan_lua
 from pareto_ltl.exports.mavlink import mavlink_script
 from pareto_ltl.exports.qgc import mission_plan
 from pareto_ltl.exports.trajectory import trajectory_netcdf
@@ -35,6 +36,7 @@ MAKERS: dict[str, Callable[[ExportedPlan], bytes]] = {
     "fpl": plan_fpl,
     "qgc": mission_plan,
     "mavlink": mavlink_script,
+    "lua": plan_lua,
     "corridor": corridor_geojson,
     "netcdf": trajectory_netcdf,
     "f3548": operational_intent,

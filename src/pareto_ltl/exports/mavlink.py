@@ -16,7 +16,11 @@ from pareto_ltl.support.files import plain_data
 
 SCHEMA = "pareto_ltl.mavlink_script/1"
 CHANGE_SPEED, CHANGE_HEADING, POSITION_ESTIMATE, WIND_ESTIMATE = 43000, 43002, 43003, 43004
+SET_HOME = 179
+SET_ORIGIN = "SET_GPS_GLOBAL_ORIGIN"  # a message, not a command
+FIRMWARE, MODE = "ArduPlane 4.6 or later", "GUIDED (15)"
 NAMES = {
+    SET_HOME: "MAV_CMD_DO_SET_HOME",
     CHANGE_SPEED: "MAV_CMD_GUIDED_CHANGE_SPEED",
     CHANGE_HEADING: "MAV_CMD_GUIDED_CHANGE_HEADING",
     POSITION_ESTIMATE: "MAV_CMD_EXTERNAL_POSITION_ESTIMATE",
@@ -27,6 +31,7 @@ AT_ONCE = 0.0  # acceleration that means no limit
 TURN = 5.0  # [m/s²] centripetal acceleration if robot.bank is 0: a bank of 27 degrees
 GLOBAL, RELATIVE = 0, 3  # MAV_FRAME_GLOBAL, MAV_FRAME_GLOBAL_RELATIVE_ALT
 POSITION_FRAMES = {True: GLOBAL, False: RELATIVE}  # by whether heights are above mean sea level
+LEAST_SD = 1.0  # [m] of the position at the start
 DEGREE = 1e7  # units of x and y of COMMAND_INT in a degree
 
 
@@ -40,8 +45,32 @@ def mavlink_script(exported: ExportedPlan) -> bytes:
         "start_utc": None if log.utc is None else log.utc[0],
         "wind_law": log.law,
         "dialect": "all",
+        "firmware": FIRMWARE,
+        "mode": MODE,
+        "prologue": plain_data(prologue(log.lat[0], log.lon[0], start_sd(exported))),
     }
     return listed_json(head, "messages", plain_data(script_messages(exported)))
+
+
+def start_sd(exported: ExportedPlan) -> float:
+    """Standard deviation of the position at the start [m], at least that of a good survey."""
+    log = exported.log
+    return max(math.hypot(log.major[0], log.minor[0]) / math.sqrt(2.0), LEAST_SD)
+
+
+def prologue(lat: float, lon: float, sd: float) -> list[dict[str, Any]]:
+    """What an aeroplane without satellites must hear before its departure: origin, home, position.
+
+    ``z`` is the height of the ground above mean sea level [m], which the sender fills in.
+    """
+    place = {"x": round(lat * DEGREE), "y": round(lon * DEGREE), "z": None, "fill_in": ["z"]}
+    home = {"message": "COMMAND_INT", "command": SET_HOME, "name": NAMES[SET_HOME], "frame": GLOBAL}
+    at = home | {"command": POSITION_ESTIMATE, "name": NAMES[POSITION_ESTIMATE]}
+    return [
+        {"message": SET_ORIGIN, "name": SET_ORIGIN, **place},
+        home | {"params": [0, 0, 0, 0], **place},
+        at | {"params": [0, 0, sd, 0], **place, "fill_in": []},
+    ]
 
 
 def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:

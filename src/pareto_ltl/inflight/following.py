@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,8 @@ from pareto_ltl.inflight.journal import SCHEMA, Journal, read_journal, require_p
 from pareto_ltl.inflight.telemetry import Reading, read_log
 from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
 from pareto_ltl.run.exporting import run_with_plan
-from pareto_ltl.run.records import PLAN, PROBLEM, SCENE
+from pareto_ltl.run.newer_wind import issued
+from pareto_ltl.run.records import PLAN, PROBLEM, SCENE, WIND
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.support.errors import ConfigError
 
@@ -30,8 +31,9 @@ def follow(
     resume: bool = False,
     settings: WatchSettings | None = None,
     listener: Listener | None = None,
+    begun: Sequence[Event] = (),
 ) -> Iterator[Event]:
-    """Watch a flight against its plan; yields events as they happen.
+    """Watch a flight against its plan; yields events as they happen, and ends at ``end`` or ``switched``.
 
     Parameters
     ----------
@@ -45,6 +47,8 @@ def follow(
         Interval of the statuses, alarm, number of flights.
     listener : callable, optional
         Called with the watch and each event; the events that it returns are written after it.
+    begun : sequence of Event
+        What was flown of this plan under another watch.
 
     Raises
     ------
@@ -57,7 +61,7 @@ def follow(
     _check(cfg)
     run = run_with_plan(planned)
     scene, seed = run.make(SCENE), stage_seeds(run.settings.seed, STREAM)
-    watch = Watch(run.make(PROBLEM), run.make(PLAN), cfg, seed)
+    watch = Watch(run.make(PROBLEM), run.make(PLAN), cfg, seed, issued(run.make(WIND)))
     begin: Event = {
         "event": "begin", "time": 0.0, "schema": SCHEMA, "plan": run.settings.name,
         "formula": watch.plan.formula, "departure": scene.time_zero, "members": cfg.members,
@@ -67,22 +71,28 @@ def follow(
     earlier = list(read_journal(place)) if place is not None and resume else []
     if isinstance(readings, str | Path):
         readings = read_log(Path(readings), scene.time_zero, on_earth=scene.crs is not None)
-    return _events(watch, readings, begin, earlier, place, listener)
+    return _events(watch, readings, [begin, *begun], earlier, place, listener)
 
 
 def _events(
-    watch: Watch, readings: Iterable[Reading], begin: Event, earlier: list[Event], place: Path | None,
+    watch: Watch, readings: Iterable[Reading], begin: list[Event], earlier: list[Event], place: Path | None,
     listener: Listener | None,
 ) -> Iterator[Event]:  # fmt: skip
     journal = None if place is None else Journal(place)
     try:
         if earlier:
-            _same_flight(begin, earlier[0])
+            _same_flight(begin[0], earlier)
             watch.resume(earlier)
         else:
-            yield from _noted(begin, watch, journal, listener)
+            if begin[1:]:
+                watch.resume(begin[1:])
+            for event in begin:
+                yield from _noted(event, watch, journal, listener if event is begin[0] else None)
         for event in watch.events(readings):
-            yield from _noted(event, watch, journal, listener)
+            for one in _noted(event, watch, journal, listener):
+                yield one
+                if one["event"] == "switched":
+                    return
     finally:
         if journal is not None:
             journal.close()
@@ -101,14 +111,18 @@ def _noted(event: Event, watch: Watch, journal: Journal | None, listener: Listen
         yield one
 
 
-def _same_flight(begin: Event, first: Event) -> None:
-    """ConfigError if a journal is that of another plan, or of other settings."""
+def _same_flight(begin: Event, earlier: Sequence[Event]) -> None:
+    """ConfigError if a journal is that of another plan, or of other settings, or ends with a switch."""
     for key in ("schema", "plan", "formula", "departure", "members"):
-        if first.get(key) != begin[key]:
+        if earlier[0].get(key) != begin[key]:
             raise ConfigError(
-                f"the journal is that of another watch: {key} is {first.get(key)!r} there and {begin[key]!r} "
-                "here; give --out for a new one"
+                f"the journal is that of another watch: {key} is {earlier[0].get(key)!r} there and "
+                f"{begin[key]!r} here; give --out for a new one"
             )
+    if earlier[-1]["event"] == "switched":
+        raise ConfigError(
+            f"this flight goes on with another plan: pareto-ltl follow {earlier[-1]['directory']} --resume"
+        )
 
 
 def _check(cfg: WatchSettings) -> None:
@@ -116,5 +130,7 @@ def _check(cfg: WatchSettings) -> None:
         raise ConfigError(f"--every must be 1 to 86,400 s, got {cfg.every:g}")
     if not 0.0 < cfg.alarm <= 1.0:
         raise ConfigError(f"--alarm must be a failure rate above 0 and at most 1, got {cfg.alarm:g}")
+    if not cfg.wind_age > 0.0:
+        raise ConfigError(f"--wind-age must be above 0 h, got {cfg.wind_age / 3600.0:g}")
     if not 50 <= cfg.members <= 100_000:
         raise ConfigError(f"--flights must be 50 to 100,000, got {cfg.members}")

@@ -36,6 +36,10 @@ def _status(event: Event) -> str:
         goal = f"; next {' and '.join(event['goal'])} in {clock_text(late)[1:]}"
     promised = "" if event["promised"] is None else f" (promised {probability_text(event['promised'])})"
     energy = "" if event["energy"] is None else f"; {event['energy'] / 3600.0:.4g} Wh used"
+    if event["energy"] is not None:
+        energy += f", {event['energy_needed'] / 3600.0:.4g} until the end"
+    if event["battery"] is not None:
+        energy += f"; battery {100.0 * event['battery']:.0f} %"
     flights = (
         f"{probability_text(event['failure'])} (at most {probability_text(event['high'])}) of "
         f"{event['flights']:,} flights of the rest fail in {event['law']} winds{promised}"
@@ -44,8 +48,16 @@ def _status(event: Event) -> str:
         f"at {_place(event)}, 95 % within {distance_text(event['major'])} x {distance_text(event['minor'])}; "
         f"{event['corridor']:.1f} sd from the plan{goal}; {flights}; wind "
         f"{event['wind_from']:03.0f}/{math.hypot(*event['wind']):.1f} m/s, "
-        f"sd {event['wind_sd']:.1f}{energy}"
+        f"sd {event['wind_sd']:.1f}{_heard(event)}{energy}"
     )
+
+
+def _heard(event: Event) -> str:
+    """The wind of the autopilot."""
+    if event["heard_wind"] is None:
+        return ""
+    come_from, speed = event["heard_wind"]
+    return f" (autopilot: {come_from:03.0f}/{speed:.1f})"
 
 
 def _fix(event: Event) -> str:
@@ -58,12 +70,14 @@ def _fix(event: Event) -> str:
 
 
 def _replanned(event: Event) -> str:
+    why = "" if event["wind"] is None else f" with the forecast {event['wind']}"
     if event["new"] is None:
-        return f"a new plan in {event['directory']} promises nothing: {'; '.join(event['alarms'])}"
+        return f"a new plan{why} in {event['directory']} promises nothing: {'; '.join(event['alarms'])}"
     new, old = (probability_text(event[key]) for key in ("new", "old"))
+    end = "type y to fly it" if event["better"] else "no better: the old one is flown on"
     return (
-        f"a new plan from {clock_text(event['at'])} on fails {new}, the rest of the old one {old}, "
-        f"{event['law']} winds: {event['directory']}"
+        f"a new plan{why} from {clock_text(event['at'])} on fails {new}, the rest of the old one {old}, in "
+        f"the same {event['law']} winds: {event['directory']}; {end}"
     )
 
 
@@ -80,6 +94,7 @@ LINES: dict[str, Callable[[Event], str]] = {
     "status": _status,
     "fix": _fix,
     "replanned": _replanned,
+    "switched": lambda event: f"SWITCHED to the plan in {event['directory']}; times count from its departure",
     "alarm": lambda event: f"ALARM: {event['text']}",
     "end": _end,
 }

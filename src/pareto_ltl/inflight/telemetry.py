@@ -39,6 +39,11 @@ class Reading:
         Measured latitude and longitude [deg], or x and y [m] on a map without a place on Earth.
     sd : float
         Standard deviation of ``place`` in each direction [m].
+    wind : (float, float) or None
+        What the autopilot believes of the wind: where it comes from [deg], and its speed [m/s]. It is
+        reported, and not used.
+    battery : float
+        Share of the energy that the autopilot believes is left.
     """
 
     time: float
@@ -46,6 +51,8 @@ class Reading:
     airspeed: float = math.nan
     place: tuple[float, float] | None = None
     sd: float = math.nan
+    wind: tuple[float, float] | None = None
+    battery: float = math.nan
 
 
 @dataclass(slots=True)
@@ -74,7 +81,9 @@ class Sieve:
                 self.refused["clock jumps ahead"] += 1
             else:
                 self.last, self.ahead = time, None
-                yield Reading(time, *self._motion(reading), *self._fix(reading))
+                wind = reading.wind if reading.wind and all(map(math.isfinite, reading.wind)) else None
+                battery = reading.battery if 0.0 <= reading.battery <= 1.0 else math.nan
+                yield Reading(time, *self._motion(reading), *self._fix(reading), wind, battery)
 
     def _jumps(self, time: float) -> bool:
         """Whether ``time`` is far ahead of the last one, and no reading before it was as far ahead."""

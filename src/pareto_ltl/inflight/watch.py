@@ -26,6 +26,8 @@ SURPRISE = 4.0  # standard deviations above which a fix is an alarm and not used
 AGREEING = 3  # such fixes in a row that agree with each other are believed
 DRIFT = 3.0  # [m/s] by which the drift between two fixes may differ from the believed one
 APART = 10.0  # [s] between two fixes that are used: the errors of closer ones are not independent
+RESERVE = 0.1  # share of a battery below which the end of the plan is an alarm
+DRAWN = 60  # flights of the rest that are kept for a picture
 CORRIDOR = -2.0 * math.log(0.01)  # squared distance of two components that 99 % keep
 USES = {
     "refused": "it is not used",
@@ -49,21 +51,28 @@ class WatchSettings:
         Simulated flights of the rest of the plan.
     silence : float
         Seconds without telemetry after which the plan's own controls are assumed.
+    wind_age : float
+        Age of the forecast [s] above which an alarm is raised.
     """
 
     every: float = 60.0
     alarm: float = 0.2
     members: int = 1000
     silence: float = 120.0
+    wind_age: float = math.inf
 
 
 class Watch:
     """The state of a watch; :meth:`take` turns each reading into events.
 
-    Every event has ``event``, its kind, and ``time`` [s after departure].
+    Every event has ``event``, its kind, and ``time`` [s after departure]. ``issued`` is the start of the
+    forecast [s after departure]; NaN if it is not known.
     """
 
-    def __init__(self, problem: Problem, plan: Plan, settings: WatchSettings, seed: SeedSequence) -> None:
+    def __init__(
+        self, problem: Problem, plan: Plan, settings: WatchSettings, seed: SeedSequence,
+        issued: float = math.nan,
+    ) -> None:  # fmt: skip
         self.problem, self.plan, self.settings = problem, plan, settings
         self.belief = Belief(problem, settings.members, seed)
         self.sieve = Sieve(plan.u_max)
@@ -72,6 +81,13 @@ class Watch:
         self.due, self.heard, self.last_fix = 0.0, 0.0, -math.inf
         self.suspects: list[tuple[float, FloatArray, FloatArray]] = []
         self.raised: set[str] = set()
+        self.issued = issued if math.isfinite(issued) else 0.0  # no older than the departure, at best
+        self.heard_wind: tuple[float, float] | None = None
+        self.battery, self.charged = (
+            math.nan,
+            (0.0, math.nan),
+        )  # share left; when it was heard first, and what
+        self.rest = np.empty((0, 1, 2)), np.empty(0, bool)  # flights of the last status, and which fail
         self.turn, self.turned = 0.0, -1  # meridian convergence [rad], and the step it was computed at
 
     @property
@@ -105,6 +121,11 @@ class Watch:
         if math.isfinite(reading.heading):
             self.velocity, self.heard = reading.airspeed * self._direction(reading.heading), reading.time
             self.raised.discard("silence")
+        self.heard_wind = reading.wind or self.heard_wind
+        if math.isfinite(reading.battery):
+            if not math.isfinite(self.battery):
+                self.charged = reading.time, reading.battery
+            self.battery = reading.battery
         if reading.place is not None:
             yield from self._fix(reading.place, reading.sd)
         if self.time >= self.due:
@@ -246,6 +267,12 @@ class Watch:
         self.due = self.time + self.settings.every
         yield status
         rules = {
+            "energy": self._energy_fault(status),
+            "age": (
+                self.time - self.issued > self.settings.wind_age,
+                f"the forecast is {(self.time - self.issued) / 3600.0:.1f} h old, more than "
+                f"{self.settings.wind_age / 3600.0:g} h: plan again with a newer one",
+            ),
             "corridor": (
                 status["corridor"] ** 2 > CORRIDOR,
                 f"{status['corridor']:.1f} standard deviations from the plan, outside the corridor of 99 %",
@@ -262,24 +289,61 @@ class Watch:
             else:
                 self.raised.discard(kind)
 
+    def _energy_fault(self, status: Event) -> tuple[bool, str]:
+        """Whether the energy ends before the plan: by the power curve, else by the battery so far."""
+        model, (since, first) = self.problem.energy, self.charged
+        if model is not None and model.capacity is not None:
+            needed, capacity = status["energy_needed"], model.capacity
+            text = (
+                f"{needed / 3600.0:.4g} Wh are needed until the end of the plan, of {capacity / 3600.0:.4g}"
+            )
+            return needed > capacity, text
+        if not math.isfinite(self.battery) or self.time <= since:
+            return False, ""
+        left = self.battery - (first - self.battery) / (self.time - since) * (status["end"] - self.time)
+        text = f"at the rate so far {100.0 * max(left, 0.0):.0f} % of the battery are left at the end"
+        return left < RESERVE, text
+
     def status(self) -> Event:
         """Where the robot is believed to be, and how often the rest of the plan fails from there."""
         now, path = self.belief.estimate(), self.plan.path
         step = min(round(self.time / self.problem.motion.dt), len(path.u))
-        gap = now.mean - path.x[step]
-        spread = path.cov[step] + 1e-6 * np.eye(2)
-        _, failed = self.belief.rest_fails(path.u, path.x)
+        planned, spread = self._planned_place()
+        gap = now.mean - planned
+        flown, failed = self.belief.rest_fails(path.u, path.x)
+        self.rest = flown[:DRAWN, self.belief.step :].copy(), failed[:DRAWN]
         fails, flights, promise = int(failed.sum()), len(failed), self.plan.promise
         low, high = clopper_pearson(fails, flights)
         return {
-            "event": "status", "time": self.time, "step": step, **self._placed(now.mean),
+            "event": "status", "time": self.time, "step": step, **self.placed(now.mean),
             **self._ellipse(now.cov), "corridor": float(np.sqrt(gap @ np.linalg.solve(spread, gap))),
             "law": LAW, "failure": fails / flights, "low": low, "high": high, "fails": fails,
             "flights": flights, "promised": promise and promise.rate.failure,
             "wind": now.wind.tolist(), "wind_from": self._wind_from(now.wind),
             "wind_sd": float(np.sqrt(np.trace(now.wind_cov) / 2.0)),
-            "energy": None if self.problem.energy is None else self.energy, **self._next_goal(),
+            "energy": None if self.problem.energy is None else self.energy,
+            "energy_needed": self._energy_needed(), "heard_wind": self.heard_wind and list(self.heard_wind),
+            "battery": self.battery if math.isfinite(self.battery) else None, **self._next_goal(),
         }  # fmt: skip
+
+    def _planned_place(self) -> tuple[FloatArray, FloatArray]:
+        """Expected position (2,) [m] and its covariance (2, 2) [m²] now by the plan, linear along a leg."""
+        path = self.plan.path
+        at = min(self.time / self.problem.motion.dt, float(len(path.u)))
+        k = min(int(at + 1e-9), len(path.u) - 1) if len(path.u) else 0
+        s, later = at - k, min(k + 1, len(path.u))
+        x = (1.0 - s) * path.x[k] + s * path.x[later]
+        return x, (1.0 - s) * path.cov[k] + s * path.cov[later] + 1e-6 * np.eye(2)
+
+    def _energy_needed(self) -> float | None:
+        """Energy until the end of the plan, with what was used [J]."""
+        if self.problem.energy is None:
+            return None
+        dt, u = self.problem.motion.dt, self.plan.path.u
+        step = min(int(self.time / dt + 1e-9), len(u))
+        late = self.time - step * dt  # of the leg that is being flown
+        flown = float(self.problem.energy.of(u[step : step + 1], late)) if step < len(u) else 0.0
+        return self.energy + float(self.problem.energy.of(u[step:], dt)) - flown
 
     def _ahead(self) -> list[Event]:
         """Mean (2,) [m] and covariance (2, 2) [m²] now and at the steps to come, flown on as planned.
@@ -295,7 +359,8 @@ class Watch:
             rest = (self.belief.step + 1) * dt - self.belief.time
             self.belief.advance(rest, self.problem.motion.b @ (rest * self._planned()))
 
-    def _placed(self, x: FloatArray) -> Event:
+    def placed(self, x: FloatArray) -> Event:
+        """``x`` (2,) [m] in the plane and, on a map with a place on Earth, in degrees."""
         from pareto_ltl.world.projection import to_geographic
 
         placed: Event = {"x": float(x[0]), "y": float(x[1])}

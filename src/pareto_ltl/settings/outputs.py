@@ -20,10 +20,12 @@ EXPORT_FILES = {
     "fpl": "plan.fpl",
     "qgc": "mission.plan",
     "mavlink": "mavlink_script.json",
+    "lua": "plan.lua",
     "corridor": "corridor.geojson",
     "netcdf": "trajectory.nc",
     "f3548": "operational_intent.json",
 }  # the file of each format
+ON_REQUEST = ("f3548", "fpl", "lua")  # formats that are written only if asked for
 PAGE_FILE = "report.html"
 HIGHEST = 100_000.0  # limit of the absolute value of an exported height [m]
 
@@ -59,7 +61,7 @@ class ExportsConfig(CheckedSettings):
     section: ClassVar[str] = "exports"
     files: bool = setting(True, "whether the plan is exported")
     formats: list[str] = setting(
-        [name for name in EXPORT_FILES if name not in ("f3548", "fpl")],
+        [name for name in EXPORT_FILES if name not in ON_REQUEST],
         "formats to write",
         choices=tuple(EXPORT_FILES),
         distinct=True,

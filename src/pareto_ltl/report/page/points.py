@@ -97,7 +97,7 @@ def shown_path(
     shown = {
         "t": rounded(path.t, 3),
         "line": map_places(problem.scene, path.x),
-        "spread": _spread(problem.scene, path),
+        "spread": plan_spread(problem.scene, path),
         "q": path.q.tolist(),
         "label": [sorted(names) for names in path.label],
         "fixes": list(path.fixes),
@@ -110,7 +110,7 @@ def shown_path(
     return plain
 
 
-def _spread(scene: Scene, path: PlannedPath) -> list[Any]:
+def plan_spread(scene: Scene, path: PlannedPath) -> list[Any]:
     """For each step the semi-axes [m] of the ellipse of 95 % of the positions, and its azimuth [deg]."""
     major, minor, direction = axes_of(path.cov)
     azimuth = direction + north_turn(scene, path.x)

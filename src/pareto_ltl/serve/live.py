@@ -1,0 +1,145 @@
+"""The page of a flight that is being watched (``pareto-ltl follow --page``), on the loopback address.
+
+It has the map and the guard of the desk. The browser asks for what is new; nothing can be changed from it.
+"""
+
+from __future__ import annotations
+
+import math
+import secrets
+import socket
+import threading
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from pareto_ltl.inflight.lines import event_line
+from pareto_ltl.inflight.watch import Event, Watch
+from pareto_ltl.report.components import FOLDER
+from pareto_ltl.report.page.ground import map_places, north_turn, shown_map
+from pareto_ltl.report.page.points import plan_spread
+from pareto_ltl.serve.app import KINDS
+from pareto_ltl.serve.guard import Guard
+from pareto_ltl.serve.server import ADDRESS
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.world.scene import Scene
+
+if TYPE_CHECKING:
+    from pareto_ltl.run.results import Results
+
+PAGE = "pareto_ltl.serve.live_page"
+MOST = 5000  # events that the page is told, the newest
+SHOWN = (
+    "event", "time", "failure", "low", "high", "flights", "promised", "corridor", "goal", "goal_time", "end",
+    "wind", "wind_from", "wind_sd", "law", "energy", "energy_needed", "battery", "kind", "text", "use",
+)  # fmt: skip
+
+
+class LivePage:
+    """What the page shows; :meth:`heard` is a listener of a watch."""
+
+    def __init__(self) -> None:
+        self.plan: dict[str, Any] = {}
+        self.events: list[dict[str, Any]] = []
+        self.told = 0  # events ever; the first of ``events`` has the number told - len(events)
+        self.rest: dict[str, Any] = {"at": [], "failed": []}
+        self.lock = threading.Lock()
+
+    def opened(self, results: Results) -> None:
+        """Show a plan from now on."""
+        scene, plan = results.scene, results.plan
+        shown = {
+            "name": results.settings.name, "formula": plan.formula, "map": shown_map(scene),
+            "t": plan.path.t.tolist(), "line": map_places(scene, plan.path.x),
+            "spread": plan_spread(scene, plan.path), "notCovered": plan.not_covered,
+        }  # fmt: skip
+        with self.lock:
+            self.plan, self.rest = shown | {"number": self.told}, {"at": [], "failed": []}
+
+    def heard(self, watch: Watch, event: Event) -> tuple[Event, ...]:
+        """Keep what the page shows of ``event``; answers nothing."""
+        if event["event"] == "flown":
+            return ()
+        scene = watch.problem.scene
+        shown = {key: event[key] for key in SHOWN if key in event} | {"line": event_line(event)}
+        if event["event"] in ("status", "end"):
+            shown |= _believed(scene, event)
+            lines, failed = watch.rest
+            self.rest = {"at": map_places(scene, lines), "failed": failed.tolist()}
+        elif event["event"] == "fix":
+            shown["place"] = map_places(scene, np.array(event["place"]))
+        with self.lock:
+            self.events, self.told = [*self.events[1 - MOST :], shown], self.told + 1
+        return ()
+
+    def state(self, since: int) -> dict[str, Any]:
+        """The events from the number ``since`` on, and the flights of the rest."""
+        with self.lock:
+            first = max(since, self.told - len(self.events))
+            new = self.events[len(self.events) - (self.told - first) :] if first < self.told else []
+            return {"plan": self.plan.get("number", 0), "next": self.told, "events": new, "rest": self.rest}
+
+    def serve(self, port: int) -> str:
+        """Serve the page in a thread until the process ends; returns its address with the token.
+
+        Raises
+        ------
+        ConfigError
+            If the port is taken.
+        """
+        listening, token = socket.socket(), secrets.token_urlsafe(24)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listening.bind((ADDRESS, port))
+        except OSError as error:
+            listening.close()
+            raise ConfigError(f"--page: port {port} of {ADDRESS} is not free ({error.strerror})") from None
+        listening.listen()
+        number = listening.getsockname()[1]
+        config = uvicorn.Config(
+            live_app(self, token, number), log_level="warning", access_log=False, server_header=False,
+            lifespan="off", ws="none",
+        )  # fmt: skip
+        run = uvicorn.Server(config).run
+        threading.Thread(target=run, kwargs={"sockets": [listening]}, daemon=True).start()
+        return f"http://{ADDRESS}:{number}/?token={token}"
+
+
+def _believed(scene: Scene, event: Event) -> dict[str, Any]:
+    """Where the robot is believed to be, on the map: place, and half axes [m] with their azimuth [deg]."""
+    x = np.array([[event["x"], event["y"]]])
+    azimuth = 90.0 - math.degrees(event["angle"]) + math.degrees(float(north_turn(scene, x)[0]))
+    return {"at": map_places(scene, x[0]), "ellipse": [event["major"], event["minor"], azimuth]}
+
+
+def live_app(page: LivePage, token: str, port: int) -> Guard:
+    """The routes of the page, behind the guard of the desk."""
+
+    async def plan(_request: Request) -> Response:
+        return JSONResponse(page.plan)
+
+    async def state(request: Request) -> Response:
+        since = request.query_params.get("since", "0")
+        if not (since.isascii() and since.isdigit()) or len(since) > 9:
+            return JSONResponse({"error": "since must be the number of an event"}, 400)
+        return JSONResponse(page.state(int(since)))
+
+    routes = [
+        Route("/", _file), Route("/desk/{name}", _file), Route("/api/plan", plan), Route("/api/state", state),
+    ]  # fmt: skip
+    return Guard(Starlette(routes=routes), token, port)
+
+
+async def _file(request: Request) -> Response:
+    name = request.path_params.get("name", "live.html")
+    parts = (file for folder in (PAGE, FOLDER) for file in files(folder).iterdir())
+    known = {file.name: file for file in parts if file.name.rpartition(".")[2] in KINDS}
+    if name not in known:
+        return JSONResponse({"error": "there is no such file"}, 404)
+    return Response(known[name].read_bytes(), media_type=KINDS[name.rpartition(".")[2]])
