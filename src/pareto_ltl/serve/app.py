@@ -98,18 +98,24 @@ async def plan_events(desk: Desk, request: Request) -> Answer:
 
 async def plan_front(desk: Desk, request: Request) -> Answer:
     """Points of the front."""
-    return await run_in_threadpool(views.front_view, desk.plans.require_done(_name(request)))
+    return await run_in_threadpool(views.front_view, desk.plans.require_front(_name(request)))
 
 
 async def plan_point(desk: Desk, request: Request) -> Answer:
     """One point of the front."""
-    place = desk.plans.require_done(_name(request))
+    place = desk.plans.require_front(_name(request))
     return await run_in_threadpool(views.point_view, place, _number(request.path_params["number"]))
+
+
+async def point_limits(desk: Desk, request: Request) -> Answer:
+    """What limits a point of the front."""
+    place = desk.plans.require_done(_name(request))
+    return await run_in_threadpool(views.limits_view, place, _number(request.path_params["number"]))
 
 
 async def plan_wind(desk: Desk, request: Request) -> Answer:
     """The wind of a plan."""
-    return await run_in_threadpool(views.wind_view, desk.plans.require_done(_name(request)))
+    return await run_in_threadpool(views.wind_view, desk.plans.require_front(_name(request)))
 
 
 async def find_beacon(desk: Desk, request: Request) -> Answer:
@@ -229,6 +235,7 @@ ROUTES = (
     Operation("GET", PLAN + "/events", plan_events, "server-sent events: stage, progress, paths, status"),
     Operation("GET", PLAN + "/front", plan_front, "points, with the columns of front.csv"),
     Operation("GET", PLAN + "/points/{number}", plan_point, "path, ellipses, log, flights, risk and limits"),
+    Operation("GET", PLAN + "/points/{number}/limits", point_limits, "prices, and the tightest segments"),
     Operation("GET", PLAN + "/wind", plan_wind, "the expected wind at some times, and its deviation"),
     Operation("POST", PLAN + "/beacons", find_beacon, "try a beacon at many places; answers an id"),
     Operation("GET", PLAN + "/beacons", plan_beacons, "failure with a beacon at each place, and a summary"),
