@@ -130,7 +130,7 @@ def _placed(name: str, colours: NDArray[np.uint8], matrix: FloatArray, code: int
 
 
 def _grid(west: float, south: float, east: float, north: float, side: int) -> tuple[FloatArray, FloatArray]:
-    """Longitudes, and latitudes from north to south [deg], of ``side`` pixels at most; squares in the plane."""
+    """Longitudes, and latitudes from north to south [deg], of squares in the plane, ``side`` at most."""
     low, high = (math.asinh(math.tan(math.radians(at))) for at in (south, north))
     across = math.radians(east - west)
     scale = side / max(across, high - low)

@@ -29,7 +29,7 @@ const SOURCES = { coherent: "winds whose error lasts for hours", independent: "w
 export class Result {
   /** `redraw()` draws the map again, `fit(places)` shows places, `failed(error)` shows an error. */
   constructor({ redraw, fit, failed, remember, title, studies }) {
-    Object.assign(this, { redraw, fit, failed, remember, title, studies, state: null, views: new Map(), fix: null, ends: null, pinned: null });
+    Object.assign(this, { redraw, fit, failed, remember, title, studies, state: null, views: new Map(), fix: null, ends: null, pinned: null, player: new Player(step => this.moveTo(step)) });
     this.reset();
     const on = (id, act) => byId(id).addEventListener("click", act);
     on("cancel", () => this.cancel().catch(failed));
@@ -39,7 +39,6 @@ export class Result {
     on("show-fix", () => { this.fix = this.fix ? null : this.view?.line[this.step] ?? null; this.showFix(); });
     on("pin", () => { this.pinned = this.pinned ? null : { id: this.id, number: this.shown, row: this.front.points[this.shown], view: this.view }; this.showFacts(); this.drawFront(); this.redraw(); });
     on("replan", () => this.replan().catch(failed));
-    this.player = new Player(step => this.moveTo(step));
     for (const [kind, label] of Object.entries(FORMATS)) byId("exports").append(html("button", { type: "button", "data-kind": kind, onclick: event => this.take(kind, event.target) }, label));
     byId("risk-part").addEventListener("toggle", () => { if (this.view) this.moveTo(this.step); });
     new ResizeObserver(() => this.drawFront()).observe(byId("front"));
