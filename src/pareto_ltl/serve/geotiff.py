@@ -48,8 +48,8 @@ def shown_image(path: Path) -> dict[str, Any]:
     from PIL import Image
 
     try:
-        with warnings.catch_warnings(), Image.open(path, formats=["TIFF"]) as image:
-            warnings.simplefilter("ignore")  # of Pillow, about tags that are not read
+        # Pillow warns about tags that it cannot read.
+        with warnings.catch_warnings(action="ignore"), Image.open(path, formats=["TIFF"]) as image:
             if image.width * image.height > MOST_PIXELS:
                 raise DataError(f"{path.name} has more than {MOST_PIXELS:,} pixels: make it smaller")
             tags = dict(image.tag_v2)  # type: ignore[attr-defined]

@@ -142,7 +142,7 @@ export class Result {
     if (id !== this.id || ends.signal.aborted) return;
     const again = this.front !== null, { picked } = this;
     if (again && front.chosen === null && this.front.chosen !== null) return;  // this answer is the older one
-    Object.assign(this, { front, wind: new WindLayer(wind), early: [] });
+    Object.assign(this, { front, wind: new WindLayer(wind) });
     byId("result").hidden = false;
     byId("result").classList.remove("early");
     document.querySelector("main").classList.add("planned");
@@ -280,9 +280,7 @@ export class Result {
   // --- on the map -----------------------------------------------------------------------------------
 
   shapes(map) {
-    const early = this.early.filter(point => point.line).map(point => track(map, point.line, "early"));
-    if (this.early[this.looked]?.line) early.push(track(map, this.early[this.looked].line));
-    if (!this.view || !this.front) return early;
+    if (!this.view || !this.front) return [...this.early.map(point => track(map, point.line ?? [], "early")), track(map, this.early[this.looked]?.line ?? [])];
     const { view, step } = this, flights = byId("layer-flights").checked ? flown(map, view.flights, step) : [];
     const parts = [...this.studies.beaconShapes(map), ...flights, ...this.pinned ? [track(map, this.pinned.view.line, "pinned")] : [], ...ellipses(map, view), track(map, view.line), ellipse(map, view, step, "now"), ...vehicle(map, view, step, stepLines(map, view, step).join("\n"))];
     if (this.fix) { const [x, y] = map.at(this.fix); parts.push(svg("circle", { class: "fix", "data-fix": "", cx: x, cy: y, r: 11 }), svg("path", { class: "fixcross", d: `M${x - 16} ${y}H${x + 16}M${x} ${y - 16}V${y + 16}` })); }
