@@ -9,13 +9,14 @@ from contextlib import AbstractContextManager, contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
 from chromium import Opened, launched, needs_chromium, opened_page
-from desk import RunningDesk, running_desk
+from desk import HOP, RunningDesk, running_desk
 from geotiffs import WGS84, geotiff
 from levels import AT_NIGHT
 
@@ -289,6 +290,31 @@ def test_faults_are_said_in_the_page(browser: Browser, desk: RunningDesk) -> Non
         page.locator("#plan").click()
         opened.wait("!document.getElementById('problem').hidden")
         assert "2031" in page.locator("#problem").inner_text()
+        page.locator("#departure").fill("")
+        opened.draw(
+            "obstacle", (0.7, 0.15), (0.9, 0.15), (0.9, 0.3), (0.7, 0.3), (0.7, 0.15)
+        )  # over a region
+        page.locator("#plan").click()
+        opened.wait("document.querySelector('#map .spot') !== null")  # where it is
+        assert page.locator("#problem").inner_text().startswith("Obstacle 2 overlaps region")
+        assert page.locator("#features li").count() == 5
+
+
+def test_a_server_that_has_gone_is_said_and_the_mission_is_kept(browser: Browser, tmp_path: Path) -> None:
+    with running_desk(tmp_path) as gone, opened_desk(browser, gone.address, NARROW, "light") as opened:
+        begin_anew(opened)
+        draw_mission(opened)
+        opened.kept()
+        gone.process.kill()
+        gone.process.wait()
+        opened.page.locator("#pattern").select_option("coverage")
+        opened.wait("!document.getElementById('problem').hidden")
+        assert "start pareto-ltl serve again" in opened.page.locator("#problem").inner_text()
+        assert opened.page.locator("#features li").count() == 4
+        assert all("ERR_CONNECTION_REFUSED" in text for text in opened.said)
+        opened.said.clear()
+    with running_desk(tmp_path) as again, opened_desk(browser, again.address, NARROW, "light") as opened:
+        assert opened.page.locator("#features li").count() == 4
 
 
 def test_other_settings_reach_the_command_line(browser: Browser, desk: RunningDesk) -> None:
@@ -373,14 +399,26 @@ def random_click(opened: Desk, dice: random.Random) -> None:
         page.locator("#formula").fill(dice.choice(["F a", "F(a & )", "G !b", "", "<b>", "F(a & F b)"]))
 
 
-@pytest.mark.parametrize("seed", range(100 if AT_NIGHT else 3))
+@pytest.fixture(scope="module")
+def planned(desk: RunningDesk) -> dict[str, Any]:
+    """The first plan in the folder of the desk."""
+    return desk.planned(overrides=HOP)
+
+
+@pytest.mark.parametrize("seed", range(100 if AT_NIGHT else 4))
+@pytest.mark.usefixtures("planned")
 def test_random_clicks_leave_no_error(browser: Browser, desk: RunningDesk, seed: int) -> None:
     dice = random.Random(seed)
     with opened_desk(browser, desk.address, (WIDE, NARROW)[seed % 2], ("light", "dark")[seed % 2]) as opened:
         page = opened.page
         begin_anew(opened)
+        if seed % 4 > 1:  # with a plan
+            page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+            page.locator("#earlier button").last.click()
+            opened.wait("document.querySelector('.vehicle') !== null")
         for _ in range(CLICKS):
             random_click(opened, dice)
+        opened.wait("document.getElementById('cancel').hidden")  # what was chosen or planned again
         page.keyboard.press("Escape")
         opened.kept()
         kept = desk.client.get("/api/mission").json()["mission"]

@@ -15,7 +15,7 @@ const EXAMPLE_FORMULAS = { hop: "F(a & F b)", phi1: "F a & F b & F c", phi2: "F(
 let spot = null;  // a place that an error names
 
 function failed(error) {
-  const text = error.message.replace(/ \[plans\/[^\]]*\]$/, ""), found = /longitude (-?[0-9.]+), latitude (-?[0-9.]+)/.exec(text);
+  const text = error.message.replace(/^scene file maps\/\w+\.\w+: | \[plans\/[^\]]*\]$/g, ""), found = /longitude (-?[0-9.]+), latitude (-?[0-9.]+)/.exec(text);
   spot = found ? [+found[1], +found[2]] : null;
   byId("problem-text").textContent = text.replace(/^[a-z]+(?=[ ,;:])/, word => word[0].toUpperCase() + word.slice(1));  // not the name of a setting
   byId("problem").hidden = false;

@@ -48,7 +48,7 @@ export class Result {
   reset() {
     this.ends?.abort();
     this.player.stop();
-    Object.assign(this, { id: null, front: null, shown: null, view: null, wind: new WindLayer(), early: [], looked: null, step: 0, fix: null, working: false, picked: false });
+    Object.assign(this, { id: null, front: null, shown: null, view: null, wind: new WindLayer(), early: [], looked: null, step: 0, fix: null, working: false, checking: false, picked: false });
     this.views.clear();
     this.studies.reset();
     document.querySelector("main").classList.remove("planned");
@@ -67,7 +67,7 @@ export class Result {
   async open(state) {
     this.reset();
     const ends = this.ends = new AbortController();
-    Object.assign(this, { id: state.id, studied: state.made_by === "departure" });
+    Object.assign(this, { id: state.id, studied: state.made_by === "departure", checking: true });
     this.remember(state.id);
     byId("command").textContent = state.command;
     byId("directory").textContent = state.directory;
@@ -78,17 +78,16 @@ export class Result {
       if (last.status === "running") last = await ask("GET", `/api/plans/${state.id}`);  // the stream was cut
       const now = await ask("GET", `/api/plans/${state.id}`);
       if (ends.signal.aborted) return;
-      this.state = now;
-      this.setWorking(false);
+      Object.assign(this, { state: now, checking: false });
       if (last.status === "done") await this.finish();
       else this.discard();
-      if (last.status === "cancelled") { this.say("Cancelled.", 0); byId("progress").hidden = false; }
     } catch (error) {
       if (error.name === "AbortError" || ends.signal.aborted) return;
       this.failed(error);
     }
     if (ends.signal.aborted) return;
-    if (this.working) this.setWorking(false);
+    this.setWorking(false);
+    if (last.status === "cancelled") { this.say("Cancelled.", 0); byId("progress").hidden = false; }
     this.loadAll();
     if (last.status === "failed") this.failed(new Error(last.error || "the plan failed"));
     this.redraw();
@@ -168,7 +167,7 @@ export class Result {
     this.player.stop();
     Object.assign(this, { shown: number, picked });
     let view;
-    try { view = await this.load(number); } catch (error) { this.views.delete(number); if (!this.working) this.failed(error); return; }
+    try { view = await this.load(number); } catch (error) { this.views.delete(number); if (!this.checking) this.failed(error); return; }
     if (this.shown !== number) return;  // another was chosen since
     this.view = view;
     this.fix = null;
@@ -193,8 +192,8 @@ export class Result {
     byId("point-name").textContent = `Point ${this.shown} of ${this.front.points.length - 1}${plan ? ", the plan" : ""}`;
     byId("previous").disabled = this.shown === 0;
     byId("next").disabled = this.shown === this.front.points.length - 1;
-    byId("choose").hidden = plan || this.working;
-    byId("result").classList.toggle("checking", this.working);
+    byId("choose").hidden = plan || this.checking;
+    byId("result").classList.toggle("checking", this.checking);
     const rate = row.failure_low === null ? `at most ${percent(row.failure)}` : percent(row.failure);
     const range = row.failure_low === null ? "upper bound" : `${percent(row.failure_low)} to ${percent(row.failure_high)}, 95 % interval`;
     const facts = [["Fails", rate, `${range}, in ${SOURCES[this.front.law] ?? this.front.law}`], ["Length", lengthText(row.length_m), row.order ? `order ${row.order.split(">").map(this.title).join(" → ")}` : ""],
@@ -202,7 +201,7 @@ export class Result {
     byId("facts").replaceChildren(...facts.map(([name, value, note]) => html("div", {}, html("dt", {}, name), html("dd", {}, value, html("small", {}, note)))));
     this.showComparison();
     byId("warnings").replaceChildren(...(this.state?.warnings ?? []).map(text => html("li", {}, text)));
-    byId("front-note").textContent = this.working ? `${POINTS} ${CHECKING}` : POINTS;
+    byId("front-note").textContent = this.checking ? `${POINTS} ${CHECKING}` : POINTS;
   }
 
   /** The numbers of the pinned point, which can be that of another plan, beside those of the one that is shown. */
