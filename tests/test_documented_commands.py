@@ -8,7 +8,6 @@ import importlib
 import json
 import re
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ import pytest
 
 import pareto_ltl
 from documents import DOCUMENTS, ROOT, python_blocks, shell_commands
-from pareto_ltl.cli import composition
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.command_table import PIPELINE_COMMANDS
 from pareto_ltl.cli.commands import run_command_line
@@ -34,9 +32,6 @@ SMALL = (
     "planner.epsilon=0.2", "selection.draws=200", "selection.runs=500", "deployment.runs=50",
     "exports.flights=100",
 )  # fmt: skip
-
-
-REGISTERED = cache(composition.register_schema)  # the same for every command; a fifth of the time of one
 
 
 class Accepted(BaseException):
@@ -97,7 +92,6 @@ def test_a_documented_command_is_accepted(
     elif SHOWN & set(words):
         assert run_command_line(words) == 0
     elif is_composed(words):
-        monkeypatch.setattr(composition, "register_schema", REGISTERED)
         check_composed(words)
     else:
         for name in ("parse_args", "parse_intermixed_args"):

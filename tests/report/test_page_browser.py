@@ -92,7 +92,7 @@ def test_points_are_chosen_with_the_keyboard(opened: Opened) -> None:
 
 
 def test_the_slider_moves_robot_wind_flights_risk_and_automaton(opened: Opened) -> None:
-    opened.value("showPoint(PAGE.chosen)")
+    opened.value("showPoint(PAGE.chosen); player.go(0)")
     kinds = (".vehicle", ".wind", ".flight")
     before = {kind: drawn(opened, kind) for kind in kinds}
     now = opened.page.locator("#risk .now").get_attribute("d")
@@ -112,7 +112,7 @@ def test_the_slider_moves_robot_wind_flights_risk_and_automaton(opened: Opened) 
 
 
 def test_the_flight_plays_pauses_and_ends(opened: Opened) -> None:
-    opened.value("showPoint(PAGE.chosen)")
+    opened.value("showPoint(PAGE.chosen); player.go(0)")
     play = opened.page.locator("#play")
     play.click()
     assert play.get_attribute("aria-label") == "pause"
@@ -122,13 +122,13 @@ def test_the_flight_plays_pauses_and_ends(opened: Opened) -> None:
     assert play.get_attribute("aria-label") == "play"
     opened.page.wait_for_timeout(400)
     assert opened.value("shown.step") == stopped
-    opened.value("showStep(path().line.length - 2)")
+    opened.value("player.go(path().line.length - 2)")
     play.click()
-    opened.wait("shown.timer === null && shown.step === path().line.length - 1")
+    opened.wait("player.timer === null && shown.step === path().line.length - 1")
 
 
 def test_failed_flights_have_another_colour_and_another_line(opened: Opened) -> None:
-    opened.value("showPoint(PAGE.chosen); showStep(path().line.length - 1)")
+    opened.value("showPoint(PAGE.chosen); player.go(path().line.length - 1)")
     drawn(opened, ".flight")
     looks = [
         opened.value(

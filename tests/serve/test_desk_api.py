@@ -132,6 +132,32 @@ def test_events_report_stages_paths_and_the_end(desk: RunningDesk, hop: dict[str
     assert stages[:2] == ["readings", "scene"]
 
 
+def test_the_front_is_shown_while_the_plan_is_being_checked(desk: RunningDesk) -> None:
+    name = desk.client.post("/api/plans", json={"overrides": HOP}).json()["id"]
+    assert desk.client.get(f"/api/plans/{name}/front").status_code == 400
+    early = {}
+    with desk.client.stream("GET", f"/api/plans/{name}/events") as events:
+        for line in events.iter_lines():
+            if line.startswith("data: ") and json.loads(line[6:]).get("source") == "front":
+                early = desk.client.get(f"/api/plans/{name}/front").json()
+                assert desk.client.get(f"/api/plans/{name}/points/0").json()["line"]
+    late = desk.client.get(f"/api/plans/{name}/front").json()
+    assert early["points"] == late["points"]
+    assert late["chosen"] is not None
+
+
+def test_what_limits_a_point_is_what_limits_it_as_the_plan(desk: RunningDesk, hop: dict[str, Any]) -> None:
+    front = desk.client.get(f"/api/plans/{hop['id']}/front").json()
+    number = next(k for k in range(len(front["points"])) if k != front["chosen"])
+    assert desk.client.get(f"/api/plans/{hop['id']}/points/{number}").json()["limits"] is None
+    limits = desk.client.get(f"/api/plans/{hop['id']}/points/{number}/limits").json()
+    assert limits["prices"] or limits["segments"]
+    state = desk.client.post(f"/api/plans/{hop['id']}/choose", json={"point": number}).json()
+    assert desk.ended(state["id"])["status"] == "done"
+    chosen = desk.client.get(f"/api/plans/{state['id']}/front").json()["chosen"]
+    assert desk.client.get(f"/api/plans/{state['id']}/points/{chosen}").json()["limits"] == limits
+
+
 def test_a_map_and_a_formula_are_planned(desk: RunningDesk, folder: Path) -> None:
     state = desk.planned(map=drawn("Лес <b>"), formula="F a", overrides=[*SMALL, "wind=calm"])
     assert state["status"] == "done", state

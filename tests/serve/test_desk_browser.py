@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
+from typing import Any
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
 from chromium import Opened, launched, needs_chromium, opened_page
-from desk import RunningDesk, running_desk
+from desk import HOP, RunningDesk, running_desk
+from geotiffs import WGS84, geotiff
 from levels import AT_NIGHT
 
 CLICK_ONE = """([dice, left_out]) => {
@@ -22,6 +27,15 @@ CLICK_ONE = """([dice, left_out]) => {
   const place = { bubbles: true, clientX: box.x + box.width / 2, clientY: box.y + box.height / 2 };
   if (one.click) one.click(); else one.dispatchEvent(new MouseEvent("click", place));
 }"""  # of all that can be clicked now
+ASK_ELSEWHERE = """([address, mode, headers]) => fetch(address, {
+  method: "POST", mode, headers, body: JSON.stringify({ overrides: ["+experiment=hop"] }),
+}).then(one => one.type === "opaque" ? "refused" : `answered ${one.status}`).catch(() => "refused")"""
+POST_FORM = """address => {
+  const form = Object.assign(document.createElement("form"), { method: "POST", action: address });
+  document.body.append(form);
+  form.submit();
+}"""
+FRAME = "address => document.body.append(Object.assign(document.createElement('iframe'), { src: address }))"
 WIDE, NARROW = (1280, 800), (400, 850)
 CLICKS = 40  # of a random session
 NOT_CLICKED = {  # open a dialog of the browser, or take long; links with data-kind download
@@ -74,9 +88,29 @@ def opened_desk(
     return opened_page(browser, address, size, "desk", Desk, color_scheme=scheme, accept_downloads=True)
 
 
+@contextmanager
+def served_page() -> Iterator[str]:
+    """The address of an empty page of another server of this machine."""
+
+    class Empty(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(b"<body>empty</body>")
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Empty) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/"
+        server.shutdown()
+
+
 def begin_anew(opened: Opened) -> None:
     opened.page.locator("#clear").click()
-    for _ in range(6):
+    for _ in range(2):
         opened.page.locator("#zoom-in").click()
     opened.page.wait_for_timeout(100)
 
@@ -186,6 +220,8 @@ def test_points_are_compared_with_flights_beacons_winds_and_starts(
         page.locator("#pin").click()
         page.locator("#next" if page.locator("#previous").is_disabled() else "#previous").click()
         opened.wait("document.querySelectorAll('#comparison tbody tr').length === 4")
+        page.locator("#find-limits").click()
+        opened.wait("document.querySelector('#limits h3') !== null")
         assert page.locator("#map .track.pinned").count() == 1
         page.locator("#find-beacon").click()
         opened.wait("document.querySelectorAll('#map .beacon').length > 50")
@@ -222,6 +258,10 @@ def test_the_mission_is_saved_and_opened_and_survives_a_reload(
         page.wait_for_selector("html[data-ready=desk]")
         assert page.locator("#features").inner_text() == names
         opened.wait("document.querySelector('#map .backdrop') !== null")
+        content = geotiff(np.zeros((90, 90), np.uint8), WGS84, (-100.0, 45.0), 0.2)
+        (tmp_path / "chart.tif").write_bytes(content)
+        page.locator("#backdrop-file").set_input_files(tmp_path / "chart.tif")
+        opened.wait("document.querySelector('#map image') !== null")
         for name in ("mission.geojson", "mission.kml"):
             begin_anew(opened)
             page.locator("#file").set_input_files(tmp_path / name)
@@ -250,6 +290,64 @@ def test_faults_are_said_in_the_page(browser: Browser, desk: RunningDesk) -> Non
         page.locator("#plan").click()
         opened.wait("!document.getElementById('problem').hidden")
         assert "2031" in page.locator("#problem").inner_text()
+        page.locator("#departure").fill("")
+        opened.draw(
+            "obstacle", (0.7, 0.15), (0.9, 0.15), (0.9, 0.3), (0.7, 0.3), (0.7, 0.15)
+        )  # over a region
+        page.locator("#plan").click()
+        opened.wait("document.querySelector('#map .spot') !== null")  # where it is
+        assert page.locator("#problem").inner_text().startswith("Obstacle 2 overlaps region")
+        assert page.locator("#features li").count() == 5
+
+
+def test_a_server_that_has_gone_is_said_and_the_mission_is_kept(browser: Browser, tmp_path: Path) -> None:
+    with running_desk(tmp_path) as gone, opened_desk(browser, gone.address, NARROW, "light") as opened:
+        begin_anew(opened)
+        draw_mission(opened)
+        opened.kept()
+        gone.process.kill()
+        gone.process.wait()
+        opened.page.locator("#pattern").select_option("coverage")
+        opened.wait("!document.getElementById('problem').hidden")
+        assert "start pareto-ltl serve again" in opened.page.locator("#problem").inner_text()
+        assert opened.page.locator("#features li").count() == 4
+        assert all("ERR_CONNECTION_REFUSED" in text for text in opened.said)
+        opened.said.clear()
+    with running_desk(tmp_path) as again, opened_desk(browser, again.address, NARROW, "light") as opened:
+        assert opened.page.locator("#features li").count() == 4
+
+
+def test_other_settings_reach_the_command_line(browser: Browser, desk: RunningDesk) -> None:
+    with opened_desk(browser, desk.address, NARROW, "light") as opened:
+        page = opened.page
+        begin_anew(opened)
+        draw_mission(opened)
+        page.locator("details:has(#settings) summary").click()
+        page.locator("#settings").fill("planner.epsilon=7 report=none")
+        page.locator("#settings").press("Tab")
+        opened.wait("!document.getElementById('plan').disabled")
+        page.locator("#plan").click()
+        opened.wait("!document.getElementById('problem').hidden")
+        assert "planner.epsilon" in page.locator("#problem").inner_text()
+
+
+def test_a_page_of_another_server_cannot_use_the_desk(browser: Browser, desk: RunningDesk) -> None:
+    base, _, token = desk.address.partition("/?token=")
+    before = desk.client.get("/api/plans").json()
+    with served_page() as other, browser.new_context() as context:
+        page = context.new_page()
+        page.goto(other)
+        for headers in ({}, {"Authorization": f"Bearer {token}"}):
+            for mode in ("cors", "no-cors"):
+                assert page.evaluate(ASK_ELSEWHERE, [f"{base}/api/plans", mode, headers]) == "refused"
+        with page.expect_navigation():
+            page.evaluate(POST_FORM, desk.address)
+        assert "refused" in page.inner_text("body")
+        page.goto(other)
+        page.evaluate(FRAME, desk.address)  # frame-ancestors 'none'
+        page.wait_for_timeout(500)
+        assert all("Planning desk" not in frame.content() for frame in page.frames[1:])
+    assert desk.client.get("/api/plans").json() == before
 
 
 def test_a_second_tab_says_that_the_first_has_changed_the_mission(
@@ -301,14 +399,26 @@ def random_click(opened: Desk, dice: random.Random) -> None:
         page.locator("#formula").fill(dice.choice(["F a", "F(a & )", "G !b", "", "<b>", "F(a & F b)"]))
 
 
-@pytest.mark.parametrize("seed", range(100 if AT_NIGHT else 3))
+@pytest.fixture(scope="module")
+def planned(desk: RunningDesk) -> dict[str, Any]:
+    """The first plan in the folder of the desk."""
+    return desk.planned(overrides=HOP)
+
+
+@pytest.mark.parametrize("seed", range(100 if AT_NIGHT else 4))
+@pytest.mark.usefixtures("planned")
 def test_random_clicks_leave_no_error(browser: Browser, desk: RunningDesk, seed: int) -> None:
     dice = random.Random(seed)
     with opened_desk(browser, desk.address, (WIDE, NARROW)[seed % 2], ("light", "dark")[seed % 2]) as opened:
         page = opened.page
         begin_anew(opened)
+        if seed % 4 > 1:  # with a plan
+            page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+            page.locator("#earlier button").last.click()
+            opened.wait("document.querySelector('.vehicle') !== null")
         for _ in range(CLICKS):
             random_click(opened, dice)
+        opened.wait("document.getElementById('cancel').hidden")  # what was chosen or planned again
         page.keyboard.press("Escape")
         opened.kept()
         kept = desk.client.get("/api/mission").json()["mission"]

@@ -69,6 +69,8 @@ def register_schema() -> None:
     """Register the schema of the settings and the pipelines, which are in another folder, with Hydra."""
     Plugins.instance()  # they register launchers ...
     store = ConfigStore.instance()
+    if "settings.yaml" in store.repo:  # by an earlier run of this process: 0.1 s
+        return
     launchers = store.repo.get("hydra", {}).get("launcher", {})
     for name in LAUNCHER_EXTRAS:
         launchers.pop(f"{name}.yaml", None)  # ... which conf/hydra/launcher replaces

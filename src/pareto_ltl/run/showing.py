@@ -81,17 +81,18 @@ def page(planned: PlanningResult | Results | str | Path, path: str | Path) -> Pa
     return write_page(Path(path), shown_results(load_results(planned)))
 
 
-def shown_results(results: Results) -> ShownRun:
-    """The records for the page of a results directory."""
-    record, run = results.run, _run_of_records(results)
+def shown_results(results: Results, *, unfinished: bool = False) -> ShownRun:
+    """The records for the page of a results directory; ``unfinished``: also of a run that still works."""
+    record, run = results.run, _run_of_records(results, unfinished)
     origin = origin_of(results.directory, record, record.get("inputs") or {})
     seeds = stage_seeds(run.settings.seed, DEPLOYMENT_STREAM)
     return shown_run(run.settings, run.records, origin, seeds, record.get("error") or "")
 
 
-def _run_of_records(results: Results) -> Run:
+def _run_of_records(results: Results, unfinished: bool) -> Run:
     """A run with the records of the directory, and those that follow from them without planning."""
-    if (status := results.run.get("status")) not in ("ok", "infeasible"):
+    status = results.run.get("status")
+    if status not in ("ok", "infeasible") and not (unfinished and status == "running"):
         ending = ending_text(results.directory, status)
         raise DataError(f"{results.directory}: there is nothing to show: {ending}")
     there = results.records()

@@ -98,18 +98,24 @@ async def plan_events(desk: Desk, request: Request) -> Answer:
 
 async def plan_front(desk: Desk, request: Request) -> Answer:
     """Points of the front."""
-    return await run_in_threadpool(views.front_view, desk.plans.require_done(_name(request)))
+    return await run_in_threadpool(views.front_view, desk.plans.require_front(_name(request)))
 
 
 async def plan_point(desk: Desk, request: Request) -> Answer:
     """One point of the front."""
-    place = desk.plans.require_done(_name(request))
+    place = desk.plans.require_front(_name(request))
     return await run_in_threadpool(views.point_view, place, _number(request.path_params["number"]))
+
+
+async def point_limits(desk: Desk, request: Request) -> Answer:
+    """What limits a point of the front."""
+    place = desk.plans.require_done(_name(request))
+    return await run_in_threadpool(views.limits_view, place, _number(request.path_params["number"]))
 
 
 async def plan_wind(desk: Desk, request: Request) -> Answer:
     """The wind of a plan."""
-    return await run_in_threadpool(views.wind_view, desk.plans.require_done(_name(request)))
+    return await run_in_threadpool(views.wind_view, desk.plans.require_front(_name(request)))
 
 
 async def find_beacon(desk: Desk, request: Request) -> Answer:
@@ -176,15 +182,14 @@ async def read_map(desk: Desk, request: Request) -> Answer:
 
 
 async def keep_backdrop(desk: Desk, request: Request) -> Answer:
-    """A GeoJSON or KML file to lie under the drawing, copied into the folder."""
+    """A GeoJSON, KML or GeoTIFF file to lie under the drawing, copied into the folder."""
     name = request.query_params.get("name", "")
     return await run_in_threadpool(backdrop.keep_backdrop, desk.folder, name, await request.body())
 
 
 async def show_backdrop(desk: Desk, request: Request) -> Answer:
-    """The shapes of a file that was copied earlier."""
-    shapes = await run_in_threadpool(backdrop.backdrop_shapes, desk.folder, request.path_params["name"])
-    return {"shapes": shapes}
+    """The shapes or the image of a file that was copied earlier."""
+    return await run_in_threadpool(backdrop.backdrop, desk.folder, request.path_params["name"])
 
 
 async def keep_wind(desk: Desk, request: Request) -> Answer:
@@ -229,6 +234,7 @@ ROUTES = (
     Operation("GET", PLAN + "/events", plan_events, "server-sent events: stage, progress, paths, status"),
     Operation("GET", PLAN + "/front", plan_front, "points, with the columns of front.csv"),
     Operation("GET", PLAN + "/points/{number}", plan_point, "path, ellipses, log, flights, risk and limits"),
+    Operation("GET", PLAN + "/points/{number}/limits", point_limits, "prices, and the tightest segments"),
     Operation("GET", PLAN + "/wind", plan_wind, "the expected wind at some times, and its deviation"),
     Operation("POST", PLAN + "/beacons", find_beacon, "try a beacon at many places; answers an id"),
     Operation("GET", PLAN + "/beacons", plan_beacons, "failure with a beacon at each place, and a summary"),
@@ -241,9 +247,9 @@ ROUTES = (
     Operation("POST", "/api/formula", explain, "a formula or pattern in words, or its error and column",
               "formula; or pattern with goals, avoid, order"),
     Operation("POST", "/api/maps", read_map, "a GeoJSON or KML file (?name=FILE) as features", "the file"),
-    Operation("POST", "/api/backdrops", keep_backdrop, "copy a GeoJSON or KML file (?name=FILE) to lie below",
+    Operation("POST", "/api/backdrops", keep_backdrop, "copy a GeoJSON, KML or GeoTIFF file (?name=FILE)",
               "the file"),
-    Operation("GET", "/api/backdrops/{name}", show_backdrop, "its areas, lines and points in degrees"),
+    Operation("GET", "/api/backdrops/{name}", show_backdrop, "areas, lines and points, or an image"),
     Operation("POST", "/api/winds", keep_wind, "copy a file of winds (?name=FILE)", "the file"),
     Operation("GET", "/api/choices", show_choices, "names of vehicles, winds, patterns, examples"),
     Operation("GET", "/api/examples/{name}", example, "the map of an example"),

@@ -1,4 +1,4 @@
-"""A map of one's own under the drawing of a desk: any GeoJSON or KML, as areas, lines and points."""
+"""A map of one's own under the drawing: GeoJSON or KML as areas, lines and points, GeoTIFF as an image."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pareto_ltl.serve import geotiff
 from pareto_ltl.serve.folder import MAPS, DeskFolder
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
@@ -23,24 +24,31 @@ KEYS = {"Polygon": "area", "LineString": "line", "LinearRing": "line", "Point": 
 
 
 def keep_backdrop(folder: DeskFolder, name: str, content: bytes) -> dict[str, Any]:
-    """Copy a file into the folder; return its ``name`` there and its ``shapes``; DataError if it has none."""
+    """Copy a file into the folder; :func:`backdrop` of it; DataError if it has nothing to show."""
     suffix = Path(name).suffix.lower()
-    kept = Path(folder.keep_map(content, suffix if suffix in SUFFIXES else ".geojson")).name
-    return {"name": kept, "shapes": backdrop_shapes(folder, kept)}
+    known = (*SUFFIXES, *geotiff.SUFFIXES)
+    return backdrop(folder, Path(folder.keep_map(content, suffix if suffix in known else ".geojson")).name)
 
 
-def backdrop_shapes(folder: DeskFolder, name: str) -> list[dict[str, Any]]:
-    """The shapes of the file ``name`` in the folder of maps: name, kind (area, line, point), lines [deg]."""
+def backdrop(folder: DeskFolder, name: str) -> dict[str, Any]:
+    """The file ``name`` in the folder of maps: ``name``, ``shapes`` [deg] and ``image`` (or None)."""
     path = folder.inside(f"{MAPS}/{Path(name).name}")
     if not path.is_file():
         raise DataError(f"there is no map {shown_value(name)}")
+    if path.suffix in geotiff.SUFFIXES:
+        return {"name": name, "shapes": [], "image": geotiff.shown_image(path)}
+    return {"name": name, "shapes": _all_shapes(path, name), "image": None}
+
+
+def _all_shapes(path: Path, name: str) -> list[dict[str, Any]]:
+    """Name, kind (area, line, point) and lines [deg] of all shapes of a file."""
     if path.suffix in SUFFIXES:
         features = kml_features(path, SCENE_FILES, MapFaults(name), "backdrop")
     else:
         features = _features(parse_json(path.read_bytes(), name, SCENE_FILES))
     shapes = [shape for feature in features for shape in _shapes(name, feature)]
     if not shapes:
-        raise DataError(f"{name} has no areas, lines or points; give GeoJSON or KML, in degrees")
+        raise DataError(f"{name} has no areas, lines or points; give GeoJSON, KML or GeoTIFF")
     if (count := sum(len(line) for shape in shapes for line in shape["lines"])) > MOST_CORNERS:
         raise DataError(f"{name} has {count:,} corners, at most {MOST_CORNERS:,} are drawn: simplify it")
     return shapes

@@ -148,6 +148,16 @@ class Plans:
             raise DataError(f"plan {name} is {state['status']}; only a finished plan has results")
         return Path(state["directory"])
 
+    def require_front(self, name: str) -> Path:
+        """The directory of a plan whose front is made, also if the plan is still being checked."""
+        job = self.jobs.get(name)
+        made = (
+            job is not None
+            and job.status == "running"
+            and any(e.get("source") == "front" for e in job.events)
+        )
+        return self.folder.plan_place(name) if made else self.require_done(name)
+
     async def follow(self, name: str) -> AsyncIterator[dict[str, Any]]:
         """All events of a plan, and its further ones until it ends."""
         state, job = self.state(name), self.jobs.get(name)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import threading
 from collections.abc import Callable
 from functools import lru_cache
@@ -14,12 +13,15 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pareto_ltl.exports.degrees import lonlat
+from pareto_ltl.planning.costs import cost_named
+from pareto_ltl.planning.records import Front
 from pareto_ltl.report.page.ground import rounded, shown_wind
 from pareto_ltl.report.page.limits import limit_texts
-from pareto_ltl.report.page.points import chosen_number, flown_path, shown_flights, shown_path
+from pareto_ltl.report.page.points import chosen_number, flown_path, shown_flights, shown_path, shown_points
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.run.exporting import export
-from pareto_ltl.run.interface import load_results
+from pareto_ltl.run.interface import choose, load_results
+from pareto_ltl.run.records import PLAN, SCENE
 from pareto_ltl.run.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation.failure_times import CAUSES
@@ -46,35 +48,23 @@ def one_at_a_time(make: Callable[..., Shown]) -> Callable[..., Shown]:
 
 @one_at_a_time
 def front_view(directory: Path) -> dict[str, Any]:
-    """The rows of ``front.csv`` with their numbers, the number of the plan, and the wind law."""
-    rows = []
-    for row in csv.DictReader(io.StringIO(read_text(directory / "front.csv"))):
-        found: dict[str, Any] = {name: _value(text) for name, text in row.items()}
-        found["point"] = int(found.pop("path"))
-        if found["failure"] is None:  # judged by its bound
-            found["failure"] = min(1.0, found["mission_risk"] + found["collision_risk"])
-        rows.append(found)
+    """The points of the front as ``front.csv`` has them, the number of the plan, and the wind law."""
     run = _shown(directory)
-    law = "" if run.front is None else run.front.models.law
+    front = run.front
     return {
-        "points": rows,
-        "chosen": chosen_number(run.front, run.plan),
-        "law": law,
-        "formula": _formula(run),
+        "points": [] if front is None else _rows(front),
+        "chosen": chosen_number(front, run.plan),
+        "law": "" if front is None else front.models.law,
+        "formula": "" if run.automaton is None else run.automaton.formula,
     }
 
 
-def _value(text: str) -> Any:
-    """A cell: a finite number, None for NaN or nothing, or the text."""
-    try:
-        number = float(text)
-    except ValueError:
-        return text or None
-    return None if not math.isfinite(number) else int(number) if text.isdigit() else number
-
-
-def _formula(run: ShownRun) -> str:
-    return run.automaton.formula if run.automaton is not None else ""
+def _rows(front: Front) -> list[dict[str, Any]]:
+    """The points with their numbers, and further costs under the names that ``front.csv`` has."""
+    costs = [path.objectives.further_costs.items() for path in front.paths]
+    further = [{cost_named(name).column: value for name, value in items} for items in costs]
+    rows = zip(shown_points(front), further, strict=True)
+    return [{"point": k, **row, **more} for k, (row, more) in enumerate(rows)]
 
 
 @one_at_a_time
@@ -102,6 +92,13 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
         "causes": list(CAUSES),
         "flights": shown_flights(run.scene, run.problem, flown, FLIGHTS),
     }
+
+
+@one_at_a_time
+def limits_view(directory: Path, number: int) -> dict[str, Any]:
+    """Prices and tight segments of a point of the front, as they would be if it were the plan."""
+    run = choose(load_results(directory), point=number).run
+    return limit_texts(run.make(SCENE), run.make(PLAN))
 
 
 @one_at_a_time
@@ -148,10 +145,10 @@ def export_view(directory: Path, kind: str, number: int | None) -> tuple[str, by
 
 
 @lru_cache(maxsize=KEPT_RUNS)
-def _shown_at(directory: Path, _finished: int) -> ShownRun:
-    return shown_results(load_results(directory))
+def _shown_at(directory: Path, _written: int) -> ShownRun:
+    return shown_results(load_results(directory), unfinished=True)
 
 
 def _shown(directory: Path) -> ShownRun:
-    """The records of a result; read again if it was written again."""
+    """The records of a result; read again when its run has ended, or was made again."""
     return _shown_at(directory, (directory / "run.json").stat().st_mtime_ns)

@@ -12,7 +12,9 @@ from importlib.resources import files
 FOLDER = "pareto_ltl.report.components"
 STYLE = "components.css"
 # Each module comes after those that it imports.
-MODULES = ("shapes.js", "geo.js", "map.js", "wind.js", "flight.js", "front.js", "risk.js", "machine.js")
+MODULES = (
+    "shapes.js", "geo.js", "map.js", "wind.js", "flight.js", "front.js", "risk.js", "machine.js", "player.js",
+)  # fmt: skip
 IMPORT = re.compile(r'^import \{[^}]*\} from "\./[a-z]+\.js";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(async )?(const|function|class) )", re.MULTILINE)
 

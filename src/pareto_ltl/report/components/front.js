@@ -4,7 +4,10 @@ import { ticksBetween } from "./geo.js";
 import { pathOf, percent, svg } from "./shapes.js";
 
 const REACH = 25;  // [pixels] from a click to its point
-export const EDGE = { left: 52, right: 14, top: 12, bottom: 40 };
+export const EDGE = { left: 66, right: 14, top: 12, bottom: 40 };
+
+/** The title of the axis of failures, along it. */
+export const failureTitle = (text, top, base) => svg("text", { x: 13, y: (top + base) / 2, "text-anchor": "middle", transform: `rotate(-90 13 ${(top + base) / 2})` }, text);
 
 const decades = (low, high) => {
   const ticks = [], marks = Math.log10(high / low) > 2.2 ? [1] : [1, 2, 5];
@@ -37,7 +40,7 @@ export function drawFront(root, points, { shown, chosen, choose, pinned = null, 
     parts.push(svg("path", { class: "grid", d: pathOf([[EDGE.left, y(tick)], [w - EDGE.right, y(tick)]]) }), svg("text", { x: EDGE.left - 6, y: y(tick) + 4, "text-anchor": "end" }, percent(tick)));
   }
   for (const tick of ticksBetween(low, high, w / 90)) parts.push(svg("path", { class: "grid", d: pathOf([[x(tick), EDGE.top], [x(tick), base]]) }), svg("text", { x: x(tick), y: base + 16, "text-anchor": "middle" }, tick.toLocaleString("en")));
-  parts.push(...zero, svg("path", { class: "axis", d: pathOf([[EDGE.left, EDGE.top], [EDGE.left, base], [w - EDGE.right, base]]) }), svg("text", { x: (EDGE.left + w) / 2, y: h - 6, "text-anchor": "middle" }, "length [km]"));
+  parts.push(...zero, failureTitle("flights that fail", EDGE.top, base), svg("path", { class: "axis", d: pathOf([[EDGE.left, EDGE.top], [EDGE.left, base], [w - EDGE.right, base]]) }), svg("text", { x: (EDGE.left + w) / 2, y: h - 6, "text-anchor": "middle" }, "length [km]"));
   points.forEach((point, k) => { if (ranged(point)) parts.push(svg("path", { class: "range", d: pathOf([[x(km[k]), y(point.failure_low)], [x(km[k]), y(point.failure_high)]]) })); });
   points.forEach((point, k) => {
     const marks = ["point", k === shown && "shown", k === chosen && "chosen", hollow(k) && "hollow"].filter(Boolean).join(" "), name = text?.(k) ?? `point ${k}: fails ${percent(point.failure)}, ${km[k].toFixed(1)} km`;

@@ -1,6 +1,6 @@
 // The risk along a path: the share of simulated flights that have failed by each time, and why.
 
-import { EDGE } from "./front.js";
+import { EDGE, failureTitle } from "./front.js";
 import { ticksBetween } from "./geo.js";
 import { pathOf, svg } from "./shapes.js";
 
@@ -24,7 +24,7 @@ export function drawRisk(root, { t, risk }, step, causes) {
   parts.push(svg("path", { class: "band", d: pathOf([...stairs(risk.low), ...stairs(risk.high).reverse()], true) }));
   for (const [, k] of happened) parts.push(svg("path", { class: `stairs cause-${k}`, d: pathOf(stairs(shares(risk.failed[k]))) }));
   parts.push(svg("path", { class: "stairs total", d: pathOf(stairs(total)) }), svg("path", { class: "axis", d: pathOf([[EDGE.left, above], [EDGE.left, base], [w - EDGE.right, base]]) }));
-  parts.push(svg("path", { class: "now", d: pathOf([[x(t[step]), above], [x(t[step]), base]]) }), svg("text", { x: (EDGE.left + w) / 2, y: h - 6, "text-anchor": "middle" }, `${unit} after departure`), ...key.parts);
+  parts.push(failureTitle("flights that have failed", above, base), svg("path", { class: "now", d: pathOf([[x(t[step]), above], [x(t[step]), base]]) }), svg("text", { x: (EDGE.left + w) / 2, y: h - 6, "text-anchor": "middle" }, `${unit} after departure`), ...key.parts);
   root.replaceChildren(...parts);
 }
 

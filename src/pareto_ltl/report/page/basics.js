@@ -3,10 +3,9 @@
 import { byId, duration, percent } from "./shapes.js";
 
 const PAGE = JSON.parse(byId("page-data").textContent);
-const CALM = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
-// What is shown: the point of the front, the step of its path, and whether the flight plays.
-const shown = { point: firstPoint(), step: 0, timer: null };
+// What is shown: the point of the front, and the step of its path.
+const shown = { point: firstPoint(), step: 0 };
 
 function firstPoint() {
   const drawn = Object.keys(PAGE.paths).map(Number);

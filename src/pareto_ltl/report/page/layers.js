@@ -85,7 +85,7 @@ function goNear(place) {
   const view = path(), [x, y] = map.at(place);
   if (!view) return;
   const away = view.line.map(one => map.at(one)).map(([a, b]) => Math.hypot(a - x, b - y)), nearest = away.indexOf(Math.min(...away));
-  if (away[nearest] < NEAR) { stop(); showStep(nearest); }
+  if (away[nearest] < NEAR) { player.stop(); player.go(nearest); }
 }
 
 /** What the map says below itself. */

@@ -3,15 +3,20 @@
 import { drawFront } from "./front.js";
 import { lengthText } from "./geo.js";
 import { drawMachine, markMachine } from "./machine.js";
+import { Player } from "./player.js";
 import { drawRisk } from "./risk.js";
 import { byId, duration, html, percent } from "./shapes.js";
+
+const player = new Player(step => {
+  shown.step = step;
+  showMoment();
+  return timeText(moment());
+});
 
 /** Show a point in all parts of the page. */
 function showPoint(point) {
   if (point === null || !(point in PAGE.points)) return;
-  stop();
   shown.point = point;
-  shown.step = 0;
   byId("point").value = point;
   byId("previous").disabled = point === 0;
   byId("next").disabled = point === PAGE.points.length - 1;
@@ -22,7 +27,7 @@ function showPoint(point) {
   showFront();
   listFiles();
   listProgress();
-  showMoment();
+  player.go(player.step);
 }
 
 /** The numbers at the top: as they were written for the plan, or those of another point that is shown. */
@@ -42,24 +47,12 @@ function showFacts() {
 }
 
 function limitTime() {
-  const view = path(), slider = byId("time"), last = (view ? view.line.length : PAGE.wind.t.length) - 1;
-  slider.max = last;
-  slider.value = shown.step = Math.min(shown.step, last);
-  slider.disabled = byId("play").disabled = last < 1;
-}
-
-/** Show a step of the path. */
-function showStep(step) {
-  shown.step = step;
-  byId("time").value = step;
-  showMoment();
+  player.limit((path()?.line ?? PAGE.wind.t).length - 1);
 }
 
 /** The time that is shown: on the map, in the charts and in words. */
 function showMoment() {
   const view = path();
-  byId("clock").textContent = timeText(moment());
-  byId("time").setAttribute("aria-valuetext", byId("clock").textContent);
   if (view) byId("moment").textContent = momentText(view);
   map.refresh();
   showRisk();
@@ -116,30 +109,6 @@ function listProgress() {
   }));
 }
 
-// --- playing ------------------------------------------------------------------------------------
-
-function stop() {
-  clearInterval(shown.timer);
-  shown.timer = null;
-  byId("play").textContent = "▶";
-  byId("play").setAttribute("aria-label", "play");
-  byId("play").setAttribute("aria-pressed", "false");
-}
-
-function play() {
-  if (shown.timer !== null) { stop(); return; }
-  const last = +byId("time").max;
-  if (shown.step >= last) showStep(0);
-  byId("play").textContent = "❚❚";
-  byId("play").setAttribute("aria-label", "pause");
-  byId("play").setAttribute("aria-pressed", "true");
-  const pause = CALM ? 600 : Math.max(60, Math.min(250, 9000 / last));  // a flight takes about nine seconds
-  shown.timer = setInterval(() => {
-    showStep(Math.min(last, shown.step + Math.max(1, Math.round(last / 150))));
-    if (shown.step >= last) stop();
-  }, pause);
-}
-
 // --- the first picture -----------------------------------------------------------------------------
 
 /** Draw map and charts in the size of their places: for printing nothing can be drawn later. */
@@ -181,8 +150,6 @@ function hideUseless() {
 
 function listen() {
   const on = (id, kind, act) => byId(id).addEventListener(kind, act);
-  on("time", "input", event => { stop(); showStep(+event.target.value); });
-  on("play", "click", play);
   on("zoom-in", "click", () => map.zoom(1.5));
   on("zoom-out", "click", () => map.zoom(1 / 1.5));
   on("fit", "click", () => map.fit(border));
@@ -200,5 +167,5 @@ showMachine();
 drawAll();
 if (byId("files")) listFiles();
 listProgress();
-showMoment();
+player.go(0);
 document.documentElement.dataset.ready = "page";

@@ -15,9 +15,9 @@ const EXAMPLE_FORMULAS = { hop: "F(a & F b)", phi1: "F a & F b & F c", phi2: "F(
 let spot = null;  // a place that an error names
 
 function failed(error) {
-  const text = error.message, found = /longitude (-?[0-9.]+), latitude (-?[0-9.]+)/.exec(text);
+  const text = error.message.replace(/^scene file maps\/\w+\.\w+: | \[plans\/[^\]]*\]$/g, ""), found = /longitude (-?[0-9.]+), latitude (-?[0-9.]+)/.exec(text);
   spot = found ? [+found[1], +found[2]] : null;
-  byId("problem-text").textContent = `${text[0]?.toUpperCase() ?? ""}${text.slice(1)}`;
+  byId("problem-text").textContent = text.replace(/^[a-z]+(?=[ ,;:])/, word => word[0].toUpperCase() + word.slice(1));  // not the name of a setting
   byId("problem").hidden = false;
   byId("problem").scrollIntoView({ block: "nearest" });
   map.refresh();
@@ -37,7 +37,7 @@ const map = new ChartMap(byId("map"), view => [...backdrop.shapes(view), ...wind
   click: (place, target) => drawing.click(place, target),
 });
 
-Object.assign(map, { middle: mercator([-92, 37]), scale: 1200 });  // until there is something to show
+Object.assign(map, { middle: mercator([-92, 37]), scale: 6000 });  // until there is something to show: 700 km
 
 /** The wind of the plan that is shown, or the wind before one; it lies under what is drawn. */
 function windShapes(view) {

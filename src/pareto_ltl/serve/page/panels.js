@@ -37,7 +37,7 @@ export class Panels {
 
   listen() {
     const { store } = this, on = (id, kind, act) => byId(id).addEventListener(kind, act);
-    for (const key of ["pattern", "robot", "planner"]) on(key, "change", event => store.change(mission => { mission[key] = event.target.value; }));
+    for (const key of ["pattern", "robot", "planner", "settings"]) on(key, "change", event => store.change(mission => { mission[key] = event.target.value; }));
     on("departure", "change", event => store.change(mission => { mission.departure = event.target.value; }));
     on("formula", "input", event => store.change(mission => { mission.pattern = "formula"; mission.formula = event.target.value; }));
     on("wind", "change", event => {
@@ -68,7 +68,7 @@ export class Panels {
 
   show() {
     const { mission } = this.store, file = Boolean(mission.windPath);
-    for (const key of ["pattern", "robot", "planner", "departure"]) if (byId(key).value !== mission[key]) byId(key).value = mission[key];
+    for (const key of ["pattern", "robot", "planner", "departure", "settings"]) if (byId(key).value !== mission[key]) byId(key).value = mission[key];
     byId("wind").value = file ? "file" : mission.wind;
     byId("wind-note").textContent = file ? `File ${mission.windPath.split("/").pop()}.` : WIND_NOTES[mission.wind] ?? "";
     byId("robot-note").textContent = this.robots?.find(({ name }) => name === mission.robot)?.note.split(". ")[0].replace(/\.?$/, ".") ?? "";
@@ -183,6 +183,7 @@ export class Panels {
       overrides.push("report=none", "departure.flights=2000", "departure.seeds=1", `departure.every=${+byId("every").value || 6}`);
       if (byId("latest").value) overrides.push(`departure.last=${byId("latest").value}:00Z`);
     }
+    overrides.push(...mission.settings.split(/\s+/).filter(Boolean));
     return { command, map: this.store.geojson(), ...command === "wind" ? {} : { formula: this.formula }, overrides };
   }
 }

@@ -4,6 +4,7 @@ import { ask, download, follow } from "./api.js";
 import { ellipse, ellipses, flown, stepLines, track, vehicle } from "./flight.js";
 import { drawFront } from "./front.js";
 import { lengthText, placeText } from "./geo.js";
+import { Player } from "./player.js";
 import { drawRisk } from "./risk.js";
 import { byId, duration, html, percent, svg } from "./shapes.js";
 import { WindLayer } from "./wind.js";
@@ -17,8 +18,10 @@ const FORMATS = { kml: "KML", gpx: "GPX", geojson: "GeoJSON", dead_reckoning: "L
 const EARLY = {  // where the points come from, while the plan is made
   search: count => `${count} paths of the search so far, with an upper bound on their failures. They are being improved.`,
   refinement: count => `${count} paths so far. They still change, and how often they fail is counted on few flights.`,
-  front: count => `The front: ${count} paths, each judged by flights of its own. The plan is being checked; click a point to see its path.`,
+  front: count => `The front: ${count} paths, each judged by flights of its own.`,
 };
+const POINTS = "Each point is a path. Lower is safer, left is shorter; the bar is the 95 % interval. Click a point to see its path.";
+const CHECKING = "The plan is being chosen and checked with new flights.";
 const SLOW = 4000;  // [ms] of waiting before the page says why
 const LEAST_SAVED = 0.01;  // percentage points: less is not worth a line
 const SOURCES = { coherent: "winds whose error lasts for hours", independent: "winds whose error changes at every step" };
@@ -26,18 +29,16 @@ const SOURCES = { coherent: "winds whose error lasts for hours", independent: "w
 export class Result {
   /** `redraw()` draws the map again, `fit(places)` shows places, `failed(error)` shows an error. */
   constructor({ redraw, fit, failed, remember, title, studies }) {
-    Object.assign(this, { redraw, fit, failed, remember, title, studies, state: null, views: new Map(), fix: null, timer: null, ends: null, pinned: null });
+    Object.assign(this, { redraw, fit, failed, remember, title, studies, state: null, views: new Map(), fix: null, ends: null, pinned: null, player: new Player(step => this.moveTo(step)) });
     this.reset();
     const on = (id, act) => byId(id).addEventListener("click", act);
     on("cancel", () => this.cancel().catch(failed));
     on("previous", () => this.show(this.shown - 1));
     on("next", () => this.show(this.shown + 1));
     on("choose", () => this.choose().catch(failed));
-    on("play", () => this.play());
     on("show-fix", () => { this.fix = this.fix ? null : this.view?.line[this.step] ?? null; this.showFix(); });
     on("pin", () => { this.pinned = this.pinned ? null : { id: this.id, number: this.shown, row: this.front.points[this.shown], view: this.view }; this.showFacts(); this.drawFront(); this.redraw(); });
     on("replan", () => this.replan().catch(failed));
-    byId("time").addEventListener("input", event => { this.stop(); this.moveTo(+event.target.value); });
     for (const [kind, label] of Object.entries(FORMATS)) byId("exports").append(html("button", { type: "button", "data-kind": kind, onclick: event => this.take(kind, event.target) }, label));
     byId("risk-part").addEventListener("toggle", () => { if (this.view) this.moveTo(this.step); });
     new ResizeObserver(() => this.drawFront()).observe(byId("front"));
@@ -46,12 +47,18 @@ export class Result {
   /** Forget the plan that is shown, and stop following it. */
   reset() {
     this.ends?.abort();
-    this.stop();
-    Object.assign(this, { id: null, front: null, shown: null, view: null, wind: new WindLayer(), early: [], looked: null, step: 0, fix: null, working: false });
+    this.player.stop();
+    Object.assign(this, { id: null, front: null, shown: null, view: null, wind: new WindLayer(), early: [], looked: null, step: 0, fix: null, working: false, checking: false, picked: false });
     this.views.clear();
     this.studies.reset();
     document.querySelector("main").classList.remove("planned");
     for (const id of ["result", "progress", "timebar", "cancel"]) byId(id).hidden = true;
+  }
+
+  /** Forget a front whose plan could not be checked; its paths stay as lines on the map. */
+  discard() {
+    Object.assign(this, { front: null, shown: null, view: null, fix: null });
+    for (const id of ["result", "timebar"]) byId(id).hidden = true;
   }
 
   // --- while it is made -------------------------------------------------------------------------
@@ -60,7 +67,7 @@ export class Result {
   async open(state) {
     this.reset();
     const ends = this.ends = new AbortController();
-    Object.assign(this, { id: state.id, studied: state.made_by === "departure" });
+    Object.assign(this, { id: state.id, studied: state.made_by === "departure", checking: true });
     this.remember(state.id);
     byId("command").textContent = state.command;
     byId("directory").textContent = state.directory;
@@ -71,17 +78,18 @@ export class Result {
       if (last.status === "running") last = await ask("GET", `/api/plans/${state.id}`);  // the stream was cut
       const now = await ask("GET", `/api/plans/${state.id}`);
       if (ends.signal.aborted) return;
-      this.state = now;
+      Object.assign(this, { state: now, checking: false });
       if (last.status === "done") await this.finish();
-      else if (last.status === "cancelled") this.say("Cancelled.", 0);
+      else this.discard();
     } catch (error) {
       if (error.name === "AbortError" || ends.signal.aborted) return;
       this.failed(error);
     }
     if (ends.signal.aborted) return;
     this.setWorking(false);
+    if (last.status === "cancelled") { this.say("Cancelled.", 0); byId("progress").hidden = false; }
     this.loadAll();
-    if (last.status === "failed") { byId("progress").hidden = true; this.failed(new Error(last.error || "the plan failed")); }
+    if (last.status === "failed") this.failed(new Error(last.error || "the plan failed"));
     this.redraw();
   }
 
@@ -89,7 +97,7 @@ export class Result {
     this.working = working;
     byId("cancel").hidden = !working;
     byId("plan").disabled = working;
-    byId("progress").hidden = !working && !byId("state").textContent.startsWith("Cancelled");
+    byId("progress").hidden = !working;
     if (!working) return;
     const text = "Waiting for the planner…", { id } = this;
     this.say(text);
@@ -113,6 +121,7 @@ export class Result {
       if (first) byId("plan-title").scrollIntoView();
       this.drawFront();
       this.redraw();
+      if (event.source === "front") this.takeFront().catch(() => {});  // it is asked for again when the plan is done
     }
   }
 
@@ -122,15 +131,22 @@ export class Result {
 
   async finish() {
     if (this.studied) { this.studies.showStarts(await ask("GET", `/api/plans/${this.id}/departures`)); byId("starts-part").open = true; return; }
-    const id = this.id, [front, wind] = await Promise.all([ask("GET", `/api/plans/${id}/front`), ask("GET", `/api/plans/${id}/wind`)]);
-    if (id !== this.id) return;
-    const watched = this.early.length > 0;
-    Object.assign(this, { front, wind: new WindLayer(wind), early: [] });
+    this.views.clear();  // the plan has more than it had while it was checked
+    await this.takeFront();
+  }
+
+  /** Show the front: as soon as it is made, and again with the plan. */
+  async takeFront() {
+    const { id, ends } = this, [front, wind] = await Promise.all([ask("GET", `/api/plans/${id}/front`), ask("GET", `/api/plans/${id}/wind`)]);
+    if (id !== this.id || ends.signal.aborted) return;
+    const again = this.front !== null, { picked } = this;
+    if (again && front.chosen === null && this.front.chosen !== null) return;  // this answer is the older one
+    Object.assign(this, { front, wind: new WindLayer(wind) });
     byId("result").hidden = false;
     byId("result").classList.remove("early");
     document.querySelector("main").classList.add("planned");
-    if (watched) byId("plan-title").scrollIntoView();
-    await this.show(front.chosen ?? 0, true);
+    if (!again) byId("plan-title").scrollIntoView();
+    await this.show(picked ? this.shown : front.chosen ?? Math.floor(front.points.length / 2), !again, picked);
   }
 
   /** Load all points one after another, so that a click shows its path at once. */
@@ -146,22 +162,22 @@ export class Result {
   }
 
   /** Show a point: its path, its numbers, what limits it. */
-  async show(number, fitted = false) {
+  async show(number, fitted = false, picked = true) {
     if (!this.front || number < 0 || number >= this.front.points.length) return;
-    this.stop();
-    this.shown = number;
+    this.player.stop();
+    Object.assign(this, { shown: number, picked });
     let view;
-    try { view = await this.load(number); } catch (error) { this.views.delete(number); this.failed(error); return; }
+    try { view = await this.load(number); } catch (error) { this.views.delete(number); if (!this.checking) this.failed(error); return; }
     if (this.shown !== number) return;  // another was chosen since
     this.view = view;
     this.fix = null;
     byId("timebar").hidden = false;
-    byId("time").max = view.t.length - 1;
     this.drawFront();
     this.showFacts();
     this.showLimits();
+    this.player.limit(view.t.length - 1);
+    this.player.go(this.player.step);
     this.showFix();
-    this.moveTo(Math.min(this.step, view.t.length - 1));
     if (fitted) this.fit(view.line);
   }
 
@@ -176,15 +192,16 @@ export class Result {
     byId("point-name").textContent = `Point ${this.shown} of ${this.front.points.length - 1}${plan ? ", the plan" : ""}`;
     byId("previous").disabled = this.shown === 0;
     byId("next").disabled = this.shown === this.front.points.length - 1;
-    byId("choose").hidden = plan;
+    byId("choose").hidden = plan || this.checking;
+    byId("result").classList.toggle("checking", this.checking);
     const rate = row.failure_low === null ? `at most ${percent(row.failure)}` : percent(row.failure);
     const range = row.failure_low === null ? "upper bound" : `${percent(row.failure_low)} to ${percent(row.failure_high)}, 95 % interval`;
     const facts = [["Fails", rate, `${range}, in ${SOURCES[this.front.law] ?? this.front.law}`], ["Length", lengthText(row.length_m), row.order ? `order ${row.order.split(">").map(this.title).join(" → ")}` : ""],
       ["Duration", duration(row.duration_s), `${row.steps} legs`], ...view.utc ? [["Arrival", `${view.utc.at(-1).slice(11, 16)} UTC`, view.utc.at(-1).slice(0, 10)]] : []];
     byId("facts").replaceChildren(...facts.map(([name, value, note]) => html("div", {}, html("dt", {}, name), html("dd", {}, value, html("small", {}, note)))));
     this.showComparison();
-    byId("warnings").replaceChildren(...this.state.warnings.map(text => html("li", {}, text)));
-    byId("front-note").textContent = "Each point is a path. Lower is safer, left is shorter; the bar is the 95 % interval. Click a point to see its path.";
+    byId("warnings").replaceChildren(...(this.state?.warnings ?? []).map(text => html("li", {}, text)));
+    byId("front-note").textContent = this.checking ? `${POINTS} ${CHECKING}` : POINTS;
   }
 
   /** The numbers of the pinned point, which can be that of another plan, beside those of the one that is shown. */
@@ -202,36 +219,31 @@ export class Result {
 
   showLimits() {
     const { limits } = this.view, place = byId("limits");
-    if (!limits) { place.replaceChildren(html("p", { class: "note" }, "What limits a path is known for the plan: make this point the plan to see it.")); return; }
+    if (!limits) { place.replaceChildren(html("button", { type: "button", id: "find-limits", onclick: event => { event.target.disabled = true; this.findLimits().catch(this.failed); } }, "What limits this path")); return; }
     const rows = limits.prices.filter(row => !(parseFloat(row.saved) < LEAST_SAVED)).slice(0, 4).map(row => html("li", {}, html("strong", {}, row.limit.replace(/^region (\w+)/, (_, name) => `region ${this.title(name)}`)), ` ${row.change}${/\d/.test(row.time) ? ` (${row.time})` : ""}: fails ${row.saved} percentage points less`));
     place.replaceChildren(html("h3", {}, "What limits it"), rows.length ? html("ul", { class: "plainlist" }, ...rows) : html("p", { class: "note" }, limits.prices.length ? `No small change of a limit saves ${LEAST_SAVED} percentage points of the failures.` : `${limits.no_prices}.`));
   }
 
+  async findLimits() {
+    const { id, shown, view } = this;
+    view.limits = await ask("GET", `/api/plans/${id}/points/${shown}/limits`);
+    if (view === this.view) this.showLimits();
+  }
+
   // --- time -----------------------------------------------------------------------------------------
 
+  /** Show a step; returns its time in words. */
   moveTo(step) {
     const { view } = this;
     this.step = step;
-    byId("time").value = step;
-    byId("clock").textContent = view.utc ? `${view.utc[step].slice(0, 10)} ${view.utc[step].slice(11, 16)} UTC` : duration(view.t[step]);
     if (byId("risk-part").open) drawRisk(byId("risk"), view, step, view.causes);
     this.redraw();
+    return this.clock;
   }
 
-  play() {
-    if (this.timer !== null) { this.stop(); return; }
-    const last = this.view.t.length - 1;
-    if (this.step >= last) this.moveTo(0);
-    byId("play").textContent = "❚❚";
-    byId("play").setAttribute("aria-label", "pause");
-    this.timer = setInterval(() => { this.moveTo(Math.min(last, this.step + 1)); if (this.step >= last) this.stop(); }, Math.max(80, Math.min(300, 8000 / last)));
-  }
-
-  stop() {
-    clearInterval(this.timer);
-    this.timer = null;
-    byId("play").textContent = "▶";
-    byId("play").setAttribute("aria-label", "play");
+  get clock() {
+    const { view, step } = this;
+    return view.utc ? `${view.utc[step].slice(0, 10)} ${view.utc[step].slice(11, 16)} UTC` : duration(view.t[step]);
   }
 
   // --- choose, files, fix -----------------------------------------------------------------------
@@ -252,7 +264,7 @@ export class Result {
     byId("show-fix").textContent = this.fix ? "Remove the fix" : "Place a fix";
     byId("show-fix").disabled = !plan;
     byId("replan").disabled = !this.fix;
-    byId("fix-note").textContent = this.fix ? `Fix at ${placeText(this.fix)}, ${byId("clock").textContent}.` : plan ? "Set the time below the map, place a fix, and drag it to where the vehicle is." : "A fix belongs to the plan: make this point the plan first.";
+    byId("fix-note").textContent = this.fix ? `Fix at ${placeText(this.fix)}, ${this.clock}.` : plan ? "Set the time below the map, place a fix, and drag it to where the vehicle is." : "A fix belongs to the plan: make this point the plan first.";
     this.redraw();
   }
 
@@ -267,9 +279,7 @@ export class Result {
   // --- on the map -----------------------------------------------------------------------------------
 
   shapes(map) {
-    const early = this.early.filter(point => point.line).map(point => track(map, point.line, "early"));
-    if (this.early[this.looked]?.line) early.push(track(map, this.early[this.looked].line));
-    if (!this.view || !this.front) return early;
+    if (!this.view || !this.front) return [...this.early.map(point => track(map, point.line ?? [], "early")), track(map, this.early[this.looked]?.line ?? [])];
     const { view, step } = this, flights = byId("layer-flights").checked ? flown(map, view.flights, step) : [];
     const parts = [...this.studies.beaconShapes(map), ...flights, ...this.pinned ? [track(map, this.pinned.view.line, "pinned")] : [], ...ellipses(map, view), track(map, view.line), ellipse(map, view, step, "now"), ...vehicle(map, view, step, stepLines(map, view, step).join("\n"))];
     if (this.fix) { const [x, y] = map.at(this.fix); parts.push(svg("circle", { class: "fix", "data-fix": "", cx: x, cy: y, r: 11 }), svg("path", { class: "fixcross", d: `M${x - 16} ${y}H${x + 16}M${x} ${y - 16}V${y + 16}` })); }

@@ -3,7 +3,7 @@
 import { ask } from "./api.js";
 import { circle, metresOf, nameOf } from "./geo.js";
 
-const EMPTY = { features: [], pattern: "sequence", goals: [], avoid: [], formula: "", robot: "airframe", wind: "sample", windPath: "", departure: "", planner: "default", backdrop: "", plan: null };
+const EMPTY = { features: [], pattern: "sequence", goals: [], avoid: [], formula: "", robot: "airframe", wind: "sample", windPath: "", departure: "", planner: "default", settings: "", backdrop: "", plan: null };
 const MOST_UNDO = 100, PAUSE = 500;  // steps; [ms] before a change is sent
 
 export const ROLES = {
@@ -125,7 +125,7 @@ export class Store {
     if (!features.length) throw new Error("the file has no features with a role: start, region, obstacle, landmark or border");
     const names = [...taken], told = map.mission && typeof map.mission === "object" ? map.mission : {};
     this.change(mission => {
-      Object.assign(mission, structuredClone(EMPTY), { robot: mission.robot, wind: mission.wind, windPath: mission.windPath, planner: mission.planner, departure: mission.departure, backdrop: mission.backdrop, features, goals: names });
+      Object.assign(mission, structuredClone(EMPTY), { robot: mission.robot, wind: mission.wind, windPath: mission.windPath, planner: mission.planner, settings: mission.settings, departure: mission.departure, backdrop: mission.backdrop, features, goals: names });
       for (const key of Object.keys(EMPTY)) if (key !== "plan" && key !== "backdrop" && key !== "features" && typeof told[key] === typeof EMPTY[key]) mission[key] = told[key];
     });
     const left = (map.features ?? []).filter(feature => !ROLES[roleOf(feature)]).length, holes = (map.features ?? []).some(feature => rings(feature.geometry).some(part => part.length > 1));
