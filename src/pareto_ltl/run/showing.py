@@ -108,7 +108,7 @@ def _run_of_records(results: Results, unfinished: bool) -> Run:
     run = Run(settings, with_extension_stages(PLAN_STAGES, settings.pipelines.stages), there)
     if DECOMPOSITION in there:
         run.make(PROBLEM)
-    if PLAN in there:
+    if PLAN in there and not there[PLAN].alarmed:
         run.make(FORECASTS)
     return run
 

@@ -12,7 +12,7 @@ from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, PlannedPath, counted_rate
 from pareto_ltl.report.limits import priced_obstacles
-from pareto_ltl.report.page.ground import shown_map, shown_trees, shown_wind
+from pareto_ltl.report.page.ground import map_places, shown_map, shown_trees, shown_wind
 from pareto_ltl.report.page.limits import limit_texts, shown_places
 from pareto_ltl.report.page.machine import shown_automaton
 from pareto_ltl.report.page.points import (
@@ -54,6 +54,7 @@ def page_content(run: ShownRun) -> Content:
     chosen = chosen_number(run.front, run.plan)
     paths, flights = _paths(run, front, chosen)
     last = max((path["t"][-1] for path in paths.values()), default=_horizon(run))
+    planned = _path_alone(run)
     formula = run.automaton.formula if run.automaton is not None else run.plan.formula if run.plan else ""
     data = {
         "schema": SCHEMA,
@@ -65,7 +66,7 @@ def page_content(run: ShownRun) -> Content:
         "onEarth": run.scene.crs is not None,
         "height": {"metres": run.height.metres, "aboveSea": run.height.above_sea, "ofSea": run.height.of_sea},
         "wind": shown_wind(run.scene, run.wind, last),
-        "trees": [] if paths else shown_trees(run.scene, run.forest),
+        "trees": [] if paths or planned else shown_trees(run.scene, run.forest),
         "judge": "flights" if front is not None and front.rates else "bound",
         "points": [] if front is None else shown_points(front),
         "chosen": chosen,
@@ -77,8 +78,15 @@ def page_content(run: ShownRun) -> Content:
         "automaton": None if run.automaton is None else shown_automaton(run.automaton),
         "notCovered": "" if run.plan is None else run.plan.not_covered,
         "promise": None if run.plan is None or run.plan.promise is None else asdict(run.plan.promise.rate),
-    }
+    } | planned
     return Content(_texts(run, formula, chosen), data)
+
+
+def _path_alone(run: ShownRun) -> dict[str, Any]:
+    """The expected path of a plan that was made after an alarm: its page has no front and no rates."""
+    if run.plan is None or not run.plan.alarmed:
+        return {}
+    return {"planned": map_places(run.scene, run.plan.path.x)}
 
 
 def _law(run: ShownRun) -> str:
@@ -89,8 +97,9 @@ def _law(run: ShownRun) -> str:
 
 
 def _horizon(run: ShownRun) -> float:
-    """Time for which the wind is shown if there is no path [s]."""
-    return min(run.wind.known_until, 3600.0 * NO_PLAN_HOURS)
+    """Time for which the wind is shown if there is no point of a front [s]."""
+    hours = NO_PLAN_HOURS if run.plan is None else float(run.plan.path.t[-1]) / 3600.0
+    return min(run.wind.known_until, 3600.0 * hours)
 
 
 def _paths(
@@ -124,7 +133,7 @@ def _texts(run: ShownRun, formula: str, chosen: int | None) -> dict[str, Any]:
         "has_front": run.front is not None and bool(run.front.paths),
         "facts": [] if run.plan is None else _headline(run, run.plan.path, chosen),
         "verdicts": list(_verdicts(run)),
-        "limits": None if run.plan is None else limit_texts(run.scene, run.plan),
+        "limits": None if run.plan is None or run.plan.alarmed else limit_texts(run.scene, run.plan),
         "covered": "" if run.plan is None else run.plan.covered,
         "not_covered": "" if run.plan is None else run.plan.not_covered,
         "law": _law(run),

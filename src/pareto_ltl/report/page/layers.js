@@ -25,7 +25,7 @@ function layers() {
   return [
     ...wind.shapes(map, moment()), svg("path", { class: PAGE.map.walled ? "feature border walled" : "feature border", d: map.line(border, true) }),
     ...["obstacle", "landmark", "region"].flatMap(role => shapesOf(role).map(shape => outline(shape))), ...closedRegions(moment()), ...trees(),
-    ...otherPaths(), ...view ? pathShapes(view) : [startShape()], ...names(),
+    ...otherPaths(), ...view ? pathShapes(view) : [...PAGE.planned ? [track(map, PAGE.planned)] : [], startShape()], ...names(),
   ];
 }
 
@@ -97,6 +97,7 @@ function mapNote() {
   notes.push(wind.fastest ? [`Wind at ${PAGE.wind.level}`, wind.legend].filter(Boolean).join("; ") + "." : "Calm air.", PAGE.map.walled ? "The border is a wall: leaving the map is a failure." : "The border is open.");
   for (const { name, forbidden, told } of PAGE.map.windows) notes.push(`${forbidden ? "Forbidden" : `${name} holds`} ${told}.`);
   if (PAGE.map.windows.some(w => w.forbidden)) notes.push("What is forbidden at the time of the slider is dark, with a dashed outline.");
+  if (PAGE.planned) notes.push("The line is the expected path of the plan, which has no failure rate.");
   if (PAGE.trees.length) notes.push("Grey lines: the oldest branches of the search trees, as far as they came.");
   return notes.join(" ");
 }
