@@ -49,6 +49,10 @@ def follow_command(argv: Sequence[str], output: Output) -> int:
     )  # fmt: skip
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the folder follow in DIR")
     parser.add_argument("--resume", action="store_true", help="continue the journal of a watch that ended")
+    parser.add_argument(
+        "--truth", type=Path, metavar="FILE", help="true positions, known afterwards: a CSV file with the "
+        "columns time,lat,lon; truth.json says how often the ellipses held them",
+    )  # fmt: skip
     _add_watching(parser)
     _add_sending(parser)
     parser.epilog = (
@@ -116,6 +120,7 @@ def _add_sending(parser: CommandArguments) -> None:
 
 
 def _follow(options: argparse.Namespace, output: Output) -> int:
+    from pareto_ltl.inflight.afterwards import truth_summary
     from pareto_ltl.inflight.picture import draw_watch
     from pareto_ltl.inflight.replans import ReplanSettings
     from pareto_ltl.inflight.search_area import write_search_area
@@ -123,6 +128,7 @@ def _follow(options: argparse.Namespace, output: Output) -> int:
     from pareto_ltl.inflight.typed import Typed
     from pareto_ltl.inflight.watch import WatchSettings
     from pareto_ltl.run.interface import load_results
+    from pareto_ltl.support.files import write_json
 
     _check(options)
     results = load_results(options.directory)
@@ -155,6 +161,9 @@ def _follow(options: argparse.Namespace, output: Output) -> int:
     folder = session.folder
     if end is not None:
         write_search_area(session.results.scene, end, folder)
+    if options.truth is not None:
+        summary = truth_summary(folder, options.truth, session.results.scene)
+        write_json(folder / "truth.json", summary)
     picture = draw_watch(session.results, folder)
     written = "journal, figure and search area" if picture else "journal"
     print(f"{written} in {folder}", file=sys.stderr)

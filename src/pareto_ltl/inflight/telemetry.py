@@ -13,6 +13,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import refuse_special
@@ -140,6 +143,32 @@ def read_log(path: Path, time_zero: str | None, *, on_earth: bool) -> Iterator[R
                 yield _reading(row, PLACES[on_earth], time_zero)
     except (OSError, csv.Error) as error:
         raise DataError(f"{path}: cannot be read ({error}); give a CSV file of telemetry") from None
+
+
+def read_places(path: Path, time_zero: str | None, *, on_earth: bool) -> tuple[FloatArray, FloatArray]:
+    """Times (n,) [s after departure] and places (n, 2) of a table ``time,lat,lon`` or ``time,x,y``.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, columns or numbers are missing, or times do not increase.
+    """
+    refuse_special(path)
+    names = PLACES[on_earth]
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = [
+                (_seconds(row["time"], time_zero), float(row[names[0]]), float(row[names[1]]))
+                for row in csv.DictReader(file)
+            ]
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        raise DataError(
+            f"{path}: cannot be read ({error}); expected a CSV file time,{','.join(names)}"
+        ) from None
+    table = np.array(rows, float).reshape(-1, 3)
+    if not len(table) or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0.0).any():
+        raise DataError(f"{path}: expected finite numbers, and times that increase")
+    return table[:, 0], table[:, 1:]
 
 
 def _seconds(text: str, time_zero: str | None) -> float:
