@@ -4,6 +4,7 @@ import { EARTHLY } from "./geo.js";
 import { pathOf, svg } from "./shapes.js";
 
 const GAP = 84;  // least distance of its lines [pixels]
+const FOOT = 56;  // [pixels] of its scale, below what is shown
 const DRAG = 5;  // [pixels] beyond which a press is no click
 
 /** Least and largest of many numbers. */
@@ -46,8 +47,8 @@ export class ChartMap {
     if (!places.length) return;
     const plane = places.map(this.plane.to), first = plane[0][0], [w, h] = this.size;
     const [west, east] = extent(plane.map(([x]) => first + this.nearest(x - first))), [south, north] = extent(plane.map(([, y]) => y));
-    this.middle = [(west + east) / 2, (south + north) / 2];
-    this.scale = this.limited(0.84 * Math.min(w / Math.max(east - west, 1e-6), h / Math.max(north - south, 1e-6)));
+    this.scale = this.limited(0.86 * Math.min(w / Math.max(east - west, 1e-6), (h - FOOT) / Math.max(north - south, 1e-6)));
+    this.middle = [(west + east) / 2, (south + north) / 2 - FOOT / 2 / this.scale];
     this.refresh();
   }
 
