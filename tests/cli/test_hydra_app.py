@@ -340,7 +340,7 @@ def test_a_run_that_fails_before_its_first_tree_leaves_no_folder(
         raise DataError("the wind file is empty")
 
     stage(refused)
-    assert app.run_hydra(["pipelines.stages=[scene,refused]", "+experiment=phi1"]) == 2
+    assert app.run_hydra(["pipelines.stages=[readings,scene,refused]", "+experiment=phi1"]) == 2
     assert capsys.readouterr().err == "pareto-ltl: the wind file is empty\n"
     assert not (here / "outputs").exists()
 
