@@ -129,3 +129,12 @@ def test_every_test_that_a_page_names_exists() -> None:
         assert found - defined == set(), page.name
         named += len(found)
     assert named > 30
+
+
+def test_the_paper_cites_what_its_bibliography_and_ours_have() -> None:
+    entries = (ROOT / "paper.bib").read_text()
+    assert set(re.findall(r"@(\w+\d{4})", (ROOT / "paper.md").read_text())) == set(
+        re.findall(r"^@\w+\{(\w+),", entries, re.MULTILINE)
+    )
+    ours = BIBLIOGRAPHY.read_text()
+    assert [doi for doi in re.findall(r"doi = \{(.+)\}", entries) if f"doi:{doi}" not in ours] == []

@@ -126,10 +126,10 @@ class WindFile:
 
 def read_wind_file(path: Path) -> WindFile:
     """The content of ``wind.nc``; DataError if the file is not the wind of a run."""
-    import h5netcdf
+    from pareto_ltl.support.netcdf4 import File
 
     try:
-        with h5netcdf.File(path, "r") as file:
+        with File(path, "r") as file:
             return _wind_file(file)
     except (OSError, KeyError, TypeError, ValueError) as error:
         reason = str(error).splitlines()[0]

@@ -319,7 +319,7 @@ def test_a_failure_is_one_line_an_exit_code_and_a_record(
         raise error
 
     stage(burst)
-    assert app.run_hydra(["pipelines.stages=[burst]"]) == code
+    assert app.run_hydra(["pipelines.stages=[burst]", "hydra.run.dir=outputs/plan/named"]) == code
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 1
@@ -331,6 +331,18 @@ def test_a_failure_is_one_line_an_exit_code_and_a_record(
     if code == 1:  # a bug: the line says where the traceback is
         assert str(place / "run.log") in err
         assert "Traceback" in (place / "run.log").read_text()
+
+
+def test_a_run_that_fails_before_its_first_tree_leaves_no_folder(
+    here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refused(inputs: StageInputs) -> None:
+        raise DataError("the wind file is empty")
+
+    stage(refused)
+    assert app.run_hydra(["pipelines.stages=[readings,scene,refused]", "+experiment=phi1"]) == 2
+    assert capsys.readouterr().err == "pareto-ltl: the wind file is empty\n"
+    assert not (here / "outputs").exists()
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
-from noaa import NOAA
 from pareto_ltl.logic import translate
 from pareto_ltl.planning.records import (
     FailureRate,
@@ -218,31 +218,32 @@ def write_sweep(place: Path) -> None:
 
 
 def small_gribs() -> tuple[bytes, ...]:
-    """The 10 m wind of a real GFS file, cut down to a few nodes; empty without the NOAA files."""
-    import eccodes
-
+    """Files of the 10 m wind on 36 nodes, in both editions of GRIB; empty without ecCodes."""
+    if find_spec("eccodes") is None:
+        return ()
     from pareto_ltl.wind.sources.grib_files import grib_snapshots  # noqa: F401 - PROJ before ecCodes
 
-    if not NOAA.is_dir():
-        return ()
-    files = sorted((NOAA / "gfs_1p00_10m").glob("gfs*f000*"))[:2]
-    return tuple(b"".join(_small_messages(eccodes, file)) for file in files)
+    return tuple(
+        b"".join(_grib_message(edition, short, hour) for hour in (0, 6) for short in ("10u", "10v"))
+        for edition in (1, 2)
+    )
 
 
-def _small_messages(eccodes: Any, file: Path) -> list[bytes]:
-    found = []
-    with file.open("rb") as stream:
-        while (message := eccodes.codes_grib_new_from_file(stream)) is not None:
-            side = 6
-            for key, value in {"Ni": side, "Nj": side, "La2": 85, "Lo2": 5}.items():
-                eccodes.codes_set(message, key, value if not key.startswith("L") else value * 1_000_000)
-            eccodes.codes_set(
-                message, "packingType", "grid_simple"
-            )  # of which the reader can check the sizes
-            eccodes.codes_set_values(message, np.linspace(-5.0, 5.0, side * side))
-            found.append(eccodes.codes_get_message(message))
-            eccodes.codes_release(message)
-    return found
+def _grib_message(edition: int, short: str, hour: int) -> bytes:
+    import eccodes
+
+    message = eccodes.codes_grib_new_from_samples(f"regular_ll_sfc_grib{edition}")
+    corners = {"latitudeOfFirstGridPointInDegrees": 35, "latitudeOfLastGridPointInDegrees": 30}
+    corners |= {"longitudeOfFirstGridPointInDegrees": 10, "longitudeOfLastGridPointInDegrees": 15}
+    place = {"Ni": 6, "Nj": 6, "iDirectionIncrementInDegrees": 1, "jDirectionIncrementInDegrees": 1}
+    named = {"date": 20181009, "indicatorOfTypeOfLevel": 105} if edition == 1 else {"date": 20181009}
+    named |= {"shortName": short, "typeOfLevel": "heightAboveGround", "level": 10, "step": hour}
+    for key, value in {**place, **corners, **named}.items():
+        eccodes.codes_set(message, key, value)
+    eccodes.codes_set_values(message, np.linspace(-5.0, 5.0, 36))
+    data: bytes = eccodes.codes_get_message(message)
+    eccodes.codes_release(message)
+    return data
 
 
 def small_netcdfs(place: Path) -> tuple[bytes, ...]:

@@ -14,7 +14,7 @@ from fuzz import corpora
 from fuzz.mutations import json_bytes, mutants, tree_mutants, yaml_bytes
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 
-CASES = 2000  # of a target in one block; the suite reads half a block
+CASES = 2000  # of a target in one block, which the suite reads
 Read = Callable[[Any], object]
 
 
@@ -364,5 +364,5 @@ TARGETS = (
     Target("forecast_errors", forecast_errors),
     Target("netcdf_winds", netcdf_winds, share=0.2),  # HDF5 takes 10 ms to open a file
     Target("results", results),
-    Target("sweeps", sweeps, share=0.5),  # a case is two summaries
+    Target("sweeps", sweeps),
 )

@@ -9,6 +9,7 @@ import csv
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -192,7 +193,8 @@ def test_a_disk_that_fills_up_is_one_line_and_no_file_is_cut(tmp_path: Path, siz
         assert done.returncode == 2, done.stderr
         lines = done.stderr.splitlines()
         assert len(lines) == 1, done.stderr
-        assert "No space left on device" in lines[0]
+        assert re.search(rf"{disk}\S+: No space left on device", lines[0])  # the path
+        assert "free some space" in lines[0]
         record = disk / "place" / "run.json"
         assert not record.exists() or json.loads(record.read_text())["status"] in ("running", "failed")
         for path in disk.rglob("*.json"):

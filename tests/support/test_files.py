@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 from pathlib import Path
@@ -31,6 +32,19 @@ def test_an_error_names_the_file_and_not_its_draft(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No such file or directory") as failed:
         write_text(path, "new")
     assert str(failed.value).endswith(f"'{path}'")
+
+
+def test_an_error_of_a_full_disk_names_file_need_and_free_space(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(draft: Path, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match=r"it needs 3 MB, .* MB are free") as failed:
+        write_text(tmp_path / "wind.nc", "x" * 3_000_000)
+    assert failed.value.filename == str(tmp_path / "wind.nc")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_link_at_the_place_of_a_draft_is_not_written_through(tmp_path: Path) -> None:

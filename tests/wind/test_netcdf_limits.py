@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import sys
 from pathlib import Path
 
 import h5py
@@ -12,6 +14,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import netcdf
 from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 from pareto_ltl.wind.records import WindField
+from pareto_ltl.wind.sources.netcdf_files import WINDS, netcdf_snapshots
 
 
 def written(tmp_path: Path) -> Path:
@@ -76,3 +79,23 @@ def test_a_damaged_checksum_is_refused(tmp_path: Path) -> None:
             read_netcdf(path)
         except DataError as error:
             assert "\n" not in str(error)
+
+
+def test_a_file_that_fails_to_open_prints_nothing_when_it_is_discarded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ignored: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", ignored.append)
+    path = written(tmp_path)
+    whole = path.read_bytes()
+    refused = 0
+    for place in range(len(whole) // 2, len(whole), 97):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 255]) + whole[place + 1 :])
+        for read in (read_netcdf, lambda path: netcdf_snapshots((path,), WINDS, "10m", 150.0)):
+            try:
+                read(path)
+            except DataError:
+                refused += 1
+        gc.collect()
+    assert refused
+    assert not ignored

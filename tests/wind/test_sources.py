@@ -858,3 +858,14 @@ def test_a_header_with_a_column_many_times_is_refused_in_a_short_line(tmp_path):
     with pytest.raises(DataError, match="column u occurs as u and as u") as caught:
         sources.read_readings(WindConfig(source="csv", path=str(tmp_path / "a.csv")))
     assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(("limit", "value"), [("MOST_ROWS", 2), ("MOST_UNPACKED", 60)])
+@pytest.mark.parametrize("name", ["w.csv", "w.csv.gz"])
+def test_a_table_beyond_the_limits_is_refused_before_it_is_parsed(tmp_path, monkeypatch, name, limit, value):
+    monkeypatch.setattr(csv_files, limit, value)
+    monkeypatch.setattr(csv_files.csv, "reader", None)
+    content = b"time,lat,lon,u,v\n" + b"2018-10-09,30,-90,1,1\n" * 3
+    (tmp_path / name).write_bytes(gzip.compress(content) if name.endswith("gz") else content)
+    with pytest.raises(DataError, match=r"more than .*; keep the rows near the map and the hours"):
+        read(WindConfig(source="csv", path=str(tmp_path / name)))

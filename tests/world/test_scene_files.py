@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.settings import SceneConfig
+from pareto_ltl.support import reading
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
@@ -465,3 +466,12 @@ def test_a_map_larger_than_the_earth_or_smaller_than_any_robot_is_refused(unit):
     made = SceneConfig(unit=unit, bounds=[[0, 0], [size, size]], start=[0, 0], regions={"a": outline})
     with pytest.raises(DataError, match=r"the map is .* m x .* m; expected sides between .*scene\.unit"):
         scene_from_settings(made)
+
+
+@pytest.mark.parametrize("suffix", ["geojson", "kml"])
+def test_a_map_of_too_many_features_is_refused_before_it_is_parsed(tmp_path, monkeypatch, suffix):
+    monkeypatch.setattr(reading, "MAX_FEATURES", 1)
+    feature = {"geojson": '{"geometry": ', "kml": "<Placemark></Placemark>"}[suffix]
+    (tmp_path / f"map.{suffix}").write_text(2 * feature)  # neither JSON nor XML
+    with pytest.raises(DataError, match="has more than 1 features; keep those near the mission"):
+        scene_from_settings(SceneConfig(file=str(tmp_path / f"map.{suffix}")))

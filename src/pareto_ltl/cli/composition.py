@@ -65,8 +65,16 @@ def parse_flags(argv: Sequence[str]) -> argparse.Namespace:
     return arguments
 
 
+def _refuse_environment(name: str, *_: object) -> str:
+    raise ConfigError(
+        f"${{oc.env:{shown_text(name)}}} would write a variable of the environment into the results; "
+        "write its value"
+    )
+
+
 def register_schema() -> None:
     """Register the schema of the settings and the pipelines, which are in another folder, with Hydra."""
+    OmegaConf.register_new_resolver("oc.env", _refuse_environment, replace=True)
     Plugins.instance()  # they register launchers ...
     store = ConfigStore.instance()
     if "settings.yaml" in store.repo:  # by an earlier run of this process: 0.1 s

@@ -26,6 +26,7 @@ CONFIGURATION_ERRORS: tuple[type[Exception], ...] = (
     RecursionError,
     MemoryError,
 )
+OF_A_RESOLVER = "ConfigError raised while resolving interpolation: "  # what OmegaConf writes before it
 LINE_WIDTH = 300  # characters that are kept of a message of Hydra
 LETTERS = "letters beyond ASCII need two pairs of quotes: \"wind.path='größe.csv'\""
 SMALLER = "lower planner.n_max, planner.trees, deployment.runs or report.dpi"
@@ -66,6 +67,9 @@ def _overridden_key(error: HydraException) -> str:
 def _explain_value(error: OmegaConfBaseException, place: str) -> str:
     """The error of a value, with the words of the settings if its key is one of them."""
     key = _full_key(error) or place
+    _, resolved, refusal = _first_line(error).partition(OF_A_RESOLVER)
+    if resolved:
+        return f"{key}: {refusal}"
     setting = key.partition("[")[0]  # the list of an item
     kind = kind_at(Settings, setting) if setting else None
     reason = shown_text(_first_line(error), LINE_WIDTH)

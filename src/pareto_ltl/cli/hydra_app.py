@@ -29,10 +29,11 @@ from pareto_ltl.cli.composition import (
 from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
 from pareto_ltl.cli.output import Answer, Output, answered, print_problem
 from pareto_ltl.cli.setting_keys import settings_from
+from pareto_ltl.run.directory import discard_try
 from pareto_ltl.run.pipeline import Pipeline, run_claimed
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.provenance import one_line
-from pareto_ltl.support.errors import ConfigError, InfeasibleError
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.stopping import ends_process
 
 if TYPE_CHECKING:
@@ -172,7 +173,9 @@ class HydraJob:
                 quiet = ProgressBar(shown=False) if self.output is Output.QUIET else None
                 metrics = run_claimed(checked, directory, self.argv, _task_overrides(), quiet)
         except CONFIGURATION_ERRORS as error:
-            return self._fails(f"{explain_error(error)} [{shown}]", 2)
+            gone = isinstance(error, ConfigError | DataError) and not _chosen_directory()
+            place = "" if gone and discard_try(directory) else f" [{shown}]"
+            return self._fails(f"{explain_error(error)}{place}", 2)
         except Exception as error:
             log = shown / "run.log"
             return self._fails(f"{one_line(error)} (this is a bug; the traceback is in {log})", 1)
@@ -212,6 +215,11 @@ class HydraJob:
             print_problem(f"{told}: {one_line(error)} (this is a bug; the traceback is in {log})")
             return 1
         return 0
+
+
+def _chosen_directory() -> bool:
+    """Whether the command line names the directory of the results."""
+    return any(str(word).startswith("hydra.run.dir") for word in HydraConfig.get().overrides.hydra)
 
 
 def _task_overrides() -> list[str]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pareto_ltl.settings.outputs import EXPORT_FILES, PAGE_FILE
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import remove_dead_drafts
+from pareto_ltl.support.files import FULL_DISK, remove_dead_drafts
 from pareto_ltl.support.locks import claim_folder
 from pareto_ltl.support.run_status import RUN_LOCK
 
@@ -31,6 +32,7 @@ RECORD_FILES = (
     *(f"{folder}{name}" for folder in ("", "exports/", "exports_point_*/") for name in EXPORT_FILES.values()),
 )  # fmt: skip
 
+EARLY_FILES = ("scene.json", "cells.json", "automaton.json", "automaton.hoa", RUN_LOCK)
 FOLDERS = tuple({name.partition("/")[0] for name in (*BOOKKEEPING, *RECORD_FILES) if "/" in name})
 
 
@@ -58,7 +60,27 @@ def claimed_directory(directory: Path, written: Iterable[str] = ()) -> Iterator[
     refuse_links(directory)
     with claim_folder(directory / RUN_LOCK, "a run", "name another folder (hydra.run.dir=FOLDER)"):
         clear_results(directory, written)
-        yield
+        try:
+            yield
+        except OSError as error:  # that of Hydra for a full disk names no file
+            if error.errno not in FULL_DISK or error.filename:
+                raise
+            raise OSError(error.errno, error.strerror, str(directory)) from error
+
+
+def discard_try(directory: Path) -> bool:
+    """Remove ``directory``, and its parents if they are empty, if a run failed in it before a tree grew.
+
+    Returns whether it is gone. A directory with any other file than :data:`EARLY_FILES` stays.
+    """
+    inside = {path.relative_to(directory).as_posix() for path in directory.rglob("*") if not path.is_dir()}
+    if not inside <= {*BOOKKEEPING, *EARLY_FILES}:
+        return False
+    shutil.rmtree(directory, ignore_errors=True)
+    with suppress(OSError):  # other runs are in them
+        directory.parent.rmdir()
+        directory.parent.parent.rmdir()
+    return not directory.exists()
 
 
 def refuse_links(directory: Path) -> None:

@@ -15,6 +15,7 @@ from pareto_ltl import __version__
 from pareto_ltl.settings import Settings, as_dict
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import ParetoLtlError
+from pareto_ltl.support.files import FULL_DISK
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
 from pareto_ltl.support.messages import shown_line
 from pareto_ltl.support.resources import checkout
@@ -29,7 +30,8 @@ PACKAGES = (
 )  # fmt: skip
 
 NO_COMMIT = "(initial)"  # output of git if there is no commit yet
-PLACE_CURE = "check the path, its permissions and the space on the disk"
+DISK_CURE = "free some space, or name a folder on another disk"
+PLACE_CURE = "check the path and its permissions"
 
 
 def config_hash(settings: Settings) -> str:
@@ -113,7 +115,8 @@ def one_line(error: BaseException) -> str:
         return text or "interrupted"
     if isinstance(error, OSError) and error.strerror:
         place = f"{error.filename}: " if error.filename else ""
-        return shown_line(f"{place}{error.strerror}; {PLACE_CURE}")
+        cure = DISK_CURE if error.errno in FULL_DISK else PLACE_CURE
+        return shown_line(f"{place}{error.strerror}; {cure}")
     if isinstance(error, ParetoLtlError | OSError) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

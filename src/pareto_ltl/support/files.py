@@ -8,10 +8,12 @@ order of its keys and has the fewest digits that read back as the same number.
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import json
 import math
 import os
+import shutil
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -23,15 +25,17 @@ if TYPE_CHECKING:
 
 from pareto_ltl.support.errors import DataError
 
+FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
 ARCHIVE_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date that a zip archive can carry
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, size: int = 0) -> Iterator[Path]:
     """Yield the path of a draft, which replaces ``path`` when the block ends.
 
     If the block raises, the draft is removed and ``path`` is unchanged. DataError if ``path`` exists and is
-    not a regular file.
+    not a regular file. The OSError of a full disk names ``path``, the bytes that it needs (``size``, 0 if
+    unknown) and the free ones.
     """
     if path.exists() and not path.is_file():
         raise DataError(f"{path} is a folder or a device, which no file may replace; name another place")
@@ -44,11 +48,20 @@ def whole_file(path: Path) -> Iterator[Path]:
             os.fsync(file.fileno())
         os.replace(draft, path)
     except OSError as error:
+        if error.errno in FULL_DISK:
+            raise OSError(error.errno, _full_disk_text(error, draft, size), str(path)) from error
         if str(error.filename) == str(draft):  # name the file that the user knows
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
     finally:
         draft.unlink(missing_ok=True)
+
+
+def _full_disk_text(error: OSError, draft: Path, size: int) -> str:
+    written = draft.stat().st_size if draft.exists() else 0
+    need = f"it needs {size / 1e6:.3g} MB" if size else f"it needs more than {written / 1e6:.3g} MB"
+    free = (shutil.disk_usage(draft.parent).free + written) / 1e6
+    return f"{error.strerror}; {need}, {free:.3g} MB are free"
 
 
 def remove_dead_drafts(folder: Path) -> None:
@@ -71,7 +84,7 @@ def process_lives(number: int) -> bool:
 
 def write_bytes(path: Path, data: bytes) -> None:
     """Write ``data`` as the whole file ``path``; its folder must exist."""
-    with whole_file(path) as draft:
+    with whole_file(path, len(data)) as draft:
         draft.write_bytes(data)
 
 

@@ -21,6 +21,7 @@ from pareto_ltl.support.errors import DataError
 MAX_BYTES = 64 * 2**20  # of a text file
 MAX_ELEMENTS = 8_000_000  # lists, mappings and values of a JSON file
 MAX_DEPTH = 64  # levels of a JSON file
+MAX_FEATURES = 50_000  # of a map; 20,000 take 8 s
 SHOWN = 60  # characters of a wrong value that a message repeats
 
 NUMBER_TYPES = frozenset({int, float})
@@ -65,6 +66,14 @@ def read_bounded(path: Path, advice: Advice = RESULTS, most: int = MAX_BYTES) ->
     if len(data) > most:
         raise DataError(f"{path}: has more than {most / 2**20:g} MiB, which is the limit; {advice.damaged}")
     return data
+
+
+def refuse_many_features(where: str, data: bytes, tag: bytes) -> None:
+    """DataError if ``tag``, which each feature of a map has once, occurs too often; before it is parsed."""
+    if data.count(tag) > MAX_FEATURES:
+        raise DataError(
+            f"{where} has more than {MAX_FEATURES:,} features; keep those near the mission, or unite them"
+        )
 
 
 def read_text(path: Path, advice: Advice = RESULTS, most: int = MAX_BYTES) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import Advice, read_json_value
+from pareto_ltl.support.reading import Advice, parse_json, read_bounded, refuse_many_features
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world.fix_shapes import fix_document, read_fix
 from pareto_ltl.world.scene import Scene
@@ -102,8 +102,9 @@ def sketch_file(path: Path) -> SceneSketch:
     if path.suffix.lower() in SUFFIXES:
         faults = MapFaults(f"scene file {path}")
         return sketch_features(faults, kml_features(path, SCENE_FILES, faults), None)
-    data = read_json_value(path, SCENE_FILES)
-    where = f"scene file {path}"
+    where, content = f"scene file {path}", read_bounded(path, SCENE_FILES)
+    refuse_many_features(where, content, b'"geometry"')
+    data = parse_json(content, str(path), SCENE_FILES)
     if isinstance(data, dict) and data.get("type") == "FeatureCollection":
         return sketch_features(MapFaults(where), data.get("features", []), crs_name(where, data.get("crs")))
     if isinstance(data, dict) and "bounds" in data:

@@ -18,7 +18,14 @@ from xml.parsers import expat
 
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import MAX_BYTES, MAX_DEPTH, Advice, read_bounded, refuse_special
+from pareto_ltl.support.reading import (
+    MAX_BYTES,
+    MAX_DEPTH,
+    Advice,
+    read_bounded,
+    refuse_many_features,
+    refuse_special,
+)
 from pareto_ltl.world.scene_faults import MapFaults
 
 MOST_ELEMENTS = 1_000_000
@@ -63,6 +70,7 @@ def kml_features(path: Path, advice: Advice, faults: MapFaults, role: str = "") 
     """
     where = f"scene file {path}"
     data = _kmz_content(path, advice) if path.suffix.lower() == ".kmz" else read_bounded(path, advice)
+    refuse_many_features(where, data, b"/Placemark>")
     root = _parsed(where, data)
     if root.tag != "kml":
         raise DataError(f"{where} has the root element {shown_text(root.tag)!r}; expected kml")

@@ -90,9 +90,9 @@ def _xml_text(result: Evidence, name: str, space: str, *tags: str) -> str:
 
 
 def _trajectory_text(result: Evidence) -> str:
-    import h5netcdf
+    from pareto_ltl.support.netcdf4 import File
 
-    with h5netcdf.File(result.directory / "trajectory.nc", "r") as file:
+    with File(result.directory / "trajectory.nc", "r") as file:
         return str(file.attrs["comment"])
 
 

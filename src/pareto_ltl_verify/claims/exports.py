@@ -130,9 +130,9 @@ def _geojson(result: Evidence) -> Route:
 
 
 def _trajectory(result: Evidence) -> Route:
-    import h5netcdf
+    from pareto_ltl.support.netcdf4 import File
 
-    with h5netcdf.File(result.directory / "trajectory.nc", "r") as file:
+    with File(result.directory / "trajectory.nc", "r") as file:
         lat, lon, t, airspeed = (
             np.asarray(file[key][...], float).tolist() for key in ("lat", "lon", "time", "airspeed")
         )

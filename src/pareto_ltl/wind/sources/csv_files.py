@@ -38,7 +38,9 @@ from pareto_ltl.wind.readings import (
 from pareto_ltl.wind.sources.magic import format_of, refuse_other_format
 
 GEOGRAPHIC_COLUMNS = ("time", "lat", "lon", "u", "v")
-MOST_UNPACKED = 2**28  # [bytes] of a compressed table
+MOST_UNPACKED = 2**28  # [bytes] of a table; of a compressed one, when unpacked
+MOST_ROWS = 1_000_000  # of a table; a row takes 1 kB of memory while it is read
+SMALLER_TABLE = "keep the rows near the map and the hours of the flight"
 SPEED_UNITS = {  # [m/s], by the unit in the title of a column; m/s without a unit
     "": 1.0, "m/s": 1.0, "m s-1": 1.0, "ms": 1.0, "mps": 1.0,
     "kt": KNOT, "kts": KNOT, "kn": KNOT, "knot": KNOT, "knots": KNOT,
@@ -164,14 +166,27 @@ def _open_text(file: Path) -> IO[str]:
     if format_of(head) != "packed with gzip" or file.suffix.lower() != ".gz":
         refuse_other_format(f"wind file {file}", head, "a CSV table")
     if file.suffix.lower() != ".gz":
+        _refuse_long_table(file, file.open("rb"))
         return file.open(encoding="utf-8-sig", newline="")
     with gzip.open(file) as packed:
         data = packed.read(MOST_UNPACKED + 1)
     if len(data) > MOST_UNPACKED:
         raise DataError(
-            f"wind file {file} unpacks to more than {MOST_UNPACKED / 2**20:g} MiB; split it into several"
+            f"wind file {file} unpacks to more than {MOST_UNPACKED / 2**20:g} MiB; {SMALLER_TABLE}"
         )
+    _refuse_long_table(file, io.BytesIO(data))
     return io.StringIO(data.decode("utf-8-sig"), newline="")
+
+
+def _refuse_long_table(file: Path, content: IO[bytes]) -> None:
+    """DataError for a table beyond :data:`MOST_ROWS` or :data:`MOST_UNPACKED`; closes ``content``."""
+    rows = size = 0
+    with content:
+        while block := content.read(2**20):
+            rows, size = rows + block.count(b"\n"), size + len(block)
+            if rows > MOST_ROWS or size > MOST_UNPACKED:
+                limit = f"{MOST_ROWS:,} rows or {MOST_UNPACKED / 2**20:g} MiB"
+                raise DataError(f"wind file {file} has more than {limit}; {SMALLER_TABLE}")
 
 
 def _find_columns(file: Path, header: list[str]) -> tuple[list[tuple[str, int]], FloatArray]:

@@ -149,6 +149,8 @@ def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
     import cf_xarray  # noqa: F401 - the accessor ``cf`` of coordinates
     import xarray as xr
 
+    import pareto_ltl.support.netcdf4  # noqa: F401 - damaged files print nothing
+
     options: dict[str, Any] = {"decode_times": False, "decode_coords": False, "concat_characters": False}
     with (
         wind_file(path, "NetCDF") as head,
