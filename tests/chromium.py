@@ -75,5 +75,5 @@ def opened_page(
     own = address.partition("?")[0]
     mine = (own, "data:", f"blob:{own}", "blob:null") if own.startswith("http") else (own, "data:", "blob:")
     assert [url for url in shown.asked if not url.startswith(mine)] == []
-    assert shown.said == []
+    assert not shown.said, shown.said
     context.close()
