@@ -132,8 +132,8 @@ def test_every_test_that_a_page_names_exists() -> None:
 
 
 def test_the_paper_cites_what_its_bibliography_and_ours_have() -> None:
-    entries = (ROOT / "paper.bib").read_text()
-    assert set(re.findall(r"@(\w+\d{4})", (ROOT / "paper.md").read_text())) == set(
+    entries = (ROOT / "paper" / "paper.bib").read_text()
+    assert set(re.findall(r"@(\w+\d{4})", (ROOT / "paper" / "paper.md").read_text())) == set(
         re.findall(r"^@\w+\{(\w+),", entries, re.MULTILINE)
     )
     ours = BIBLIOGRAPHY.read_text()
