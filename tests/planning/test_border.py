@@ -16,7 +16,6 @@ from scipy.stats import binom
 
 from pareto_ltl.planning.evaluate import collision_risk, evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
-from pareto_ltl.planning.no_path import explain_no_path
 from pareto_ltl.planning.pack import pack_barriers
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
@@ -190,21 +189,3 @@ def test_deployments_are_read_back_with_their_border(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.off_map, flights.off_map)
     np.testing.assert_array_equal(again.failed, flights.failed)
     assert flights.off_map.any()
-
-
-# --- what to do where there is no path --------------------------------------------------------
-
-
-def test_where_only_walls_are_in_the_way_the_open_border_is_advised() -> None:
-    scene = replace(make_scene({"a": box(8, 0, 14, 0.6)}, start=(5, 5)), border="wall")
-    cfg = PlannerConfig(trees=2, n_max=600, threads=1, epsilon=0.02)
-    models = replace(preset("full"), judge="bound")
-    problem = make_problem("F a", scene, steady_wind(scene, gust=(0.3, 0.3)), ROBOT, cfg, fidelity=models)
-    forest = grow_forest(cfg, problem, SeedSequence(11))
-    assert len(forest.accepted) == 0
-    text = explain_no_path(cfg, problem, forest, SeedSequence(11))
-    assert text.endswith("if the robot may leave the map, set scene.border=open, which finds one")
-    free = make_problem(
-        "F a", replace(scene, border="open"), steady_wind(scene, gust=(0.3, 0.3)), ROBOT, cfg, fidelity=models
-    )
-    assert tree_front(free, grow_forest(cfg, free, SeedSequence(11)))

@@ -193,3 +193,30 @@ def test_a_gap_beyond_every_limit_of_the_path_bound_is_told_with_the_step_bound(
     better = follow(CFG, text)
     models = replace(problem.fidelity, collision_bound="step")
     assert plans(better, task(corridor(0.8), better, models)) > 0
+
+
+def test_where_only_walls_are_in_the_way_the_open_border_is_advised() -> None:
+    scene = replace(make_scene({"a": box(8, 0, 14, 0.6)}, start=(5, 5)), border="wall")
+    cfg = PlannerConfig(trees=2, n_max=600, threads=1, epsilon=0.02)
+    models = replace(preset("full"), judge="bound")
+    problem = make_problem(
+        "F a",
+        scene,
+        steady_wind(scene, gust=(0.3, 0.3)),
+        RobotConfig(dt=100.0, u_max=10.0),
+        cfg,
+        fidelity=models,
+    )
+    forest = grow_forest(cfg, problem, SeedSequence(11))
+    assert len(forest.accepted) == 0
+    text = explain_no_path(cfg, problem, forest, SeedSequence(11))
+    assert text.endswith("if the robot may leave the map, set scene.border=open, which finds one")
+    free = make_problem(
+        "F a",
+        replace(scene, border="open"),
+        steady_wind(scene, gust=(0.3, 0.3)),
+        RobotConfig(dt=100.0, u_max=10.0),
+        cfg,
+        fidelity=models,
+    )
+    assert tree_front(free, grow_forest(cfg, free, SeedSequence(11)))

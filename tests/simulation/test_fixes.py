@@ -15,6 +15,7 @@ from pareto_ltl.kernels import moves
 from pareto_ltl.kernels.pilots import Autopilot, Navigator
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.simulation import flights as deployment
+from pareto_ltl.simulation import importance
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.simulation.judging import fly_race
 from pareto_ltl.world.fix_shapes import FixShape
@@ -214,3 +215,10 @@ def test_a_line_of_position_makes_only_the_direction_across_it_certain():
             for p, path in zip((both, alone), paths, strict=True)
         ]
         assert low < np.std(seen[0]) / np.std(seen[1]) < high
+
+
+def test_a_plan_with_fixes_has_no_weighted_rate():
+    problem = landmark_problem()
+    path = evaluate_path(problem, LANDMARK_WAY, "by hand")
+    assert path.fixes
+    assert importance.weighted_rate(problem, path, 300, SeedSequence(1)) is None

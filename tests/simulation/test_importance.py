@@ -363,13 +363,6 @@ def test_a_plan_that_misses_its_region_is_flown_as_it_is():
     assert importance.weighted_rate(problem, path, 2000, SeedSequence(0)) is None
 
 
-def test_a_plan_with_fixes_is_flown_as_it_is():
-    problem = landmark_problem()
-    path = evaluate_path(problem, LANDMARK_WAY, "by hand")
-    assert path.fixes
-    assert importance.weighted_rate(problem, path, 300, SeedSequence(1)) is None
-
-
 def test_a_start_in_the_region_needs_no_step():
     scene = make_scene({"a": box(1, 1, 4, 4)}, start=(2.0, 2.0))
     problem = coherent_problem(scene)

@@ -162,7 +162,7 @@ def _fix_faults(result: Evidence) -> list[str]:
 
     The bearing is compared where the settings have one.
     """
-    told, scene, usual = result.settings["scene"], result.scene, result.robot.fix_sd
+    told, scene, usual = result.settings["scene"], result.scene, result.settings["robot"]["fix_sd"]
     marks = scene.get("landmarks") or []
     fixes = scene.get("landmark_fixes") or [None] * len(marks)
     faults = ["landmark_fixes"] * (len(fixes) != len(marks))
