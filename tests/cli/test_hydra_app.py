@@ -492,7 +492,7 @@ MADE = {
     *("run.json", "run.log", "config_resolved.yaml", ".hydra", "metrics.json"),
     *("scene.json", "wind.nc", "automaton.hoa", "automaton.json", "cells.json"),
     *("trees.npz", "front.csv", "front.npz", "plan.json", "plan.csv", "deployments.npz"),
-    *(name for name in EXPORT_FILES.values() if name != "operational_intent.json"),
+    *(name for name in EXPORT_FILES.values() if name not in ("operational_intent.json", "plan.fpl")),
 }
 TIMED = {"run.json", "run.log", "metrics.json", ".hydra"}
 NUMBERS = {
