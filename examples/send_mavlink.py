@@ -1,7 +1,11 @@
 """Send wind, airspeed and heading of each leg of a plan to an autopilot that can fly by them.
 
     pip install pymavlink
-    python examples/send_mavlink.py mavlink_script.json --to udpout:127.0.0.1:14550
+    python examples/send_mavlink.py mavlink_script.json --to udpout:127.0.0.1:14550 --ground 250
+
+With ``--ground``, the height of the start above mean sea level [m], first sends what an aeroplane without
+satellites must know: origin, home, position. Acknowledgements are not waited for; ``pareto-ltl follow --send``
+does that, and checks the vehicle.
 
 Without arguments the script makes a plan first, then encodes and prints its messages; it sends nothing.
 """
@@ -34,6 +38,17 @@ def commands(script: dict[str, Any]) -> Iterator[tuple[float, str, dialect.MAVLi
         yield told["t"], told["name"], message
 
 
+def prologue(script: dict[str, Any], ground: float) -> Iterator[dialect.MAVLink_message]:
+    """Origin, home and position at the start, ``ground`` [m] above mean sea level."""
+    for told in script["prologue"]:
+        x, y, z = told["x"], told["y"], ground if "z" in told["fill_in"] else math.nan
+        if told["message"] == "SET_GPS_GLOBAL_ORIGIN":
+            yield dialect.MAVLink_set_gps_global_origin_message(AUTOPILOT[0], x, y, round(1e3 * z))
+        else:
+            head = (*AUTOPILOT, told["frame"], told["command"], 0, 0)
+            yield dialect.MAVLink_command_int_message(*head, *told["params"], x, y, z)
+
+
 def position_estimate(t: float, lat: float, lon: float, sd: float) -> dialect.MAVLink_message:
     """A position [deg] with its standard deviation [m], measured at a landmark at time ``t`` [s]."""
     command, frame = dialect.MAV_CMD_EXTERNAL_POSITION_ESTIMATE, dialect.MAV_FRAME_GLOBAL
@@ -41,9 +56,12 @@ def position_estimate(t: float, lat: float, lon: float, sd: float) -> dialect.MA
     return dialect.MAVLink_command_int_message(*AUTOPILOT, frame, command, 0, 0, t, 0, sd, 0, *place)
 
 
-def send(script: dict[str, Any], address: str, speedup: float) -> None:
+def send(script: dict[str, Any], address: str, speedup: float, ground: float | None) -> None:
     """Send each message at its time; ``speedup`` shortens the waits."""
     link = mavutil.mavlink_connection(address, source_system=255, dialect="all")
+    for message in () if ground is None else prologue(script, ground):
+        link.mav.send(message)
+        print(f"   before  {message.get_type()}")
     departure = time.monotonic()
     for t, name, message in commands(script):
         time.sleep(max(0.0, departure + t / speedup - time.monotonic()))
@@ -57,15 +75,18 @@ def main() -> None:
     parser.add_argument("script", nargs="?", type=Path)
     parser.add_argument("--to", default="udpout:127.0.0.1:14550", help="address, as pymavlink writes it")
     parser.add_argument("--speedup", type=float, default=1.0)
+    parser.add_argument("--ground", type=float, help="height of the start above mean sea level [m]")
     options = parser.parse_args()
     if options.script is not None:
-        send(json.loads(options.script.read_text()), options.to, options.speedup)
+        send(json.loads(options.script.read_text()), options.to, options.speedup, options.ground)
         return
     with tempfile.TemporaryDirectory() as folder:
         result = pareto_ltl.plan("phi1", "F a", planner={"trees": 2, "n_max": 800}, wind="calm")
         (path,) = pareto_ltl.export(result, folder, ["mavlink"])
         script = json.loads(path.read_text())
     coder = dialect.MAVLink(None, srcSystem=255)
+    for message in prologue(script, 250.0):
+        print(f"   before  {message.get_type():32} {len(message.pack(coder))} bytes")
     for t, name, message in commands(script):
         print(f"{t:9.0f} s  {name:32} {len(message.pack(coder))} bytes")
     estimate = position_estimate(3600.0, 37.0, -92.0, 100.0)

@@ -23,8 +23,16 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as mavlink2
 
 from pareto_ltl.exports.mavlink import prologue
+from pareto_ltl.inflight import link as links
 from pareto_ltl.inflight.following import follow
-from pareto_ltl.inflight.link import Link, LinkSettings, departure_time, logged_readings, signing_key
+from pareto_ltl.inflight.link import (
+    Link,
+    LinkSettings,
+    VehicleClock,
+    departure_time,
+    logged_readings,
+    signing_key,
+)
 from pareto_ltl.inflight.sends import Sender
 from pareto_ltl.inflight.typed import Typed
 from pareto_ltl.inflight.vehicle import Vehicle as Known
@@ -367,3 +375,34 @@ def test_a_typed_fix_becomes_a_reading(free_port: int) -> None:
     vehicle.link.close()
     link.port.close()
     assert (found.place, found.sd) == ((37.1, -94.5), 200.0)
+
+
+def test_the_clock_of_a_vehicle_goes_on_at_its_rate_when_it_is_silent() -> None:
+    own = VehicleClock()
+    assert own.without_message(4.0) is None
+    assert own.of_message(100.0, 5.0, 2.0) == 2.0
+    assert own.without_message(6.0) is None
+    assert own.of_message(130.0, 6.0, 3.0) == 32.0
+    assert own.of_message(130.0, 6.1, 3.1) == pytest.approx(32.001)
+    assert own.without_message(16.1) == pytest.approx(32.0 + 10.0 * 30.0 / 1.1)
+
+
+def test_a_watch_by_the_clock_of_a_vehicle_ends_after_its_telemetry(
+    free_port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(links, "IDLE", 0.2)
+    link = Link(f"udpin:127.0.0.1:{free_port}", None, LinkSettings("now", own_clock=True))
+    vehicle = mavutil.mavlink_connection(f"udpout:127.0.0.1:{free_port}", dialect="all", source_system=7)
+    end, times = 1e3 * PROBLEM.motion.dt * len(PATH.u), list[float]()
+    stream = link.readings()
+    for boot in (0.0, 0.5 * end, 0.9 * end):  # [ms]
+        vehicle.mav.heartbeat_send(1, 3, 129, 15, 4)
+        vehicle.mav.attitude_send(round(boot), 0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
+        vehicle.mav.vfr_hud_send(20.0, 20.0, 6, 50, 100.0, 0.0)
+        times.append(next(stream).time)
+        clock.sleep(0.1)
+    while times[-1] < 1e-3 * end:
+        times.append(next(stream).time)
+    assert times == sorted(times)
+    vehicle.close()
+    link.port.close()

@@ -142,6 +142,39 @@ class LinkSettings:
     own_clock: bool = False
 
 
+@dataclass(slots=True)
+class VehicleClock:
+    """Time after departure by the clock of a vehicle, which may be faster than ours.
+
+    ``first`` and ``last`` are the time of the vehicle [s], seconds after departure, and our time [s] of a
+    message; ``same`` counts the messages since the last one that have its time.
+    """
+
+    first: tuple[float, float, float] | None = None
+    last: tuple[float, float, float] | None = None
+    same: int = 0
+
+    def of_message(self, boot: float, now: float, after: float) -> float:
+        """Time of a message sent at ``boot``; ``after``, by our clock, for the first one and without it.
+
+        Of several messages at one time of the vehicle, each is a little later.
+        """
+        if self.first is None or not math.isfinite(boot):
+            self.first = self.last = (boot, after, now) if math.isfinite(boot) else None
+            return after
+        assert self.last is not None
+        self.same = self.same + 1 if boot == self.last[0] else 0
+        self.last = (boot, self.first[1] + boot - self.first[0], now)
+        return self.last[1] + LITTLE * self.same
+
+    def without_message(self, now: float) -> float | None:
+        """Time if the vehicle's clock went on at its rate since the last message; None before the second."""
+        if self.first is None or self.last is None or self.last[2] <= self.first[2]:
+            return None
+        rate = (self.last[1] - self.first[1]) / (self.last[2] - self.first[2])
+        return self.last[1] + rate * (now - self.last[2])
+
+
 class Link:
     """A connection to an autopilot: its readings, and what is sent to it.
 
@@ -177,8 +210,7 @@ class Link:
         self.sender = Sender(self.port.mav, self.vehicle)
         self.leg: tuple[int, int] | None = None  # the watch and its step whose heading was sent
         self.beaten, self.prepared, self.known = -math.inf, False, 0
-        self.begun: tuple[float, float] | None = None  # time of the vehicle, after departure
-        self.last, self.same = math.nan, 0
+        self.clock = VehicleClock() if settings.own_clock else None
 
     def readings(self) -> Iterator[Reading]:
         """The readings of the vehicle; without any for a while, the time alone. Ctrl-C ends them."""
@@ -204,22 +236,16 @@ class Link:
                 while self.typed is not None and self.typed.fixes:
                     first, second, sd = self.typed.fixes.popleft()
                     yield Reading(self._time(now), place=(first, second), sd=sd)
-                if now > quiet + IDLE and not self.settings.own_clock:
+                if now > quiet + IDLE:
                     quiet = now
-                    yield Reading(self._time(now))
+                    own = None if self.clock is None else self.clock.without_message(now)
+                    yield Reading(now - self.departure if own is None else own)
 
     def _time(self, now: float) -> float:
-        """Seconds after departure; of several messages at one time of the vehicle, each is a little later."""
+        """Seconds after departure of the last message."""
         assert self.departure is not None
-        if not self.settings.own_clock:
-            return now - self.departure
-        first, boot = self.begun, self.vehicle.boot
-        if first is None or not math.isfinite(boot):
-            self.begun = None if not math.isfinite(boot) else (boot, now - self.departure)
-            return now - self.departure
-        self.same = self.same + 1 if boot == self.last else 0
-        self.last = boot
-        return first[1] + boot - first[0] + LITTLE * self.same
+        after = now - self.departure
+        return after if self.clock is None else self.clock.of_message(self.vehicle.boot, now, after)
 
     # --- sending ---
 
