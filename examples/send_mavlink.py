@@ -4,8 +4,8 @@
     python examples/send_mavlink.py mavlink_script.json --to udpout:127.0.0.1:14550 --ground 250
 
 With ``--ground``, the height of the start above mean sea level [m], first sends what an aeroplane without
-satellites must know: origin, home, position. Acknowledgements are not waited for; ``pareto-ltl follow --send``
-does that, and checks the vehicle.
+satellites must know: origin, home, position. Acknowledgements are not waited for: ``pareto-ltl follow`` does
+that, and checks the vehicle.
 
 Without arguments the script makes a plan first, then encodes and prints its messages; it sends nothing.
 """
