@@ -365,7 +365,7 @@ def test_without_a_budget_nothing_is_varied(grown):
     assert list(front_sweep.improved_fronts(sweep, None, front_within(grown, CountedBudget(5)))) == []
 
 
-def test_progress_tells_the_least_failure_its_length_and_the_volume(grown):
+def test_progress_tells_how_many_paths_there_are_and_how_the_safest_fails(grown):
     told, last = [], []
 
     def hear(done, total, state, found):
@@ -376,5 +376,5 @@ def test_progress_tells_the_least_failure_its_length_and_the_volume(grown):
     assert [done for done, *_ in told][:3] == [5, 6, 7]  # a coarse search has four steps before
     assert told[-1][:2] == (8, 8)
     assert [failed for failed, _ in last] == [k.failed for k in front]
-    form = r"fails \S+ % at [\d,]+ km, hypervolume [01]\.\d{4}"
+    form = r"\d+ paths of at least [\d,]+ km; the safest fails \S+ % at [\d,]+ km"
     assert all(re.fullmatch(form, state) for *_, state in told)

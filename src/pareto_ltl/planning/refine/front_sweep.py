@@ -20,11 +20,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-
-import numpy as np
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath
@@ -43,7 +41,6 @@ from pareto_ltl.planning.refine.levels import filled_gaps, swept_down, swept_up
 from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
 from pareto_ltl.planning.refine.sweep import Sweep, new_sweep, reassessed, smoothed
-from pareto_ltl.planning.selection import hypervolume
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.cores import cores
@@ -108,21 +105,21 @@ def searched(
     With a power curve, slower ones that take less energy follow them. ``progress`` is called after each
     of the :data:`SEARCH_STEPS` steps, the ``before`` earlier ones counted.
     """
-    seen, told = sorted(seen, key=smoothed), _Teller(progress, before)
+    seen, report = sorted(seen, key=smoothed), _Reporter(progress, before)
     sweep = replace(sweep, hopeless=hopeless_above(seen))
-    told(1, seen)
+    report(1, seen)
     levels = swept_down(sweep, pool, seen)
-    told(2, [*seen, *chain(*levels)])
+    report(2, [*seen, *chain(*levels)])
     levels += swept_up(sweep, pool, levels)
     levels += filled_gaps(sweep, pool, levels)
     front = front_of(chain(*levels)) or seen[:1]
-    told(3, front)
+    report(3, front)
     for better in improved_fronts(sweep, pool, front):
         front = better
-        told(3, front)
+        report(3, front)
     found = front_of(finished_points(sweep, pool, front))
     found = front_of([*found, *lengthened_points(sweep, found)])
-    told(4, found)
+    report(4, found)
     return [*found, *slower_points(sweep, pool, found)]
 
 
@@ -131,26 +128,20 @@ def beats(one: Candidate, other: Candidate) -> bool:
     return one.length <= other.length and one.failed <= other.failed
 
 
-class _Teller:
-    """Reports the progress of a front: its least failure rate, the length of that path, its hypervolume.
+@dataclass(frozen=True, slots=True)
+class _Reporter:
+    """Reports the progress of a front in two searches, the ``before`` steps of the first one counted."""
 
-    The hypervolume is that of smoothed failure and length, up to 1 and twice the longest path of the first
-    front.
-    """
-
-    def __init__(self, progress: Progress | None, before: int) -> None:
-        self.progress, self.before = progress, before
-        self.longest = 0.0
+    progress: Progress | None
+    before: int
 
     def __call__(self, done: int, found: Iterable[Candidate]) -> None:
         front = front_of(found)
         if self.progress is None or not front:
             return
         safest = front[-1]
-        self.longest = self.longest or 2.0 * safest.length
-        rows = np.array([[k.smoothed, k.length] for k in front])
-        volume = hypervolume(rows, np.array([1.0, self.longest]))
         state = (
-            f"fails {100 * safest.failed:.2g} % at {safest.length / 1e3:,.0f} km, hypervolume {volume:.4f}"
+            f"{len(front)} paths of at least {front[0].length / 1e3:,.0f} km; the safest fails "
+            f"{100 * safest.failed:.2g} % at {safest.length / 1e3:,.0f} km"
         )
         self.progress(self.before + done, 2 * SEARCH_STEPS, state, [(k.failed, k.flight.x) for k in front])
