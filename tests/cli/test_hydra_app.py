@@ -24,7 +24,7 @@ from pareto_ltl.run.records import RecordKey
 from pareto_ltl.run.results import Results
 from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
 from pareto_ltl.studies import stages
 from pareto_ltl.support import memory
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
@@ -492,7 +492,7 @@ MADE = {
     *("run.json", "run.log", "config_resolved.yaml", ".hydra", "metrics.json"),
     *("scene.json", "wind.nc", "automaton.hoa", "automaton.json", "cells.json"),
     *("trees.npz", "front.csv", "front.npz", "plan.json", "plan.csv", "deployments.npz"),
-    *(name for name in EXPORT_FILES.values() if name not in ("operational_intent.json", "plan.fpl")),
+    *(name for kind, name in EXPORT_FILES.items() if kind not in ON_REQUEST),
 }
 TIMED = {"run.json", "run.log", "metrics.json", ".hydra"}
 NUMBERS = {

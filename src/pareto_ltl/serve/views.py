@@ -15,7 +15,7 @@ import numpy as np
 from pareto_ltl.exports.degrees import lonlat
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import Front
-from pareto_ltl.report.page.ground import rounded, shown_wind
+from pareto_ltl.report.page.ground import map_places, rounded, shown_wind
 from pareto_ltl.report.page.limits import limit_texts
 from pareto_ltl.report.page.points import chosen_number, flown_path, shown_flights, shown_path, shown_points
 from pareto_ltl.report.page.shown_run import ShownRun
@@ -48,10 +48,15 @@ def one_at_a_time(make: Callable[..., Shown]) -> Callable[..., Shown]:
 
 @one_at_a_time
 def front_view(directory: Path) -> dict[str, Any]:
-    """The points of the front as ``front.csv`` has them, the number of the plan, and the wind law."""
+    """The points of the front as ``front.csv`` has them, the number of the plan, and the wind law.
+
+    A plan that was made after an alarm has no points: ``planned`` is its path, ``alarms`` are the reasons.
+    """
     run = _shown(directory)
-    front = run.front
+    front, alarmed = run.front, run.plan is not None and run.plan.alarmed
     return {
+        "planned": map_places(run.scene, run.plan.path.x) if alarmed and run.plan is not None else [],
+        "alarms": read_json(directory / "replan.json")["alarms"] if alarmed else [],
         "points": [] if front is None else _rows(front),
         "chosen": chosen_number(front, run.plan),
         "law": "" if front is None else front.models.law,

@@ -139,6 +139,7 @@ export class Result {
   async takeFront() {
     const { id, ends } = this, [front, wind] = await Promise.all([ask("GET", `/api/plans/${id}/front`), ask("GET", `/api/plans/${id}/wind`)]);
     if (id !== this.id || ends.signal.aborted) return;
+    if (!front.points.length) return this.showAlarm(front);
     const again = this.front !== null, { picked } = this;
     if (again && front.chosen === null && this.front.chosen !== null) return;  // this answer is the older one
     Object.assign(this, { front, wind: new WindLayer(wind) });
@@ -147,6 +148,13 @@ export class Result {
     document.querySelector("main").classList.add("planned");
     if (!again) byId("plan-title").scrollIntoView();
     await this.show(picked ? this.shown : front.chosen ?? Math.floor(front.points.length / 2), !again, picked);
+  }
+
+  /** Show the path of a plan that was made after an alarm; it has no front and no rates. */
+  showAlarm({ planned, alarms }) {
+    Object.assign(this, { early: planned.length ? [{ line: planned }] : [], looked: 0 });
+    if (planned.length) this.fit(planned);
+    throw new Error(alarms.length ? `No failure rate is promised: ${alarms.join("; ")}. The path is shown without one.` : "The result has no front.");
   }
 
   /** Load all points one after another, so that a click shows its path at once. */
