@@ -24,7 +24,7 @@ from pareto_ltl_verify.flights import Ground, Simulator
 from pareto_ltl_verify.formula import Dfa, covers, losing
 from pareto_ltl_verify.gaussians import Way, growing, label_masses, ordered, path_bound, way_risks
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, convex
-from pareto_ltl_verify.laws import Coherent, Course, Independent, Landmark, Law, Robot, fix_error
+from pareto_ltl_verify.laws import Coherent, Course, Independent, Law, Robot, landmarks_of
 from pareto_ltl_verify.segments import with_lines
 from pareto_ltl_verify.timetable import Timetable, windows_of
 from pareto_ltl_verify.wind_modes import PartCovariance, part_covariances
@@ -289,13 +289,9 @@ class Evidence:
         if name == "independent":
             return Independent(self.wind, times, self.robot)
         used = self.planned_law == "coherent" and self.settings["fidelity"]["judge"] == "flights"
-        marks = self.scene.get("landmarks") or [] if used and not self.robot.feedback else []
-        fixes = self.scene.get("landmark_fixes") or [None] * len(marks)
-        landmarks = (
-            Landmark(convex(mark), fix_error(fix, self.robot.fix_sd))
-            for mark, fix in zip(marks, fixes, strict=False)
-        )
-        return Coherent(self.wind, times, self.robot, tuple(landmarks))
+        fixed = used and not self.robot.feedback
+        landmarks = landmarks_of(self.scene, self.robot.fix_sd) if fixed else ()
+        return Coherent(self.wind, times, self.robot, landmarks)
 
     @property
     def planned_law(self) -> str:

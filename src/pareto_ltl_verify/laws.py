@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_verify.gaussians import in_polygon
-from pareto_ltl_verify.geometry import Convex
+from pareto_ltl_verify.geometry import Convex, convex
 from pareto_ltl_verify.wind_tables import TIME, Clock, WindFile, at_step, square_of
 
 WORTHWHILE = 0.01  # share of the unknown variance: fixes that take less are ignored
@@ -176,6 +176,14 @@ def fix_error(told: dict[str, float] | None, usual: float) -> FloatArray:
     angle = math.radians(90.0 - told.get("bearing", 0.0))  # anticlockwise from x
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     return np.asarray(turn @ np.diag([along**2, across**2]) @ turn.T, float)
+
+
+def landmarks_of(scene: dict[str, Any], usual: float) -> tuple[Landmark, ...]:
+    """The landmarks of ``scene.json``; ``usual`` as for :func:`fix_error`."""
+    marks = scene.get("landmarks") or []
+    fixes = scene.get("landmark_fixes") or [None] * len(marks)
+    pairs = zip(marks, fixes, strict=False)
+    return tuple(Landmark(convex(mark), fix_error(fix, usual)) for mark, fix in pairs)
 
 
 @dataclass(frozen=True, slots=True)

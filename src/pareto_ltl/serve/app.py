@@ -324,8 +324,12 @@ def _endpoint(desk: Desk, make: Endpoint) -> Callable[[Request], Any]:
 
 
 async def _page_file(request: Request) -> Response:
-    name = request.path_params.get("name", "index.html")
-    parts = (file for folder in (PAGE, FOLDER) for file in files(folder).iterdir())
+    return file_of_page(request.path_params.get("name", "index.html"), PAGE)
+
+
+def file_of_page(name: str, package: str) -> Response:
+    """The file ``name`` of a page, from its ``package`` or from the components that all pages share."""
+    parts = (file for folder in (package, FOLDER) for file in files(folder).iterdir())
     known = {file.name: file for file in parts if file.name.rpartition(".")[2] in KINDS}
     if name not in known:
         return JSONResponse({"error": "there is no such file"}, 404)

@@ -9,7 +9,6 @@ import math
 import secrets
 import socket
 import threading
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,10 +20,9 @@ from starlette.routing import Route
 
 from pareto_ltl.inflight.lines import event_line
 from pareto_ltl.inflight.watch import Event, Watch
-from pareto_ltl.report.components import FOLDER
 from pareto_ltl.report.page.ground import map_places, north_turn, shown_map
 from pareto_ltl.report.page.points import plan_spread
-from pareto_ltl.serve.app import KINDS
+from pareto_ltl.serve.app import file_of_page
 from pareto_ltl.serve.guard import Guard
 from pareto_ltl.serve.server import ADDRESS
 from pareto_ltl.support.errors import ConfigError
@@ -137,9 +135,4 @@ def live_app(page: LivePage, token: str, port: int) -> Guard:
 
 
 async def _file(request: Request) -> Response:
-    name = request.path_params.get("name", "live.html")
-    parts = (file for folder in (PAGE, FOLDER) for file in files(folder).iterdir())
-    known = {file.name: file for file in parts if file.name.rpartition(".")[2] in KINDS}
-    if name not in known:
-        return JSONResponse({"error": "there is no such file"}, 404)
-    return Response(known[name].read_bytes(), media_type=KINDS[name.rpartition(".")[2]])
+    return file_of_page(request.path_params.get("name", "live.html"), PAGE)
