@@ -20,8 +20,8 @@ from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import completes_mission
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.refine import programme, smoothing
-from pareto_ltl.planning.refine.orders import possible_orders
-from pareto_ltl.planning.refine.taut_lines import taut_line
+from pareto_ltl.planning.routes.orders import possible_orders
+from pareto_ltl.planning.routes.taut_lines import taut_line
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, SmoothingConfig, WindConfig
 from pareto_ltl.support.resources import resource_folder
 from pareto_ltl.wind.records import WindField

@@ -6,7 +6,6 @@ import gc
 import io
 import sys
 
-
 GARBAGE = (50_000, 10, 10)  # objects and rounds between collections: at Python's 700, they take 10 % of a run
 
 

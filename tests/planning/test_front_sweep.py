@@ -21,7 +21,6 @@ from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine import MORE_FLIGHTS, front_sweep, length_caps, sampled_paths
-from pareto_ltl.planning.refine.path_classes import path_class
 from pareto_ltl.planning.refine.sampled import Candidate, path_length, resampled_means
 from pareto_ltl.planning.refine.starts import (
     Start,
@@ -31,6 +30,7 @@ from pareto_ltl.planning.refine.starts import (
     returning_starts,
     tree_starts,
 )
+from pareto_ltl.planning.routes.path_classes import path_class
 from pareto_ltl.planning.selection import hypervolume
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights, is_certain

@@ -14,7 +14,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.no_path import explain_no_path, explain_no_safe_path
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.taut_lines import CAP
+from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.selection import tree_front
 from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, preset
 from pareto_ltl.support.errors import InfeasibleError

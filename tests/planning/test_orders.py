@@ -7,7 +7,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from pareto_ltl.planning.refine import orders
+from pareto_ltl.planning.routes import orders
 from problems import box, make_problem, make_scene
 
 SPOTS = [(4 * k + 2.0, 4.0 * j + 2.0) for k, j in product(range(1, 5), range(3))]

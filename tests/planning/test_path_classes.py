@@ -11,7 +11,7 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.planning.refine.path_classes import crossed_rays, path_class, path_word, reduced_word
+from pareto_ltl.planning.routes.path_classes import crossed_rays, path_class, path_word, reduced_word
 from pareto_ltl.support.arrays import FloatArray
 from problems import KM, along, box, make_problem, make_scene
 

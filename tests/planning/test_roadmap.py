@@ -9,9 +9,9 @@ import pytest
 import shapely
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine import roadmap
-from pareto_ltl.planning.refine.path_classes import path_class, path_word
-from pareto_ltl.planning.refine.roadmap import roadmap_lines, sight_graph
+from pareto_ltl.planning.routes import roadmap
+from pareto_ltl.planning.routes.path_classes import path_class, path_word
+from pareto_ltl.planning.routes.roadmap import roadmap_lines, sight_graph
 from problems import box, make_problem, make_scene
 
 OBSTACLES = [box(6, 8, 8, 12), box(11, 7, 13, 11)]

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from large_maps import SIDE, rough_disc
-from pareto_ltl.planning.refine.search_map import MANY_CORNERS, MAP_SHARE, search_map
+from pareto_ltl.planning.routes.search_map import MANY_CORNERS, MAP_SHARE, search_map
 from problems import KM, box, make_problem, make_scene, two_goals
 
 

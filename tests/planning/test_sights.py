@@ -9,10 +9,11 @@ import pytest
 import shapely
 
 from landmarks import LANDMARK_SCENE, landmark_problem
-from pareto_ltl.planning.refine.roadmap import led_lines
-from pareto_ltl.planning.refine.sights import Attraction, sights
+from pareto_ltl.planning.refine.attraction import Attraction
 from pareto_ltl.planning.refine.starts import roadmap_starts
 from pareto_ltl.planning.refine.step_programme import Descent
+from pareto_ltl.planning.routes.roadmap import led_lines
+from pareto_ltl.planning.routes.sights import sights
 from problems import KM, box
 
 MARKS = (box(5, 9, 7, 11), box(10, 4, 12, 6))

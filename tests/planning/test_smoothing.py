@@ -20,8 +20,8 @@ from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propa
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.records import objective_row
 from pareto_ltl.planning.refine import programme, separation, smoothing, statement
-from pareto_ltl.planning.refine.obligations import path_obligations
-from pareto_ltl.planning.refine.taut_lines import CAP, pull_taut, walk_line
+from pareto_ltl.planning.routes.obligations import path_obligations
+from pareto_ltl.planning.routes.taut_lines import CAP, pull_taut, walk_line
 from pareto_ltl.planning.wind_lookup import interpolate, wind_and_gradient
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SmoothingConfig, WindConfig
 from pareto_ltl.wind.records import WindField

@@ -11,9 +11,9 @@ import shapely
 from large_maps import MEGABYTE, SIDE, Waiting, many_discs, rough_disc
 from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate, square_matrices
 from pareto_ltl.planning.refine import separation, smoothing
-from pareto_ltl.planning.refine.obligations import path_obligations
-from pareto_ltl.planning.refine.orders import possible_orders
-from pareto_ltl.planning.refine.taut_lines import taut_line, walk_line
+from pareto_ltl.planning.routes.obligations import path_obligations
+from pareto_ltl.planning.routes.orders import possible_orders
+from pareto_ltl.planning.routes.taut_lines import taut_line, walk_line
 from pareto_ltl.settings import SmoothingConfig
 from problems import KM, box, make_problem, make_scene, rough_wind
 

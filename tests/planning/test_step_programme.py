@@ -9,9 +9,9 @@ import pytest
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.course import FACE_MARGIN
 from pareto_ltl.planning.refine.step_programme import RIDGE, Descent, next_means
-from pareto_ltl.planning.refine.taut_lines import CAP
+from pareto_ltl.planning.routes.course import FACE_MARGIN
+from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.arrays import FloatArray

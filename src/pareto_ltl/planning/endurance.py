@@ -9,7 +9,7 @@ import numpy as np
 from pareto_ltl.planning.power import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front
-from pareto_ltl.planning.refine.taut_lines import CAP
+from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.shortest_mission import flight_time, with_airspeed
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.settings.building import section_of

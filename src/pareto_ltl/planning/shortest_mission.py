@@ -19,11 +19,11 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.obligations import completes
-from pareto_ltl.planning.refine.orders import MissionOrder, possible_orders
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.starts import line_starts
-from pareto_ltl.planning.refine.taut_lines import longest_share, taut_line, walk_line
+from pareto_ltl.planning.routes.obligations import completes
+from pareto_ltl.planning.routes.orders import MissionOrder, possible_orders
+from pareto_ltl.planning.routes.taut_lines import longest_share, taut_line, walk_line
 from pareto_ltl.planning.wind_lookup import interpolate
 from pareto_ltl.support.arrays import FloatArray
 

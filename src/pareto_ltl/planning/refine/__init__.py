@@ -1,11 +1,10 @@
 """Refinement of tree paths (the only package that imports cvxpy).
 
 A tree path is feasible, but it is not straight and has more steps than it needs. With
-``fidelity.refine=convex`` smoothing has three operations. *Pull* (``taut_lines``) draws a taut line through
-the points where the path visits its regions, around the corners of obstacles; for this search alone, outlines
-with many corners are simplified (``search_map``). *Walk* divides a line into as few steps as the wind allows,
-since every step adds covariance. *Bend* (``programme``) solves one convex programme about the last iterate,
-propagates exactly, and repeats.
+``fidelity.refine=convex`` smoothing has three operations. *Pull* (``planning.routes``) draws a taut line
+through the points where the path visits its regions, around the corners of obstacles. *Walk* divides a line
+into as few steps as the wind allows, since every step adds covariance. *Bend* (``programme``) solves one
+convex programme about the last iterate, propagates exactly, and repeats.
 
 With ``fidelity.refine=sampled`` the failure rate of common flights is minimised directly (``sampled``), from
 one start for each way to complete the mission (``starts``), at many lengths (``front_sweep``).

@@ -18,7 +18,7 @@ from pareto_ltl.planning.refine.levels import WORTH
 from pareto_ltl.planning.refine.pacing import retimed_means
 from pareto_ltl.planning.refine.sampled import Candidate, path_length
 from pareto_ltl.planning.refine.sweep import FINE, Sweep, smoothed
-from pareto_ltl.planning.refine.taut_lines import CAP
+from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 

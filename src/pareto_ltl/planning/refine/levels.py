@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import chain, pairwise
 
 from pareto_ltl.planning.refine.length_caps import KEPT, SPACING, front_of
-from pareto_ltl.planning.refine.path_classes import path_class
 from pareto_ltl.planning.refine.sampled import Candidate
 from pareto_ltl.planning.refine.sweep import (
     WARM,
@@ -18,6 +17,7 @@ from pareto_ltl.planning.refine.sweep import (
     on_other_sides,
     smoothed,
 )
+from pareto_ltl.planning.routes.path_classes import path_class
 
 SPARE = (0, 1, 3)  # numbers of steps tried, beyond the fewest
 FLIP_EVERY = 3  # levels of the falling sweep between trials of other sides

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.obligations import completes
 from pareto_ltl.planning.refine.sampled import resampled_means
+from pareto_ltl.planning.routes.obligations import completes
 from pareto_ltl.support.arrays import FloatArray
 
 SHUTTLE = 0.8  # share of a full step that a robot with a least airspeed flies to and fro where it waits

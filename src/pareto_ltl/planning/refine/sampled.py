@@ -24,11 +24,11 @@ from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import airspeed_limits, propagate, propagate_controls, takes_fixes
 from pareto_ltl.planning.margin_model import margin_scratch
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.attraction import Attraction
 from pareto_ltl.planning.refine.programme import programmes_of
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
-from pareto_ltl.planning.refine.sights import Attraction
 from pareto_ltl.planning.refine.step_programme import Descent, next_means
-from pareto_ltl.planning.refine.taut_lines import CAP
+from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.support.arrays import FloatArray, IntArray
 

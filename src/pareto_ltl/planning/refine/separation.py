@@ -14,8 +14,8 @@ from pareto_ltl.planning.barriers import LEAST, barrier_polygons, lines_of
 from pareto_ltl.planning.pack import NO_LIMIT, pack_faces
 from pareto_ltl.planning.pack_logic import pack_corners
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.obligations import face_deviations, path_obligations
-from pareto_ltl.planning.refine.search_map import search_map
+from pareto_ltl.planning.routes.obligations import face_deviations, path_obligations
+from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 ROWS = 2  # lines of a segment in a programme, the closest ones (3 take half as long again)

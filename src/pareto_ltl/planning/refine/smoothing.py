@@ -14,14 +14,14 @@ import numpy as np
 from pareto_ltl.planning.evaluate import completing_path, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
-from pareto_ltl.planning.refine.obligations import completes, path_obligations
-from pareto_ltl.planning.refine.orders import MissionOrder, mission_order
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.programme import Programme, programme
-from pareto_ltl.planning.refine.search_map import search_map
 from pareto_ltl.planning.refine.separation import kept_deviations
 from pareto_ltl.planning.refine.step_programme import NARROWEST
-from pareto_ltl.planning.refine.taut_lines import CAP, pull_taut, taut_line, walk_line
+from pareto_ltl.planning.routes.obligations import completes, path_obligations
+from pareto_ltl.planning.routes.orders import MissionOrder, mission_order
+from pareto_ltl.planning.routes.search_map import search_map
+from pareto_ltl.planning.routes.taut_lines import CAP, pull_taut, taut_line, walk_line
 from pareto_ltl.settings import SmoothingConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError

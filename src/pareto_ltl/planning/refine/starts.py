@@ -16,13 +16,13 @@ from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import completing_path, propagate, square_matrices
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath, Tree
-from pareto_ltl.planning.refine.orders import possible_orders
 from pareto_ltl.planning.refine.pacing import paced_line
-from pareto_ltl.planning.refine.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
-from pareto_ltl.planning.refine.roadmap import led_lines, roadmap_lines
 from pareto_ltl.planning.refine.sampled import path_length
-from pareto_ltl.planning.refine.search_map import blocked_area, meets
-from pareto_ltl.planning.refine.taut_lines import taut_line, walk_line
+from pareto_ltl.planning.routes.orders import possible_orders
+from pareto_ltl.planning.routes.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
+from pareto_ltl.planning.routes.roadmap import led_lines, roadmap_lines
+from pareto_ltl.planning.routes.search_map import blocked_area, meets
+from pareto_ltl.planning.routes.taut_lines import taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError

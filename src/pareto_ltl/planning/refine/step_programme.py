@@ -9,8 +9,8 @@ import numpy as np
 
 from pareto_ltl.planning.evaluate import airspeed_limits
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.course import FACE_MARGIN
-from pareto_ltl.planning.refine.taut_lines import CAP
+from pareto_ltl.planning.routes.course import FACE_MARGIN
+from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.support.arrays import FloatArray
 

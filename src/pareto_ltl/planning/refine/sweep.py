@@ -12,7 +12,6 @@ from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.length_caps import KEPT
 from pareto_ltl.planning.refine.pacing import retimed_means
-from pareto_ltl.planning.refine.path_classes import PathClass, path_class
 from pareto_ltl.planning.refine.sampled import (
     Candidate,
     CommonFlights,
@@ -22,6 +21,7 @@ from pareto_ltl.planning.refine.sampled import (
     steps_needed,
 )
 from pareto_ltl.planning.refine.starts import Start, flipped_starts, unlike_starts
+from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget

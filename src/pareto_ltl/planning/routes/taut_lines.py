@@ -13,11 +13,11 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.visibility import TOUCH, Distances, Places, arrivals, seen_places
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.bends import bend_places, gap_places
-from pareto_ltl.planning.refine.course import FACE_MARGIN, Course, mission_course
-from pareto_ltl.planning.refine.obligations import face_deviations
-from pareto_ltl.planning.refine.orders import MissionOrder
-from pareto_ltl.planning.refine.search_map import search_map
+from pareto_ltl.planning.routes.bends import bend_places, gap_places
+from pareto_ltl.planning.routes.course import FACE_MARGIN, Course, mission_course
+from pareto_ltl.planning.routes.obligations import face_deviations
+from pareto_ltl.planning.routes.orders import MissionOrder
+from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.planning.wind_lookup import interpolate
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
@@ -74,7 +74,7 @@ def taut_line(
     step has one face of every obstacle that is cleared at both its ends, as in (M39). The line bends at
     vertices of ``path``, at corners of obstacles that grow with the time of arrival (σ of the path at that
     step), and in regions. ``depth`` in [0, 1] says how deep into a region a visit goes: 0 the rim, 1 the
-    middle. Polygons with many corners are simplified (:mod:`~pareto_ltl.planning.refine.search_map`).
+    middle. Polygons with many corners are simplified (:mod:`~pareto_ltl.planning.routes.search_map`).
 
     The search is A* over the places of all transitions; its heuristic is the way left without walls (Hart,
     Nilsson and Raphael, 1968, doi:10.1109/TSSC.1968.300136). None if there is no line.

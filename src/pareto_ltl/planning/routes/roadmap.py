@@ -22,11 +22,11 @@ import numpy as np
 
 from pareto_ltl.planning.pack_logic import helpful_delta
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.bends import bend_places
-from pareto_ltl.planning.refine.course import FACE_MARGIN
-from pareto_ltl.planning.refine.path_classes import Word, crossed_rays, reduced_word
-from pareto_ltl.planning.refine.search_map import blocked_area, meets, search_map
-from pareto_ltl.planning.refine.sights import sights
+from pareto_ltl.planning.routes.bends import bend_places
+from pareto_ltl.planning.routes.course import FACE_MARGIN
+from pareto_ltl.planning.routes.path_classes import Word, crossed_rays, reduced_word
+from pareto_ltl.planning.routes.search_map import blocked_area, meets, search_map
+from pareto_ltl.planning.routes.sights import sights
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Landmarks on the way: which a path crosses, and what keeps a polish in them."""
+"""What keeps a polish in the landmarks that it profits from."""
 
 from __future__ import annotations
 
@@ -8,24 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import expit
 
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.search_map import meets
 from pareto_ltl.planning.refine.step_programme import Descent
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import half_planes
 
 NEAREST = 3  # legs of a path on which a flight may be deepest in a landmark
 SHARES = (0.5, 1.0)  # of a leg, where that is evaluated
-
-
-def sights(problem: Problem, x: FloatArray) -> BoolArray:
-    """Whether each leg of the means ``x`` (T+1, 2) [m] crosses each landmark, (T, K)."""
-    import shapely
-
-    crossed = np.zeros((max(len(x) - 1, 0), len(problem.landmarks)), bool)
-    for k, corners in enumerate(problem.landmarks):
-        crossed[:, k] = meets(shapely.Polygon(corners), x[:-1], x[1:])
-    return crossed
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,9 +11,9 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.visibility import Places, Walls
 from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.bends import bend_places
-from pareto_ltl.planning.refine.orders import MissionOrder
-from pareto_ltl.planning.refine.search_map import SearchMap
+from pareto_ltl.planning.routes.bends import bend_places
+from pareto_ltl.planning.routes.orders import MissionOrder
+from pareto_ltl.planning.routes.search_map import SearchMap
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import inside_depth
 
