@@ -26,6 +26,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--seeds", default="0,1,2,3,4", help="seeds of the runs of each mission")
     parser.add_argument("--only", default="", help="names of missions, with commas")
     parser.add_argument("--tenth", action="store_true", help="one mission of every kind instead of COUNT")
+    parser.add_argument("--landmarks", type=int, help="landmarks of every map, all without position feedback")
     parser.add_argument("--variants", default="full,quick,bare", help=f"of {', '.join(VARIANTS)}")
     parser.add_argument("--limit", type=float, default=600.0, help="seconds after which a run is stopped")
     parser.add_argument("--jobs", type=int, default=1, choices=(1, 2), help="runs at the same time")
@@ -49,14 +50,17 @@ def main() -> int:
     asked = arguments()
     out = asked.out.resolve()
     chosen = (
-        made_missions.tenth(asked.seed) if asked.tenth else made_missions.missions(asked.count, asked.seed)
+        made_missions.tenth(asked.seed)
+        if asked.tenth
+        else made_missions.missions(asked.count, asked.seed, asked.landmarks)
     )
     if left := made_missions.left_out():
         print(
             f"left out, since the NOAA files are not beside this checkout: missions of kind {', '.join(left)}"
         )
     chosen = [mission for mission in chosen if not asked.only or mission.name in asked.only]
-    prepare(chosen, out, {"seed": asked.seed, "tenth": asked.tenth, "words": asked.words})
+    drawn = {"seed": asked.seed, "tenth": asked.tenth, "landmarks": asked.landmarks}
+    prepare(chosen, out, {**drawn, "words": asked.words})
     unit = unit_seconds(out, asked.words, asked.limit) if asked.unit else None
     run_all(tasks(chosen, asked.seeds, asked.variants), out, asked)
     judged = judge(read_rows(out), read_tags(out))

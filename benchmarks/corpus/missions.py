@@ -174,15 +174,18 @@ def _thinned(points: FloatArray) -> FloatArray:
     return points[:: math.ceil(len(points) / 60)].round(5)
 
 
-def missions(count: int, seed: int) -> list[Mission]:
-    """``count`` missions, without those that need files that are not there (see ``left_out``)."""
+def missions(count: int, seed: int, landmarks: int | None = None) -> list[Mission]:
+    """``count`` missions, without those that need files that are not there (see ``left_out``).
+
+    With ``landmarks``, each map has room for as many or fewer, and no vehicle has position feedback.
+    """
     shares = np.array([kind.share for kind in KINDS]) / sum(kind.share for kind in KINDS)
     made = []
     for number in range(count):
         source = np.random.SeedSequence(seed, spawn_key=(number,))
         kind = KINDS[int(np.random.default_rng(source.spawn(1)[0]).choice(len(KINDS), p=shares))]
         if is_available(kind):
-            made.append(make(kind, f"m{number:03d}", source))
+            made.append(make(kind, f"m{number:03d}", source, landmarks))
     return made
 
 
@@ -208,12 +211,12 @@ def left_out() -> list[str]:
     return [kind.name for kind in KINDS if not is_available(kind)]
 
 
-def make(kind: Kind, name: str, source: np.random.SeedSequence) -> Mission:
+def make(kind: Kind, name: str, source: np.random.SeedSequence, landmarks: int | None = None) -> Mission:
     """A mission of ``kind``; drawn again until it fits the range of the vehicle and the hours of wind."""
     drawing, files = source.spawn(2)
     rng = np.random.default_rng(drawing)
     for _ in range(DRAWS):
-        made = _draw(rng, kind, name, files)
+        made = _draw(rng, kind, name, files, landmarks)
         if made is not None:
             return made
     raise RuntimeError(
@@ -225,11 +228,13 @@ def _pick(rng: np.random.Generator, choices: Sequence[str]) -> str:
     return str(choices[int(rng.integers(len(choices)))])
 
 
-def _draw(rng: np.random.Generator, kind: Kind, name: str, files: np.random.SeedSequence) -> Mission | None:
+def _draw(
+    rng: np.random.Generator, kind: Kind, name: str, files: np.random.SeedSequence, landmarks: int | None
+) -> Mission | None:
     """One mission; None if it does not fit."""
     vehicle = VEHICLES[_pick(rng, kind.vehicles or AIRCRAFT)]
     shape, wind = _shape(rng, kind), _pick(rng, kind.winds)
-    recipe = _recipe(rng, kind, vehicle, shape.regions)
+    recipe = _recipe(rng, kind, vehicle, shape.regions, landmarks)
     goals = draw_goals(rng, recipe)
     if goals is None or goals.tour > vehicle.tour:
         return None
@@ -242,6 +247,7 @@ def _draw(rng: np.random.Generator, kind: Kind, name: str, files: np.random.Seed
         features = _timed(rng, features, hours)
     formula = shape.text.format(early=math.ceil(60 * EARLY * hours), late=math.ceil(60 * LATE * hours))
     feedback = float(rng.choice([60.0, 600.0, 3600.0])) if rng.random() < vehicle.feedback else 0.0
+    feedback = feedback if landmarks is None else 0.0
     words = [f"mission.formula='{formula}'", f"robot={vehicle.preset}", f"mission.start_time={departure}"]
     words += [f"robot.feedback_time={feedback:g}"] if feedback else []
     number = Counter(feature.role for feature in features)
@@ -256,10 +262,13 @@ def _draw(rng: np.random.Generator, kind: Kind, name: str, files: np.random.Seed
     return Mission(name, features, format, recipe.place, recipe.half, words, files, tags)
 
 
-def _recipe(rng: np.random.Generator, kind: Kind, vehicle: Vehicle, regions: int) -> Recipe:
+def _recipe(
+    rng: np.random.Generator, kind: Kind, vehicle: Vehicle, regions: int, asked: int | None
+) -> Recipe:
     """Numbers of a map; one with landmarks has a border, so that it is the same map without them."""
     south, north, west, east = PLACES[kind.place]
     landmarks = int(rng.integers(1, 4)) if rng.random() < LANDMARKS else 0
+    landmarks = landmarks if asked is None else asked
     borders = [border for border in kind.borders or BORDERS if border != "none" or not landmarks]
     return Recipe(
         place=Place(rng.uniform(south, north), rng.uniform(west, east)),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import html
 import json
 import random
+import re
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -301,6 +303,47 @@ def test_faults_are_said_in_the_page(browser: Browser, desk: RunningDesk) -> Non
         opened.wait("document.querySelector('#map .spot') !== null")  # where it is
         assert page.locator("#problem").inner_text().startswith("Obstacle 2 overlaps region")
         assert page.locator("#features li").count() == 5
+
+
+def test_a_landmark_has_the_error_of_its_fixes(browser: Browser, desk: RunningDesk, tmp_path: Path) -> None:
+    with opened_desk(browser, desk.address, WIDE, "light") as opened:
+        page = opened.page
+        begin_anew(opened)
+        ring = [[-96, 38], [-95, 38], [-95, 38.3], [-96, 38.3], [-96, 38]]
+        coast = {
+            "type": "Feature",
+            "properties": {"role": "landmark", "fix": {"across": 50, "along": 20000}},
+            "geometry": {"type": "Polygon", "coordinates": [ring]},
+        }
+        (tmp_path / "coast.geojson").write_text(
+            json.dumps({"type": "FeatureCollection", "features": [coast]}), encoding="utf-8"
+        )
+        page.locator("#file").set_input_files(tmp_path / "coast.geojson")
+        opened.wait("document.querySelectorAll('#features li').length === 1")
+        page.locator("#features button").first.click()
+        error = page.locator("#editor [data-key=fix]")
+        assert error.input_value() == "20000 m along, 50 m across"
+        for written, expected in (
+            ("50 m", {"sd": 50}),
+            ("0.2 km along, 30 m across, -40°", {"along": 200, "across": 30, "bearing": -40}),
+            ("30 m across, 1 nmi", {"across": 30, "sd": 1852}),
+        ):
+            error.fill(written)
+            error.press("Enter")
+            for button, name in (("#save", "saved.geojson"), ("#save-kml", "saved.kml")):
+                with page.expect_download() as download:
+                    page.locator(button).click()
+                download.value.save_as(tmp_path / name)
+            (feature,) = json.loads((tmp_path / "saved.geojson").read_text(encoding="utf-8"))["features"]
+            assert feature["properties"]["fix"] == expected
+            (value,) = re.findall(
+                'name="fix"><value>(.*?)</value>', (tmp_path / "saved.kml").read_text("utf-8")
+            )
+            assert json.loads(html.unescape(value)) == expected
+        for wrong in ("fast", "50 m along", "1 m, 2 m", "50 m, 1 m along, 2 m across", "5 m, 400°", "-3 m"):
+            error.fill(wrong)
+            error.press("Enter")
+            assert "expected e.g. 50 m" in error.evaluate("input => input.validationMessage")
 
 
 def test_a_server_that_has_gone_is_said_and_the_mission_is_kept(browser: Browser, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import { ask } from "./api.js";
 import { metresOf, placeOf, placeText } from "./geo.js";
 import { titleOf } from "./drawing.js";
+import { fixOf } from "./store.js";
 import { drawMachine } from "./machine.js";
 import { byId, html } from "./shapes.js";
 
@@ -23,6 +24,7 @@ const WIND_NOTES = {
 const PLANNERS = { quick: "quick", default: "normal", dense: "thorough" };
 const SOURCES = [[/\.csv(\.gz)?$/i, "csv"], [/\.nc4?$/i, "netcdf"], [/\.(grib2?|grb2?)$/i, "grib"]];
 const WEEK = ["report=none", "robot.dt=1800.0", "planner.max_steps=336"];  // the wind for as long, whatever the vehicle
+const FIX_NOTE = "Standard deviation: 50 m in each direction; for a coast or a road 50 m across, 20 km along (its longer side, or a direction such as 40°). Empty: as accurate as the vehicle's fixes.";
 const TYPING = 250;  // [ms] after a key before the formula is explained
 
 export class Panels {
@@ -103,7 +105,8 @@ export class Panels {
     if (one.shape === "circle") fields.push(field("place", one.role === "start" ? "Position" : "Centre", placeText(one.points[0]), text => this.put(number, "points", placeOf(text), "latitude and longitude, e.g. 36°45.7′N 92°24.2′W or 36.76, -92.40", place => [place])));
     if (one.role !== "start") fields.push(field("buffer", one.shape === "circle" ? "Radius" : "Safety distance", one.buffer, text => this.put(number, "buffer", text.trim() && metresOf(text) >= 0 ? text.trim() : text.trim() ? null : "", "a distance, e.g. 5 km, 3 nmi or 200 m")));
     if (one.role === "region" || one.role === "obstacle") for (const [key, label] of [["from", "Only from"], ["until", "Only until"]]) fields.push(field(key, label, one[key], text => this.put(number, key, text.trim(), "")));
-    form.replaceChildren(...fields, html("p", { class: "note" }, one.role === "region" || one.role === "obstacle" ? "Times: 6h, 90min, or 2018-10-09T06:00Z; empty for always." : ""));
+    if (one.role === "landmark") fields.push(field("fix", "Error of a fix", one.fix ?? "", text => this.put(number, "fix", text.trim() && !fixOf(text) ? null : text.trim(), "e.g. 50 m, or 50 m across, 20 km along, 40°")));
+    form.replaceChildren(...fields, html("p", { class: "note" }, one.role === "region" || one.role === "obstacle" ? "Times: 6h, 90min, or 2018-10-09T06:00Z; empty for always." : one.role === "landmark" ? FIX_NOTE : ""));
   }
 
   edit(input, read) {

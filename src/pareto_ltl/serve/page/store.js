@@ -77,7 +77,7 @@ export class Store {
     const title = role === "region" ? nameOf("", this.names) : "";
     this.change(mission => {
       if (ROLES[role].one) mission.features = mission.features.filter(one => one.role !== role);
-      mission.features.push({ role, shape, points, title, name: title, buffer: radius, from: "", until: "" });
+      mission.features.push({ role, shape, points, title, name: title, buffer: radius, from: "", until: "", fix: "" });
       if (role === "region" && !mission.goals.includes(title)) mission.goals.push(title);
     });
     return this.mission.features.length - 1;
@@ -146,9 +146,33 @@ function toGeojson(one) {
   if (one.title && one.title !== one.name) properties[one.role === "region" ? "title" : "name"] = one.title;
   if (metres && one.role !== "start") properties.buffer = metres;
   for (const key of ["from", "until"]) if (one[key]) properties[key] = one[key];
+  if (one.role === "landmark" && one.fix) properties.fix = fixOf(one.fix) ?? one.fix;
   const geometry = one.shape === "polygon" ? { type: "Polygon", coordinates: [[...one.points, one.points[0]]] }
     : one.shape === "line" ? { type: "LineString", coordinates: one.points } : { type: "Point", coordinates: one.points[0] };
   return { type: "Feature", properties, geometry };
+}
+
+const ERRORS = { sd: "", along: " along", across: " across" };  // of a position fix, as the desk writes them
+
+/** The error of a position fix of "50 m" or "50 m across, 20 km along, 40°"; null for anything else. */
+export function fixOf(text) {
+  const found = {};
+  for (const part of text.split(",").map(one => one.trim())) {
+    const [, number, word] = /^(.*?)\s*(along|across|°)?$/i.exec(part), key = { along: "along", across: "across", "°": "bearing", "": "sd" }[(word ?? "").toLowerCase()];
+    const value = key === "bearing" ? Number(number || NaN) : metresOf(number);
+    if (key in found || !(key === "bearing" ? Math.abs(value) <= 360 : value > 0)) return null;
+    found[key] = value;
+  }
+  const both = "along" in found && "across" in found;
+  return "sd" in found !== both && ("sd" in found || both) ? found : null;
+}
+
+/** A fix of a map file as :func:`fixOf` reads it; what it cannot read stays as it is, and the planner says what is wrong. */
+function fixText(given) {
+  let fix = given;
+  try { fix = typeof given === "string" ? JSON.parse(given || "null") : given ?? null; } catch { return given; }
+  if (!fix || typeof fix !== "object") return "";
+  return [...Object.entries(ERRORS).filter(([key]) => key in fix).map(([key, word]) => `${fix[key]} m${word}`), ..."bearing" in fix ? [`${fix.bearing}°`] : []].join(", ");
 }
 
 function roleOf(feature) {
@@ -163,7 +187,7 @@ function fromGeojson(feature, taken) {
   const given = Object.fromEntries(Object.entries(feature?.properties ?? {}).map(([key, value]) => [key.trim().toLowerCase(), value])), role = roleOf(feature);
   if (!ROLES[role]) return [];
   const title = String(given.title ?? given.name ?? ""), text = key => String(given[key] ?? "");
-  const metres = given.buffer ?? given.radius, base = { role, title, name: "", buffer: metres === undefined || metres === null || metres === "" ? "" : `${metres} m`, from: text("from"), until: text("until") };
+  const metres = given.buffer ?? given.radius, base = { role, title, name: "", buffer: metres === undefined || metres === null || metres === "" ? "" : `${metres} m`, from: text("from"), until: text("until"), fix: role === "landmark" ? fixText(given.fix) : "" };
   if (role === "region") {
     base.name = /^[a-z_][a-z0-9_]*$/.test(text("name")) && !taken.has(text("name")) ? text("name") : nameOf(title, taken);
     base.title ||= base.name;
@@ -193,7 +217,7 @@ const xml = text => String(text).replace(/[^\t\n\r\x20-\ud7ff\ue000-\ufffd\u{100
 /** The map as KML, with roles that the planner reads. */
 export function kml(collection) {
   const corner = ([lon, lat]) => `${lon},${lat}`, places = collection.features.map(({ properties, geometry }) => {
-    const data = Object.entries(properties).map(([key, value]) => `<Data name="${xml(key)}"><value>${xml(value)}</value></Data>`).join("");
+    const data = Object.entries(properties).map(([key, value]) => `<Data name="${xml(key)}"><value>${xml(typeof value === "object" ? JSON.stringify(value) : value)}</value></Data>`).join("");
     const shape = geometry.type === "Polygon" ? `<Polygon><outerBoundaryIs><LinearRing><coordinates>${geometry.coordinates[0].map(corner).join(" ")}</coordinates></LinearRing></outerBoundaryIs></Polygon>`
       : `<${geometry.type}><coordinates>${(geometry.type === "Point" ? [geometry.coordinates] : geometry.coordinates).map(corner).join(" ")}</coordinates></${geometry.type}>`;
     return `<Placemark><name>${xml(properties.title ?? properties.name ?? properties.role)}</name><ExtendedData>${data}</ExtendedData>${shape}</Placemark>`;
