@@ -48,6 +48,7 @@ NOT_BY_DAY = [
     "planning/test_programme",
     "planning/test_search_map",
     "planning/test_smoothing_large",
+    "planning/test_timed_trees",
     "planning/test_uncompiled_plans",
     "report/test_figures",
     "report/test_legs",
