@@ -247,7 +247,7 @@ ROUTES = (
     Operation("POST", "/api/formula", explain, "a formula or pattern in words, or its error and column",
               "formula; or pattern with goals, avoid, order"),
     Operation("POST", "/api/maps", read_map, "a GeoJSON or KML file (?name=FILE) as features", "the file"),
-    Operation("POST", "/api/backdrops", keep_backdrop, "copy a GeoJSON, KML or GeoTIFF file (?name=FILE)",
+    Operation("POST", "/api/backdrops", keep_backdrop, "copy a map to lie below the drawing (?name=FILE)",
               "the file"),
     Operation("GET", "/api/backdrops/{name}", show_backdrop, "areas, lines and points, or an image"),
     Operation("POST", "/api/winds", keep_wind, "copy a file of winds (?name=FILE)", "the file"),

@@ -1,4 +1,4 @@
-"""A map of one's own under the drawing: GeoJSON or KML as areas, lines and points, GeoTIFF as an image."""
+"""A map of one's own under the drawing: areas, lines and points, or an image."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.serve import geotiff
+from pareto_ltl.serve import geotiff, pmtiles
 from pareto_ltl.serve.folder import MAPS, DeskFolder
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
@@ -26,7 +26,7 @@ KEYS = {"Polygon": "area", "LineString": "line", "LinearRing": "line", "Point": 
 def keep_backdrop(folder: DeskFolder, name: str, content: bytes) -> dict[str, Any]:
     """Copy a file into the folder; :func:`backdrop` of it; DataError if it has nothing to show."""
     suffix = Path(name).suffix.lower()
-    known = (*SUFFIXES, *geotiff.SUFFIXES)
+    known = (*SUFFIXES, *geotiff.SUFFIXES, *pmtiles.SUFFIXES)
     return backdrop(folder, Path(folder.keep_map(content, suffix if suffix in known else ".geojson")).name)
 
 
@@ -37,6 +37,8 @@ def backdrop(folder: DeskFolder, name: str) -> dict[str, Any]:
         raise DataError(f"there is no map {shown_value(name)}")
     if path.suffix in geotiff.SUFFIXES:
         return {"name": name, "shapes": [], "image": geotiff.shown_image(path)}
+    if path.suffix in pmtiles.SUFFIXES:
+        return {"name": name, **pmtiles.shown_tiles(path)}
     return {"name": name, "shapes": _all_shapes(path, name), "image": None}
 
 
@@ -48,7 +50,7 @@ def _all_shapes(path: Path, name: str) -> list[dict[str, Any]]:
         features = _features(parse_json(path.read_bytes(), name, SCENE_FILES))
     shapes = [shape for feature in features for shape in _shapes(name, feature)]
     if not shapes:
-        raise DataError(f"{name} has no areas, lines or points; give GeoJSON, KML or GeoTIFF")
+        raise DataError(f"{name} has no areas, lines or points; give GeoJSON, KML, PMTiles or GeoTIFF")
     if (count := sum(len(line) for shape in shapes for line in shape["lines"])) > MOST_CORNERS:
         raise DataError(f"{name} has {count:,} corners, at most {MOST_CORNERS:,} are drawn: simplify it")
     return shapes

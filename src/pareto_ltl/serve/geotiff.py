@@ -123,10 +123,14 @@ def _placed(name: str, colours: NDArray[np.uint8], matrix: FloatArray, code: int
     held = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     shown = np.zeros((*held.shape, 4), np.uint8)
     shown[held] = colours[row[held].astype(int), column[held].astype(int)]
+    return {"href": png_address(Image.fromarray(shown)), "box": [west, south, east, north]}
+
+
+def png_address(image: Image) -> str:
+    """``image`` as a data address."""
     stream = io.BytesIO()
-    Image.fromarray(shown).save(stream, "PNG")
-    address = f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}"
-    return {"href": address, "box": [west, south, east, north]}
+    image.save(stream, "PNG")
+    return f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}"
 
 
 def _grid(west: float, south: float, east: float, north: float, side: int) -> tuple[FloatArray, FloatArray]:
