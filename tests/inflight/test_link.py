@@ -216,6 +216,48 @@ def test_a_log_of_ardupilot_is_read(tmp_path: Path) -> None:
         list(logged_readings(tmp_path / "none.tlog", None, "now"))
 
 
+def test_a_serial_port_that_is_pulled_out_is_opened_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    device = tmp_path / "ttyUSB0"
+
+    def plugged() -> int:
+        ours, theirs = os.openpty()
+        device.unlink(missing_ok=True)
+        device.symlink_to(os.ttyname(theirs))
+        os.close(theirs)
+        return ours
+
+    def speak(port: int, seconds: int) -> None:
+        mav = mavlink2.MAVLink(None, srcSystem=7)
+        beat = mav.heartbeat_encode(1, 3, 129, 15, 4).pack(mav)
+        turned = mav.attitude_encode(seconds, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0).pack(mav)
+        os.write(port, beat + turned + mav.vfr_hud_encode(25.0, 25.0, 29, 50, 100.0, 0.0).pack(mav))
+
+    port = plugged()
+    link = Link(f"{device},57600", None, LinkSettings("now"))
+    readings = link.readings()
+    speak(port, 1)
+    assert next(reading for reading in readings if math.isfinite(reading.airspeed)).heading > 0.0
+    os.close(port)
+    back: list[int] = []
+
+    def plug_again() -> None:
+        back.append(plugged())
+        while not heard.wait(0.1):
+            speak(back[0], 2)
+
+    heard = threading.Event()
+    returning = threading.Timer(0.5, plug_again)
+    returning.start()
+    assert next(reading for reading in readings if math.isfinite(reading.airspeed)).heading > 0.0
+    heard.set()
+    returning.join()
+    os.close(back[0])
+    link.port.close()
+    assert capsys.readouterr().out == ""
+
+
 def test_addresses_and_times_that_are_none(tmp_path) -> None:
     with pytest.raises(
         ConfigError, match="--send wings: expected some of wind, heading, speed, position, prologue"

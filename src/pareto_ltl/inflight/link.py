@@ -8,11 +8,13 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import sys
 import time as clock
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,7 @@ from pareto_ltl.support.reading import refuse_special
 
 STALE = 5.0  # [s] after its last heartbeat the mode of a vehicle is not known any longer
 BEAT = 1.0  # [s] between two heartbeats, and the longest wait for a message
+REOPENING = 0.2  # [s] between attempts to open a serial port again
 IDLE = 5.0  # [s] without a message after which the time is passed on
 KEY_BYTES = 32
 LITTLE = 1e-3  # [s] between messages of one time of the vehicle
@@ -107,6 +110,7 @@ def _mavutil() -> Any:
         from pymavlink import mavutil
     except ImportError:
         raise ConfigError("MAVLink needs pymavlink: pip install 'pareto-ltl[follow]'") from None
+    mavutil.print = partial(print, file=sys.stderr)  # it prints what it does to the standard output
     return mavutil
 
 
@@ -224,9 +228,11 @@ class Link:
                 message = self.port.recv_match(blocking=True, timeout=BEAT)
             except KeyboardInterrupt:
                 return
-            except (OSError, TypeError):  # unplugged: pymavlink opens it again
-                clock.sleep(0.2)
+            except (OSError, TypeError):  # unplugged
                 message = None
+                clock.sleep(REOPENING)
+                if hasattr(self.port, "reset"):  # a serial port; others are opened again by pymavlink
+                    self.port.reset()
             if message is not None and message.get_type() != "BAD_DATA":
                 self.departure = message._timestamp if self.departure is None else self.departure  # noqa: SLF001
                 if (reading := self.vehicle.reading(message, self.departure)) is not None:

@@ -182,7 +182,7 @@ async def read_map(desk: Desk, request: Request) -> Answer:
 
 
 async def keep_backdrop(desk: Desk, request: Request) -> Answer:
-    """A GeoJSON, KML or GeoTIFF file to lie under the drawing, copied into the folder."""
+    """A map to lie under the drawing, copied into the folder."""
     name = request.query_params.get("name", "")
     return await run_in_threadpool(backdrop.keep_backdrop, desk.folder, name, await request.body())
 
