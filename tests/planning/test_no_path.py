@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
+from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.growth import grow_forest
-from pareto_ltl.planning.no_path import explain_no_path, explain_no_safe_path
+from pareto_ltl.planning.no_path import explain_no_path, explain_no_safe_path, explain_refused
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.selection import tree_front
@@ -173,6 +174,35 @@ def test_a_deadline_that_is_too_early_is_named_and_a_later_one_finds_a_path() ->
     assert "forbids" not in text
     assert plans(CFG, make_problem("F[0,1h] a", scene, planner=CFG)) > 0
     assert plans(CFG, make_problem("F[0,10min] a", scene, None, faster(text), CFG)) > 0
+
+
+def test_refused_paths_are_the_cause_unless_the_shortest_line_has_one() -> None:
+    scene = make_scene({"a": box(15, 8, 17, 12)}, start=(3, 10))
+    refused = "none of the refined paths can be flown"
+    possible = make_problem("F a", scene, planner=CFG)
+    assert explain_refused(CFG, possible, refused) == f"no path completes the mission: {refused}"
+    assert explain_refused(CFG, possible, "") == ""
+    late = explain_refused(CFG, make_problem("F[0,10min] a", scene, planner=CFG), refused)
+    assert "is too late" in late
+    assert refused not in late
+    large_steps = make_problem("F a", scene, None, RobotConfig(dt=1800.0, u_max=10.0), CFG)
+    assert f"{refused}; a full step of 18.0 km" in explain_refused(CFG, large_steps, refused)
+
+
+@pytest.mark.parametrize(
+    ("formula", "where"),
+    [
+        ("!b U a", "it is lost 5 min after departure, in b"),
+        ("F[0,10min] a", "at its end a is still to be visited in time"),
+        ("F (a & F b)", "at its end b is still to be visited"),
+    ],
+)
+def test_a_path_that_loses_the_mission_says_when_and_where(formula: str, where: str) -> None:
+    scene = make_scene({"a": box(15, 8, 17, 12), "b": box(6, 8, 8, 12)}, start=(3, 10))
+    problem = make_problem(formula, scene, robot=RobotConfig(dt=50.0, u_max=10.0), planner=CFG)
+    x = np.column_stack([np.linspace(3e3, 16e3, 27), np.full(27, 10e3)])
+    with pytest.raises(InfeasibleError, match=f"does not complete the mission: {where}"):
+        completing_path(problem, x, "a line", tight=False)
 
 
 def test_a_step_too_long_for_the_map_is_told_first() -> None:

@@ -46,7 +46,7 @@ def test_a_front_of_another_run_is_read_by_its_positions(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("x", "reason"),
     [
-        (straight(2.0), "does not complete the mission"),
+        (straight(2.0), "does not complete the mission: at its end a is still to be visited"),
         (straight(5.0)[::5], "needs more airspeed than robot.u_max"),
     ],
 )

@@ -12,12 +12,13 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.costs import path_costs
-from pareto_ltl.planning.pack_logic import PATH_LIVE, empty_letters, live_rows
+from pareto_ltl.planning.pack_logic import PATH_LIVE, empty_letters, helpful_delta, live_rows
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.world.windows import hours_text
 
 if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight
@@ -343,8 +344,28 @@ def completing_path(problem: Problem, x: FloatArray, origin: str, *, tight: bool
     """:func:`evaluate_path`; InfeasibleError also if the path does not complete the mission."""
     path = evaluate_path(problem, x, origin, tight=tight)
     if not completes_mission(problem, path):
-        raise InfeasibleError("the expected path does not complete the mission")
+        raise InfeasibleError(
+            f"the expected path does not complete the mission: {_unfinished(problem, path)}"
+        )
     return path
+
+
+def _unfinished(problem: Problem, path: PlannedPath) -> str:
+    """What is left of the mission at the end of ``path``, or when and where it was lost."""
+    distance = problem.automaton.distance[path.q]
+    if np.isfinite(distance[-1]):
+        nearer = problem.logic.distance[helpful_delta(problem.logic)[path.q[-1], :-1]] < distance[-1]
+        wanted = sorted({" and ".join(sorted(problem.labels[cell])) for cell in np.flatnonzero(nearer)})
+        in_time = (
+            " in time" if any(np.isfinite(span.end) for span in problem.automaton.windows.values()) else ""
+        )
+        goals = " or ".join(filter(None, wanted)) or "the free space"
+        return f"at its end {goals} is still to be visited{in_time}"
+    lost = int(np.flatnonzero(np.isinf(distance))[0])
+    cell = int(problem.locate(path.x[lost : lost + 1])[0])
+    names = sorted(problem.labels[cell]) if cell >= 0 else []
+    where = f"in {' and '.join(names)}" if names else "outside of all regions"
+    return f"it is lost {hours_text(lost * problem.motion.dt)} after departure, {where}"
 
 
 # --- bounds of controls -----------------------------------------------------------------------

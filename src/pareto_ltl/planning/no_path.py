@@ -114,6 +114,21 @@ def explain_no_path(
     )
 
 
+def explain_refused(cfg: PlannerConfig, problem: Problem, fault: str) -> str:
+    """Text where refined paths were refused for ``fault``; empty without a fault.
+
+    Refined paths do not depend on the limits of the trees: growing those anew, which takes a minute, would
+    find no cause.
+    """
+    from pareto_ltl.planning.shortest_mission import mission_fault
+
+    if not fault:
+        return ""
+    if long_step := _step_advice(cfg, problem, FAR_TOO_LONG):
+        return f"no path completes the mission: {fault}; {long_step}"
+    return mission_fault(problem) or f"no path completes the mission: {fault}"
+
+
 def explain_no_safe_path(cfg: PlannerConfig, problem: Problem, seeds: SeedSequence) -> str:
     """Text for paths that complete the mission but all exceed planner.delta; empty if no advice is found."""
     trials = _Trials(cfg, problem, seeds)

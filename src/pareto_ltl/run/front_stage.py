@@ -49,7 +49,7 @@ def _bounded_front(inputs: StageInputs) -> Front:
 
 def _flown_front(inputs: StageInputs) -> Front:
     """The front by failure rate and length, in flights that refinement has not used."""
-    from pareto_ltl.planning import selection
+    from pareto_ltl.planning import no_path, selection
     from pareto_ltl.planning.refine.epsilon import keeps_epsilon
     from pareto_ltl.simulation.judging import judge_front
 
@@ -57,9 +57,10 @@ def _flown_front(inputs: StageInputs) -> Front:
     raw = selection.unlike_paths(problem, inputs[FOREST])
     refined, fault = _refined_paths(inputs, raw)
     if not refined and not any(keeps_epsilon(problem, path) for path in raw):
-        raise InfeasibleError(
-            _no_path(inputs) + fault if not raw else fault.removeprefix("; ") or NO_TREE_PATH
-        )
+        if raw:
+            raise InfeasibleError(fault.removeprefix("; ") or NO_TREE_PATH)
+        refused = no_path.explain_refused(settings.planner, problem, fault.removeprefix("; "))
+        raise InfeasibleError(refused or _no_path(inputs))
     seeds = named_child(inputs.seeds, JUDGING)
     return judge_front(problem, refined, raw, settings.selection.draws, seeds)
 
