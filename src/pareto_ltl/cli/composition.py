@@ -44,7 +44,9 @@ from pareto_ltl.support.resources import resource_folder
 VERSION_BASE = "1.3"
 MOST_POINTS = 100_000  # of a sweep
 CONFIG_NAME = "config"
-LAUNCHER_EXTRAS = {"joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster"}
+LAUNCHER_EXTRAS = {
+    "joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster", "dask": "dask",
+}  # fmt: skip
 HELP_FLAGS = {"-h": "short", "--help": "short", "--help=all": "all", "--help-all": "all"}
 
 

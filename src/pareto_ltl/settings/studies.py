@@ -62,6 +62,9 @@ class EvaluationConfig(CheckedSettings):
         list(LAWS), "wind laws under which plans are flown", choices=LAWS, distinct=True
     )
     jobs: int = setting(0, "processes; 0: one for each core", least=0, most=1024)
+    cluster: str | None = setting(
+        None, "address of a Dask scheduler whose workers share the work (docs/sweeps.md); null: this machine"
+    )
     resume: str | None = setting(None, "results directory of an unfinished run to continue")
 
 

@@ -8,15 +8,16 @@ have the name of a result.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from pareto_ltl.run.provenance import input_files
 from pareto_ltl.settings import EvaluationConfig, Settings, as_dict
+from pareto_ltl.studies import cluster
 from pareto_ltl.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data, remove_dead_drafts, write_json
@@ -192,9 +193,9 @@ def work_parts(
     todo = [job for job in jobs.values() if not _is_known(job)]
     tally = _Tally(len(jobs) - len(todo), len(jobs), progress)
     queue = JobQueue(
-        partial(_launch_parts, process_count(cfg, len(todo)), function, context, tally),
+        partial(_launch_parts, _spread_of(cfg, len(todo)), function, context, tally),
         lambda line: print(f"pareto-ltl: {line}", file=sys.stderr),
-        breaks=(BrokenProcessPool,),
+        breaks=(BrokenProcessPool,) if cfg.cluster is None else cluster.broken(),
     )
     try:
         queue.run(todo)
@@ -239,7 +240,10 @@ def _is_known(job: PartJob) -> bool:
 def _result_of(job: PartJob) -> dict[str, Any]:
     state = job.look()
     if not state.answered:
-        raise DataError(f"{job.path}: could not be read back; is another run using this folder?")
+        raise DataError(
+            f"{job.path}: could not be read back; is another run using this folder, or have the workers of a "
+            "cluster another folder under this path?"
+        )
     return dict(state.record)
 
 
@@ -256,16 +260,32 @@ def _refuse_given_up(place: Path, jobs: Sequence[PartJob], total: int) -> None:
 # --- processes -------------------------------------------------------------------------------
 
 
+Spread: TypeAlias = Callable[[PartWork, Any, Sequence["PartJob"]], Iterable[None]]
+
+
 def _launch_parts(
-    processes: int, function: PartWork, context: Any, tally: _Tally, jobs: Sequence[PartJob]
+    spread: Spread, function: PartWork, context: Any, tally: _Tally, jobs: Sequence[PartJob]
 ) -> None:
-    """Compute ``jobs`` in this process or in several; raises BrokenProcessPool if one of those was killed."""
-    if processes == 1:
-        done = _in_turn(function, context, jobs)
-    else:
-        done = _spread(processes, function, context, jobs)
-    for _ in done:
+    """Compute ``jobs``; raises BrokenProcessPool, or an error of Dask, if one of them was killed."""
+    for _ in spread(function, context, jobs):
         tally.count_one()
+
+
+def _spread_of(cfg: EvaluationConfig, parts: int) -> Spread:
+    """How ``parts`` are computed: in this process, in several, or on a cluster."""
+    if cfg.cluster is not None:
+        return partial(_on_cluster, cfg.cluster)
+    processes = process_count(cfg, parts)
+    return _in_turn if processes == 1 else partial(_spread, processes)
+
+
+def _on_cluster(address: str, function: PartWork, context: Any, jobs: Sequence[PartJob]) -> Iterator[None]:
+    for _ in cluster.on_cluster(address, _keep_result, (function, context), jobs):
+        yield
+
+
+def _keep_result(job: PartJob, shared: tuple[PartWork, Any]) -> None:
+    job.keep_result(*shared)
 
 
 def _in_turn(function: PartWork, context: Any, jobs: Sequence[PartJob]) -> Iterator[None]:

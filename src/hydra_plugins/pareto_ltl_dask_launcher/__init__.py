@@ -1,0 +1,1 @@
+"""A launcher for Hydra on an existing cluster of Dask."""

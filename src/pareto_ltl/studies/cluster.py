@@ -1,0 +1,122 @@
+"""Parts of a study, and jobs of a sweep, on an existing cluster of Dask (the extra ``dask``).
+
+Workers need the package and the folder of the results under the same path. Each has one thread, because a job
+has its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from queue import Empty, SimpleQueue
+from socket import gethostname
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.fingerprints import code_fingerprint
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+PATIENCE = 30.0  # [s] to reach the scheduler and a first worker
+Work = TypeVar("Work")
+
+
+def broken() -> tuple[type[Exception], ...]:
+    """Errors that mean that the process of a job was killed, each time that Dask tried it."""
+    from distributed.client import FutureCancelledError
+    from distributed.scheduler import KilledWorker
+
+    return (KilledWorker, FutureCancelledError)
+
+
+@contextmanager
+def connected(address: str) -> Iterator[Client]:
+    """A client of the scheduler at ``address``, as ``tcp://10.0.0.1:8786``.
+
+    Raises
+    ------
+    ConfigError
+        If the extra is missing, nothing answers, or a worker has several threads.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ConfigError("a Dask cluster needs distributed: pip install 'pareto-ltl[dask]'") from None
+    try:
+        client = Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"{address}: no scheduler of Dask answers ({error}); start one with 'dask scheduler', and give "
+            "its address, such as tcp://10.0.0.1:8786"
+        ) from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError:
+            raise ConfigError(
+                f"{address}: the scheduler has no workers; start some with "
+                f"'dask worker {address} --nthreads 1'"
+            ) from None
+        threads = {worker["nthreads"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()}
+        if threads != {1}:
+            raise ConfigError(
+                f"{address}: workers have {', '.join(map(str, sorted(threads)))} threads, and a job needs a "
+                "process of its own; start them with --nthreads 1"
+            )
+        yield client
+
+
+def on_cluster(
+    address: str, work: Callable[[Any, Any], Work], shared: Any, rows: Sequence[Any]
+) -> Iterator[tuple[int, Work]]:
+    """``work(row, shared)`` for each of ``rows``, as they end: number of the row, and the result.
+
+    ``shared`` is sent once. A row whose worker died is given to another one by Dask, a few times.
+
+    Raises
+    ------
+    DataError
+        If a worker has another version of the package, or none is left.
+    """
+    import cloudpickle
+
+    ended: SimpleQueue[Any] = SimpleQueue()
+    with connected(address) as client:
+        # As the result of a task, it can be made again after the death of a worker; scattered data cannot.
+        sent = client.submit(cloudpickle.loads, cloudpickle.dumps((work, shared, _code())), pure=False)
+        futures = {client.submit(_worked, row, sent, pure=False): k for k, row in enumerate(rows)}
+        for future in futures:
+            future.add_done_callback(ended.put)
+        for _ in futures:
+            future = _next_of(ended, client)
+            yield futures[future], future.result()
+
+
+def _next_of(ended: SimpleQueue[Any], client: Client) -> Any:
+    """The next task that has ended; DataError if no worker is left that could end one."""
+    while True:
+        try:
+            return ended.get(timeout=PATIENCE)
+        except Empty:
+            if not client.scheduler_info()["workers"]:
+                raise DataError(
+                    "the cluster has no workers any more: start some, and the same command, which continues"
+                ) from None
+
+
+def _worked(row: Any, sent: tuple[Callable[[Any, Any], Work], Any, str]) -> Work:
+    """The work of one row, in a worker with the same source code."""
+    work, shared, code = sent
+    if _code() != code:
+        raise DataError(
+            f"a worker on {gethostname()} has another version of pareto_ltl: install the same one "
+            "everywhere, and start the workers again"
+        )
+    return work(row, shared)
+
+
+@cache
+def _code() -> str:
+    return code_fingerprint()
