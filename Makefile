@@ -12,6 +12,7 @@ VENV ?= .venv
 ARGS ?=
 CASES ?= 100000
 DIST ?= dist
+KINDS ?=
 COVERAGE ?= $(abspath build/coverage)
 UNCOMPILED := tests/kernels tests/planning/test_step_programme.py
 BIN := $(VENV)/bin
@@ -20,7 +21,7 @@ UV := $(shell command -v uv 2>/dev/null)
 
 PEERS := build/peers
 
-.PHONY: demo test test-all test-night coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist lock install clean
+.PHONY: demo test test-all test-night coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist archives lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -88,8 +89,12 @@ lint: $(READY)
 types: $(READY)
 	$(BIN)/mypy
 
-# The source archive, and the wheel from it, in DIST (RELEASING.md).
-dist: $(READY)
+# The source archive, the wheel from it, and the wheel with machine code for this Python and numba, in DIST
+# (RELEASING.md). KINDS="full paper" compiles only these kinds of runs, which takes less time.
+dist: archives
+	$(BIN)/python release/machine_code.py $(DIST)/*-py3-none-any.whl $(if $(KINDS),--kinds $(KINDS))
+
+archives: $(READY)
 	$(BIN)/python -m build --outdir $(DIST) .
 
 # The site, into site/; warnings are errors. The variable keeps an advertisement of the theme off the screen.
