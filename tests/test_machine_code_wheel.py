@@ -102,10 +102,9 @@ def test_the_record_lists_every_file_with_its_checksum(site: Path) -> None:
             assert (digest, int(size)) == (f"sha256={found}", len(data)), name
 
 
-def test_nothing_of_the_machine_that_built_it_is_in_the_code(site: Path) -> None:
+def test_no_path_of_the_package_that_was_compiled_is_in_the_code(site: Path) -> None:
     for file in (site / "pareto_ltl" / "kernels" / "machine_code").iterdir():
-        assert str(ROOT).encode() not in file.read_bytes()
-        assert b"/tmp/" not in file.read_bytes()
+        assert b"/pareto_ltl/" not in file.read_bytes()
 
 
 def test_a_first_run_compiles_nothing_and_writes_no_code(site: Path, tmp_path: Path) -> None:
