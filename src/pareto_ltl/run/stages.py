@@ -15,6 +15,7 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.run.compiling import compiling_in_two
 from pareto_ltl.run.front_stage import FOREST_STREAM, make_front
 from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, make_page
 from pareto_ltl.run.provenance import wanted_wind
@@ -178,7 +179,8 @@ def make_forest(inputs: StageInputs) -> Forest:
             inputs.progress(*news)
 
     inputs.budget.heeded = True
-    forest = growth.grow_forest(settings.planner, problem, inputs.seeds, progress, budget=inputs.budget)
+    with compiling_in_two(settings):
+        forest = growth.grow_forest(settings.planner, problem, inputs.seeds, progress, budget=inputs.budget)
     if importing.ident:
         importing.join()
     return forest

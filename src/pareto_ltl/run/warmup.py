@@ -9,17 +9,25 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pareto_ltl.settings import PRESETS
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
+
+if TYPE_CHECKING:
+    from pareto_ltl.planning.problem import Problem
+    from pareto_ltl.planning.records import Forest
 
 Sections = dict[str, Any]
 Told = Callable[[int, int, str], None]
@@ -35,6 +43,8 @@ SMALL: Sections = {
 ORDER = "F(a & F b & F c)"
 BEACON = [[0.6, 6.5], [3.1, 6.5], [3.1, 9.4], [0.6, 9.4]]
 NARROW = {"corners": BEACON, "fix": {"along": 2000.0, "across": 50.0, "bearing": 30.0}}
+UNIT = 1e5  # [m] of the map
+WAY = [(0.8, 0.7), (0.5, 2.0), (0.6, 4.5), (2.7, 4.5), (2.7, 6.4), (2.0, 7.7)]  # free of obstacles, to a
 FIX = (37.0, -94.0, 500.0)  # latitude, longitude [deg], standard deviation [m]
 
 
@@ -120,8 +130,11 @@ class Warmed:
     seconds: float
 
 
-def warm_up(name: str, watcher: Callable[[str], None] = lambda _: None) -> Warmed:
-    """Compile the kernels of ``KINDS[name]`` that are not on disk; ``watcher`` gets each name before."""
+def warm_up(name: str, watcher: Callable[[str], None] = lambda _: None, *, grown: bool = True) -> Warmed:
+    """Compile the kernels of ``KINDS[name]`` that are not on disk; ``watcher`` gets each name before.
+
+    Without ``grown``, growth is left out, which takes half of the time; a path is given instead of trees.
+    """
     from pareto_ltl.kernels.code_cache import compilation_watched
 
     began, compiled = time.monotonic(), list[str]()
@@ -130,27 +143,59 @@ def warm_up(name: str, watcher: Callable[[str], None] = lambda _: None) -> Warme
         compiled.append(kernel)
         watcher(kernel)
 
-    with compilation_watched(note):
-        _run(KINDS[name])
+    with compilation_watched(note), TemporaryDirectory() as folder, suppress(InfeasibleError):
+        (_plan if grown else _plan_given_path)(KINDS[name], Path(folder) / "plan")
     return Warmed(name, tuple(compiled), time.monotonic() - began)
 
 
-def _run(kind: Kind) -> None:
-    from pareto_ltl.run.interface import plan, replan
-
+def small_sections(kind: Kind) -> Sections:
+    """The settings of the small mission."""
     scene = read_yaml(choice_file("scene", "phi1"))
     sections = {**SMALL, "robot": {"dt": 3600.0}, **kind.sections}
     changed = sections.pop("scene", {})
     scene |= changed | {"regions": scene["regions"] | changed.get("regions", {})}
     if isinstance(sections["robot"], str):
         sections["robot"] = read_yaml(choice_file("robot", sections["robot"])) | {"dt": 3600.0, "level": None}
-    with TemporaryDirectory() as folder:
-        try:
-            planned = plan(scene, kind.formula, out=Path(folder) / "plan", **sections)
-        except InfeasibleError:
-            return
-        if kind.replanned:
-            replan(planned, "10h", FIX)
+    return {**sections, "scene": scene}
+
+
+def _plan(kind: Kind, folder: Path) -> None:
+    from pareto_ltl.run.interface import plan, replan
+
+    sections = small_sections(kind)
+    planned = plan(sections.pop("scene"), kind.formula, out=folder, **sections)
+    if kind.replanned:
+        replan(planned, "10h", FIX)
+
+
+def _plan_given_path(kind: Kind, folder: Path) -> None:
+    """Plan ``F a``, with a tree that is one path."""
+    from pareto_ltl.run.pipeline import Run, carry_out, check_pipeline
+    from pareto_ltl.run.records import FOREST, PROBLEM
+    from pareto_ltl.run.stages import PLAN_TABLE
+    from pareto_ltl.settings.building import build_settings
+
+    settings = build_settings({"pipelines": "plan", "mission": {"formula": "F a"}, **small_sections(kind)})
+    made = Run(settings, PLAN_TABLE)
+    forest = path_forest(made.make(PROBLEM))
+    run = Run(settings, PLAN_TABLE, made.records.replaced(FOREST, forest), directory=folder)
+    carry_out(run, check_pipeline(settings, PLAN_TABLE, tuple(run.records)).stages)
+
+
+def path_forest(problem: Problem) -> Forest:
+    """A tree of one branch along :data:`WAY`, with the start of ``problem`` as its root."""
+    from pareto_ltl.planning.growth import mission_columns
+    from pareto_ltl.planning.records import Forest, Tree
+
+    corners = UNIT * (np.array(WAY) - WAY[0]) + problem.scene.start
+    x = np.concatenate([np.linspace(a, b, 4)[:-1] for a, b in pairwise(corners)] + [corners[-1:]])
+    steps, columns = np.arange(len(x)), mission_columns(problem)
+    length = np.concatenate([[0.0], np.hypot(*np.diff(x, axis=0).T).cumsum()])
+    tree = Tree(
+        x, steps - 1, steps, problem.states(x), problem.locate(x), length, np.zeros((len(x), columns + 1)),
+        np.empty((0, 2, 3 + columns)), np.zeros(2), 0.0, {},
+    )  # fmt: skip
+    return Forest((tree,), np.array([[0, len(x) - 1]]), 0.0, columns)
 
 
 def warm_up_all(names: Sequence[str], jobs: int, told: Told) -> Iterator[Warmed]:
