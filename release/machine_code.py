@@ -36,7 +36,7 @@ DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive: equal content give
 def compile_kernels(wheel: Path, work: Path, kinds: Iterable[str], jobs: int) -> Mapping[str, bytes]:
     """The files of machine code that ``pareto-ltl warmup`` writes, by name, with their manifest.
 
-    Raises CalledProcessError if a kind of run fails.
+    Raises CalledProcessError if a kind of run fails, and ends the program if one finds no path.
     """
     site, code = work / "site", work / "code"
     with zipfile.ZipFile(wheel) as archive:
@@ -45,7 +45,11 @@ def compile_kernels(wheel: Path, work: Path, kinds: Iterable[str], jobs: int) ->
     folders = {"NUMBA_CACHE_DIR": str(code), "PARETO_LTL_CACHE": str(work / "cache")}
     surroundings = os.environ | target | folders | {"PYTHONPATH": str(site), "PYTHONDONTWRITEBYTECODE": "1"}
     warm = [sys.executable, "-m", "pareto_ltl", "warmup", "--jobs", str(jobs), *(kinds or ["--all"])]
-    subprocess.run(warm, cwd=work, env=surroundings, check=True)
+    done = subprocess.run([*warm, "--json"], cwd=work, env=surroundings, check=True, stdout=subprocess.PIPE)
+    for kind in json.loads(done.stdout)["kinds"]:
+        print(f"{kind['name']}: {len(kind['compiled'])} kernels, {kind['seconds']:.0f} s")
+        if not kind["complete"]:
+            sys.exit(f"the small mission of {kind['name']} found no path: its code would be incomplete")
     files = {path.name: path.read_bytes() for path in sorted(code.rglob("*.nbc"))}
     facts = asked(site, "shipped_code.installation() | {'target': shipped_code.process_target()}", **target)
     manifest = facts | {"files": {name: sha256(data).hex() for name, data in files.items()}}

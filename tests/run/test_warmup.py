@@ -11,6 +11,7 @@ import pytest
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.kernels import code_cache
 from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.planning.pack_logic import LIVE
 from pareto_ltl.run import compiling, warmup
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PROBLEM
@@ -31,10 +32,11 @@ def test_each_preset_has_a_kind_and_one_for_every_model_changed() -> None:
 
 
 @pytest.mark.parametrize("name", warmup.KINDS)
-def test_the_settings_of_every_kind_are_valid(name: str) -> None:
-    build_settings(
-        {"pipelines": "plan", "mission": {"formula": "F a"}, **warmup.small_sections(warmup.KINDS[name])}
-    )
+def test_every_kind_makes_a_problem(name: str) -> None:
+    kind = warmup.KINDS[name]
+    sections = {"pipelines": "plan", "mission": {"formula": kind.formula}, **warmup.small_sections(kind)}
+    problem = Run(build_settings(sections), PLAN_TABLE).make(PROBLEM)
+    assert (len(problem.logic.distance) > LIVE) == name.endswith("large")
 
 
 @pytest.mark.parametrize("name", ["full", "paper", "full-fixes"])

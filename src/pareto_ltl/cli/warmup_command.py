@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.output import Answer
@@ -22,8 +23,8 @@ def warmup_command(argv: Sequence[str]) -> Answer:
     names = _chosen(options)
     with ProgressBar() as bar, bar.stage("compiling"):
         found = list(warm_up_all(names, options.jobs, bar))
-    kinds = [{"name": w.name, "compiled": w.compiled, "seconds": round(w.seconds, 1)} for w in found]
-    document = {"kinds": kinds, "compiled": sum(len(w.compiled) for w in found)}
+    kinds = [{**asdict(warmed), "seconds": round(warmed.seconds, 1)} for warmed in found]
+    document = {"kinds": kinds, "compiled": sum(len(warmed.compiled) for warmed in found)}
     return Answer(document, list(_lines(found)))
 
 
@@ -40,6 +41,8 @@ def _chosen(options: argparse.Namespace) -> list[str]:
 def _lines(found: Sequence[Warmed]) -> Iterator[str]:
     for warmed in found:
         yield f"{warmed.name}: {len(warmed.compiled)} kernels compiled, {warmed.seconds:.0f} s"
+        if not warmed.complete:
+            yield f"{warmed.name}: its small mission found no path, so some kernels may be missing"
 
 
 def _warmup_arguments() -> CommandArguments:

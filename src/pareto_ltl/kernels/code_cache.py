@@ -8,7 +8,7 @@ compiled again. Numba's own cache compares only the file of a compiled function,
 types: two processes that write it at the same time can exchange each other's code. There is no index here.
 
 Code is looked for in the folder that a wheel brings (:mod:`pareto_ltl.kernels.shipped_code`), then in
-:meth:`KernelCache.folders`. Only undamaged files that nobody else can have written are read
+:meth:`KernelCache.folders`. Only undamaged files that other users cannot write are read
 (:mod:`pareto_ltl.kernels.code_files`). If none of the folders can be written, one warning says so.
 """
 
@@ -78,7 +78,8 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
         cells = self.function.__closure__
         closure = dumps(tuple(cell.cell_contents for cell in cells)).hex() if cells else ""
         versions = numba.__version__, sys.implementation.cache_tag, self.function.__code__.co_code.hex()
-        parts = (*versions, closure, code_stamp(self.source), str(signature), *target)
+        options = repr((config.OPT, config.BOUNDSCHECK, config.DEBUGINFO_DEFAULT))
+        parts = (*versions, options, closure, code_stamp(self.source), str(signature), *target)
         return f"{self.base}{text_fingerprint(chr(0).join(parts))[:24]}{SUFFIX}"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

@@ -92,13 +92,13 @@ def _both(name: str, meaning: str, formula: str, sections: Sections) -> dict[str
     }
 
 
-SEVEN = " & ".join(f"F {name}" for name in "abcdefg")
-SQUARES = {
-    name: [[x, y], [x + 0.5, y], [x + 0.5, y + 0.5], [x, y + 0.5]]
+SQUARES = {  # on the way to a
+    name: [[x, y], [x + 0.6, y], [x + 0.6, y + 0.6], [x, y + 0.6]]
     for name, (x, y) in zip(
-        "cdefg", ((3.5, 9.0), (3.0, 4.5), (5.5, 4.0), (3.2, 0.5), (6.0, 0.3)), strict=True
+        "defghi", ((0.2, 1.6), (0.3, 3.0), (0.4, 4.2), (1.5, 4.2), (2.4, 4.2), (2.4, 6.0)), strict=True
     )
 }
+SEVEN = " & ".join(f"F {name}" for name in ("a", *SQUARES))
 KINDS: dict[str, Kind] = {
     "full": Kind("fidelity=full", ORDER, {"fidelity": "full"}, replanned=True),
     "paper": Kind("fidelity=paper", ORDER, {"fidelity": "paper"}),
@@ -123,11 +123,15 @@ DEFAULT = ("full",)
 
 @dataclass(frozen=True, slots=True)
 class Warmed:
-    """What a kind took: its name, the kernels that were compiled, and the time [s]."""
+    """What a kind took: its name, the kernels that were compiled, and the time [s].
+
+    ``complete`` is False if the small mission found no path: kernels of later stages may be missing.
+    """
 
     name: str
     compiled: tuple[str, ...]
     seconds: float
+    complete: bool = True
 
 
 def warm_up(name: str, watcher: Callable[[str], None] = lambda _: None, *, grown: bool = True) -> Warmed:
@@ -143,9 +147,11 @@ def warm_up(name: str, watcher: Callable[[str], None] = lambda _: None, *, grown
         compiled.append(kernel)
         watcher(kernel)
 
+    complete = False
     with compilation_watched(note), TemporaryDirectory() as folder, suppress(InfeasibleError):
         (_plan if grown else _plan_given_path)(KINDS[name], Path(folder) / "plan")
-    return Warmed(name, tuple(compiled), time.monotonic() - began)
+        complete = True
+    return Warmed(name, tuple(compiled), time.monotonic() - began, complete)
 
 
 def small_sections(kind: Kind) -> Sections:
