@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ from pareto_ltl.run.records import PROBLEM
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings
 from pareto_ltl.settings.building import build_settings
+from pareto_ltl.support.budget import Budget
 
 
 def test_each_preset_has_a_kind_and_one_for_every_model_changed() -> None:
@@ -78,19 +81,21 @@ def test_kinds_of_settings() -> None:
 
 
 class Started:
-    """In place of a process."""
+    """In place of a process that ends after it was asked ``polls`` times."""
 
-    def __init__(self, seconds: float) -> None:
-        self.seconds, self.calls = seconds, list[str]()
+    def __init__(self, polls: float) -> None:
+        self.polls, self.calls = polls, list[str]()
 
-    def wait(self, limit: float | None = None) -> int:
-        self.calls.append("wait")
-        if limit is not None and limit < self.seconds:
-            raise subprocess.TimeoutExpired("", limit)
-        return 0
+    def poll(self) -> int | None:
+        self.polls -= 1
+        return None if self.polls >= 0 else 0
 
     def kill(self) -> None:
         self.calls.append("kill")
+
+    def wait(self) -> int:
+        self.calls.append("wait")
+        return 0
 
 
 @pytest.fixture
@@ -99,7 +104,7 @@ def started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
     kinds: list[str] = []
     monkeypatch.setenv("PARETO_LTL_CACHE", str(tmp_path))
     monkeypatch.setattr(compiling, "cores", lambda: 2)
-    monkeypatch.setattr(compiling, "_process", lambda kind: (kinds.append(kind), Started(0.0))[1])
+    monkeypatch.setattr(compiling, "_process", lambda kind, folder: (kinds.append(kind), Started(2))[1])
     return kinds
 
 
@@ -109,7 +114,7 @@ def announce(kernel: str) -> None:
 
 
 def test_a_second_process_is_started_when_growth_is_compiled_and_only_then(started: list[str]) -> None:
-    with compiling.compiling_in_two(Settings()):
+    with compiling.compiling_in_two(Settings(), Budget()):
         announce("path.check_path")
         assert started == []
         announce("growth.grow")
@@ -119,43 +124,65 @@ def test_a_second_process_is_started_when_growth_is_compiled_and_only_then(start
 
 
 def test_of_two_runs_one_has_a_second_process(started: list[str]) -> None:
-    with compiling.compiling_in_two(Settings()):
+    with compiling.compiling_in_two(Settings(), Budget()):
         announce("growth.grow")
-        with compiling.compiling_in_two(build_settings({"fidelity": "paper"})):
+        with compiling.compiling_in_two(build_settings({"fidelity": "paper"}), Budget()):
             announce("growth.grow")
     assert started == ["full"]
 
 
 def test_with_one_core_there_is_none(started: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiling, "cores", lambda: 1)
-    with compiling.compiling_in_two(Settings()):
+    with compiling.compiling_in_two(Settings(), Budget()):
         announce("growth.grow")
     assert started == []
 
 
-def test_a_second_process_that_cannot_start_or_takes_too_long_changes_nothing(
+def test_a_second_process_that_takes_too_long_is_ended(
     started: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    slow = Started(1e9)
-    monkeypatch.setattr(compiling, "_process", lambda kind: slow)
-    with compiling.compiling_in_two(Settings()):
+    slow = Started(math.inf)
+    monkeypatch.setattr(compiling, "_process", lambda kind, folder: slow)
+    monkeypatch.setattr(compiling, "LONGEST", 0.3)
+    with compiling.compiling_in_two(Settings(), Budget()):
         announce("growth.grow")
-    assert slow.calls == ["wait", "kill", "wait"]
+    assert slow.calls == ["kill", "wait"]
 
-    def none(kind: str) -> None:
+
+def test_a_time_limit_that_is_over_ends_it(started: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    slow, budget = Started(math.inf), Budget(1e-3)
+    budget.begin()
+    monkeypatch.setattr(compiling, "_process", lambda kind, folder: slow)
+    with compiling.compiling_in_two(Settings(), budget):
+        announce("growth.grow")
+    assert slow.calls == ["kill", "wait"]
+
+
+def test_a_second_process_that_cannot_start_changes_nothing(
+    started: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none(kind: str, folder: str) -> None:
         raise OSError("no more processes")
 
     monkeypatch.setattr(compiling, "_process", none)
-    with compiling.compiling_in_two(Settings()):
+    with compiling.compiling_in_two(Settings(), Budget()):
         announce("growth.grow")
 
 
+def test_the_second_process_ends_with_the_first(tmp_path: Path) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", "pass"])
+    gone.wait()
+    command = [sys.executable, "-c", compiling.CODE, "full", str(gone.pid)]
+    done = subprocess.run(command, cwd=tmp_path, check=False, timeout=100, stderr=subprocess.DEVNULL)
+    assert done.returncode == 1
+
+
 def test_an_error_ends_the_second_process(started: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    process = Started(0.0)
-    monkeypatch.setattr(compiling, "_process", lambda kind: process)
+    process = Started(0)
+    monkeypatch.setattr(compiling, "_process", lambda kind, folder: process)
 
     def interrupted() -> None:
-        with compiling.compiling_in_two(Settings()):
+        with compiling.compiling_in_two(Settings(), Budget()):
             announce("growth.grow")
             raise KeyboardInterrupt
 

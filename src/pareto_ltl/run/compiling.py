@@ -11,22 +11,31 @@ import multiprocessing
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from tempfile import TemporaryDirectory
+from threading import Thread
 
 from pareto_ltl.settings import Settings, preset
+from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.cache import LOCKS_FOLDER, cache_root
 from pareto_ltl.support.cores import cores
+from pareto_ltl.support.files import process_lives
 from pareto_ltl.support.locks import TakenError, hold_lock
 
 GROWTH = "growth.grow"
 LONGEST = 300.0  # [s] to wait for the second process
-CODE = "import sys; from pareto_ltl.run.warmup import warm_up; warm_up(sys.argv[1], grown=False)"
+PAUSE = 0.1  # [s]
+CODE = "import sys; from pareto_ltl.run.compiling import second_process; second_process(*sys.argv[1:])"
 
 
 @contextmanager
-def compiling_in_two(settings: Settings) -> Iterator[None]:
-    """In the block, a second process compiles if this one compiles growth; the block ends after it."""
+def compiling_in_two(settings: Settings, budget: Budget) -> Iterator[None]:
+    """In the block, a second process compiles if this one compiles growth; the block ends after it.
+
+    It ends earlier if ``budget`` is used up, or after :data:`LONGEST`; the second process is then ended.
+    """
     from pareto_ltl.kernels.code_cache import compilation_watched
 
     kind = kind_of(settings)
@@ -40,14 +49,16 @@ def compiling_in_two(settings: Settings) -> Iterator[None]:
             if kernel == GROWTH and not started:
                 with suppress(OSError, TakenError):
                     held.enter_context(_only_one())
-                    started.append(_process(kind))
+                    folder = held.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
+                    started.append(_process(kind, folder))
 
         try:
             with compilation_watched(start):
                 yield
+            latest = time.monotonic() + LONGEST
             for process in started:
-                with suppress(subprocess.TimeoutExpired):
-                    process.wait(LONGEST)
+                while process.poll() is None and time.monotonic() < latest and not budget.over():
+                    time.sleep(PAUSE)
         finally:
             for process in started:
                 process.kill()
@@ -75,9 +86,24 @@ def _only_one() -> Iterator[None]:
         yield
 
 
-def _process(kind: str) -> subprocess.Popen[bytes]:
+def _process(kind: str, folder: str) -> subprocess.Popen[bytes]:
+    """The second process; ``folder`` is for its temporary files, as it may be killed."""
+    paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "TMPDIR": folder, "TEMP": folder}
     return subprocess.Popen(
-        [sys.executable, "-c", CODE, kind],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        [sys.executable, "-c", CODE, kind, str(os.getpid())],
+        env=os.environ | paths,
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
+
+
+def second_process(kind: str, first: str) -> None:
+    """Compile the kernels of ``kind`` but for growth; end when the process ``first`` has ended."""
+    from pareto_ltl.run.warmup import warm_up
+
+    def watch() -> None:
+        while process_lives(int(first)):
+            time.sleep(1.0)
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
+    warm_up(kind, grown=False)

@@ -179,7 +179,7 @@ def make_forest(inputs: StageInputs) -> Forest:
             inputs.progress(*news)
 
     inputs.budget.heeded = True
-    with compiling_in_two(settings):
+    with compiling_in_two(settings, inputs.budget):
         forest = growth.grow_forest(settings.planner, problem, inputs.seeds, progress, budget=inputs.budget)
     if importing.ident:
         importing.join()
