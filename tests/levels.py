@@ -65,6 +65,7 @@ NOT_BY_DAY = [
     "run/test_replanning",
     "run/test_steering",
     "run/test_vehicles",
+    "run/test_warmup",
     "serve/test_desk_api",
     "serve/test_desk_browser",
     "settings/test_odd_values",
