@@ -18,6 +18,7 @@ import logging
 import pickle
 import re
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -34,7 +35,6 @@ from numba.misc.appdirs import AppDirs
 from pareto_ltl.kernels.code_files import SUFFIX, read_code, write_code
 from pareto_ltl.kernels.shipped_code import Target, shipped_code, unusable_reason
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import remove_dead_drafts
 from pareto_ltl.support.fingerprints import file_fingerprint, text_fingerprint
 
 LOG = logging.getLogger(__name__)
@@ -47,6 +47,7 @@ IMPORT = re.compile(
     r"^[ \t]*from[ ]+pareto_ltl\.kernels(?:\.(\w+))?[ ]+import[ ]+(\((?:[^()#]|#.*)*\)|[^\n]*)", re.MULTILINE
 )
 COMPILING = "compiling for this machine, about a minute; later runs find the machine code on disk"
+DRAFT_LIFE = 600.0  # [s] writing a file takes less
 WATCHERS: list[Callable[[str], None]] = []
 
 
@@ -120,11 +121,13 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
         _warn_unwritable(refused)
 
     def remove_outdated(self, folder: Path) -> None:
-        """Remove code of this function from other sources, and drafts of processes that ended."""
+        """Remove code of this function from other sources, and drafts of writers that were killed."""
         for found in folder.glob(f"{self.start}*"):
             if not found.name.startswith(self.base) and found.suffix in (SUFFIX, ".nbi"):
                 found.unlink(missing_ok=True)
-        remove_dead_drafts(folder)
+        for draft in folder.glob(f".*.{self.start}*"):  # its process may run on another machine
+            if time.time() - draft.stat().st_mtime > DRAFT_LIFE:
+                draft.unlink(missing_ok=True)
 
     def enable(self) -> None:
         """Load and write code from now on."""
