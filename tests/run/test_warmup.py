@@ -77,7 +77,9 @@ def test_kinds_of_settings() -> None:
     )
     assert compiling.kind_of(build_settings({"robot": {"feedback_time": 60.0}})) is None
     assert compiling.kind_of(Settings(fidelity=FidelityConfig(judge="bound"))) is None
-    assert {"full-fixes", "paper-fixes"} <= set(warmup.KINDS)
+    landmarks = {"landmarks": [[[0, 0], [1, 0], [1, 1]]]}
+    assert compiling.kind_of(build_settings({"fidelity": "paper", "scene": landmarks})) == "paper"
+    assert "full-fixes" in warmup.KINDS
 
 
 class Started:

@@ -126,8 +126,9 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
             if not found.name.startswith(self.base) and found.suffix in (SUFFIX, ".nbi"):
                 found.unlink(missing_ok=True)
         for draft in folder.glob(f".*.{self.start}*"):  # its process may run on another machine
-            if time.time() - draft.stat().st_mtime > DRAFT_LIFE:
-                draft.unlink(missing_ok=True)
+            with suppress(FileNotFoundError):  # it has just become a file of code
+                if time.time() - draft.stat().st_mtime > DRAFT_LIFE:
+                    draft.unlink()
 
     def enable(self) -> None:
         """Load and write code from now on."""

@@ -69,7 +69,9 @@ def kind_of(settings: Settings) -> str | None:
     """The kind of warm-up with the kernels of ``settings``; None if there is none."""
     if settings.fidelity != preset(settings.fidelity.name) or settings.robot.feedback_time is not None:
         return None
-    return settings.fidelity.name + "-fixes" * bool(settings.scene.landmarks)
+    if settings.scene.landmarks and settings.fidelity.name == "full":  # paper takes no fixes
+        return "full-fixes"
+    return settings.fidelity.name
 
 
 def _may_start() -> bool:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Sections = dict[str, Any]
 Told = Callable[[int, int, str], None]
 SMALL: Sections = {
-    "planner": {"trees": 2, "n_max": 600, "max_steps": 60, "epsilon": 0.7},
+    "planner": {"trees": 2, "n_max": 4000, "max_steps": 60, "epsilon": 0.7},
     "smoothing": {"candidates": 1, "weights": [1.0]},
     "refine": {"flights": 20, "sweep_flights": 10, "classes": 1, "points": 2},
     "selection": {"draws": 20, "runs": 20},
@@ -104,9 +104,6 @@ KINDS: dict[str, Kind] = {
     "paper": Kind("fidelity=paper", ORDER, {"fidelity": "paper"}),
     "full-fixes": Kind(
         "landmarks with position fixes", "F a", {"scene": {"landmarks": [BEACON]}}, replanned=True
-    ),
-    "paper-fixes": Kind(
-        "fidelity=paper, landmarks", "F a", {"fidelity": "paper", "scene": {"landmarks": [BEACON]}}
     ),
     **_both("feedback", "a robot that always knows its position", "F a", {"robot": {"feedback_time": 8e3}}),
     **_both("forbidden", "a region that must be avoided", "!c U a", {}),
