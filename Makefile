@@ -12,6 +12,7 @@ VENV ?= .venv
 ARGS ?=
 CASES ?= 100000
 DIST ?= dist
+KINDS ?=
 COVERAGE ?= $(abspath build/coverage)
 UNCOMPILED := tests/kernels tests/planning/test_step_programme.py
 BIN := $(VENV)/bin
@@ -20,10 +21,11 @@ UV := $(shell command -v uv 2>/dev/null)
 
 PEERS := build/peers
 
-.PHONY: demo test test-all test-night coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist lock install clean
+.PHONY: demo test test-all test-night coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist archives lock install clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
+	@echo "planning a first mission; if its kernels are not compiled yet, that takes about a minute, once"
 	$(BIN)/python -m pareto_ltl +experiment=phi1
 
 test: $(READY)
@@ -88,8 +90,12 @@ lint: $(READY)
 types: $(READY)
 	$(BIN)/mypy
 
-# The source archive, and the wheel from it, in DIST (RELEASING.md).
-dist: $(READY)
+# The source archive, the wheel from it, and the wheel with machine code for this Python and numba, in DIST
+# (RELEASING.md). KINDS="full paper" compiles only these kinds of runs, which takes less time.
+dist: archives
+	$(BIN)/python release/machine_code.py $(DIST)/*-py3-none-any.whl $(if $(KINDS),--kinds $(KINDS))
+
+archives: $(READY)
 	$(BIN)/python -m build --outdir $(DIST) .
 
 # The site, into site/; warnings are errors. The variable keeps an advertisement of the theme off the screen.
@@ -103,6 +109,7 @@ install: $(READY)
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
 	{ echo "pareto_ltl needs Python 3.11, 3.12 or 3.13; '$(PYTHON)' is not: name one, e.g. make PYTHON=python3.12" >&2; exit 2; }
+	@echo "installing requirements.lock into $(VENV), 1.5 GB: half a minute with uv, two minutes with pip"
 ifdef UV
 	$(UV) venv --quiet --clear --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" $(VENV)
 	$(UV) pip install --quiet --python $(BIN)/python --no-deps --require-hashes -r requirements.lock

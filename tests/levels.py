@@ -26,6 +26,7 @@ NOT_BY_DAY = [
     "test_documented_commands",
     "test_examples",
     "test_golden",
+    "test_machine_code_wheel",
     "test_notebooks",
     "test_platforms",
     "exports/test_edges",
@@ -65,6 +66,7 @@ NOT_BY_DAY = [
     "run/test_replanning",
     "run/test_steering",
     "run/test_vehicles",
+    "run/test_warmup",
     "serve/test_desk_api",
     "serve/test_desk_browser",
     "settings/test_odd_values",
@@ -83,7 +85,7 @@ NOT_BY_DAY = [
     "wind/test_sources",
     "wind/test_wind_document",
 ]
-ONLY_AT_NIGHT = ["planning/test_uncompiled_plans", "run/test_documents"]
+ONLY_AT_NIGHT = ["planning/test_uncompiled_plans", "run/test_documents", "test_machine_code_wheel"]
 
 
 def left_out(path: Path) -> bool:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import ast
+import json
 import os
 import pickle
+import platform
 import re
 import shutil
 import subprocess
 import sys
+from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
 
-from pareto_ltl.kernels import code_cache
-from pareto_ltl.kernels.code_cache import FOREIGN, KERNELS, CodeStamp, reachable_sources
+from pareto_ltl.kernels import code_cache, code_files, shipped_code
+from pareto_ltl.kernels.code_cache import FOREIGN, KERNELS, code_stamp, reachable_sources
 from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, source_file
 from pareto_ltl.kernels.parents import improves
 from unmeasured import untraced
@@ -26,6 +30,13 @@ from problems import paper_problem
 world = paper_problem("phi1").world
 print(locate_cells(world.mission.cells, np.array([[1e9, 1e9], [1e5, 1e5]])).tolist())
 print(sum(locate_cells.stats.cache_hits.values()), sum(locate_cells.stats.cache_misses.values()))
+"""
+
+
+FACTS = """
+import json
+from pareto_ltl.kernels.shipped_code import installation, process_target
+print(json.dumps(installation() | {"target": process_target()}))
 """
 
 
@@ -73,21 +84,20 @@ def test_a_file_that_reaches_a_choice_reaches_the_code_of_every_model(file):
 
 
 def test_code_that_others_add_to_a_model_changes_the_stamps_of_what_can_reach_it(monkeypatch):
-    reaching, other = CodeStamp(KERNELS / "growth.py"), CodeStamp(KERNELS / "visibility.py")
-    before = str(reaching), str(other)
-    assert KERNELS / "parents.py" in reachable_sources(reaching.file) - reachable_sources(other.file)
+    reaching, other = KERNELS / "growth.py", KERNELS / "visibility.py"
+    before = code_stamp(reaching), code_stamp(other)
+    assert KERNELS / "parents.py" in reachable_sources(reaching) - reachable_sources(other)
     monkeypatch.setitem(FOREIGN, KERNELS / "parents.py", set())
     chosen = IMPLEMENTATIONS[improves]
     monkeypatch.setattr(chosen, "implementations", dict(chosen.implementations))
     implements(improves, complex)(lambda rule, risks, new, old, strict: True)
     assert FOREIGN[KERNELS / "parents.py"] == {Path(__file__)}
-    assert str(reaching) != before[0]
-    assert str(other) == before[1]
+    assert code_stamp(reaching) != before[0]
+    assert code_stamp(other) == before[1]
 
 
 def test_a_function_of_another_package_changes_no_stamp():
-    stamp = CodeStamp(KERNELS / "growth.py")
-    before = str(stamp)
+    before = code_stamp(KERNELS / "growth.py")
 
     @by_type
     def volume(model):
@@ -95,72 +105,272 @@ def test_a_function_of_another_package_changes_no_stamp():
 
     implements(volume, float)(lambda model: model)
     assert FOREIGN[Path(__file__)] == {Path(__file__)}
-    assert str(stamp) == before
+    assert code_stamp(KERNELS / "growth.py") == before
 
 
-def test_a_stamp_is_a_string_on_disk_and_equal_to_it():
-    stamp = CodeStamp(KERNELS / "growth.py")
-    saved = pickle.loads(pickle.dumps(stamp))
-    assert type(saved) is str
-    assert saved == stamp
-    assert CodeStamp(KERNELS / "margin.py") != saved
+def test_different_files_have_different_stamps():
+    assert code_stamp(KERNELS / "growth.py") != code_stamp(KERNELS / "margin.py")
+
+
+@dataclass
+class Program:
+    """PROGRAM on a copy of the package, with a cache of its own."""
+
+    folder: Path
+    said: str = ""
+
+    @property
+    def kernels(self) -> Path:
+        return self.folder / "src" / "pareto_ltl" / "kernels"
+
+    @property
+    def code(self) -> Path:
+        return self.folder / "code"
+
+    def run(self, program: str = PROGRAM, **changes: str) -> str:
+        """The output of ``program``; ``said`` is what it writes to the error stream."""
+        tests = Path(__file__).parents[1]
+        surroundings = untraced(
+            PYTHONPATH=os.pathsep.join(map(str, (self.kernels.parents[1], tests))), NUMBA_DISABLE_JIT="0",
+            NUMBA_CACHE_DIR=str(self.code), PYTHONDONTWRITEBYTECODE="1", **changes,
+        )  # fmt: skip
+        done = subprocess.run(
+            [sys.executable, "-c", program], env=surroundings, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        self.said = done.stderr
+        return done.stdout
+
+    def __call__(self, **changes: str) -> str:
+        """Whether the code was on disk: ``reused`` or ``compiled``."""
+        found, counts = self.run(**changes).splitlines()
+        assert found == "[-1, 18]"
+        return {"1 0": "reused", "0 1": "compiled"}[counts]
+
+    def files(self) -> list[Path]:
+        return sorted(self.code.rglob("*locate_cells*.nbc"))
+
+    def ship(self) -> None:
+        """Put the code of PROGRAM for the baseline into the package, as a wheel has it."""
+        place = self.kernels / "machine_code"
+        named = {"NUMBA_CPU_NAME": shipped_code.BASELINES[platform.machine()][0], "NUMBA_CPU_FEATURES": ""}
+        assert self(**named) == "compiled"
+        place.mkdir()
+        for file in self.files():
+            file.rename(place / file.name)
+        facts = json.loads(self.run(FACTS, **named))
+        files = {file.name: sha256(file.read_bytes()).hexdigest() for file in place.iterdir()}
+        (place / "manifest.json").write_text(json.dumps(facts | {"files": files}))
+
+
+def copied(folder: Path) -> Program:
+    """A copy of the package in ``folder``."""
+    leave_out = shutil.ignore_patterns("__pycache__", "machine_code")
+    shutil.copytree(KERNELS.parent, folder / "src" / "pareto_ltl", ignore=leave_out)
+    for name in ("conf", "pipelines"):
+        shutil.copytree(KERNELS.parents[2] / name, folder / name)
+    return Program(folder)
 
 
 @pytest.fixture
 def program(tmp_path):
-    """Runs PROGRAM on a copy of the package; returns its first line, and whether its code was on disk."""
-    package = tmp_path / "src" / "pareto_ltl"
-    shutil.copytree(KERNELS.parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    for folder in ("conf", "pipelines"):
-        shutil.copytree(KERNELS.parents[2] / folder, tmp_path / folder)
-    tests = Path(__file__).parents[1]
-    surroundings = untraced(
-        PYTHONPATH=os.pathsep.join(map(str, (package.parent, tests))), NUMBA_DISABLE_JIT="0",
-        NUMBA_CACHE_DIR=str(tmp_path / "code"), PYTHONDONTWRITEBYTECODE="1",
-    )  # fmt: skip
-
-    def run() -> tuple[str, str]:
-        done = subprocess.run(
-            [sys.executable, "-c", PROGRAM], env=surroundings, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stderr
-        found, counts = done.stdout.splitlines()
-        return found, {"1 0": "reused", "0 1": "compiled"}[counts]
-
-    return run, package / "kernels"
+    return copied(tmp_path)
 
 
 def test_a_change_compiles_anew_what_it_can_reach_and_nothing_else(program):
-    run, kernels = program
-    assert run() == ("[-1, 18]", "compiled")
-    assert run() == ("[-1, 18]", "reused")
+    assert program() == "compiled"
+    assert program() == "reused"
 
-    other = kernels / "margin.py"
+    other = program.kernels / "margin.py"
     other.write_text(other.read_text() + "\n# another kernel\n")
-    assert run() == ("[-1, 18]", "reused")
+    assert program() == "reused"
 
-    helper = kernels / "data.py"  # locate_cells is in geometry.py, which imports it
+    helper = program.kernels / "data.py"  # locate_cells is in geometry.py, which imports it
     helper.write_text(helper.read_text() + "\n# a file that it reaches\n")
-    assert run() == ("[-1, 18]", "compiled")
-    assert run() == ("[-1, 18]", "reused")
+    assert program() == "compiled"
+    assert program() == "reused"
 
 
 def test_code_for_types_that_are_gone_is_removed_and_never_read(program):
-    """Numba's index names types: reading one of a type without a class would end the program."""
-    run, kernels = program
-    assert run() == ("[-1, 18]", "compiled")
-    code = kernels.parents[2] / "code"
-    old = set(code.rglob("*locate_cells*.nb?"))
+    """A pickle names types: reading one of a type without a class would end the program."""
+    assert program() == "compiled"
+    old = program.files()
     assert old
-    for source in kernels.parent.rglob("*.py"):
+    for source in program.kernels.parent.rglob("*.py"):
         source.write_text(re.sub(r"\bCells\b", "CellTable", source.read_text()))
-    assert run() == ("[-1, 18]", "compiled")
-    assert run() == ("[-1, 18]", "reused")
+    assert program() == "compiled"
+    assert program() == "reused"
     assert not any(file.exists() for file in old)
 
 
-def test_the_settings_of_numba_are_as_before():
-    before = code_cache.config.CACHE_LOCATOR_CLASSES
-    with code_cache.stamped_by_source():
-        assert code_cache.config.CACHE_LOCATOR_CLASSES == code_cache.LOCATORS
-    assert before == code_cache.config.CACHE_LOCATOR_CLASSES
+def damage(file: Path) -> None:
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 1
+    file.write_bytes(data)
+
+
+def cut(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-100])
+
+
+def open_to_others(file: Path) -> None:
+    file.chmod(0o666)
+
+
+def replace_by_pipe(file: Path) -> None:
+    file.unlink()
+    os.mkfifo(file)
+
+
+@pytest.mark.parametrize(
+    ("harm", "reason"),
+    [(damage, "it is damaged"), (cut, "it is damaged"), (open_to_others, "others may write it (mode 666)"),
+     (replace_by_pipe, "it is no file")],
+)  # fmt: skip
+def test_a_damaged_or_foreign_file_is_not_executed_and_one_line_says_so(program, harm, reason):
+    assert program() == "compiled"
+    (file,) = program.files()
+    harm(file)
+    assert program() == "compiled"
+    assert program.said.count("is not used") == 1
+    assert program.said.count("machine code cannot be kept") == (harm is replace_by_pipe)
+    assert f"{file} is not used: {reason}" in program.said
+    if harm is not replace_by_pipe:  # which nothing replaces
+        assert program() == "reused"
+
+
+def test_a_file_of_numba_itself_is_not_read(program):
+    assert program() == "compiled"
+    (file,) = program.files()
+    file.write_bytes(pickle.dumps(("0.0", "code")))
+    assert program() == "compiled"
+    assert program() == "reused"
+
+
+def test_a_folder_that_cannot_be_written_is_one_warning(program):
+    program.code.write_text("a file where a folder is needed")
+    assert program() == "compiled"
+    assert program.said.count("machine code cannot be kept") == 1
+    assert str(program.code) in program.said
+    assert len(program.said.strip().splitlines()) == 1
+
+
+LIMITED = f"""
+import resource
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+{PROGRAM}
+"""
+
+
+def test_a_full_disk_is_one_warning_and_leaves_nothing(program):
+    output = program.run(LIMITED)
+    assert output.splitlines() == ["[-1, 18]", "0 1"]
+    assert program.said.count("machine code cannot be kept") == 1
+    assert not [file for file in program.code.rglob("*") if file.is_file()]
+    assert program() == "compiled"
+
+
+KILLED = f"""
+import os
+os.replace = lambda *paths: os._exit(9)
+{PROGRAM}
+"""
+
+
+def test_a_process_that_is_killed_while_it_writes_leaves_no_code_and_its_draft_is_removed(program):
+    with pytest.raises(AssertionError):
+        program.run(KILLED)
+    (draft,) = (file for file in program.code.rglob("*") if file.is_file())
+    assert draft.name.startswith(".")
+    os.utime(draft, (1e9, 1e9))
+    assert program() == "compiled"
+    assert [file.name for file in program.code.rglob("*") if file.is_file()] == [program.files()[0].name]
+    assert program() == "reused"
+
+
+# --- code that a wheel brings ------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """A copy of the package with the code that a wheel would bring."""
+    if platform.machine() not in shipped_code.BASELINES:
+        pytest.skip(f"there is no baseline for {platform.machine()}")
+    program = copied(tmp_path_factory.mktemp("wheel"))
+    program.ship()
+    return program
+
+
+@pytest.fixture
+def shipped(wheel, tmp_path):
+    shutil.copytree(wheel.folder, tmp_path / "copy")
+    return Program(tmp_path / "copy")
+
+
+def test_code_in_the_package_is_used_and_nothing_is_written(shipped):
+    before = {file: file.read_bytes() for file in shipped.folder.rglob("*") if file.is_file()}
+    assert shipped() == "reused"
+    assert shipped.said == ""
+    assert {file: file.read_bytes() for file in shipped.folder.rglob("*") if file.is_file()} == before
+
+
+def test_code_in_the_package_that_is_damaged_or_not_listed_is_compiled(shipped):
+    (file,) = (shipped.kernels / "machine_code").glob("*.nbc")
+    whole = file.read_bytes()
+    damage(file)
+    assert shipped() == "compiled"
+    assert f"{file} is not used: it is damaged" in shipped.said
+    shutil.rmtree(shipped.code)
+
+    content = b"other code"
+    file.write_bytes(code_files.HEADER + sha256(content).digest() + content)  # undamaged, but not as listed
+    assert shipped() == "compiled"
+    shutil.rmtree(shipped.code)
+
+    file.write_bytes(whole)
+    assert shipped() == "reused"
+
+
+def test_code_in_the_package_for_another_source_is_compiled(shipped):
+    helper = shipped.kernels / "data.py"
+    helper.write_text(helper.read_text() + "\n# changed after the wheel was built\n")
+    assert shipped() == "compiled"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "reason"),
+    [("numba", "0.1.2", "it is for numba 0.1.2"), ("python", "cpython-27", "it is for Python cpython-27"),
+     ("target", ["x", "i386", ""], "it is for i386"), ("format", "x/9", "its format is x/9"),
+     ("files", None, "its list cannot be read")],
+)  # fmt: skip
+def test_code_in_the_package_for_something_else_is_compiled_and_one_line_says_so(shipped, key, value, reason):
+    manifest = shipped.kernels / "machine_code" / "manifest.json"
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {key: value}))
+    assert shipped() == "compiled"
+    assert reason in shipped.said
+    assert len(shipped.said.strip().splitlines()) == 1
+    assert shipped() == "reused"
+    assert shipped.said == ""
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", "[" * 100_000, '{"numba": 3}'])
+def test_a_list_that_cannot_be_read_is_one_line(shipped, text):
+    (shipped.kernels / "machine_code" / "manifest.json").write_text(text)
+    assert shipped() == "compiled"
+    assert shipped.said.count("the machine code of this installation is not used") == 1
+
+
+def test_a_user_who_names_a_processor_gets_code_for_it(shipped):
+    assert shipped(NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="") == "compiled"
+    assert "NUMBA_CPU_NAME is generic" in shipped.said
+
+
+def test_a_processor_without_avx2_does_not_get_code_for_it(monkeypatch):
+    manifest = shipped_code.installation() | {"target": ["x86_64-linux", "x86-64-v3", ""], "files": {}}
+    monkeypatch.setattr(shipped_code.platform, "machine", lambda: "x86_64")
+    monkeypatch.setattr(shipped_code.config, "CPU_NAME", None)
+    features = dict.fromkeys(shipped_code.V3, True)
+    monkeypatch.setattr(shipped_code.llvm, "get_host_cpu_features", lambda: features)
+    assert shipped_code.mismatch(manifest) == ""
+    monkeypatch.setattr(shipped_code.llvm, "get_host_cpu_features", lambda: features | {"avx2": False})
+    assert shipped_code.mismatch(manifest) == "it is for x86-64-v3, and this processor lacks avx2"

@@ -84,6 +84,7 @@ COMMANDS = (
     Command("rerun", "make a result again and compare it byte by byte"),
     Command("verify", "derive every claim of a result again, without the planner"),
     Command("wind-error", "the law of forecast errors, from past forecasts and analyses"),
+    Command("warmup", "compile what a kind of run needs, before its first run"),
     Command("cache", "folder and size of the cache; cache clear empties it"),
 )
 

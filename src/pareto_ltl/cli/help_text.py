@@ -29,7 +29,6 @@ EXAMPLES = """\
   pareto-ltl plan +experiment=phi1                         plan one of the ready missions
   pareto-ltl plan +experiment=phi1 "mission.formula='F(a & F b)'" planner.n_max=5000
   pareto-ltl sweep +experiment=phi2 'seed=range(0,99)' hydra/launcher=joblib
-  pareto-ltl formula "F(a & F b)"                          what a formula means
   pareto-ltl +experiment=phi1 seed=1,2 -m                  the Hydra form: plan, with every combination"""
 FLAGS = """\
   -m, --multirun  run every combination of key=value1,value2 or key=range(first,beyond)

@@ -1,121 +1,204 @@
-"""The cache of machine code on disk: where numba stores it, and when it is compiled again.
+"""The machine code of kernels on disk: which is loaded, when it is compiled again, and where it is written.
 
-Numba by itself compares only the file of a compiled function, and would continue to use outdated helpers.
-Here the stamp of a function is a fingerprint of its module, of every kernel module that this one imports,
-and of the files of other packages that add code to a function of these (:data:`FOREIGN`): after a change,
-only what depends on it is compiled again. Numba gets the stamp from a cache locator, a class that its setting
-``NUMBA_CACHE_LOCATOR_CLASSES`` names.
+A file holds the code of one kernel for one list of types. Its name contains a fingerprint of everything that
+the code depends on: numba, Python, the processor, the types, and the stamp of the kernel. The stamp is a
+fingerprint of the kernel's module, of every kernel module that this one imports, and of the files of other
+packages that add code to a function of these (:data:`FOREIGN`). After a change, only what depends on it is
+compiled again. Numba's own cache compares only the file of a compiled function, and has an index of pickled
+types: two processes that write it at the same time can exchange each other's code. There is no index here.
 
-An index file of numba refers to the types of its functions, and cannot be read after one of them is removed
-from the source. So the fingerprint is part of the file name, and files with another one are removed unread.
+Code is looked for in the folder that a wheel brings (:mod:`pareto_ltl.kernels.shipped_code`), then in
+:meth:`KernelCache.folders`. Only undamaged files that other users cannot write are read
+(:mod:`pareto_ltl.kernels.code_files`). If none of the folders can be written, one warning says so.
 """
 
 from __future__ import annotations
 
+import logging
+import pickle
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numba
 from numba import config
-from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
+from numba.core.caching import _Cache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+from numba.misc.appdirs import AppDirs
 
+from pareto_ltl.kernels.code_files import SUFFIX, read_code, write_code
+from pareto_ltl.kernels.shipped_code import Target, shipped_code, unusable_reason
+from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.fingerprints import file_fingerprint, text_fingerprint
 
+LOG = logging.getLogger(__name__)
+
 # Source files outside kernels/ with code for a function whose implementation is chosen by type, by the file
-# of that function. Kernels that cannot reach the function keep their stamp: two processes, of which one
-# imports the other package, would else overwrite each other's code again and again.
+# of that function.
 FOREIGN: dict[Path, set[Path]] = {}
 KERNELS = Path(__file__).parent
 IMPORT = re.compile(
     r"^[ \t]*from[ ]+pareto_ltl\.kernels(?:\.(\w+))?[ ]+import[ ]+(\((?:[^()#]|#.*)*\)|[^\n]*)", re.MULTILINE
 )
+COMPILING = "compiling for this machine, about a minute; later runs find the machine code on disk"
+DRAFT_LIFE = 600.0  # [s] writing a file takes less
+WATCHERS: list[Callable[[str], None]] = []
 
 
-class CodeStamp:
-    """Fingerprint of the source that a kernel file depends on, computed when it is compared or saved.
+class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
+    """Machine code of one function: what numba calls before and after it compiles the function."""
 
-    At that time other packages have added their code. On disk it is a plain string.
-    """
+    def __init__(self, function: Any) -> None:
+        code = function.__code__
+        self.function, self.source, self.enabled = function, Path(code.co_filename), True
+        name = re.sub("[<>]", "", function.__qualname__)
+        self.start = f"{self.source.stem}.{name}-"
+        self.base = f"{self.start}{code.co_firstlineno}-{_mark(self.source)}."
 
-    def __init__(self, file: Path) -> None:
-        self.file = file
+    @property
+    def cache_path(self) -> str:
+        """The folder in which code is looked for first, apart from that of a wheel."""
+        return str(self.folders()[0])
 
-    def __str__(self) -> str:
-        reached = reachable_sources(self.file)
-        added = (FOREIGN.get(source, set()) for source in reached)
-        sources = sorted(reached.union(*added))
-        return text_fingerprint("".join(file_fingerprint(source) for source in sources))
+    def folders(self) -> list[Path]:
+        """``NUMBA_CACHE_DIR`` if it is set; else ``__pycache__`` beside the source, and the user's cache."""
+        inside = f"{self.source.parent.name}_{text_fingerprint(str(self.source.parent))[:40]}"
+        if config.CACHE_DIR:
+            return [Path(config.CACHE_DIR) / inside]
+        users = Path(AppDirs(appname="numba", appauthor=False).user_cache_dir)
+        return [self.source.parent / "__pycache__", users / inside]
 
-    def __eq__(self, other: object) -> bool:
-        return str(self) == str(other)
+    def file_name(self, signature: Any, target: Target) -> str:
+        """The name of the file with the code for the types ``signature`` and the processor ``target``."""
+        cells = self.function.__closure__
+        closure = dumps(tuple(cell.cell_contents for cell in cells)).hex() if cells else ""
+        versions = numba.__version__, sys.implementation.cache_tag, self.function.__code__.co_code.hex()
+        options = repr((config.OPT, config.BOUNDSCHECK, config.DEBUGINFO_DEFAULT))
+        parts = (*versions, options, closure, code_stamp(self.source), str(signature), *target)
+        return f"{self.base}{text_fingerprint(chr(0).join(parts))[:24]}{SUFFIX}"
 
-    def __hash__(self) -> int:
-        return hash(str(self))
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled function for the types ``sig``, None if it must be compiled."""
+        target_context.refresh()
+        if not self.enabled:
+            return None
+        target = Target(*target_context.codegen().magic_tuple())
+        shipped = shipped_code()
+        content = None
+        if shipped is not None and shipped.triple == target.triple:
+            content = shipped.read(self.file_name(sig, shipped.target), self.source)
+        name = self.file_name(sig, target)
+        for folder in self.folders():
+            content = content or read_code(folder / name, self.source)
+        if content is None:
+            _announce(self.start[:-1])
+            return None
+        return CompileResult._rebuild(target_context, *pickle.loads(content))  # noqa: SLF001
 
-    def __reduce__(self) -> tuple[type[str], tuple[str]]:
-        return str, (str(self),)
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Write the code ``data`` for the types ``sig``, if it does not depend on addresses in memory."""
+        if not self.enabled or data.lifted or data.library.has_dynamic_globals:
+            return
+        # The text of the annotated source, with paths of this machine, is left out.
+        reduced = tuple("" if isinstance(part, str) else part for part in data._reduce())  # noqa: SLF001
+        name, content = self.file_name(sig, Target(*data.codegen.magic_tuple())), dumps(reduced)
+        refused = ""
+        for folder in self.folders():
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+                self.remove_outdated(folder)
+                write_code(folder / name, content)
+            except (OSError, DataError) as error:
+                refused = refused or f"{folder}: {getattr(error, 'strerror', None) or error}"
+            else:
+                return
+        _warn_unwritable(refused)
 
-
-class ReachableSource:
-    """Common part of the three locators below: the stamp, and file names that contain a fingerprint."""
-
-    def __init__(self, function: Any, file: str) -> None:
-        super().__init__(function, file)  # type: ignore[call-arg]  # the locator that follows in the class
-        self.stamp = CodeStamp(Path(file))
-        self.files = f"{Path(file).stem}.{function.__qualname__}-*.nb[ci]"
-        self.mark = _mark(Path(file))
-
-    def get_source_stamp(self) -> CodeStamp:
-        """The stamp that numba compares with the one on disk."""
-        return self.stamp
-
-    def get_disambiguator(self) -> str:
-        """The part of file names that tells equal function names apart, with the fingerprint."""
-        line: str = super().get_disambiguator()  # type: ignore[misc]
-        return f"{line}-{self.mark}"
-
-    def ensure_cache_path(self) -> None:
-        """Make the folder, and remove machine code of this function with another fingerprint."""
-        super().ensure_cache_path()  # type: ignore[misc]
-        for found in Path(self.get_cache_path()).glob(self.files):  # type: ignore[attr-defined]
-            if f"-{self.mark}." not in found.name:
+    def remove_outdated(self, folder: Path) -> None:
+        """Remove code of this function from other sources, and drafts of writers that were killed."""
+        for found in folder.glob(f"{self.start}*"):
+            if not found.name.startswith(self.base) and found.suffix in (SUFFIX, ".nbi"):
                 found.unlink(missing_ok=True)
+        for draft in folder.glob(f".*.{self.start}*"):  # its process may run on another machine
+            with suppress(FileNotFoundError):  # it has just become a file of code
+                if time.time() - draft.stat().st_mtime > DRAFT_LIFE:
+                    draft.unlink()
+
+    def enable(self) -> None:
+        """Load and write code from now on."""
+        self.enabled = True
+
+    def disable(self) -> None:
+        """Neither load nor write code."""
+        self.enabled = False
+
+    def flush(self) -> None:
+        """Remove the code of this function from the folders."""
+        for folder in self.folders():
+            for found in folder.glob(f"{self.base}*{SUFFIX}"):
+                with suppress(OSError):
+                    found.unlink(missing_ok=True)
 
 
-class NamedFolder(ReachableSource, UserProvidedCacheLocator):  # type: ignore[misc]  # numba has no types
-    """The folder that ``NUMBA_CACHE_DIR`` names."""
+@lru_cache
+def _warn_unwritable(text: str) -> None:
+    """Say once that code is compiled in every run; ``text`` is a folder and what happened."""
+    LOG.warning(
+        "machine code cannot be kept, so every run compiles it again: %s; make room there, or let "
+        "NUMBA_CACHE_DIR name a folder that can be written",
+        text,
+    )
 
 
-class BesideSource(ReachableSource, InTreeCacheLocator):  # type: ignore[misc]
-    """``__pycache__`` beside the source, where it can be written."""
+def _announce(kernel: str) -> None:
+    """Say once in the log, and on a terminal, that this process compiles; tell the watchers of ``kernel``."""
+    _say_compiling(unusable_reason())
+    for watcher in tuple(WATCHERS):
+        watcher(kernel)
 
 
-class UserFolder(ReachableSource, UserWideCacheLocator):  # type: ignore[misc]
-    """The user's cache."""
-
-
-LOCATORS = ",".join(f"{__name__}.{kind.__name__}" for kind in (NamedFolder, BesideSource, UserFolder))
+@lru_cache
+def _say_compiling(reason: str) -> None:
+    LOG.info("%s", COMPILING)
+    if reason:
+        LOG.warning("%s", reason)
+    if sys.stderr.isatty():
+        print(
+            f"pareto-ltl: {COMPILING}", *[f"pareto-ltl: {reason}"] * bool(reason), sep="\n", file=sys.stderr
+        )
 
 
 @contextmanager
-def stamped_by_source() -> Iterator[None]:
-    """In the block, numba uses the stamps of this module for functions with ``cache=True``."""
-    before = config.CACHE_LOCATOR_CLASSES
-    config.CACHE_LOCATOR_CLASSES = LOCATORS
+def compilation_watched(watcher: Callable[[str], None]) -> Iterator[None]:
+    """In the block, call ``watcher`` with the name of each kernel before it is compiled."""
+    WATCHERS.append(watcher)
     try:
         yield
     finally:
-        config.CACHE_LOCATOR_CLASSES = before
+        WATCHERS.remove(watcher)
+
+
+def code_stamp(file: Path) -> str:
+    """Fingerprint of all source that the kernels in ``file`` depend on, as it is now."""
+    reached = reachable_sources(file)
+    added = (FOREIGN.get(source, set()) for source in reached)
+    return _fingerprint(reached.union(*added))
 
 
 @lru_cache
 def _mark(file: Path) -> str:
     """Short fingerprint of the kernel modules that ``file`` depends on."""
-    sources = sorted(reachable_sources(file))
-    return text_fingerprint("".join(file_fingerprint(source) for source in sources))[:10]
+    return _fingerprint(reachable_sources(file))[:10]
+
+
+def _fingerprint(sources: Iterable[Path]) -> str:
+    return text_fingerprint("".join(file_fingerprint(source) for source in sorted(sources)))
 
 
 @lru_cache

@@ -12,11 +12,11 @@ from numba import config, njit
 from numba.core.errors import TypingError
 from numba.extending import overload
 
-from pareto_ltl.kernels.code_cache import FOREIGN, KERNELS, stamped_by_source
+from pareto_ltl.kernels.code_cache import FOREIGN, KERNELS, KernelCache
 
 F = TypeVar("F", bound=Callable[..., Any])
 PLAIN = {"_nrt": False, "error_model": "numpy"}
-ENTRY = {"cache": True, "nogil": True, "no_cfunc_wrapper": True}
+ENTRY = {"nogil": True, "no_cfunc_wrapper": True}
 
 
 def kernel(function: F) -> F:
@@ -67,14 +67,19 @@ def _helper(function: F, **options: Any) -> F:
 
 def entry(function: F) -> F:
     """Compile a function that is called from Python: cached on disk, without the interpreter's lock."""
-    with stamped_by_source():
-        return cast(F, njit(**PLAIN, **ENTRY)(function))
+    return _cached(njit(**PLAIN, **ENTRY)(function), function)
 
 
 def allocating(function: F) -> F:
     """Compile an entry that allocates arrays, with reference counts."""
-    with stamped_by_source():
-        return cast(F, njit(**ENTRY)(function))
+    return _cached(njit(**ENTRY)(function), function)
+
+
+def _cached(compiled: Any, function: F) -> F:
+    """``compiled`` with our cache on disk; numba's own would be set by ``cache=True``."""
+    if not config.DISABLE_JIT:
+        compiled._cache = KernelCache(function)  # noqa: SLF001
+    return cast(F, compiled)
 
 
 class ChosenByType:

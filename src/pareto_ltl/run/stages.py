@@ -7,15 +7,15 @@ error is reported without loading them.
 from __future__ import annotations
 
 import logging
-import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.run.compiling import compiling_in_two
 from pareto_ltl.run.front_stage import FOREST_STREAM, make_front
 from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, make_page
 from pareto_ltl.run.provenance import wanted_wind
@@ -39,9 +39,8 @@ from pareto_ltl.run.records import (
     WIND_TABLE,
 )  # fmt: skip
 from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, named_child
-from pareto_ltl.settings import ReportConfig, RobotConfig, Settings
+from pareto_ltl.settings import ReportConfig, RobotConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
-from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint
 
 if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
@@ -56,7 +55,6 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 PRICING, PRICING_RUNS = "prices", 10_000  # child of the seed of the flights that price limits; their number
-COMPILING = "compiling for this machine, about a minute; later runs find the machine code on disk"
 
 
 def make_readings(inputs: StageInputs) -> Readings:
@@ -181,34 +179,11 @@ def make_forest(inputs: StageInputs) -> Forest:
             inputs.progress(*news)
 
     inputs.budget.heeded = True
-    with _compiling(settings, problem):
+    with compiling_in_two(settings, inputs.budget):
         forest = growth.grow_forest(settings.planner, problem, inputs.seeds, progress, budget=inputs.budget)
     if importing.ident:
         importing.join()
     return forest
-
-
-@contextmanager
-def _compiling(settings: Settings, problem: Problem) -> Iterator[None]:
-    """Say that a run compiles if no run with these types, kernels and choices has grown trees here before."""
-    import numba
-
-    from pareto_ltl.kernels.growth import grow
-    from pareto_ltl.support.files import write_bytes
-
-    kinds = [settings.fidelity.refine, settings.fidelity.judge, *settings.deployment.laws]
-    types = [code_fingerprint("kernels"), numba.__version__, sys.version, str(numba.typeof(problem.world))]
-    folder = None if numba.config.DISABLE_JIT else Path(grow.stats.cache_path)  # type: ignore[attr-defined]
-    marker = folder and folder / f"compiled-{data_fingerprint([*types, *kinds])[:32]}"
-    if marker is None or marker.exists():
-        yield
-        return
-    LOG.info(COMPILING)
-    if sys.stderr.isatty():  # where progress is shown
-        print(f"pareto-ltl: {COMPILING}", file=sys.stderr)
-    yield
-    with suppress(OSError):
-        write_bytes(marker, b"")
 
 
 def _import_report(cfg: ReportConfig) -> None:
