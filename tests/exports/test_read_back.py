@@ -10,6 +10,8 @@ import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
 from xml.etree import ElementTree
 
 import fastkml
@@ -26,9 +28,12 @@ from pymavlink.dialects.v20 import all as mavlink
 from uas_standards.astm.f3548.v21.api import OperationalIntentDetails, Volume4D
 
 from exported_plans import Flown, metres_apart, seconds_apart
-from pareto_ltl.exports.exported import Height
+from pareto_ltl.exports.exported import Height, vehicle_of
 from pareto_ltl.exports.formats import MAKERS
 from pareto_ltl.exports.fpl import short_text
+from pareto_ltl.planning.power import energy_model
+from pareto_ltl.settings import RobotConfig
+from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.world.projection import to_geographic, to_plane
 
@@ -167,17 +172,48 @@ def test_the_plan_for_garmin(flown: Flown) -> None:
     assert short_text("Päijänne north, EFKU CTR / <b>") == "PAIJANNE NORTH EFKU CTR /"
 
 
-@pytest.mark.parametrize(("height", "vehicle"), [(Height(3000.0, True), 1), (Height(-50.0, False), 12)])
+@pytest.mark.parametrize("height", [Height(3000.0, True), Height(-50.0, False)])
 def test_heights_above_sea_level_are_in_the_files_and_the_home_is_on_the_ground(
-    flown: Flown, height: Height, vehicle: int
+    flown: Flown, height: Height
 ) -> None:
-    exported = replace(flown.exported, height=height, least_airspeed=5.0)
+    exported = replace(flown.exported, height=height)
     (route,) = gpxpy.parse(MAKERS["gpx"](exported).decode()).routes
     assert {p.elevation for p in route.points} == {height.metres}
     assert b"<altitudeMode>absolute</altitudeMode>" in MAKERS["kml"](exported)
     mission = json.loads(MAKERS["qgc"](exported))["mission"]
     assert mission["plannedHomePosition"][2] == 0.0
-    assert mission["vehicleType"] == vehicle
+
+
+AIR, SEA, WATER = Height(100.0, above_sea=False), Height(3000.0, above_sea=True), Height(-50.0, False)
+
+
+@pytest.mark.parametrize(
+    ("robot", "height", "vehicle", "first"),
+    [
+        ("multirotor", AIR, 2, 22),
+        ("multirotor", SEA, 2, 178),
+        ("fixed_wing", AIR, 1, 178),
+        ("underwater_glider", WATER, 12, 178),
+        (None, AIR, 0, 178),
+    ],
+)
+def test_the_mission_names_the_vehicle_and_takes_off_with_rotors(
+    flown: Flown, robot: str | None, height: Height, vehicle: int, first: int
+) -> None:
+    """The landing is left to the pilot: the plan may end over water."""
+    cfg = RobotConfig() if robot is None else section_of("robot", robot)
+    problem: Any = SimpleNamespace(
+        energy=energy_model(cfg.power), motion=flown.problem.motion._replace(u_min=cfg.u_min)
+    )
+    exported = replace(flown.exported, height=height, vehicle=vehicle_of(height, problem))
+    mission = json.loads(MAKERS["qgc"](exported))["mission"]
+    items = mission["items"]
+    assert (mission["vehicleType"], items[0]["command"]) == (vehicle, first)
+    assert [item["doJumpId"] for item in items] == list(range(1, len(items) + 1))
+    assert {item["command"] for item in items[1:]} == {16, 178}
+    if first == 22:
+        assert items[0]["params"][4:] == [exported.log.lat[0], exported.log.lon[0], 100.0]
+        assert items[0]["frame"] == 3
 
 
 def test_calm_air_has_no_wind_message_and_volumes_of_some_width(flown: Flown) -> None:
