@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 
 import fastkml
 import geojson
+import geopandas
 import gpxpy
 import numpy as np
 import pytest
@@ -119,6 +120,25 @@ def test_the_plan_in_kml(flown: Flown) -> None:
     (document,) = document.features
     assert document.name == "phi1 <&>"
     assert "coherent winds" in document.description
+
+
+@pytest.mark.parametrize("name", ["plan.geojson", "corridor.geojson", "plan.kml", "plan.gpx"])
+def test_maps_open_in_gdal_as_in_qgis(flown: Flown, name: str) -> None:
+    """Without a warning, in degrees, and in the area of the plan; no shape is broken."""
+    path = flown.folder / name
+    layers = [str(layer) for layer in geopandas.list_layers(path)["name"]]
+    read = [geopandas.read_file(path, layer=layer) for layer in layers]
+    shapes = [shape for table in read for shape in table.geometry]
+    assert {table.crs.to_epsg() for table in read} == {4326}
+    assert all(shape.is_valid and not shape.is_empty for shape in shapes)
+    west, south, east, north = shapely.total_bounds(shapes) + [-1e-7, -1e-7, 1e-7, 1e-7]
+    log = flown.exported.log
+    assert west <= min(log.lon) <= max(log.lon) <= east
+    assert south <= min(log.lat) <= max(log.lat) <= north
+    assert max(east - west, north - south) < 60.0
+    if name == "plan.geojson":
+        legs = read[0][read[0]["role"] == "leg"]
+        assert legs["airspeed_m_s"].tolist() == pytest.approx(log.airspeed.tolist())
 
 
 def test_the_plan_in_gpx(flown: Flown) -> None:

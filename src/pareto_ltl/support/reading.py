@@ -69,7 +69,7 @@ def read_bounded(path: Path, advice: Advice = RESULTS, most: int = MAX_BYTES) ->
 
 
 def refuse_many_features(where: str, data: bytes, mark: bytes) -> None:
-    """DataError if the pattern ``mark``, once in each feature, occurs too often; before ``data`` is parsed."""
+    """DataError if the pattern ``mark``, once in each feature, occurs too often; it reads no more."""
     if sum(1 for _ in re.finditer(mark, data)) > MAX_FEATURES:
         raise DataError(
             f"{where} has more than {MAX_FEATURES:,} features; keep those near the mission, or unite them"
