@@ -131,7 +131,7 @@ def test_maps_open_in_gdal_as_in_qgis(flown: Flown, name: str) -> None:
     shapes = [shape for table in read for shape in table.geometry]
     assert {table.crs.to_epsg() for table in read} == {4326}
     assert all(shape.is_valid and not shape.is_empty for shape in shapes)
-    west, south, east, north = shapely.total_bounds(shapes) + [-1e-7, -1e-7, 1e-7, 1e-7]
+    west, south, east, north = np.add(shapely.total_bounds(shapes), [-1e-7, -1e-7, 1e-7, 1e-7])
     log = flown.exported.log
     assert west <= min(log.lon) <= max(log.lon) <= east
     assert south <= min(log.lat) <= max(log.lat) <= north
