@@ -91,6 +91,6 @@ def run_with_plan(planned: PlanningResult | Results | str | Path) -> Run:
     states = results.plan.path.q
     if not ((states >= 0) & (states < results.automaton.n_states)).all():
         raise DataError(
-            f"{results.directory}: plan.json names states that automaton.json does not have; run the plan again"
+            f"{results.directory}: plan.json names states that automaton.json lacks; run the plan again"
         )
     return Run(settings, table, kept_records(results).replaced(PLAN, results.plan))
