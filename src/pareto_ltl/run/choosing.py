@@ -91,7 +91,7 @@ class Choice:
         return changed
 
     def _changes(self) -> dict[str, Any]:
-        """The rule for this criterion, and the settings that it reads."""
+        """The settings of ``selection`` that express this criterion."""
         if self.selection is not None:
             return dict(self.selection)
         if self.failure is not None:
