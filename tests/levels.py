@@ -77,6 +77,7 @@ NOT_BY_DAY = [
     "simulation/test_judging",
     "support/test_extensions",
     "verify/test_corrections",
+    "verify/test_far_barriers",
     "verify/test_fix_shapes",
     "verify/test_forbidden",
     "verify/test_simplified",

@@ -16,6 +16,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from types import ModuleType
 from urllib.parse import unquote, urlsplit
+from xml.etree import ElementTree
 
 import pytest
 from playwright.sync_api import sync_playwright
@@ -124,6 +125,27 @@ def hook(name: str) -> ModuleType:
 def built_name(source: str) -> str:
     """The name of a page on the site, or a link to it, from that of its Markdown."""
     return source.replace("README.md", "index.html").replace(".md", ".html")
+
+
+FORMULA = re.compile(
+    r'<div class="formula"><div>(<math.*?</math>)</div>(?:<span class="formula-number">(.*?)</span>)?'
+)
+MATHEMATICS = ("mathematics", "mathematics_methods", "wind_error", "follow_filter")
+
+
+@pytest.mark.parametrize("page", MATHEMATICS)
+def test_every_formula_is_drawn_and_has_its_number(page: str, site: Site) -> None:
+    """No command of LaTeX is left, and nothing is broken into lines in the middle."""
+    source = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    drawn = FORMULA.findall(site.text(f"{page}.html"))
+    assert len(drawn) == source.count("\n$$\n") / 2 > 0
+    numbers = [f"({number})" for number in re.findall(r"\\tag\{(\w+)\}", source)]
+    assert [number for _, number in drawn if number] == numbers
+    assert re.findall(r"<em [^>]*>", site.text(f"{page}.html")) == []  # of two underscores in a line
+    for formula, _ in drawn:
+        ElementTree.fromstring(formula)
+        assert "\\" not in formula
+        assert "newline" not in formula
 
 
 def test_every_link_and_anchor_of_the_site_holds(site: Site) -> None:

@@ -53,6 +53,11 @@ IDIOMS = (
     (r"\bdo(?:es)? without\b", "does not use, does not import", "later runs do without cvxpy"),
     (r"\bmeant to\b", "intended to, must", "a change that is meant to change results"),
     (r"\bbears? (?:no|neither|a)\b", "has", "a copy that bears no title"),
+    (r"\bspells?\b", "period", "fields of a spell"),
+    (r"\bwithout a word\b", "without a result, without a message", "ended without a word"),
+    (r"\bin the race\b", "survives the race", "paths that stay in the race"),
+    (r"\btold (?:apart|from|where|when|how)\b", "distinguished from",
+     "cannot be told from a true one"),
     (r"\b(?:nursery|habits|duties)\b", "tree state, growth settings, obligations", "the duties of a state"),
 )  # fmt: skip
 

@@ -288,7 +288,7 @@ def _kept(wind: WindFile, nearest: IntArray, t: FloatArray, n: int) -> FloatArra
 
     Interpolation in space and forecasts: ρ to the power of the time between the slots. Interpolation in time:
     0 from one gap between fields to the next; of a held field, the correlation of its changes up to the
-    middles of two spells. Slots of a held field differ in the change since it, and in nothing else.
+    middles of two periods. Slots of a held field differ in the change since it, and in nothing else.
     """
     keep = np.ones(len(PARTS))
     if n == 0:

@@ -9,6 +9,7 @@ import pytest
 
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.cli.rerun_command import _file_difference
 
 SMALL = (
     "+experiment=phi1", "wind=calm", "planner.trees=2", "fidelity=paper", "fidelity.refine=none",
@@ -50,7 +51,7 @@ def test_a_run_is_made_again_byte_by_byte_and_a_changed_plan_is_noticed(
     record.write_text(json.dumps(content))
     assert run_command_line(["rerun", str(place)]) == 1
     out = capsys.readouterr().out
-    assert 'plan.json differs, first in line 5 ("dt")' in out
+    assert "plan.json differs, first in line 5 (dt)" in out
     assert "note: numpy was 1.0, is " in out
     assert "note: gone.csv is not what the run read" in out
 
@@ -167,3 +168,16 @@ def test_settings_of_a_directory_do_not_read_the_environment(
     run_command_line(["rerun", str(place), "--into", "second"])
     text = "".join(path.read_text(errors="replace") for path in Path("second").rglob("*") if path.is_file())
     assert "hush" not in text + "".join(capsys.readouterr())
+
+
+def test_of_a_file_that_is_no_table_nothing_is_quoted(tmp_path: Path) -> None:
+    for name, quoted in (("front.csv", ""), ("run.log", ""), ("plan.json", " (dt)")):
+        (tmp_path / name).write_text('"dt": secret\n')
+        (tmp_path / "again").mkdir(exist_ok=True)
+        (tmp_path / "again" / name).write_text('"dt": 2\n')
+        found = _file_difference(tmp_path / name, tmp_path / "again" / name)
+        assert found == f"{name} differs, first in line 1{quoted}"
+    (tmp_path / "again" / "run.log").write_text('"dt": secret\nmore\n')
+    assert "line 2, where one of both ends" in str(
+        _file_difference(tmp_path / "run.log", tmp_path / "again" / "run.log")
+    )

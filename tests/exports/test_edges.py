@@ -26,7 +26,7 @@ from pareto_ltl.exports.formats import MAKERS, holds_pole, writable_formats, wri
 from pareto_ltl.exports.mavlink import script_messages
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.schemas import check_document
-from pareto_ltl.world.projection import local_plane
+from pareto_ltl.world.projection import local_plane, to_plane
 
 PLACES = [(52.0, 179.9), (-45.0, -179.99), (80.0, 20.0), (0.0, 0.0)]
 
@@ -72,6 +72,29 @@ def test_what_crosses_the_180th_meridian_is_cut(moved: Callable[[float, float], 
     assert kinds["bounds"] == "MultiPolygon"
     drawn = geojson.loads(MAKERS["geojson"](moved(52.0, 100.0)))
     assert not any(f.geometry.type.startswith("Multi") for f in drawn.features)
+
+
+def test_fences_are_cut_at_the_180th_meridian_and_keep_their_area(
+    moved: Callable[[float, float], ExportedPlan],
+) -> None:
+    for lon in (179.9, 178.0, -177.0, 100.0):
+        exported = moved(40.0, lon)
+        content = json.loads(MAKERS["qgc"](exported))
+        fences = content["geoFence"]["polygons"]
+        for fence in fences:
+            lons = np.array(fence["polygon"])[:, 1]
+            assert np.abs(np.diff(np.append(lons, lons[0]))).max() < 180.0
+            assert np.abs(lons).max() <= 180.0
+        outside = [np.array(f["polygon"])[:, ::-1] for f in fences if not f["inclusion"]]
+        drawn = shapely.union_all([shapely.Polygon(to_plane(exported.crs, *ring.T)) for ring in outside])
+        obstacles = shapely.union_all([shapely.Polygon(corners) for corners in exported.scene.obstacles])
+        assert shapely.symmetric_difference(drawn, obstacles).area < 1e-3 * obstacles.area
+        cut = lon != 100.0
+        assert any(fence["inclusion"] for fence in fences) != cut
+        assert ("no fence" in content["pareto_ltl"]["note"]) == cut
+    assert len(json.loads(MAKERS["qgc"](moved(40.0, 179.9)))["geoFence"]["polygons"]) > len(
+        exported.scene.obstacles
+    )
 
 
 @pytest.mark.parametrize(("lat", "held"), [(88.0, True), (-90.0 + 1e-9, True), (80.0, False), (0.0, False)])

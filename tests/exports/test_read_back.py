@@ -10,10 +10,13 @@ import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
 from xml.etree import ElementTree
 
 import fastkml
 import geojson
+import geopandas
 import gpxpy
 import numpy as np
 import pytest
@@ -26,9 +29,12 @@ from pymavlink.dialects.v20 import all as mavlink
 from uas_standards.astm.f3548.v21.api import OperationalIntentDetails, Volume4D
 
 from exported_plans import Flown, metres_apart, seconds_apart
-from pareto_ltl.exports.exported import Height
+from pareto_ltl.exports.exported import Height, vehicle_of
 from pareto_ltl.exports.formats import MAKERS
 from pareto_ltl.exports.fpl import short_text
+from pareto_ltl.planning.power import energy_model
+from pareto_ltl.settings import RobotConfig
+from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.world.projection import to_geographic, to_plane
 
@@ -116,6 +122,25 @@ def test_the_plan_in_kml(flown: Flown) -> None:
     assert "coherent winds" in document.description
 
 
+@pytest.mark.parametrize("name", ["plan.geojson", "corridor.geojson", "plan.kml", "plan.gpx"])
+def test_maps_open_in_gdal_as_in_qgis(flown: Flown, name: str) -> None:
+    """Without a warning, in degrees, and in the area of the plan; no shape is broken."""
+    path = flown.folder / name
+    layers = [str(layer) for layer in geopandas.list_layers(path)["name"]]
+    read = [geopandas.read_file(path, layer=layer) for layer in layers]
+    shapes = [shape for table in read for shape in table.geometry]
+    assert {table.crs.to_epsg() for table in read} == {4326}
+    assert all(shape.is_valid and not shape.is_empty for shape in shapes)
+    west, south, east, north = np.add(shapely.total_bounds(shapes), [-1e-7, -1e-7, 1e-7, 1e-7])
+    log = flown.exported.log
+    assert west <= min(log.lon) <= max(log.lon) <= east
+    assert south <= min(log.lat) <= max(log.lat) <= north
+    assert max(east - west, north - south) < 60.0
+    if name == "plan.geojson":
+        legs = read[0][read[0]["role"] == "leg"]
+        assert legs["airspeed_m_s"].tolist() == pytest.approx(log.airspeed.tolist())
+
+
 def test_the_plan_in_gpx(flown: Flown) -> None:
     found = gpxpy.parse((flown.folder / "plan.gpx").read_text())
     (route,) = found.routes
@@ -167,17 +192,48 @@ def test_the_plan_for_garmin(flown: Flown) -> None:
     assert short_text("Päijänne north, EFKU CTR / <b>") == "PAIJANNE NORTH EFKU CTR /"
 
 
-@pytest.mark.parametrize(("height", "vehicle"), [(Height(3000.0, True), 1), (Height(-50.0, False), 12)])
+@pytest.mark.parametrize("height", [Height(3000.0, True), Height(-50.0, False)])
 def test_heights_above_sea_level_are_in_the_files_and_the_home_is_on_the_ground(
-    flown: Flown, height: Height, vehicle: int
+    flown: Flown, height: Height
 ) -> None:
-    exported = replace(flown.exported, height=height, least_airspeed=5.0)
+    exported = replace(flown.exported, height=height)
     (route,) = gpxpy.parse(MAKERS["gpx"](exported).decode()).routes
     assert {p.elevation for p in route.points} == {height.metres}
     assert b"<altitudeMode>absolute</altitudeMode>" in MAKERS["kml"](exported)
     mission = json.loads(MAKERS["qgc"](exported))["mission"]
     assert mission["plannedHomePosition"][2] == 0.0
-    assert mission["vehicleType"] == vehicle
+
+
+AIR, SEA, WATER = Height(100.0, above_sea=False), Height(3000.0, above_sea=True), Height(-50.0, False)
+
+
+@pytest.mark.parametrize(
+    ("robot", "height", "vehicle", "first"),
+    [
+        ("multirotor", AIR, 2, 22),
+        ("multirotor", SEA, 2, 178),
+        ("fixed_wing", AIR, 1, 178),
+        ("underwater_glider", WATER, 12, 178),
+        (None, AIR, 0, 178),
+    ],
+)
+def test_the_mission_names_the_vehicle_and_takes_off_with_rotors(
+    flown: Flown, robot: str | None, height: Height, vehicle: int, first: int
+) -> None:
+    """The landing is left to the pilot: the plan may end over water."""
+    cfg = RobotConfig() if robot is None else section_of("robot", robot)
+    problem: Any = SimpleNamespace(
+        energy=energy_model(cfg.power), motion=flown.problem.motion._replace(u_min=cfg.u_min)
+    )
+    exported = replace(flown.exported, height=height, vehicle=vehicle_of(height, problem))
+    mission = json.loads(MAKERS["qgc"](exported))["mission"]
+    items = mission["items"]
+    assert (mission["vehicleType"], items[0]["command"]) == (vehicle, first)
+    assert [item["doJumpId"] for item in items] == list(range(1, len(items) + 1))
+    assert {item["command"] for item in items[1:]} == {16, 178}
+    if first == 22:
+        assert items[0]["params"][4:] == [exported.log.lat[0], exported.log.lon[0], 100.0]
+        assert items[0]["frame"] == 3
 
 
 def test_calm_air_has_no_wind_message_and_volumes_of_some_width(flown: Flown) -> None:

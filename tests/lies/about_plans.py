@@ -223,6 +223,15 @@ PLAN_LIES = (
         ("plan: errors that its rates cover",),
     ),
     Lie(
+        "the departure by default is another hour",
+        in_plan(
+            lambda p: p.update(
+                covered=p["covered"].replace("a departure at 2018-10-09T00", "a departure at 2018-10-09T03")
+            )
+        ),
+        ("plan: errors that its rates cover",),
+    ),
+    Lie(
         "storms are covered",
         in_plan(lambda p: p.update(covered=p["covered"].removesuffix(".") + "; storms.")),
         ("plan: errors that its rates cover",),

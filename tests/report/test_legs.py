@@ -67,12 +67,14 @@ def test_explain_tells_every_leg_and_names_laws(
     legs = [line for line in out.splitlines() if line[:7].strip().isdigit()]
     assert [int(line[:7]) for line in legs] == list(range(len(plan.path.u)))
     assert all("heading" in line or "drifting" in line for line in legs)
-    for line in out.splitlines():
+    assert plan.not_covered in " ".join(out.split())
+    assert run_command_line(["explain", str(page_result)]) == 0
+    lines, out = pareto_ltl.explain(page_result).splitlines(), capsys.readouterr().out
+    assert " ".join(lines).split() == out.split()
+    assert max(map(len, out.splitlines())) <= 80
+    for line in lines:
         if " fails " in line or line.startswith("bound"):
             assert "winds" in line
-    assert plan.not_covered in out
-    assert run_command_line(["explain", str(page_result)]) == 0
-    assert pareto_ltl.explain(page_result) + "\n" == capsys.readouterr().out
 
 
 def leg(number: int, heading: float, *, airspeed: float = 20.0, fix: bool = False) -> Leg:

@@ -87,3 +87,35 @@ def test_a_map_without_a_region_of_the_mission_is_one_line(
     assert told.count("\n") == 1
     assert "scene.json has no region 'b', which automaton.json reads" in told
     assert not (place / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "key", "value"),
+    [
+        ("automaton.json", "initial", 77),
+        ("automaton.json", "initial", -1),
+        ("scene.json", "bounds", [[0, 0], [0, 0]]),
+        ("scene.json", "bounds", [[0, 0], [-1e5, 1e5]]),
+        ("scene.json", "time_zero", ""),
+        ("scene.json", "obstacles", [[[0, 0], [1e4, 1e4], [1e4, 0], [0, 1e4]]]),
+        ("plan.json", "cov", None),
+        ("plan.json", "q", None),
+        ("metrics.json", "growth_seconds", None),
+    ],
+)
+def test_numbers_that_cannot_be_are_one_line(
+    file: str, key: str, value: object, made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "odd"
+    shutil.copytree(made, place)
+    content = json.loads((place / file).read_text())
+    if key == "q":
+        value = [77] * len(content["q"])
+    if key == "cov":
+        value = [[[1.0, 2.0], [2.0, 1.0]]] * len(content["cov"])
+    content = content | {key: value} if value is not None else {k: v for k, v in content.items() if k != key}
+    (place / file).write_text(json.dumps(content))
+    for command in ("explain", "export"):
+        assert run_command_line([command, str(place)]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert file in line

@@ -154,8 +154,10 @@ def test_a_wind_of_another_level_is_told_and_that_of_another_medium_refused(
     with pytest.raises(ConfigError, match=r"robot\.level=100m depth is a depth, and what is known is a wind"):
         pareto_ltl.plan(site("underwater_glider"), "F(a & F b)", robot="underwater_glider", **SMALL)
     small = SMALL | {"fidelity": "paper", "robot": "fixed_wing"}
-    pareto_ltl.plan(site("fixed_wing"), "F(a & F b)", **small)
-    assert "the robot flies 100 m above ground (robot.level), and the wind is that 10 m" in caplog.text
+    result = pareto_ltl.plan(site("fixed_wing"), "F(a & F b)", **small)
+    gap = "the robot flies 100 m above ground (robot.level), and the wind is that 10 m above ground"
+    assert gap in caplog.text
+    assert gap in result.plan.not_covered
 
 
 def test_what_no_vehicle_is_gets_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

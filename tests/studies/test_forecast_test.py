@@ -144,7 +144,7 @@ def test_the_fields_that_are_read_cover_a_scene_at_the_edge_of_the_area(corner: 
 
 
 def test_a_period_that_is_too_short_for_the_delay_is_refused() -> None:
-    with pytest.raises(DataError, match=r"forecast_test\.truth holds no spell of 40 h .* has 33 h"):
+    with pytest.raises(DataError, match=r"forecast_test\.truth holds no period of 40 h .* has 33 h"):
         context_of(snapshots(calm), settings(delay=30.0))
 
 

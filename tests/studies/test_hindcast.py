@@ -119,7 +119,7 @@ def test_spells_end_where_fields_are_missing() -> None:
     cfg = HindcastConfig(hours=6.0, max_gap=6.0)
     assert [(spell.first, spell.last) for spell in nature.spells(full, cfg)] == [(0, 2), (3, 6)]
     assert [(s.first, s.last) for s in nature.spells(full, replace(cfg, hours=9.0))] == [(3, 6)]
-    with pytest.raises(DataError, match=r"no spell of 12 h .* longest has 9 h"):
+    with pytest.raises(DataError, match=r"no period of 12 h .* longest has 9 h"):
         nature.spells(full, replace(cfg, hours=12.0))
 
 

@@ -155,6 +155,17 @@ def test_readings_taken_as_true_are_named_as_not_covered():
     assert "analyses and forecasts (leads 0 to 3 h) are taken as true" in said.not_covered
 
 
+def test_a_departure_by_default_and_a_wind_of_another_level_are_named():
+    seen = place_readings(cfg(), readings([0, 3]), SCENE)
+    wind = field.fit_wind_field(cfg(), seen, SCENE)
+    said = coverage_of(wind, SCENE.time_zero, "100m", by_default=True)
+    assert f"a departure at {SCENE.time_zero}, the first time of the wind" in said.covered
+    assert "the robot flies 100 m above ground (robot.level), and the wind is that 10 m" in said.not_covered
+    plain = coverage_of(wind, SCENE.time_zero, "10m")
+    assert "departure" not in plain.covered
+    assert "robot.level" not in plain.not_covered
+
+
 def test_calm_air_covers_no_wind_at_all():
     still = field.fit_wind_field(WindConfig(), place_readings(WindConfig(source="calm"), CALM, SCENE), SCENE)
     said = coverage_of(still)

@@ -137,3 +137,11 @@ def test_one_message_names_all_faults_of_a_kml_map(tmp_path: Path) -> None:
     assert "map.kml has 2 faults: (1) Placemark 'lost' has no role" in text
     assert "(2) " in text.partition("lost")[2]
     assert "border" in text.partition("(2) ")[2]
+
+
+@pytest.mark.parametrize("tag", ["Placemark", "kml:Placemark"])
+def test_too_many_placemarks_are_refused_before_they_are_parsed(tmp_path: Path, tag: str) -> None:
+    path = tmp_path / "many.kml"
+    path.write_text(f"<kml:kml>{f'<{tag}></{tag}>' * 50_001}, which is no XML")
+    with pytest.raises(DataError, match=r"has more than 50,000 features"):
+        scene_from_settings(SceneConfig(file=str(path)), None)

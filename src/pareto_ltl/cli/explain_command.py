@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
+from textwrap import wrap
 
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.choose_command import read_number
 from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import DataError
+
+COLUMNS = 80
+LEG_NUMBER = "  12-14  "  # at the begin of a line on legs
 
 
 def explain_command(argv: Sequence[str]) -> Answer:
@@ -32,4 +37,11 @@ def explain_command(argv: Sequence[str]) -> Answer:
     from pareto_ltl.run.showing import explanation
 
     told = explanation(options.directory, point=point, limits=options.limits, each=options.legs)
-    return Answer({"directory": options.directory, **told.document}, told.lines)
+    lines = list(chain.from_iterable(map(_in_columns, told.lines)))
+    return Answer({"directory": options.directory, **told.document}, lines)
+
+
+def _in_columns(line: str) -> list[str]:
+    """``line`` in lines of at most ``COLUMNS`` characters, those after the first one indented."""
+    indent = " " * (len(LEG_NUMBER) if line.startswith(" ") else 2)
+    return wrap(line, COLUMNS, subsequent_indent=indent, break_on_hyphens=False) or [line]

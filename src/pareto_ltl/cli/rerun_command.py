@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -169,12 +170,15 @@ def _file_difference(one: Path, two: Path) -> str | None:
         return None
     pairs = enumerate(zip(before, after, strict=False), 1)
     line = next((number for number, (a, b) in pairs if a != b), min(len(before), len(after)) + 1)
-    what = (
-        before[line - 1].split(b":")[0].strip().decode(errors="replace")[:40]
-        if line <= len(before)
-        else "end"
-    )
-    return f"{one.name} differs, first in line {line} ({what})"
+    where = f"line {line}" if line <= min(len(before), len(after)) else f"line {line}, where one of both ends"
+    return f"{one.name} differs, first in {where}{_key_of(one, before[line - 1 : line])}"
+
+
+def _key_of(path: Path, lines: list[bytes]) -> str:
+    """The key of a line of JSON or YAML, in brackets; nothing of other files is quoted."""
+    keyed = path.suffix in (".json", ".yaml") and lines
+    found = re.match(rb'\s*"?([a-z_][a-z0-9_.]{0,39})"?:', lines[0]) if keyed else None
+    return f" ({found[1].decode()})" if found else ""
 
 
 def _compared_lines(path: Path) -> list[bytes]:

@@ -63,6 +63,11 @@ def crosses(lonlats: FloatArray) -> bool:
     return bool((np.abs(np.diff(lonlats[:, 0])) > 180.0).any())
 
 
+def closes(ring: FloatArray) -> bool:
+    """Whether a closed ring of (N, 2) [deg] does not go around a pole."""
+    return bool(abs(_unwrapped(ring)[-1, 0] - ring[0, 0]) < 180.0)
+
+
 def line_parts(line: FloatArray) -> list[FloatArray]:
     """A line, cut where it crosses the 180th meridian, as GeoJSON requires (RFC 7946, 3.1.9)."""
     import shapely

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from numpy.random import SeedSequence
 
 from pareto_ltl.exports.corridor import Corridor, flown_corridor
 from pareto_ltl.exports.held_course import held_course_rate
 from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
+from pareto_ltl.planning.power import Rotor
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan
 from pareto_ltl.settings import ExportsConfig, Settings
@@ -17,6 +19,8 @@ from pareto_ltl.simulation.flights import unspawned
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.wind.levels import DEPTH, PRESSURE, parse_level
 from pareto_ltl.world.scene import Scene
+
+GENERIC, FIXED_WING, MULTIROTOR, SUBMARINE = 0, 1, 2, 12  # MAV_TYPE
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +34,13 @@ class Height:
     def of_sea(self) -> bool:
         """Whether it is above mean sea level or a depth, so that no height of the ground is needed."""
         return self.above_sea or self.metres < 0.0
+
+
+class Vehicle(NamedTuple):
+    """The MAV_TYPE of a robot, and whether it takes off vertically from the ground of its start."""
+
+    kind: int
+    takes_off: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +58,14 @@ class ExportedPlan:
     held : FailureRate or None
         Failure rate of the plan if an autopilot holds its positions (``robot.feedback_time=60``); None after
         an alarm.
+    vehicle : Vehicle
+        What autopilots call the robot, and whether it takes off vertically.
     band : (float, float) or None
         Lowest and highest height of the flight above the WGS 84 ellipsoid [m], where they are set.
     feedback : float
         ``robot.feedback_time`` of the plan [s]; None if it is flown without knowledge of the position.
     turn : float or None
         Centripetal acceleration of turns [m/s²]; None for a robot that turns on the spot.
-    least_airspeed : float
-        ``robot.u_min`` [m/s].
     """
 
     name: str
@@ -64,10 +75,10 @@ class ExportedPlan:
     corridor: Corridor
     held: FailureRate | None
     height: Height
+    vehicle: Vehicle
     band: tuple[float, float] | None
     feedback: float | None = None
     turn: float | None = None
-    least_airspeed: float = 0.0
 
     @property
     def crs(self) -> str:
@@ -113,6 +124,7 @@ def exported_plan(
     """The data to export of ``plan``; its map must have a place on Earth. ``level`` is that of the flight."""
     corridor_seed, held_seed = unspawned(seed).spawn(2)
     lower, upper = cfg.altitude_lower, cfg.altitude_upper
+    height = height_of(level) if cfg.altitude is None else Height(cfg.altitude, above_sea=False)
     return ExportedPlan(
         name=name,
         scene=problem.scene,
@@ -120,12 +132,21 @@ def exported_plan(
         log=navigation_log(problem, plan.path),
         corridor=flown_corridor(problem, plan.path, cfg.flights, corridor_seed),
         held=None if plan.alarmed else held_course_rate(problem, plan.path, cfg.flights, held_seed),
-        height=height_of(level) if cfg.altitude is None else Height(cfg.altitude, above_sea=False),
+        height=height,
         band=None if lower is None or upper is None else (lower, upper),
         feedback=feedback_time(problem),
         turn=problem.turns.acceleration,
-        least_airspeed=problem.motion.u_min,
+        vehicle=vehicle_of(height, problem),
     )
+
+
+def vehicle_of(height: Height, problem: Problem) -> Vehicle:
+    """The vehicle: a submarine below the surface, else what the power curve or the least airspeed says."""
+    if height.metres < 0.0:
+        return Vehicle(SUBMARINE, takes_off=False)
+    if problem.energy is not None and isinstance(problem.energy.curve, Rotor):
+        return Vehicle(MULTIROTOR, takes_off=height.metres > 0.0 and not height.above_sea)
+    return Vehicle(FIXED_WING if problem.motion.u_min > 0.0 else GENERIC, takes_off=False)
 
 
 def feedback_time(problem: Problem) -> float | None:

@@ -1,9 +1,10 @@
 """``mission.plan``: waypoints and a geofence for QGroundControl, PX4 and ArduPilot.
 
 An autopilot flies such a mission by position, so the plan's promise does not hold for it: the file also
-states the failure rate of the plan with ``robot.feedback_time=60``. Take-off and landing are left out. The
-height of the ground is unknown: the home position has altitude 0, and QGroundControl replaces it by the
-terrain or by the position of the vehicle.
+states the failure rate of the plan with ``robot.feedback_time=60``. A robot with rotors takes off vertically;
+take-offs of others are left out, and all landings: the plan may end over water. The height of the ground is
+unknown: the home position has altitude 0, and QGroundControl replaces it by the terrain or by the position of
+the vehicle.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from pareto_ltl.exports.degrees import outline_degrees
+from pareto_ltl.exports.degrees import closes, crosses, outline_degrees, polygon_parts
 from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.exports.geojson import border_corners
 from pareto_ltl.exports.mavlink import AIRSPEED, POSITION_FRAMES
@@ -20,11 +21,11 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import plain_data
 
 WAYPOINT, CHANGE_SPEED = 16, 178  # MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEED
+TAKE_OFF = 22  # MAV_CMD_NAV_TAKEOFF
 MISSION_FRAME = 2  # MAV_FRAME_MISSION
 KEEP_THROTTLE = -1
 ALTITUDE_MODES = {False: 1, True: 2}  # of QGroundControl: above the launch place, above mean sea level
 FENCE_SAG = 50.0  # [m] error of the edges of the fence: autopilots store few corners
-GENERIC, FIXED_WING, SUBMARINE = 0, 1, 12  # MAV_TYPE
 LEAST_CHANGE = 0.05  # [m/s] least change of airspeed for which an item is written
 
 
@@ -39,7 +40,7 @@ def mission_plan(exported: ExportedPlan) -> bytes:
         "mission": {
             "version": 2,
             "firmwareType": 0,
-            "vehicleType": vehicle_type(exported),
+            "vehicleType": exported.vehicle.kind,
             "cruiseSpeed": log.airspeed.max(initial=0.0),
             "hoverSpeed": log.airspeed.max(initial=0.0),
             "globalPlanAltitudeMode": ALTITUDE_MODES[height.above_sea],
@@ -52,31 +53,31 @@ def mission_plan(exported: ExportedPlan) -> bytes:
     return (json.dumps(plain_data(content), indent=1, allow_nan=False) + "\n").encode()
 
 
-def vehicle_type(exported: ExportedPlan) -> int:
-    """MAV_TYPE: submarine below the surface, fixed wing if the robot has a least airspeed, else generic."""
-    if exported.height.metres < 0.0:
-        return SUBMARINE
-    return FIXED_WING if exported.least_airspeed > 0.0 else GENERIC
-
-
 def mission_items(exported: ExportedPlan) -> list[dict[str, Any]]:
     """A waypoint for each leg's end, and before it the leg's airspeed where that changes."""
-    log, height = exported.log, exported.height
-    frame, speed = POSITION_FRAMES[height.above_sea], -1.0
+    log, metres, speed = exported.log, exported.height.metres, -1.0
     items: list[dict[str, Any]] = []
+    if exported.vehicle.takes_off:
+        items.append(_place_item(exported, 0, TAKE_OFF, 0, metres))
     for k, airspeed in enumerate(log.airspeed):
         if abs(airspeed - speed) > LEAST_CHANGE and airspeed > 0.0:
             speed = float(airspeed)
             items.append(
                 _item(len(items), CHANGE_SPEED, MISSION_FRAME, [AIRSPEED, speed, KEEP_THROTTLE, 0, 0, 0, 0])
             )
-        place = [log.lat[k + 1], log.lon[k + 1], height.metres]
-        waypoint = _item(len(items), WAYPOINT, frame, [0, 0, 0, None, *place])
-        items.append(waypoint | {
-            "AMSLAltAboveTerrain": None, "Altitude": height.metres,
-            "AltitudeMode": ALTITUDE_MODES[height.above_sea],
-        })  # fmt: skip
+        items.append(_place_item(exported, len(items), WAYPOINT, k + 1, metres))
     return items
+
+
+def _place_item(
+    exported: ExportedPlan, number: int, command: int, step: int, metres: float
+) -> dict[str, Any]:
+    """An item at the expected position of ``step``, ``metres`` high."""
+    log, above_sea = exported.log, exported.height.above_sea
+    params = [0, 0, 0, None, log.lat[step], log.lon[step], metres]
+    return _item(number, command, POSITION_FRAMES[above_sea], params) | {
+        "AMSLAltAboveTerrain": None, "Altitude": metres, "AltitudeMode": ALTITUDE_MODES[above_sea],
+    }  # fmt: skip
 
 
 def _item(number: int, command: int, frame: int, params: list[Any]) -> dict[str, Any]:
@@ -87,25 +88,40 @@ def _item(number: int, command: int, frame: int, params: list[Any]) -> dict[str,
 
 
 def fence_polygons(exported: ExportedPlan) -> list[dict[str, Any]]:
-    """The obstacles to stay out of and, where the border is a wall, the map to stay in."""
-    scene = exported.scene
-    areas: list[tuple[bool, FloatArray]] = [(False, polygon) for polygon in scene.obstacles]
-    if scene.walled:
-        areas.insert(0, (True, border_corners(scene.bounds)))
-    return [
-        {
-            "version": 1,
-            "inclusion": inside,
-            "polygon": outline_degrees(exported.crs, corners, FENCE_SAG)[:-1, ::-1],
-        }
-        for inside, corners in areas
+    """The obstacles to stay out of and, where the border is a wall, the map to stay in.
+
+    Areas that the 180th meridian crosses are cut there. A border that it crosses is left out: some autopilots
+    take several areas to stay in as areas that all contain the vehicle.
+    """
+    fences = [
+        (False, ring)
+        for corners in exported.scene.obstacles
+        for ring in _fence_rings(outline_degrees(exported.crs, corners, FENCE_SAG))
     ]
+    border = outline_degrees(exported.crs, border_corners(exported.scene.bounds), FENCE_SAG)
+    if exported.scene.walled and not _is_cut(border):
+        fences.insert(0, (True, border))
+    return [{"version": 1, "inclusion": inside, "polygon": ring[:-1, ::-1]} for inside, ring in fences]
+
+
+def _fence_rings(ring: FloatArray) -> list[FloatArray]:
+    """A closed ring of longitudes and latitudes, in parts if the 180th meridian crosses it."""
+    return [outline for outline, *_ in polygon_parts([ring])] if _is_cut(ring) else [ring]
+
+
+def _is_cut(ring: FloatArray) -> bool:
+    """Whether the 180th meridian cuts a closed ring of longitudes and latitudes; not one around a pole."""
+    return crosses(ring) and closes(ring)
 
 
 def _note(exported: ExportedPlan) -> dict[str, Any]:
     promise = exported.plan.promise
+    missing = "A landing is" if exported.vehicle.takes_off else "Take-off and landing are"
+    fences = fence_polygons(exported)
+    open_border = exported.scene.walled and not any(fence["inclusion"] for fence in fences)
+    cut = "The border of the map is no fence, since the 180th meridian crosses it. " if open_border else ""
     return {
-        "note": "An autopilot flies this mission by position. Take-off and landing are not part of it. "
+        "note": f"An autopilot flies this mission by position. {missing} not part of it. {cut}"
         + " ".join(exported.sentences()),
         "failure_by_heading": None if promise is None else asdict(promise.rate),
         "failure_by_position": None if exported.held is None else asdict(exported.held),

@@ -78,6 +78,8 @@ class Automaton(Displayed):
             raise ValueError(f"accepting and distance must have shape ({states},)")
         if self.delta.view(np.uint32).max() >= states:  # also if one is negative
             raise ValueError(f"delta must name states 0..{states - 1}")
+        if not 0 <= self.initial < states:
+            raise ValueError(f"initial must be one of the states 0..{states - 1}, got {self.initial}")
         if not self.accepting[self.delta[self.accepting]].all():
             raise ValueError("accepting states must be absorbing")
 

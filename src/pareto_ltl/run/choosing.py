@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run.directory import claimed_directory
+from pareto_ltl.run.file_shape import shaped
 from pareto_ltl.run.pipeline import Run, carry_out
 from pareto_ltl.run.records import (
     AUTOMATON,
@@ -90,7 +91,7 @@ class Choice:
         return changed
 
     def _changes(self) -> dict[str, Any]:
-        """The rule for this criterion, and the settings that it reads."""
+        """The settings of ``selection`` that express this criterion."""
         if self.selection is not None:
             return dict(self.selection)
         if self.failure is not None:
@@ -209,7 +210,8 @@ def kept_records(results: Results) -> Records:
     """The records of ``results`` that come before the plan; the forest with its time of growth."""
     fronted = FRONT.name in results.settings.pipelines.stages  # else a plan after an alarm
     records = Records({key: results[key] for key in KEPT if fronted or key is not FRONT})
-    timed = replace(records[FOREST], seconds=results.metrics["growth_seconds"])
+    with shaped(results.directory / "metrics.json", "the metrics of a run"):
+        timed = replace(records[FOREST], seconds=float(results.metrics["growth_seconds"]))
     return records.replaced(FOREST, timed)
 
 

@@ -88,4 +88,9 @@ def run_with_plan(planned: PlanningResult | Results | str | Path) -> Run:
     if PLAN.name not in settings.pipelines.stages:
         raise DataError(f"{results.directory}: its run made no plan")
     table = with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
+    states = results.plan.path.q
+    if not ((states >= 0) & (states < results.automaton.n_states)).all():
+        raise DataError(
+            f"{results.directory}: plan.json names states that automaton.json lacks; run the plan again"
+        )
     return Run(settings, table, kept_records(results).replaced(PLAN, results.plan))

@@ -206,4 +206,13 @@ def _flight(content: Mapping[str, Any]) -> PlannedPath:
             raise ValueError(f"{name} must have shape {shape}, got {getattr(flight, name).shape}")
     if len(flight.label) != steps:
         raise ValueError(f"label must have {steps} entries, got {len(flight.label)}")
+    if not all(map(_is_covariance, flight.cov)):
+        raise ValueError("cov must have symmetric matrices without negative eigenvalues")
     return flight
+
+
+def _is_covariance(cov: FloatArray) -> bool:
+    """Whether a matrix (2, 2) is symmetric and positive semidefinite, up to rounding."""
+    (xx, xy), (yx, yy) = cov
+    slack = 1e-9 * max(abs(xx), abs(yy))
+    return bool(min(xx, yy) >= 0.0 and abs(xy - yx) <= slack and xx * yy - xy * yx >= -slack * max(xx, yy))

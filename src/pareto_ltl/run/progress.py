@@ -18,7 +18,8 @@ class ProgressBar:
     """One line for the present stage, on the error stream of a terminal.
 
     A call with ``(done, total)`` moves the bar of the stage; a text beside it describes the result so
-    far, and ``found`` has the failure rate and the positions (T+1, 2) [m] of each of its paths.
+    far, or has both counts, and ``found`` has the failure rate and the positions (T+1, 2) [m] of each of its
+    paths.
     """
 
     def __init__(self, shown: bool | None = None) -> None:
@@ -63,7 +64,8 @@ class ProgressBar:
             self._task = outer
 
     def __call__(self, done: int, total: int, state: str = "", found: Found = ()) -> None:
-        """Move the bar of the stage to ``done`` of ``total`` and write ``state`` beside it."""
+        """Move the bar of the stage to ``done`` of ``total``; write ``state`` beside it, or both counts."""
         watcher().progress(done, total, state, found)
         if self._bar is not None and self._task is not None:
-            self._bar.update(self._task, completed=done, total=total, state=state)
+            counts = state or f"{done:,} of {total:,}"
+            self._bar.update(self._task, completed=done, total=total, state=counts)

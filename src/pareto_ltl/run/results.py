@@ -67,11 +67,14 @@ def write_scene(directory: Path, scene: Scene) -> None:
 def read_scene(place: Path | str) -> Scene:
     """The map of ``scene.json``, a file or the directory that has it."""
     from pareto_ltl.world.scene_files import scene_from_dict as from_dict
+    from pareto_ltl.world.scene_shapes import refuse_crossings
 
     path = inside(place, "scene.json")
     content = read_document(path, "scene")
     with shaped(path, "a scene"):
-        return from_dict(content)
+        scene = from_dict(content)
+        refuse_crossings((*scene.region_outlines, *scene.obstacles, *scene.landmarks))
+    return scene
 
 
 def write_decomposition(directory: Path, decomposition: Decomposition) -> None:

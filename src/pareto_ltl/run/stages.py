@@ -212,7 +212,12 @@ def make_plan(inputs: StageInputs) -> Plan:
 
     settings, problem = inputs.settings, inputs[PROBLEM]
     front = within_capacity(settings.selection, inputs[FRONT], problem)
-    said = coverage_of(inputs[WIND], problem.scene.time_zero)
+    said = coverage_of(
+        inputs[WIND],
+        problem.scene.time_zero,
+        settings.robot.level or "",
+        by_default=settings.mission.start_time is None,
+    )
     if front.rates:
         path, promise = promise_path(settings.selection, problem, inputs[WIND], front, inputs.seeds)
     else:

@@ -65,7 +65,7 @@ def judge_front(
     raw, refined : sequence of PlannedPath
         Paths of the trees, with R in its looser form, and refined paths. Bounds are not used here.
     draws : int
-        Flights of every path that stays in the race, in the winds of ``fidelity.law``.
+        Flights of every path that survives the race, in the winds of ``fidelity.law``.
     seed : SeedSequence
         Seed of the flights; the optimisation must use another one, or its paths look better than they are.
 
@@ -130,7 +130,7 @@ def _require_success(problem: Problem, judged: Sequence[Flown]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """A path that has stayed in the race, and which of its flights ``failed`` (n,)."""
+    """A path that survives the race, and which of its flights ``failed`` (n,)."""
 
     path: PlannedPath
     failed: BoolArray
@@ -212,7 +212,7 @@ def race_of(problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: See
 def fly_race(
     problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: SeedSequence, crowd: float = math.inf
 ) -> list[Flown]:
-    """The paths that stay in the race for all ``draws`` flights; about ``crowd`` for each cost at most."""
+    """The paths that survive the race over ``draws`` flights; at most about ``crowd`` for each cost."""
     if not paths:
         return []
     require_memory(2.0 * len(paths), "selection.draws", draws, "flights that judge the front")

@@ -110,10 +110,10 @@ def fresh_promise(
 
 
 def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:
-    """The rate of ``runs`` fresh flights; below ``RARE``, that of as many weighted ones.
+    """The rate of ``runs`` fresh flights; below ``RARE``, the rate of as many weighted ones.
 
-    The count is kept if there are no weighted flights, if its interval is the narrower one, and if it
-    contradicts them: then they have missed a way to fail.
+    The count is used if there are no weighted flights, if its interval is narrower, and if it contradicts
+    them: the weighted estimate then misses a failure mode.
     """
     from pareto_ltl.simulation.importance import weighted_rate
 

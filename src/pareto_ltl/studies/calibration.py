@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.settings import preset
+from pareto_ltl.studies import skill
 from pareto_ltl.studies.statistics import Columns, mean_chance_columns
 from pareto_ltl.studies.tables import markdown_table, rate_cell
 from pareto_ltl.support.arrays import FloatArray
@@ -46,15 +47,29 @@ def scorecard(rows: Rows, keys: Sequence[str] = KEYS) -> list[Columns]:
     """Mean promise, mean realised rate and scores of all plans that agree in ``keys``.
 
     With p promised and f realised, the Brier score is the mean of f (1 - p)² + (1 - f) p², the log score that
-    of -f ln p - (1 - f) ln(1 - p); both are least where p = f. ``promised_sd`` is the sharpness.
+    of -f ln p - (1 - f) ln(1 - p); both are least where p = f. ``promised_sd`` is the sharpness. The other
+    columns are those of ``studies/skill.py``, where rows name their departure and situation.
     """
     table = []
     for head, name, known in _promised(rows, keys):
         p, f = (np.array([row[key] for row in known], float) for key in (name, "failure"))
-        entry = head | _group(name, known) | {"brier": float((f * (1 - p) ** 2 + (1 - f) * p**2).mean())}
+        entry = head | _group(name, known) | {"brier": skill.brier_score(p, f)}
         entry |= {"log_score": log_score(p, f), "promised_sd": float(p.std())}
-        table.append(entry | {"above_promise": float((f > p).mean())})
+        entry |= {"above_promise": float((f > p).mean())} | skill.brier_parts(p, f)
+        table.append(entry | _skill_columns(p, f, known))
     return table
+
+
+def _skill_columns(p: FloatArray, f: FloatArray, rows: Rows) -> Columns:
+    """Skill against two simple promises, and the interval by weather situations."""
+    if not all(row.get("departure") and row.get("situation") for row in rows):
+        return {}
+    before = skill.persistence(f, [row["departure"] for row in rows])
+    return {
+        "skill_climatology": skill.skill(p, f, skill.climatology(f)),
+        "skill_persistence": skill.skill(p, f, before),
+        **skill.situation_columns(f, [row["situation"] for row in rows]),
+    }
 
 
 def log_score(promised: FloatArray, realised: FloatArray) -> float:
@@ -120,9 +135,27 @@ def score_table(title: str, cards: Rows, keys: Sequence[str] = KEYS) -> str:
             "plans above it": lambda card: probability_text(card["above_promise"]),
             "Brier score": lambda card: f"{card['brier']:.4f}",
             "log score": lambda card: f"{card['log_score']:.3f}",
+            "skill over climatology, persistence": _skill_text,
         },
         cards,
     )
+
+
+def situations_text(card: Columns) -> str:
+    """How many weather situations a card is from, and what that allows to claim; empty if it is not known."""
+    if "situations" not in card:
+        return ""
+    n, between = card["situations"], interval_text(card["by_situation_low"], card["by_situation_high"])
+    return (
+        f"Weather situations: {n}; missions of one share its weather. With a situation as one trial, the "
+        f"95 % interval of the failed share is {between}. No calibrated rate below 1/({n} + 1) = "
+        f"{probability_text(card['floor'])} can be claimed."
+    )
+
+
+def _skill_text(card: Columns) -> str:
+    told = (card.get(f"skill_{name}", math.nan) for name in ("climatology", "persistence"))
+    return ", ".join("-" if math.isnan(value) else f"{value:.2f}" for value in told)
 
 
 def bin_table(title: str, groups: Rows) -> str:

@@ -55,7 +55,13 @@ ENOUGH = 20  # least number of missions of a bin that counts in the numbers
 RIM = 4.0  # [deg] around the area of the missions in which readings are kept, for scenes at its edge
 HALF_HOUR = 1800.0  # time step of robot.dt=auto here [s]
 UNIMPORTANT = ("truth", "missions", "bins")  # settings that do not change a single mission
-PLACE = ("formula", "departure", "latitude", "longitude")  # columns of a mission in the table of plans
+PLACE = (
+    "formula",
+    "departure",
+    "situation",
+    "latitude",
+    "longitude",
+)  # columns of a mission in the table of plans
 KNOWN = ("known_hours",)
 OUTCOMES = ("failure", "missed", "collided", "off_map", "miss_m", "sd_m")
 ENDS = ("", "_low", "_high")
@@ -132,6 +138,7 @@ def mission_part(known: KnownWinds, k: int) -> Columns:
     row: Columns = {
         "formula": task.formula,
         "departure": task.scene.time_zero,
+        "situation": task.spell.name,
         "latitude": task.latitude,
         "longitude": task.longitude,
         "side": float(np.ptp(task.scene.bounds[:, 0])),
@@ -221,7 +228,7 @@ def plan_rows(cfg: ForecastTestConfig, results: Sequence[Mapping[str, Any]]) -> 
     for k, result in enumerate(results):
         for plan in result["plans"]:
             row: Columns = {"mission": k, "readings": "every node" if cfg.points is None else cfg.points}
-            row |= {name: result[name] for name in PLACE} | {"region": region_of(result["longitude"])}
+            row |= {name: result.get(name, "") for name in PLACE} | {"region": region_of(result["longitude"])}
             row |= {name: plan[name] for name in ("kind", "fidelity")}
             row |= {name: result[name] for name in KNOWN if name in result} | {"steps": plan["steps"]}
             row |= {"length_m": plan["objectives"]["length"]} | unknown | plan["promised"]
@@ -321,6 +328,9 @@ def _test_text(
             calibration.score_table(known.title(numbers), tables["scorecard"], keys),
             calibration.bin_table("By promise; kept: promised at least the lower end", bins),
             calibration.score_table("By region", list(filter(_is_own, tables["regions"])), REGION_KEYS),
+            *dict.fromkeys(
+                filter(None, map(calibration.situations_text, filter(_is_own, tables["scorecard"])))
+            ),
             f"{_verdict(known.cfg, numbers)} {known.explanation(numbers)}",
         ]
     )

@@ -29,7 +29,7 @@ from pareto_ltl.support.locks import has_note, hold_passing_lock, is_held, proce
 
 JOB_LOG = logging.getLogger(__name__)
 
-KILLED = "ended without a word: killed, out of memory, or its disk was full"
+KILLED = "ended without a result: killed, out of memory, or disk full"
 TRIES_ALONE = 2  # after so many kills in launches alone, a job is given up
 
 Metrics = Mapping[str, float | None]

@@ -42,7 +42,7 @@ class KnownWinds:
         The winds of all cycles.
     truth : Readings
         The newest wind of each time.
-    nodes : mapping of the name of a spell to (n, 2) float
+    nodes : mapping of the name of a period to (n, 2) float
         Longitude and latitude of the readings for planning [deg]; empty for every node.
     """
 
@@ -98,7 +98,7 @@ class DepartureWinds(KnownWinds):
     """``known=departure``: forecasts that are ``delay`` old at departure; a plan promises in its own law."""
 
     def readings(self, task: Mission) -> Readings:
-        """The readings known at departure: in its spell, the newest wind of each time, thinned."""
+        """The readings known at departure: in its period, the newest wind of each time, thinned."""
         known = known_at(self.snapshots, seconds(str(task.scene.time_zero)), HOUR * self.cfg.delay)
         mine = [snap for snap in known if snap.time >= task.spell.start]
         readings = latest_readings(mine, self.truth.files)
@@ -156,7 +156,7 @@ class AllWinds(KnownWinds):
     """``known=all``: readings of the whole flight; a plan promises under every law of the studies."""
 
     def prepare(self) -> None:
-        """Write a table of thinned readings for each spell, as ``pipelines=ingest`` writes it."""
+        """Write a table of thinned readings for each period, as ``pipelines=ingest`` writes it."""
         for spell in self.spells:
             lines = ["time,lat,lon,u,v"]
             for k in range(spell.first, spell.last + 1):
@@ -171,7 +171,7 @@ class AllWinds(KnownWinds):
         return self.folder / f"readings_{spell.name}.csv"
 
     def run_of(self, task: Mission, mine: Settings) -> Run:
-        """Plans from the table of the spell; the last field is not held."""
+        """Plans from the table of the period; the last field is not held."""
         wind = replace(mine.wind, source="csv", path=str(self._table(task.spell)), hold_last=False)
         return study_run(replace(mine, wind=wind), Records({SCENE: task.scene}))
 

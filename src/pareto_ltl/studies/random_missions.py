@@ -27,7 +27,7 @@ TRIES = 2000  # places tried for a polygon before a new map is begun
 
 @dataclass(frozen=True, slots=True)
 class Mission:
-    """A random map with its formula, in a spell of consecutive wind fields."""
+    """A random map with its formula, in a period of consecutive wind fields."""
 
     number: int
     scene: Scene

@@ -84,7 +84,7 @@ def spells(readings: Readings, cfg: ForecastTestConfig) -> list[Spell]:
     if not long:
         longest = max(spell.end - spell.start for spell in found) / 3600
         raise DataError(
-            f"{cfg.section}.truth holds no spell of {needed:g} h without a gap of more than "
+            f"{cfg.section}.truth holds no period of {needed:g} h without a gap of more than "
             f"{cfg.max_gap:g} h (the longest has {longest:g} h): lower {cfg.section}.hours, raise "
             f"{cfg.section}.max_gap, or add fields"
         )

@@ -68,9 +68,9 @@ def read_bounded(path: Path, advice: Advice = RESULTS, most: int = MAX_BYTES) ->
     return data
 
 
-def refuse_many_features(where: str, data: bytes, tag: bytes) -> None:
-    """DataError if ``tag``, which each feature of a map has once, occurs too often; before it is parsed."""
-    if data.count(tag) > MAX_FEATURES:
+def refuse_many_features(where: str, data: bytes, mark: bytes) -> None:
+    """DataError if the pattern ``mark``, once in each feature, occurs too often; it reads no more."""
+    if sum(1 for _ in re.finditer(mark, data)) > MAX_FEATURES:
         raise DataError(
             f"{where} has more than {MAX_FEATURES:,} features; keep those near the mission, or unite them"
         )

@@ -8,6 +8,7 @@ import numpy as np
 
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.wind.forecast_error import forecast_error_law
+from pareto_ltl.wind.levels import level_mismatch
 from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.records import ENSEMBLE, WindField
 
@@ -19,14 +20,25 @@ class Coverage(NamedTuple):
     not_covered: str
 
 
-def coverage_of(field: WindField, time_zero: str | None = None) -> Coverage:
-    """The errors of the wind that the laws of ``field`` cover; its times count from ``time_zero``."""
+def coverage_of(
+    field: WindField, time_zero: str | None = None, flown: str = "", *, by_default: bool = False
+) -> Coverage:
+    """The errors of the wind that the laws of ``field`` cover; its times count from ``time_zero``.
+
+    ``flown`` is the level of the robot, if it has one. ``by_default`` says that the departure is the first
+    time of the wind because no other is set.
+    """
     if field.evidence is None and not field.gust_var.any():
         return Coverage(
             "calm air: no wind at all.",
             "any wind; the robot's own errors of airspeed, heading and timing.",
         )
     covered = [f"wind at {field.level} of {field.source or 'an unknown source'}"]
+    if by_default and time_zero:
+        covered.append(
+            f"a departure at {iso(seconds(time_zero))}, the first time of the wind, as mission.start_time is "
+            "not set"
+        )
     if field.evidence is not None:
         counts = [len(points) for points in field.evidence.points]
         covered.append(
@@ -38,6 +50,8 @@ def coverage_of(field: WindField, time_zero: str | None = None) -> Coverage:
     if field.modes is not None and (field.modes.part == ENSEMBLE).any():
         covered.append("the spread of the members of an ensemble")
     covered.append(f"a white part of {np.sqrt(field.gust_var.mean()):.2g} m/s")
+    if field.evidence is not None and flown and (gap := level_mismatch(flown, field.level)):
+        left.append(gap)
     left += [
         f"winds at other heights than {field.level}, and vertical motion of the air",
         "errors that are not Gaussian, such as a front or a storm that comes early",

@@ -18,7 +18,7 @@ from pareto_ltl.wind.readings import HOUR, iso
 
 
 def estimated_law(estimate: ErrorEstimate, name: str, usual: ForecastError) -> ForecastError:
-    """The law of an estimate; values that could not be estimated are those of ``usual``.
+    """The estimated law; missing values are taken from ``usual``.
 
     ``usual`` is scaled to the spread of the winds if its level differs.
     """

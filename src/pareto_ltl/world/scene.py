@@ -70,6 +70,10 @@ class Scene(Displayed):
 
     def __post_init__(self) -> None:
         require_shape("bounds", self.bounds, 2, 2)
+        if not (self.bounds[0] < self.bounds[1]).all():
+            raise ValueError(
+                f"bounds must be a south-west and a north-east corner, got {self.bounds.tolist()}"
+            )
         require_shape("start", self.start, 2)
         if self.border not in BORDERS:
             raise ValueError(f"border must be one of {', '.join(BORDERS)}, got {self.border!r}")

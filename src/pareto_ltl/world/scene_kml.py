@@ -70,7 +70,7 @@ def kml_features(path: Path, advice: Advice, faults: MapFaults, role: str = "") 
     """
     where = f"scene file {path}"
     data = _kmz_content(path, advice) if path.suffix.lower() == ".kmz" else read_bounded(path, advice)
-    refuse_many_features(where, data, b"/Placemark>")
+    refuse_many_features(where, data, rb"</(?:[\w.-]+:)?Placemark\s*>")
     root = _parsed(where, data)
     if root.tag != "kml":
         raise DataError(f"{where} has the root element {shown_text(root.tag)!r}; expected kml")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -175,6 +176,15 @@ def _simple_outline(sketch: SceneSketch, what: str, corners: FloatArray) -> Floa
             f"{sketch.show(_invalid_spot(polygon, corners))}; list its corners in order along the outline"
         )
     return corners if shapely.is_ccw(shapely.LinearRing(corners)) else corners[::-1].copy()
+
+
+def refuse_crossings(outlines: Sequence[FloatArray]) -> None:
+    """ValueError if one of ``outlines``, each (n, 2), crosses itself, as no outline of a result does."""
+    import shapely
+
+    for corners in outlines:
+        if not shapely.Polygon(corners).is_valid:
+            raise ValueError(f"the outline from {corners[0].tolist()} on crosses itself")
 
 
 def _invalid_spot(polygon: shapely.Polygon, corners: FloatArray) -> FloatArray:

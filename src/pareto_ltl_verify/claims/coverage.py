@@ -30,12 +30,50 @@ def texts(result: Evidence) -> Verdict | None:
     else:
         wanted = "; ".join(_covered(result)) + ".", "; ".join(_not_covered(result)) + "."
     told = (result.plan["covered"], result.plan["not_covered"])
+    full = [_with_assumed(*texts) for texts in zip(told, wanted, _assumed(result), strict=True)]
     faults = [
         f"{name}: {' '.join(words)}"
-        for name, a, b in zip(("covered", "not covered"), told, wanted, strict=True)
+        for name, a, b in zip(("covered", "not covered"), told, full, strict=True)
         if (words := [part for part in a.split("; ") if part not in b.split("; ")] or [b] * (a != b))
     ]
     return no_fault(f"{len(told[1].split('; '))} errors not covered", faults)
+
+
+def _assumed(result: Evidence) -> tuple[str, str]:
+    """A departure that no setting names, and a wind of another level than the robot's; empty without them."""
+    zero, flown = result.scene["time_zero"], result.settings["robot"].get("level", "")
+    departure = ""
+    if zero is not None and result.settings["mission"]["start_time"] is None:
+        departure = (
+            f"a departure at {_utc(zero)}, the first time of the wind, as mission.start_time is not set"
+        )
+    if result.wind.fit is None or not flown:
+        return departure, ""
+    (kind, height, robot), (other, known, wind) = _level(flown), _level(result.wind.level)
+    alike = kind == other and abs(height - known) <= 0.2 * max(height, known)
+    return departure, "" if alike else f"the robot flies {robot} (robot.level), and the wind is that {wind}"
+
+
+def _with_assumed(told: str, wanted: str, assumed: str) -> str:
+    """``wanted`` with the part ``assumed``, which files of earlier versions do not have, in its place."""
+    if not assumed or assumed not in told.split("; "):
+        return wanted
+    parts, place = wanted.split("; "), told.split("; ").index(assumed)
+    return "; ".join([*parts[:place], assumed, *parts[place:]])
+
+
+def _level(text: str) -> tuple[str, float, str]:
+    """Kind, height above ground [m], depth [m] or pressure [Pa] of a level, and how texts name it."""
+    number, unit, depth = re.fullmatch(r"([\d.]+)\s*([a-z]+)(\s*depth)?", text.strip().lower()).groups()  # type: ignore[union-attr]
+    if unit in (factors := {"pa": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0}):
+        pressure = float(number) * factors[unit]
+        return "pressure", pressure, f"at {pressure / 100.0:.10g} hPa"
+    metres = float(number) * (1000.0 if unit == "km" else 1.0)
+    return (
+        f"height{depth or ''}",
+        metres,
+        f"{metres:.10g} m {'below the surface' if depth else 'above ground'}",
+    )
 
 
 def _covered(result: Evidence) -> Iterator[str]:
@@ -75,10 +113,14 @@ def _when(result: Evidence) -> str:
     """The time of the last field in UTC, if the map has a departure."""
     if (zero := result.scene["time_zero"]) is None:
         return ""
+    return f" ({_utc(zero, result.wind.last_field)})"
+
+
+def _utc(zero: str, later: float = 0.0) -> str:
+    """The time ``later`` [s] after ``zero``, in UTC."""
     begin = datetime.fromisoformat(zero)
-    begin = begin if begin.tzinfo else begin.replace(tzinfo=UTC)
-    last = begin + timedelta(seconds=result.wind.last_field)
-    return f" ({last.astimezone(UTC).isoformat(timespec='seconds').replace('+00:00', 'Z')})"
+    begin = (begin if begin.tzinfo else begin.replace(tzinfo=UTC)) + timedelta(seconds=later)
+    return begin.astimezone(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
 def _not_covered(result: Evidence) -> Iterator[str]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime, timedelta
 from functools import partial
+from itertools import takewhile
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
@@ -334,14 +335,37 @@ def _mission_faults(result: Evidence) -> list[str]:
     areas = [(False, np.array(corners)) for corners in scene["obstacles"]]
     if result.ground.walled:
         areas.insert(0, (True, np.array([(west, south), (east, south), (east, north), (west, north)])))
-    if len(fences) != len(areas):
-        return [*faults, f"{len(fences)} fences, not {len(areas)}"]
-    for number, (fence, (inside, corners)) in enumerate(zip(fences, areas, strict=True)):
-        drawn = in_plane(result, np.array(fence["polygon"], float)[:, ::-1])
-        nearest = np.linalg.norm(corners[:, None] - drawn, axis=2).min(axis=1)
-        off = nearest.max() > METRE or outline_distance(corners, drawn).max() > 50 * METRE
-        faults += [f"fence {number}"] * bool(fence["inclusion"] != inside or off)
-    return faults
+    drawn = [in_plane(result, np.array(fence["polygon"], float)[:, ::-1]) for fence in fences]
+    if areas and areas[0][0] and _crosses_180(result, areas[0][1]):
+        del areas[0]  # no area to stay in can be cut
+    for number, (inside, corners) in enumerate(areas):
+        parts = 1 + (_crosses_180(result, corners) and _parts_of(corners, drawn[1:]))
+        points = np.concatenate(drawn[:parts]) if drawn else np.full((1, 2), np.inf)
+        nearest = np.linalg.norm(corners[:, None] - points, axis=2).min(axis=1)
+        off = nearest.max() > METRE or outline_distance(corners, points).max() > 50 * METRE
+        other = any(fence["inclusion"] != inside for fence in fences[:parts])
+        faults += [f"fence of area {number}"] * bool(other or off)
+        drawn, fences = drawn[parts:], fences[parts:]
+    return [*faults, *[f"{len(drawn)} fences more"] * bool(drawn)]
+
+
+def _parts_of(corners: FloatArray, drawn: list[FloatArray]) -> int:
+    """How many of the first polygons of ``drawn`` lie on the outline through ``corners``."""
+    on = (outline_distance(corners, points).max() <= 50 * METRE for points in drawn)
+    return sum(1 for _ in takewhile(bool, on))
+
+
+def _crosses_180(result: Evidence, corners: FloatArray) -> bool:
+    """Whether the 180th meridian crosses the outline through ``corners`` (n, 2) [m]; no pole is inside."""
+    from pyproj import Transformer
+
+    ends = np.roll(corners, -1, axis=0)
+    points = (corners[:, None] + np.linspace(0.0, 1.0, 200)[:, None] * (ends - corners)[:, None]).reshape(
+        -1, 2
+    )
+    lon, _ = Transformer.from_crs(result.scene["crs"], "EPSG:4326", always_xy=True).transform(*points.T)
+    turned = np.unwrap(np.deg2rad(lon))
+    return bool(np.abs(np.diff(lon)).max() > 180.0 and abs(turned[-1] - turned[0]) < np.pi)
 
 
 def in_plane(result: Evidence, lonlat: FloatArray) -> FloatArray:

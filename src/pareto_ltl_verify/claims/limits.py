@@ -29,6 +29,7 @@ LEAST_SHARE = 0.01  # of the largest price: smaller ones are not listed
 RUNS = 2_000  # flights that are judged again; as many as there are at least
 SIDES = ("western", "southern", "eastern", "northern")  # rows of the bounds: west and south, east and north
 FACTOR = 2.5  # by which a price may differ from the counts on either side
+FAR = 12.0  # [sd] with a risk below 1e-32: which of two such barriers is nearer has no meaning
 SPREADS = 5.0  # standard deviations of a count, beside the factor
 TIGHT = 0.8  # share of epsilon above which multipliers of chance constraints may be part of a price
 FULL_SPEED = 0.98  # share of u_max below which a step does not use all airspeed
@@ -47,7 +48,8 @@ def segment_limits(result: Evidence) -> Verdict | None:
     for k, row in enumerate(rows):
         named = z[k, names == row["nearest"]]
         off = [abs(row["deviations"] - least) for least in (z[k].min(), named.min(initial=np.inf))]
-        if max(off) > DEVIATIONS * (1.0 + abs(row["deviations"])):
+        far = min(row["deviations"], z[k].min()) > FAR
+        if max(off) > DEVIATIONS * (1.0 + abs(row["deviations"])) and not far:
             faults.append(
                 f"step {k}: {row['nearest']} {row['deviations']:.4g} sd, nearest {z[k].min():.4g} sd"
             )

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.exports.exported import vehicle_of
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, PlannedPath, counted_rate
@@ -65,6 +66,7 @@ def page_content(run: ShownRun) -> Content:
         "map": shown_map(run.scene),
         "onEarth": run.scene.crs is not None,
         "height": {"metres": run.height.metres, "aboveSea": run.height.above_sea, "ofSea": run.height.of_sea},
+        "vehicle": None if run.problem is None else vehicle_of(run.height, run.problem)._asdict(),
         "wind": shown_wind(run.scene, run.wind, last),
         "trees": [] if paths or planned else shown_trees(run.scene, run.forest),
         "judge": "flights" if front is not None and front.rates else "bound",

@@ -89,17 +89,20 @@ function planGpx(way) {
 function missionPlan(way) {
   const { metres, aboveSea } = PAGE.height, frame = aboveSea ? 0 : 3, mode = aboveSea ? 2 : 1, items = [];
   const add = (command, place, params, more = {}) => items.push({ type: "SimpleItem", autoContinue: true, doJumpId: items.length + 1, command, frame: place, params, ...more });
+  const fly = (command, k) => add(command, frame, [0, 0, 0, null, way.log.lat[k], way.log.lon[k], metres], { AMSLAltAboveTerrain: null, Altitude: metres, AltitudeMode: mode });
+  const { kind, takes_off: takesOff } = PAGE.vehicle;
+  if (takesOff) fly(22, 0);
   let speed = -1;
   way.log.airspeed.forEach((airspeed, k) => {
     if (Math.abs(airspeed - speed) > 0.05 && airspeed > 0) add(178, 2, [0, speed = airspeed, -1, 0, 0, 0, 0]);
-    add(16, frame, [0, 0, 0, null, way.log.lat[k + 1], way.log.lon[k + 1], metres], { AMSLAltAboveTerrain: null, Altitude: metres, AltitudeMode: mode });
+    fly(16, k + 1);
   });
   const fences = PAGE.map.shapes.filter(({ role }) => role === "obstacle" || (role === "bounds" && PAGE.map.walled));
   const cruise = way.log.airspeed.reduce((a, b) => Math.max(a, b), 0);
   return `${JSON.stringify({
     fileType: "Plan", version: 1, groundStation: "pareto_ltl",
-    pareto_ltl: { note: `An autopilot flies this mission by position. Take-off and landing are not part of it. ${fileNote()}` },
-    mission: { version: 2, firmwareType: 0, vehicleType: 0, cruiseSpeed: cruise, hoverSpeed: cruise, globalPlanAltitudeMode: mode, plannedHomePosition: [way.log.lat[0], way.log.lon[0], 0], items },
+    pareto_ltl: { note: `An autopilot flies this mission by position. ${takesOff ? "A landing is" : "Take-off and landing are"} not part of it. ${fileNote()}` },
+    mission: { version: 2, firmwareType: 0, vehicleType: kind, cruiseSpeed: cruise, hoverSpeed: cruise, globalPlanAltitudeMode: mode, plannedHomePosition: [way.log.lat[0], way.log.lon[0], 0], items },
     geoFence: { version: 2, circles: [], polygons: fences.map(({ role, ring }) => ({ version: 1, inclusion: role === "bounds", polygon: ring.slice(0, -1).map(([lon, lat]) => [lat, lon]) })) },
     rallyPoints: { version: 2, points: [] },
   })}\n`;

@@ -46,6 +46,7 @@ SPEED_UNITS = {  # [m/s], by the unit in the title of a column; m/s without a un
     "kt": KNOT, "kts": KNOT, "kn": KNOT, "knot": KNOT, "knots": KNOT,
     "km/h": 1.0 / 3.6, "kmh": 1.0 / 3.6, "mph": 0.44704,
 }  # fmt: skip
+COLUMN_NAME = re.compile(r"[A-Za-z][\w .°/^*()\[\]-]{0,40}")
 PLANAR_COLUMNS = ("time", "x", "y", "u", "v")
 LEAD_COLUMN = "lead_hours"
 LONGEST_LEAD = 10_000.0  # [h]
@@ -197,7 +198,8 @@ def _find_columns(file: Path, header: list[str]) -> tuple[list[tuple[str, int]],
     wanted = PLANAR_COLUMNS if {"x", "y"} <= set(header) else GEOGRAPHIC_COLUMNS
     missing = [name for name in wanted if not speeds.get(name, name in header)]
     if missing:
-        found = shown_value(",".join(header), 60)
+        table = len(header) > 1 and all(map(COLUMN_NAME.fullmatch, header))  # else nothing of it is quoted
+        found = shown_value(",".join(header), 60) if table else "no names of columns in its first line"
         raise DataError(
             f"wind file {file}: missing column {', '.join(missing)}; expected {','.join(GEOGRAPHIC_COLUMNS)} "
             f"(or {','.join(PLANAR_COLUMNS)} in a plane), found {found}"

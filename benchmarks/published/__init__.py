@@ -1,0 +1,1 @@
+"""A benchmark for planners of others: missions, what was known of the wind, and the winds that came."""
