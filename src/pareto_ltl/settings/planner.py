@@ -111,7 +111,7 @@ class SelectionConfig(CheckedSettings):
     section: ClassVar[str] = "selection"
     rule: str = setting("worth", "how a path is chosen", choices=SELECTION_RULES, group=SELECTION_RULE_GROUP)
     saving: float = setting(
-        3.0,
+        2.0,
         "per cent of the failures that one per cent more length must save, with rule=worth; 0: the "
         "safest path",
         least=0,
