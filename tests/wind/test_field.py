@@ -284,6 +284,9 @@ def test_planted_code_in_an_entry_is_not_executed(few, fits, cache, tmp_path):
 UNPICKLING = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "read_pickle"}
 
 
+MACHINE_CODE = PACKAGE / "kernels" / "code_cache.py"  # executable in any form: read_code checks who wrote it
+
+
 def test_no_module_of_the_package_reads_pickles():
     """What is unpickled is executed."""
     sources = [*PACKAGE.rglob("*.py"), *(PACKAGE.parent / "hydra_plugins").rglob("*.py")]
@@ -291,7 +294,7 @@ def test_no_module_of_the_package_reads_pickles():
     for path in sources:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = {getattr(node, key, None) for key in ("id", "attr", "name", "module")}
-            assert not names & UNPICKLING, path
+            assert not names & UNPICKLING or path == MACHINE_CODE, path
             if isinstance(node, ast.ImportFrom) and node.module == "joblib":  # its Memory keeps pickles
                 assert {alias.name for alias in node.names} <= {"Parallel", "delayed", "cpu_count"}, path
             if isinstance(node, ast.keyword) and node.arg == "allow_pickle":

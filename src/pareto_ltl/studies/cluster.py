@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from queue import Empty, SimpleQueue
 from socket import gethostname
@@ -80,12 +81,10 @@ def on_cluster(
     DataError
         If a worker has another version of the package, or none is left.
     """
-    import cloudpickle
-
     ended: SimpleQueue[Any] = SimpleQueue()
     with connected(address) as client:
         # As the result of a task, it can be made again after the death of a worker; scattered data cannot.
-        sent = client.submit(cloudpickle.loads, cloudpickle.dumps((work, shared, _code())), pure=False)
+        sent = client.submit(_itself, _Sent(work, shared, _code()), pure=False)
         futures = {client.submit(_worked, row, sent, pure=False): k for k, row in enumerate(rows)}
         for future in futures:
             future.add_done_callback(ended.put)
@@ -106,15 +105,27 @@ def _next_of(ended: SimpleQueue[Any], client: Client) -> Any:
                 ) from None
 
 
-def _worked(row: Any, sent: tuple[Callable[[Any, Any], Work], Any, str]) -> Work:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sent:
+    """What each worker gets once."""
+
+    work: Callable[[Any, Any], Any]
+    shared: Any
+    code: str
+
+
+def _itself(sent: _Sent) -> _Sent:
+    return sent
+
+
+def _worked(row: Any, sent: _Sent) -> Any:
     """The work of one row, in a worker with the same source code."""
-    work, shared, code = sent
-    if _code() != code:
+    if _code() != sent.code:
         raise DataError(
             f"a worker on {gethostname()} has another version of pareto_ltl: install the same one "
             "everywhere, and start the workers again"
         )
-    return work(row, shared)
+    return sent.work(row, sent.shared)
 
 
 @cache
