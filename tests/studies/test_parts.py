@@ -98,6 +98,25 @@ def test_a_damaged_file_is_named_in_one_line_and_made_again(
     assert "made again" in err
 
 
+def test_a_holder_that_ends_while_it_is_looked_at_was_not_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (one,) = some(1)
+    parts.work_parts(ONE, tmp_path, square, 0, [one])
+    job = parts.PartJob(tmp_path / parts.PARTS_FOLDER, one)
+    job.lock.write_text("a process at work", encoding="utf-8")
+
+    def ending(lock: Path) -> bool:
+        lock.unlink()  # as the holder does, between the first look and this one
+        return False
+
+    monkeypatch.setattr("pareto_ltl.studies.jobs.is_held", ending)
+    assert job.look().answered
+    job.lock.write_text("a process that was killed", encoding="utf-8")
+    monkeypatch.setattr("pareto_ltl.studies.jobs.is_held", lambda _lock: False)
+    assert not job.look().answered
+
+
 def test_drafts_of_dead_processes_are_swept_and_those_of_the_living_left(tmp_path: Path) -> None:
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()

@@ -88,9 +88,11 @@ def on_cluster(
         futures = {client.submit(_worked, row, sent, pure=False): k for k, row in enumerate(rows)}
         for future in futures:
             future.add_done_callback(ended.put)
-        for _ in futures:
+        while futures:
             future = _next_of(ended, client)
-            yield futures[future], future.result()
+            row = futures.pop(future, None)
+            if row is not None:  # a result that was lost with its worker is made again, and ends twice
+                yield row, future.result()
 
 
 def _next_of(ended: SimpleQueue[Any], client: Client) -> Any:

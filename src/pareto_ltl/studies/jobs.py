@@ -128,7 +128,9 @@ class StoredJob(ABC):
 
     def abandoned(self) -> bool:
         """Whether the last working process was killed: its note exists, and no process holds the lock."""
-        return has_note(self.lock) and not is_held(self.lock)
+        # A holder that ends meanwhile removes its note before the lock: it is there for the second look only
+        # if the holder was killed.
+        return has_note(self.lock) and not is_held(self.lock) and has_note(self.lock)
 
     def stamps(self) -> tuple[tuple[int, int] | None, ...]:
         """Date and inode of each trace: if they differ after a launch, the job began in it."""
