@@ -13,7 +13,7 @@ sweeps of a front solve it by :mod:`pareto_ltl.kernels.step_solver`; its last po
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -36,6 +36,8 @@ EXCESS = 10.0  # penalty per relative risk of a segment above epsilon
 OVERLONG = 20.0  # penalty per relative length above the cap: more than any failure
 SHORTENED = 0.985  # one solve may shorten the path to this share of its length, not further
 WIDER, NARROWER, NARROWEST = 1.5, 0.35, 0.01  # factors of the trust region after a success or not; its least
+AGAIN = 0.05  # least trust region [full steps] at the beginning of a width
+STALE = 0.2  # full steps: flights are simulated anew when a mean has moved further than this since
 INNER_GAIN, OUTER_GAIN = 1e-3, 5e-3  # relative gain below which the solves, or the roll-outs, of a width end
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
 ALL = 0.9  # if more than this share of the flights counts, all are kept: copying winds takes longer
@@ -69,7 +71,30 @@ class Polish:
     widths: tuple[float, ...]
     outer: int = 2
     inner: int = 4
-    trust: float = 0.5
+    trust: float = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class _Common:
+    """Common flights that still count, of ``runs`` in all, and their deviations as simulated about ``x``.
+
+    ``x`` has shape (T+1, 2), ``off`` (T+1, 2, n), both in metres.
+    """
+
+    flights: CommonFlights
+    x: FloatArray
+    off: FloatArray
+    runs: int
+
+    def about(self, flight: Flight, stale: float) -> _Common:
+        """The flights simulated about ``flight``; as they are if none of its means moved ``stale`` [m]."""
+        if float(np.abs(flight.x - self.x).max()) <= stale:
+            return self
+        return replace(self, x=flight.x, off=deviations_from(self.flights.positions(flight), flight.x))
+
+    def only(self, rows: IntArray) -> _Common:
+        """The flights ``rows``."""
+        return replace(self, flights=self.flights.only(rows), off=np.ascontiguousarray(self.off[:, :, rows]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,9 +173,12 @@ class Refiner:
 
     def polished(self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float) -> Flight:
         """The flight of :meth:`polish`, whose failures are not counted."""
-        flight, near, runs = self.flown(x), flights, len(flights)
+        flight = self.flown(x)
+        off = deviations_from(flights.positions(flight), flight.x)
+        common = _Common(flights, flight.x, off, len(flights))
+        trust = how.trust
         for width in how.widths:
-            flight, near = self._at_width(flight, near, runs, how, width, longest)
+            flight, common, trust = self._at_width(flight, common, how, width, longest, max(trust, AGAIN))
         return flight
 
     def attraction(
@@ -170,23 +198,23 @@ class Refiner:
         return Candidate(flight, path_length(flight.x), here.value, float((margins < 0.0).mean()), origin)
 
     def _at_width(
-        self, flight: Flight, near: CommonFlights, runs: int, how: Polish, width: float, longest: float
-    ) -> tuple[Flight, CommonFlights]:
-        """The flight after the solves at one width, and the flights that still count.
+        self, flight: Flight, common: _Common, how: Polish, width: float, longest: float, trust: float
+    ) -> tuple[Flight, _Common, float]:
+        """The flight after the solves at one width, the flights that still count, and the trust region.
 
         Flights with a margin larger than the path may move in the first solve no longer count.
         """
-        trust = how.trust
         for turn in range(how.outer):
-            off = deviations_from(near.positions(flight), flight.x)
-            here, margins = self.slope(flight.x, off, width, runs)
+            common = common.about(flight, STALE * self.problem.reach if turn == 0 else 0.0)
+            here, margins = self.slope(flight.x, common.off, width, common.runs)
             if turn == 0:
-                rows = np.flatnonzero(margins < COUNTED * width + how.trust * self.problem.reach)
+                rows = np.flatnonzero(margins < COUNTED * width + trust * self.problem.reach)
                 if len(rows) == 0:
                     break
                 if len(rows) < ALL * len(margins):
-                    off, near = np.ascontiguousarray(off[:, :, rows]), near.only(rows)
-            lure = self.attraction(flight, near, here, width, runs)
+                    common = common.only(rows)
+            off, runs = common.off, common.runs
+            lure = self.attraction(flight, common.flights, here, width, runs)
             here = lure.added(here, flight.x, off, width, runs)
             value = here.value + self.penalty(flight, longest)
             before = value
@@ -211,7 +239,7 @@ class Refiner:
                         break
             if before - value < OUTER_GAIN * before:
                 break
-        return flight, near
+        return flight, common, trust
 
 
 @dataclass(slots=True)
