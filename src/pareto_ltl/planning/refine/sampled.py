@@ -78,23 +78,34 @@ class Polish:
 class _Common:
     """Common flights that still count, of ``runs`` in all, and their deviations as simulated about ``x``.
 
-    ``x`` has shape (T+1, 2), ``off`` (T+1, 2, n), both in metres.
+    ``x`` has shape (T+1, 2), ``off`` and ``unaided`` (T+1, 2, n), all in metres; ``unaided`` is without
+    position fixes, and None until it is needed.
     """
 
     flights: CommonFlights
     x: FloatArray
     off: FloatArray
     runs: int
+    unaided: FloatArray | None = None
 
     def about(self, flight: Flight, stale: float) -> _Common:
         """The flights simulated about ``flight``; as they are if none of its means moved ``stale`` [m]."""
         if float(np.abs(flight.x - self.x).max()) <= stale:
             return self
-        return replace(self, x=flight.x, off=deviations_from(self.flights.positions(flight), flight.x))
+        off = deviations_from(self.flights.positions(flight), flight.x)
+        return replace(self, x=flight.x, off=off, unaided=None)
+
+    def also_unaided(self, flight: Flight) -> _Common:
+        """The same with the flights without position fixes, if ``flight`` takes any."""
+        if self.unaided is not None or not takes_fixes(flight):
+            return self
+        return replace(self, unaided=deviations_from(self.flights.unaided(flight), flight.x))
 
     def only(self, rows: IntArray) -> _Common:
         """The flights ``rows``."""
-        return replace(self, flights=self.flights.only(rows), off=np.ascontiguousarray(self.off[:, :, rows]))
+        off = np.ascontiguousarray(self.off[:, :, rows])
+        unaided = None if self.unaided is None else np.ascontiguousarray(self.unaided[:, :, rows])
+        return replace(self, flights=self.flights.only(rows), off=off, unaided=unaided)
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,14 +192,11 @@ class Refiner:
             flight, common, trust = self._at_width(flight, common, how, width, longest, max(trust, AGAIN))
         return flight
 
-    def attraction(
-        self, flight: Flight, flights: CommonFlights, here: Descent, width: float, runs: int
-    ) -> Attraction:
+    def attraction(self, flight: Flight, common: _Common, here: Descent, width: float) -> Attraction:
         """What the fixes of ``flight`` save: its smoothed failure without them, less that of ``here``."""
-        if not takes_fixes(flight):
+        if common.unaided is None:
             return Attraction((), 0.0)
-        off = deviations_from(flights.unaided(flight), flight.x)
-        alone, _ = self.slope(flight.x, off, width, runs)
+        alone, _ = self.slope(flight.x, common.unaided, width, common.runs)
         return Attraction(self.problem.landmarks, alone.value - here.value)
 
     def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
@@ -213,8 +221,9 @@ class Refiner:
                     break
                 if len(rows) < ALL * len(margins):
                     common = common.only(rows)
+            common = common.also_unaided(flight)
             off, runs = common.off, common.runs
-            lure = self.attraction(flight, common.flights, here, width, runs)
+            lure = self.attraction(flight, common, here, width)
             here = lure.added(here, flight.x, off, width, runs)
             value = here.value + self.penalty(flight, longest)
             before = value
