@@ -66,14 +66,14 @@ def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
     Where its airspeeds leave half a step or more to spare, it is also polished in fewer steps.
     """
     problem, refiner = sweep.problem, sweep.refiner
-    how = sweep.polish_of(FINE, 1, 3)
+    how = sweep.polish_of(FINE, 1, 4)
     made = refiner.polish(_fitting(problem, k, cap), sweep.flights, how, cap, k.origin)
     if fewer := min(round(spare_steps(made)), made.steps - 1):  # a path has at least one step
         x = retimed_means(problem, made.flight.x, made.steps - fewer)
         made = min(made, refiner.polish(x, sweep.flights, how, cap, k.origin), key=smoothed)
     if not _rarely_fails(sweep, made):
         return made
-    return refiner.polish(made.flight.x, sweep.many, sweep.polish_of(FINE[-1:], 1, 3), cap, k.origin)
+    return refiner.polish(made.flight.x, sweep.many, sweep.polish_of(FINE[-1:], 1, 4), cap, k.origin)
 
 
 def _rarely_fails(sweep: Sweep, k: Candidate) -> bool:
@@ -117,7 +117,7 @@ def slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candid
     problem, energy = sweep.problem, sweep.problem.energy
     if energy is None or not found:
         return []
-    how, dt = sweep.polish_of(FINE, 1, 3), problem.motion.dt
+    how, dt = sweep.polish_of(FINE, 1, 4), problem.motion.dt
 
     def slower(pair: tuple[Candidate, float]) -> Candidate | None:
         k, times = pair
@@ -183,5 +183,5 @@ def repaired(sweep: Sweep, k: Candidate) -> Iterator[Candidate]:
     """``k`` polished again, in more steps each time: slower, and closer to the places to be visited."""
     for more in REPAIRS:
         x = retimed_means(sweep.problem, k.flight.x, min(k.steps + more, sweep.problem.horizon))
-        made = sweep.refiner.polish(x, sweep.flights, sweep.polish_of(FINE[-1:], 1, 3), k.length, k.origin)
+        made = sweep.refiner.polish(x, sweep.flights, sweep.polish_of(FINE[-1:], 1, 4), k.length, k.origin)
         yield closed(sweep, made)

@@ -13,7 +13,7 @@ sweeps of a front solve it by :mod:`pareto_ltl.kernels.step_solver`; its last po
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -36,8 +36,6 @@ EXCESS = 10.0  # penalty per relative risk of a segment above epsilon
 OVERLONG = 20.0  # penalty per relative length above the cap: more than any failure
 SHORTENED = 0.985  # one solve may shorten the path to this share of its length, not further
 WIDER, NARROWER, NARROWEST = 1.5, 0.35, 0.01  # factors of the trust region after a success or not; its least
-AGAIN = 0.05  # least trust region [full steps] at the beginning of a width
-STALE = 0.2  # full steps: flights are simulated anew when a mean has moved further than this since
 INNER_GAIN, OUTER_GAIN = 1e-3, 5e-3  # relative gain below which the solves, or the roll-outs, of a width end
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
 ALL = 0.9  # if more than this share of the flights counts, all are kept: copying winds takes longer
@@ -71,41 +69,7 @@ class Polish:
     widths: tuple[float, ...]
     outer: int = 2
     inner: int = 4
-    trust: float = 0.2
-
-
-@dataclass(frozen=True, slots=True)
-class _Common:
-    """Common flights that still count, of ``runs`` in all, and their deviations as simulated about ``x``.
-
-    ``x`` has shape (T+1, 2), ``off`` and ``unaided`` (T+1, 2, n), all in metres; ``unaided`` is without
-    position fixes, and None until it is needed.
-    """
-
-    flights: CommonFlights
-    x: FloatArray
-    off: FloatArray
-    runs: int
-    unaided: FloatArray | None = None
-
-    def about(self, flight: Flight, stale: float) -> _Common:
-        """The flights simulated about ``flight``; as they are if none of its means moved ``stale`` [m]."""
-        if float(np.abs(flight.x - self.x).max()) <= stale:
-            return self
-        off = deviations_from(self.flights.positions(flight), flight.x)
-        return replace(self, x=flight.x, off=off, unaided=None)
-
-    def also_unaided(self, flight: Flight) -> _Common:
-        """The same with the flights without position fixes, if ``flight`` takes any."""
-        if self.unaided is not None or not takes_fixes(flight):
-            return self
-        return replace(self, unaided=deviations_from(self.flights.unaided(flight), flight.x))
-
-    def only(self, rows: IntArray) -> _Common:
-        """The flights ``rows``."""
-        off = np.ascontiguousarray(self.off[:, :, rows])
-        unaided = None if self.unaided is None else np.ascontiguousarray(self.unaided[:, :, rows])
-        return replace(self, flights=self.flights.only(rows), off=off, unaided=unaided)
+    trust: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,19 +148,19 @@ class Refiner:
 
     def polished(self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float) -> Flight:
         """The flight of :meth:`polish`, whose failures are not counted."""
-        flight = self.flown(x)
-        off = deviations_from(flights.positions(flight), flight.x)
-        common = _Common(flights, flight.x, off, len(flights))
-        trust = how.trust
+        flight, near, runs = self.flown(x), flights, len(flights)
         for width in how.widths:
-            flight, common, trust = self._at_width(flight, common, how, width, longest, max(trust, AGAIN))
+            flight, near = self._at_width(flight, near, runs, how, width, longest)
         return flight
 
-    def attraction(self, flight: Flight, common: _Common, here: Descent, width: float) -> Attraction:
+    def attraction(
+        self, flight: Flight, flights: CommonFlights, here: Descent, width: float, runs: int
+    ) -> Attraction:
         """What the fixes of ``flight`` save: its smoothed failure without them, less that of ``here``."""
-        if common.unaided is None:
+        if not takes_fixes(flight):
             return Attraction((), 0.0)
-        alone, _ = self.slope(flight.x, common.unaided, width, common.runs)
+        off = deviations_from(flights.unaided(flight), flight.x)
+        alone, _ = self.slope(flight.x, off, width, runs)
         return Attraction(self.problem.landmarks, alone.value - here.value)
 
     def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
@@ -206,24 +170,23 @@ class Refiner:
         return Candidate(flight, path_length(flight.x), here.value, float((margins < 0.0).mean()), origin)
 
     def _at_width(
-        self, flight: Flight, common: _Common, how: Polish, width: float, longest: float, trust: float
-    ) -> tuple[Flight, _Common, float]:
-        """The flight after the solves at one width, the flights that still count, and the trust region.
+        self, flight: Flight, near: CommonFlights, runs: int, how: Polish, width: float, longest: float
+    ) -> tuple[Flight, CommonFlights]:
+        """The flight after the solves at one width, and the flights that still count.
 
         Flights with a margin larger than the path may move in the first solve no longer count.
         """
+        trust = how.trust
         for turn in range(how.outer):
-            common = common.about(flight, STALE * self.problem.reach if turn == 0 else 0.0)
-            here, margins = self.slope(flight.x, common.off, width, common.runs)
+            off = deviations_from(near.positions(flight), flight.x)
+            here, margins = self.slope(flight.x, off, width, runs)
             if turn == 0:
-                rows = np.flatnonzero(margins < COUNTED * width + trust * self.problem.reach)
+                rows = np.flatnonzero(margins < COUNTED * width + how.trust * self.problem.reach)
                 if len(rows) == 0:
                     break
                 if len(rows) < ALL * len(margins):
-                    common = common.only(rows)
-            common = common.also_unaided(flight)
-            off, runs = common.off, common.runs
-            lure = self.attraction(flight, common, here, width)
+                    off, near = np.ascontiguousarray(off[:, :, rows]), near.only(rows)
+            lure = self.attraction(flight, near, here, width, runs)
             here = lure.added(here, flight.x, off, width, runs)
             value = here.value + self.penalty(flight, longest)
             before = value
@@ -248,7 +211,7 @@ class Refiner:
                         break
             if before - value < OUTER_GAIN * before:
                 break
-        return flight, common, trust
+        return flight, near
 
 
 @dataclass(slots=True)
