@@ -71,6 +71,15 @@ def test_lines_complete_the_mission_clear_of_obstacles_in_distinct_classes(formu
     assert len(words) >= 2
 
 
+def test_a_line_may_pass_many_obstacles():
+    """Each of them has a ray to the north, which the line crosses."""
+    row = [box(3 + k, 2, 3.5 + k, 3) for k in range(12)]
+    problem = make_problem("F a", make_scene({"a": box(16, 9, 18, 11)}, row, start=(2, 10)), fidelity="full")
+    lines = roadmap_lines(problem, 4)
+    assert len(lines) == 4
+    assert len(path_word(problem.decomposition.obstacles, lines[0])) == 12
+
+
 def test_every_order_of_a_mission_has_a_line():
     problem = task("F a & F b", b=box(9, 14, 12, 17))
     orders = set()

@@ -39,7 +39,6 @@ STRETCH = 1.7  # lines longer than this many times the shortest one, or one with
 LED = 12  # lines that are led through landmarks, the shortest
 PLACES = 2  # legs of a line in which a landmark is tried, those of the least detours
 PER_NODE = 12  # classes of one leg that are lengthened at one node
-TURNS = 8  # letters of a word at most: a line does not circle obstacles
 MOST_NODES = 400  # the nodes of the least detour are kept
 MOST_EDGES = 2_000_000  # of the product with the automaton; a larger one is not searched
 MOST_STEPS = 20_000  # lines that are lengthened
@@ -267,7 +266,7 @@ class _Ways:
             if after < 0:
                 continue
             word = reduced_word(words[-1], crossed.get(k, ()))
-            if len(word) > TURNS:
+            if len(word) > len(set(word)):  # its ray crossed twice in one direction: it is circled
                 continue
             kind = _Class(order, (*words[:-1], word))
             if after != state:
