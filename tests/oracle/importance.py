@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def joined(draws: NormalDraws) -> FloatArray:
-    """z (n, D) of n flights."""
+    """All standard normal draws of n flights, one row each (n, D)."""
     n = len(draws.start)
     white = np.moveaxis(draws.white, 1, 0).reshape(n, -1)
     return np.hstack([draws.start, white, np.moveaxis(draws.field, 1, 0).reshape(n, -1).astype(float)])

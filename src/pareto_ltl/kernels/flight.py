@@ -183,7 +183,7 @@ def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: Fl
 
 
 class Judge(NamedTuple):
-    """The problem as flights are evaluated: cells with the bounds of the map, automaton, obstacles.
+    """The data that judging a flight needs: cells with the bounds of the map, automaton, obstacles.
 
     ``nearby`` lists the obstacles by their distance from each part of the map.
     """

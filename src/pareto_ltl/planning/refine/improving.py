@@ -42,7 +42,7 @@ def improved_fronts(
 def _varied(
     sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate], at: int, rng: np.random.Generator
 ) -> list[Candidate]:
-    """One point of a front varied, and polished at its own length."""
+    """Random variations of one point, polished at the same length."""
     k, problem = front[at], sweep.problem
     near = [front[i] for i in (at - 1, at + 1) if 0 <= i < len(front)]
     lines = [(n.flight.x, 0, n.origin) for n in near]

@@ -39,7 +39,7 @@ def _corner_faces(polygons: Sequence[FloatArray]) -> tuple[FloatArray, FloatArra
 def gap_places(
     polygons: Sequence[FloatArray], faces: kd.Faces, widest: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Where a taut line may bend in a gap too narrow for the corners themselves: p and v of p + r v.
+    """Bend points p + r v of taut lines in gaps narrower than the clearance r; returns p and v.
 
     With the distance r to keep, the gap between two obstacles is the intersection of half planes
     ``c' x ≥ d + r``, and a taut line bends where two of their rims cross: at p + r v for one pair of faces.
