@@ -19,9 +19,9 @@ from levels import BY_DAY, DONE_BY_DAY, left_out, same_by_day
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 # A shell starts what runs in its background with these ignored, and so would all processes of the tests.
-for number in (signal.SIGINT, signal.SIGHUP):
-    if signal.getsignal(number) is signal.SIG_IGN:
-        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+    if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) is signal.SIG_IGN:
+        signal.signal(getattr(signal, name), usual)
 
 examples = 25 if BY_DAY else 100
 settings.register_profile("house", deadline=None, derandomize=True, database=None, max_examples=examples)

@@ -10,7 +10,8 @@ from scipy.spatial import ConvexHull
 from oracle.attraction import attraction
 from pareto_ltl.kernels.attraction import add_attraction
 from pareto_ltl.kernels.margin import Slope
-from pareto_ltl.planning.pack import pack_faces
+from pareto_ltl.planning.pack import pack_landmarks
+from pareto_ltl.settings import RobotConfig
 
 
 @given(
@@ -28,8 +29,7 @@ def test_value_and_slope_are_those_of_the_definition(seed, steps, flights, width
     x = np.cumsum(rng.normal(size=(steps + 1, 2)) * 2.0, axis=0)
     off = np.cumsum(rng.normal(size=(steps + 1, 2, flights)), axis=0)
     slope = Slope(np.ones((steps + 1, 2)), np.ones((steps + 1, 3)))
-    middle = np.array([mark.mean(axis=0) for mark in marks])
-    value = add_attraction(pack_faces(marks), middle, x, off, width, 0.7, slope)
+    value = add_attraction(pack_landmarks(RobotConfig(dt=1.0), marks), x, off, width, 0.7, slope)
     expected, gradient, hessian = attraction(marks, x, off, width, 0.7)
     assert np.isclose(value, expected, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(slope.gradient - 1.0, gradient, rtol=1e-9, atol=1e-11)

@@ -63,7 +63,7 @@ def test_the_slope_of_an_attraction_is_that_of_finite_differences(problem, seed)
     x = np.linspace([2, 2], [14, 13], 13) * KM + rng.normal(0.0, 300.0, (13, 2))
     off = np.arange(13)[:, None, None] * 120.0 * rng.standard_normal((2, 400))  # one error for a flight
     none = Descent(np.zeros((13, 2)), np.zeros((13, 3)), 0.0)
-    lure = Attraction(problem.landmarks, 0.3)
+    lure = Attraction(problem.laws["coherent"].landmarks, 0.3)
 
     def value(places):
         return lure.added(none, places, off, 900.0, 50).value
@@ -86,7 +86,10 @@ def test_the_slope_of_an_attraction_is_that_of_finite_differences(problem, seed)
 def test_without_worth_nothing_is_added(problem):
     none = Descent(np.zeros((3, 2)), np.zeros((3, 3)), 0.2)
     assert (
-        Attraction(problem.landmarks, 0.0).added(none, np.zeros((3, 2)), np.zeros((3, 2, 5)), 1.0, 5) is none
+        Attraction(problem.laws["coherent"].landmarks, 0.0).added(
+            none, np.zeros((3, 2)), np.zeros((3, 2, 5)), 1.0, 5
+        )
+        is none
     )
 
 

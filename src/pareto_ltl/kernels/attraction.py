@@ -7,14 +7,13 @@ import math
 import numpy as np
 
 from pareto_ltl.kernels.clearance import CERTAIN, Event
-from pareto_ltl.kernels.data import Faces
+from pareto_ltl.kernels.data import Faces, Landmarks
 from pareto_ltl.kernels.jit import allocating, kernel
-from pareto_ltl.kernels.margin import Slope, add_slope
+from pareto_ltl.kernels.margin import FLAT, Slope, add_failure_slope
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 NEAREST = 3  # legs of a path on which a flight may be deepest in a landmark
 SHARES = (0.5, 1.0)  # of a leg, where that is evaluated
-SATURATED = 40.0  # widths: a flight farther inside or outside has no slope
 
 
 @kernel
@@ -58,27 +57,25 @@ def depth_event(marks: Faces, part: int, legs: IntArray, count: int, x: FloatArr
 
 @allocating
 def add_attraction(
-    marks: Faces, middle: FloatArray, mean: FloatArray, off: FloatArray, width: float, worth: float,
-    slope: Slope,
-) -> float:  # fmt: skip
+    marks: Landmarks, mean: FloatArray, off: FloatArray, width: float, worth: float, slope: Slope
+) -> float:
     """``worth`` / n Σ_ik σ(-m_ik / ``width``), m_ik the depth [m] of flight i in landmark k.
 
-    The flights are ``mean`` (T+1, 2) + ``off`` (T+1, 2, n), the middles of the landmarks ``middle`` (K, 2).
-    The gradient and the convex part of the Hessian are added to ``slope``.
+    The flights are ``mean`` (T+1, 2) + ``off`` (T+1, 2, n). The gradient and the convex part of the Hessian
+    are added to ``slope``.
 
     Eq. (M75) of docs/mathematics_methods.md.
     """
     total, n, legs = 0.0, off.shape[2], np.empty(NEAREST, np.int64)
-    for part in range(len(middle)):
-        count = find_nearest_legs(mean, middle[part, 0], middle[part, 1], legs)
+    for part in range(len(marks.disc)):
+        count = find_nearest_legs(mean, marks.disc[part, 0], marks.disc[part, 1], legs)
         for i in range(n):
-            event = depth_event(marks, part, legs, count, mean, off[:, :, i])
+            event = depth_event(marks.faces, part, legs, count, mean, off[:, :, i])
             z = event.margin / width
-            if abs(z) > SATURATED:
+            if abs(z) > FLAT:
                 total += 1.0 if z < 0.0 else 0.0
                 continue
             f = 1.0 / (1.0 + math.exp(z))
             total += f
-            first = -worth * f * (1.0 - f) / width / n
-            add_slope(slope, event, first, -first * max(1.0 - 2.0 * f, 0.0) / width)
+            add_failure_slope(slope, event, f, width, n / worth)
     return float(worth * total / n)

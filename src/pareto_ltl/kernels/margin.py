@@ -37,6 +37,7 @@ from pareto_ltl.kernels.margin_events import (
 from pareto_ltl.kernels.near import enclose, least_gaps, list_met, list_shown, place_end, segment_box
 from pareto_ltl.support.arrays import FloatArray
 
+FLAT = 3.0 * SATURATED  # widths: beyond, a smoothed failure has no slope
 MODELS = (claim_lists.ClaimLists, claim_rows.ClaimRows)  # types of memory that select :func:`mission_margins`
 
 
@@ -45,6 +46,13 @@ class Slope(NamedTuple):
 
     gradient: FloatArray
     hessian: FloatArray
+
+
+@kernel
+def add_failure_slope(slope: Slope, event: Event, f: float, width: float, runs: float) -> None:
+    """Add the derivatives of f / ``runs``, with f = σ(-m / ``width``) of the margin m of ``event``."""
+    first = -f * (1.0 - f) / width
+    add_slope(slope, event, first / runs, -first * max(1.0 - 2.0 * f, 0.0) / width / runs)
 
 
 @kernel
@@ -121,7 +129,7 @@ def smoothed_failure(
     total = 0.0
     for i in range(n):
         z = margins[i] / width
-        if abs(z) > 3.0 * SATURATED:
+        if abs(z) > FLAT:
             total += 1.0 if z < 0.0 else 0.0
             continue
         f = 1.0 / (1.0 + math.exp(z))
@@ -130,6 +138,5 @@ def smoothed_failure(
         if event.t == NOWHERE:
             event = numbered_event(model, mean, off[:, :, i], margins[i], scratch.event[i])
         if event.t != NOWHERE:
-            first = -f * (1.0 - f) / width
-            add_slope(slope, event, first / n, -first * max(1.0 - 2.0 * f, 0.0) / width / n)
+            add_failure_slope(slope, event, f, width, n)
     return float(total / n)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
+from pareto_ltl.kernels.data import Landmarks
 from pareto_ltl.kernels.margin import Slope
-from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.support.arrays import FloatArray
 
@@ -23,16 +21,16 @@ class Attraction:
     Eq. (M75) of docs/mathematics_methods.md.
     """
 
-    marks: tuple[FloatArray, ...]
+    marks: Landmarks | None
     worth: float
 
     def added(self, here: Descent, x: FloatArray, off: FloatArray, width: float, runs: int) -> Descent:
         """``here`` with the term of ``x`` + ``off`` (T+1, 2, n); of ``runs`` flights, others count as 0."""
-        if self.worth <= 0.0:
+        if self.marks is None or self.worth <= 0.0:
             return here
         from pareto_ltl.kernels.attraction import add_attraction
 
         slope = Slope(here.gradient.copy(), here.hessian.copy())
-        worth, middle = self.worth * off.shape[2] / runs, np.array([mark.mean(axis=0) for mark in self.marks])
-        more = add_attraction(pack_faces(self.marks), middle, x, off, width, worth, slope)
+        worth = self.worth * off.shape[2] / runs
+        more = add_attraction(self.marks, x, off, width, worth, slope)
         return Descent(slope.gradient, slope.hessian, here.value + float(more))

@@ -19,6 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from pareto_ltl.kernels import margin as km
+from pareto_ltl.kernels.data import LandmarkLaw
 from pareto_ltl.kernels.margin_events import MarginModel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import airspeed_limits, propagate, propagate_controls, takes_fixes
@@ -157,11 +158,12 @@ class Refiner:
         self, flight: Flight, flights: CommonFlights, here: Descent, width: float, runs: int
     ) -> Attraction:
         """What the fixes of ``flight`` save: its smoothed failure without them, less that of ``here``."""
-        if not takes_fixes(flight):
-            return Attraction((), 0.0)
+        law = self.problem.laws["coherent"]
+        if not isinstance(law, LandmarkLaw) or not takes_fixes(flight):
+            return Attraction(None, 0.0)
         off = deviations_from(flights.unaided(flight), flight.x)
         alone, _ = self.slope(flight.x, off, width, runs)
-        return Attraction(self.problem.landmarks, alone.value - here.value)
+        return Attraction(law.landmarks, alone.value - here.value)
 
     def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
         """``flight`` as it is, with its failure smoothed over ``width`` [m]."""
