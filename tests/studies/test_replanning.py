@@ -52,6 +52,24 @@ def test_every_way_is_told_flight_by_flight(place: Path) -> None:
     assert (place / "figures" / "replanning.png").is_file()
 
 
+def test_on_a_map_with_landmarks_the_plan_made_without_them_is_flown_too(tmp_path: Path) -> None:
+    small = tuple(word.replace("phi2", "phi1_landmarks") for word in SMALL)
+    words = ("replanning", *small, "replanning.flights=6", "replanning.fixes=[1]")
+    assert run_command_line([*words, f"hydra.run.dir={tmp_path}"]) == 0
+    with (tmp_path / "replanning.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    names = [row["way"] for row in rows]
+    assert names[:4] == ["no fixes", "fixes by chance", "as planned", "position always known"]
+    bare, chance, aware, known = (float(row["length_m"]) for row in rows[:4])
+    assert bare == chance  # one plan
+    assert aware == known
+    assert aware != bare
+    assert float(rows[0]["difference"]) == 0.0
+    with (tmp_path / "replanning_flights.csv").open(newline="") as file:
+        flights = [row for row in csv.DictReader(file) if row["way"] in ("no fixes", "fixes by chance")]
+    assert sum(int(row["failed"]) for row in flights[6:]) <= sum(int(row["failed"]) for row in flights[:6])
+
+
 def test_newer_forecasts_of_a_field_without_forecast_errors_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

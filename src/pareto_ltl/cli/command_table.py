@@ -60,6 +60,11 @@ PIPELINE_COMMANDS = (
         "a plan flown in true winds, with and without replanning at each fix",
         ("replanning", "evaluation"),
     ),
+    PipelineCommand(
+        "replanning_test",
+        "random missions flown through later winds, with and without replanning",
+        ("replanning", "forecast_test", "evaluation"),
+    ),
     PipelineCommand("sitl", "a plan flown by an independent aircraft, JSBSim, in the same winds", ("sitl",)),
     PipelineCommand(
         "wind", "the wind over a map and its standard deviation, without a plan", ("wind", "scene")

@@ -25,6 +25,7 @@ STUDIES = (
     "forecast_test",
     "departure",
     "replanning",
+    "replanning_test",
 )  # in several processes
 
 

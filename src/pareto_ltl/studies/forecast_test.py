@@ -85,18 +85,23 @@ def fly_missions(
     settings: Settings, cfg: ForecastTestConfig, directory: Path, progress: PartsProgress | None
 ) -> Study:
     """Plan ``cfg.missions`` missions and fly them through the full fields."""
+    known = known_of_files(settings, cfg, directory)
+    known.prepare()
+    inputs = {key: value for key, value in asdict(cfg).items() if key not in UNIMPORTANT}
+    inputs |= {"laws": settings.evaluation.laws, "border": settings.border}
+    base = part_key(settings, cfg.section, inputs, [file_fingerprint(file) for file in known.truth.files])
+    todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
+    results = work_parts(settings.evaluation, directory, mission_part, known, todo, progress)
+    return missions_study(known, results)
+
+
+def known_of_files(settings: Settings, cfg: ForecastTestConfig, directory: Path) -> KnownWinds:
+    """The winds of all missions, from the full fields that ``cfg`` names."""
     files = true_fields.full_fields(cfg)
     snapshots = grib_snapshots_apart(
         files, settings.wind.max_speed, settings.wind.level, needed_area(settings, cfg)
     ).winds
-    known = known_winds(settings, cfg, directory, snapshots, files)
-    known.prepare()
-    inputs = {key: value for key, value in asdict(cfg).items() if key not in UNIMPORTANT}
-    inputs |= {"laws": settings.evaluation.laws, "border": settings.border}
-    base = part_key(settings, cfg.section, inputs, [file_fingerprint(file) for file in files])
-    todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
-    results = work_parts(settings.evaluation, directory, mission_part, known, todo, progress)
-    return missions_study(known, results)
+    return known_winds(settings, cfg, directory, snapshots, files)
 
 
 def needed_area(settings: Settings, cfg: ForecastTestConfig) -> GeoBox:

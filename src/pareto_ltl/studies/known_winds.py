@@ -97,9 +97,10 @@ class KnownWinds:
 class DepartureWinds(KnownWinds):
     """``known=departure``: forecasts that are ``delay`` old at departure; a plan promises in its own law."""
 
-    def readings(self, task: Mission) -> Readings:
-        """The readings known at departure: in its period, the newest wind of each time, thinned."""
-        known = known_at(self.snapshots, seconds(str(task.scene.time_zero)), HOUR * self.cfg.delay)
+    def readings(self, task: Mission, after: float = 0.0) -> Readings:
+        """The readings known ``after`` [s] departure: in its period, the newest of each time, thinned."""
+        moment = seconds(str(task.scene.time_zero)) + after
+        known = known_at(self.snapshots, moment, HOUR * self.cfg.delay)
         mine = [snap for snap in known if snap.time >= task.spell.start]
         readings = latest_readings(mine, self.truth.files)
         pairs = [self.thinned(readings, k, task.spell) for k in range(len(readings.times))]

@@ -3,27 +3,31 @@
 A flight meets one wind, drawn from the law of the plan. It follows the plan to the step of a fix, measures
 its position there, replans (``run/replanning.py``) and takes the new plan, unless the rest of the old one
 fails less in flights of the conditioned law. For comparison, the plan is flown to its end in the same wind.
-A further way also gets a newer forecast at regular times (``studies/newer_forecasts.py``).
+Further ways also get newer forecasts at regular times (``studies/newer_forecasts.py``). The same ways in the
+winds of later analyses are ``studies/replanning_test.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import logging
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
 from pareto_ltl.exports.held_course import held_problem
 from pareto_ltl.planning.conditioning import Fix
+from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.report.records import Study
+from pareto_ltl.run.newer_wind import NewWind
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.quick import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES
-from pareto_ltl.run.records import PLAN, PROBLEM, WIND, Records
+from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.replanning import Replanned, replanned
 from pareto_ltl.run.stage_table import stage_seeds
-from pareto_ltl.settings import Settings
+from pareto_ltl.settings import ReplanningConfig, Settings
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.studies.newer_forecasts import newer_forecast, require_cycles
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
@@ -33,25 +37,71 @@ from pareto_ltl.studies.tables import markdown_table, rate_cell
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.counts import paired_difference
-from pareto_ltl.support.errors import ConfigError, InfeasibleError
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.wind.conditioned import field_from
-from pareto_ltl.wind.records import WindField
 
+LOG = logging.getLogger(__name__)
 STREAM, FIXES, FORECASTS = "replanning", "replanning fixes", "replanning forecasts"
-OPEN_LOOP, HELD = "as planned", "position always known"
+AS_PLANNED, HELD = "as planned", "position always known"
+NO_FIXES, BY_CHANCE = "no fixes", "fixes by chance"
+EFFORT = (PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES)
+
+Pilot: TypeAlias = Callable[[DrawnFlights, FloatArray, FloatArray], FloatArray]
+
+
+def with_fixes(wind: DrawnFlights, u: FloatArray, mean: FloatArray) -> FloatArray:
+    """Positions of a robot that uses the fixes at landmarks that it passes."""
+    return wind.flown(u, mean)
+
+
+def without_fixes(wind: DrawnFlights, u: FloatArray, mean: FloatArray) -> FloatArray:
+    """Positions of a robot that sees no landmark."""
+    return wind.held(u, mean)
+
+
+def always_known(wind: DrawnFlights, u: FloatArray, mean: FloatArray) -> FloatArray:
+    """Positions of a robot with an autopilot that always knows its position."""
+    return replace(wind, problem=held_problem(wind.problem)).held(u, mean)
+
+
+class Cycles(Protocol):
+    """The newer forecasts of a flight."""
+
+    def at(self, run: Run, wind: DrawnFlights, number: int, step: int) -> NewWind:
+        """The forecast known at ``step`` of flight ``number`` in ``wind``."""
+
+
+class LawCycles:
+    """Forecasts drawn from the law of the plan, given the true wind of the flight."""
+
+    def at(self, run: Run, wind: DrawnFlights, number: int, step: int) -> NewWind:
+        """The forecast that begins at ``step`` of the flight, for the rest of it."""
+        moment = step * run[PROBLEM].motion.dt
+        rng = stream_at(run.settings, FORECASTS, number, step)
+        newer = newer_forecast(run[WIND], wind.problem.modes, wind.draws.theta[:, 0], moment, rng)
+        return field_from(newer, moment)
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """One way to fly: ``name``, the steps of its fixes, and those at which a newer forecast arrives.
+    """One way to fly.
 
-    ``held``: the plan is flown by an autopilot that always knows its position.
+    Attributes
+    ----------
+    name : str
+    path : PlannedPath
+        The path at departure.
+    pilot : function
+        What the robot knows of its position on the way.
+    fixes, forecasts : tuple of int
+        Steps of position fixes and of newer forecasts; the robot plans again at each.
     """
 
     name: str
+    path: PlannedPath
+    pilot: Pilot = with_fixes
     fixes: tuple[int, ...] = ()
     forecasts: tuple[int, ...] = ()
-    held: bool = False
 
     @property
     def steps(self) -> tuple[int, ...]:
@@ -61,11 +111,12 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class ReplanningContext:
-    """The run with the plan, the true winds, and the ways to fly in them."""
+    """The run with the plan, the true winds, the ways to fly in them, and the newer forecasts."""
 
     run: Run
     winds: DrawnFlights
     ways: tuple[Way, ...]
+    cycles: Cycles
 
 
 def run_replanning(
@@ -79,37 +130,64 @@ def run_replanning(
     if cfg.forecasts is not None:
         require_cycles(run.make(WIND))
     winds = draw_flights(problem, problem.fidelity.law, cfg.flights, stage_seeds(settings.seed, STREAM))
-    context = ReplanningContext(run, winds, ways_of(settings, run))
-    effort = (PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES)
-    key = part_key(settings, STREAM, cfg.fixes, cfg.every, cfg.forecasts, cfg.fix_sd, cfg.flights, effort)
+    context = ReplanningContext(run, winds, (*unaided_ways(run), *ways_of(cfg, run)), LawCycles())
+    key = part_key(settings, STREAM, cfg.fixes, cfg.every, cfg.forecasts, cfg.fix_sd, cfg.flights, EFFORT)
     numbers = [(way, i) for i in range(cfg.flights) for way in range(len(context.ways))]
     todo = [Part(f"flight-{i}-{way}", (way, i), f"{key[:44]}{way:04x}{i:016x}"[::-1]) for way, i in numbers]
-    shared = replace(settings.evaluation, jobs=settings.evaluation.jobs or max(1, cores() // 2))
-    results = work_parts(shared, directory, replanning_part, context, todo, progress)
+    results = work_parts(half_the_cores(settings), directory, replanning_part, context, todo, progress)
     flown = {way.name: results[k :: len(context.ways)] for k, way in enumerate(context.ways)}
-    return replanning_study(context, flown, plan.path.objectives.length)
+    title = f"The plan in {cfg.flights} true winds of the {winds.law} law, in each of {len(flown)} ways"
+    study = replanning_study(flown, winds.law, title)
+    planned = {"replanning_planned_length_m": plan.path.objectives.length}
+    return replace(study, numbers={**study.numbers, **planned})
+
+
+def half_the_cores(settings: Settings) -> Any:
+    """The settings of parts that plan with two threads each."""
+    return replace(settings.evaluation, jobs=settings.evaluation.jobs or max(1, cores() // 2))
 
 
 # --- the ways to fly ------------------------------------------------------------------------------
 
 
-def ways_of(settings: Settings, run: Run) -> tuple[Way, ...]:
-    """As planned; with a known position; with each set of fixes; with the last set and newer forecasts."""
-    cfg, plan = settings.replanning, run.make(PLAN)
-    steps = len(plan.path.u)
+def ways_of(cfg: ReplanningConfig, run: Run) -> tuple[Way, ...]:
+    """As planned; with a known position; with each set of fixes; with newer forecasts; with both."""
+    plan = run.make(PLAN)
+    steps, path = len(plan.path.u), plan.path
     if cfg.every is not None:
         apart = max(1, round(3600.0 * cfg.every / plan.dt))
         sets = {f"a fix every {cfg.every:g} h": tuple(range(apart, steps, apart))}
     else:
         sets = {f"{count} fix{'es' * (count > 1)}": evenly(steps, count) for count in cfg.fixes}
-        sets |= {"fixes at landmarks": plan.path.fixes} if plan.path.fixes else {}
-    known = [] if run[PROBLEM].motion.gain > 0.0 else [Way(HELD, held=True)]
-    ways = [Way(OPEN_LOOP), *known, *(Way(name, own) for name, own in sets.items())]
+        sets |= {"fixes at landmarks": path.fixes} if path.fixes else {}
+    known = [] if run[PROBLEM].motion.gain > 0.0 else [Way(HELD, path, always_known)]
+    ways = [Way(AS_PLANNED, path), *known, *(Way(name, path, fixes=own) for name, own in sets.items())]
     if cfg.forecasts is not None:
         apart = max(1, round(3600.0 * cfg.forecasts / plan.dt))
-        cycles = tuple(range(apart, steps, apart))
-        ways.append(Way(f"{ways[-1].name}, a forecast every {cfg.forecasts:g} h", ways[-1].fixes, cycles))
+        cycles, often = tuple(range(apart, steps, apart)), f"a forecast every {cfg.forecasts:g} h"
+        last = ways[-1]
+        ways += [
+            Way(often, path, forecasts=cycles),
+            Way(f"{last.name}, {often}", path, fixes=last.fixes, forecasts=cycles),
+        ]
     return tuple(ways)
+
+
+def unaided_ways(run: Run) -> tuple[Way, ...]:
+    """On a map with landmarks, the plan made without them: flown without fixes, and with those it meets."""
+    scene = run.make(SCENE)
+    if not scene.landmarks:
+        return ()
+    bare = Records({SCENE: replace(scene, landmarks=()), DECOMPOSITION: run[DECOMPOSITION]})
+    bare[AUTOMATON], bare[WIND] = run[AUTOMATON], run[WIND]
+    try:
+        path = study_run(run.settings, bare).make(PLAN).path
+    except (InfeasibleError, DataError) as error:
+        LOG.warning(
+            "no rows '%s' and '%s': without landmarks there is no plan (%s)", NO_FIXES, BY_CHANCE, error
+        )
+        return ()
+    return Way(NO_FIXES, path, without_fixes), Way(BY_CHANCE, path)
 
 
 def evenly(steps: int, count: int) -> tuple[int, ...]:
@@ -123,14 +201,15 @@ def evenly(steps: int, count: int) -> tuple[int, ...]:
 
 def replanning_part(context: ReplanningContext, way: int, number: int) -> Columns:
     """One true wind flown in one way: whether the flight fails, its new plans and the length flown."""
+    return fly_way(context, context.ways[way], number)
+
+
+def fly_way(context: ReplanningContext, way: Way, number: int) -> Columns:
+    """Flight ``number`` of ``context.winds`` in one way."""
     wind = context.winds.only(np.array([number]))
-    u, x, taken = replanned_controls(context, context.ways[way], wind, number)
-    if context.ways[way].held:
-        flown = replace(wind, problem=held_problem(wind.problem)).held(u, x)
-    else:
-        flown = wind.flown(u, x)
+    u, x, taken = replanned_controls(context, way, wind, number)
     return {
-        "failed": bool(wind.failed(flown)[0]),
+        "failed": bool(wind.failed(way.pilot(wind, u, x))[0]),
         "new_plans": taken,
         "length_m": float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()),
     }
@@ -141,11 +220,11 @@ def replanned_controls(
 ) -> tuple[FloatArray, FloatArray, int]:
     """Controls (T, 2) [m/s], means (T+1, 2) [m] and the number of new plans taken, for one flight."""
     run, since, taken = context.run, 0, 0
-    u, x = run[PLAN].path.u, run[PLAN].path.x
+    u, x = way.path.u, way.path.x
     for step in way.steps:
         if step >= len(u):
             break
-        done = _new_plan(context, way, (wind, number), run, (step, since), wind.flown(u, x)[0, step])
+        done = _new_plan(context, way, (wind, number), run, (step, since), way.pilot(wind, u, x)[0, step])
         if done is None or done.advice == "old" or done.run is None:
             continue
         new = done.plan.path
@@ -165,42 +244,38 @@ def _new_plan(
     ``steps`` are the present one, and the one at which the plan of ``run`` began.
     """
     settings, (wind, number), (now, since) = context.run.settings, flight, steps
-    rng = np.random.default_rng([*stage_seeds(settings.seed, FIXES).generate_state(2).tolist(), number, now])
-    sd = settings.replanning.fix_sd
+    sd, rng = settings.replanning.fix_sd, stream_at(settings, FIXES, number, now)
     fixes = (Fix(there + sd * rng.standard_normal(2), sd, now - since),) if now in way.fixes else ()
-    newer = cycle_at(context, wind, number, now) if now in way.forecasts else None
+    newer = context.cycles.at(context.run, wind, number, now) if now in way.forecasts else None
     try:
         return replanned(run, run[PROBLEM].motion.dt * (now - since), fixes, wind=newer)
     except (ConfigError, InfeasibleError):  # complete, failed, or no new plan: the plan continues
         return None
 
 
-def cycle_at(context: ReplanningContext, wind: DrawnFlights, number: int, step: int) -> WindField:
-    """The forecast that begins at ``step`` of the flight, for the rest of it."""
-    run = context.run
-    moment = step * run[PROBLEM].motion.dt
-    seeds = stage_seeds(run.settings.seed, FORECASTS).generate_state(2).tolist()
-    rng = np.random.default_rng([*seeds, number, step])
-    newer = newer_forecast(run[WIND], wind.problem.modes, wind.draws.theta[:, 0], moment, rng)
-    return field_from(newer, moment)
+def stream_at(settings: Settings, stream: str, number: int, step: int) -> np.random.Generator:
+    """The random numbers of ``stream`` at ``step`` of flight ``number``."""
+    return np.random.default_rng(
+        [*stage_seeds(settings.seed, stream).generate_state(2).tolist(), number, step]
+    )
 
 
 # --- the study ------------------------------------------------------------------------------------
 
 
-def replanning_study(
-    context: ReplanningContext, flown: Mapping[str, Sequence[dict[str, Any]]], length: float
-) -> Study:
-    """The rate of each way, and its difference from the plan flown as it is, flight by flight."""
-    alone = np.array([row["failed"] for row in flown[OPEN_LOOP]], bool)
+def replanning_study(flown: Mapping[str, Sequence[Mapping[str, Any]]], law: str, title: str) -> Study:
+    """The rate of each way, and its difference from the first one, flight by flight.
+
+    ``flown`` has for each way the flights in the same order of winds; ``law`` names these winds.
+    """
+    base, *_ = flown
+    alone = np.array([row["failed"] for row in flown[base]], bool)
     rows: list[Columns] = []
-    for way in context.ways:
-        own = flown[way.name]
+    for name, own in flown.items():
         failed = np.array([row["failed"] for row in own], bool)
         gap, low, high = paired_difference(alone, failed)
         rows.append(
-            {"way": way.name, "law": context.winds.law, "flights": len(failed), "fixes": len(way.fixes)}
-            | {"forecasts": len(way.forecasts)}
+            {"way": name, "law": law, "flights": len(failed)}
             | rate_columns("failure", failed)
             | {"difference": gap, "difference_low": low, "difference_high": high}
             | {"new_plans": float(np.mean([row["new_plans"] for row in own]))}
@@ -216,19 +291,17 @@ def replanning_study(
         for name, own in flown.items()
         for i, row in enumerate(own)
     )
-    numbers |= {"replanning_flights": float(len(alone)), "replanning_planned_length_m": length}
-    return Study({"replanning": tuple(rows), "replanning_flights": each}, numbers, _text(rows))
+    numbers |= {"replanning_flights": float(len(alone))}
+    return Study({"replanning": tuple(rows), "replanning_flights": each}, numbers, _text(rows, title))
 
 
-def _text(rows: Sequence[Columns]) -> str:
+def _text(rows: Sequence[Columns], title: str) -> str:
     def difference(row: Columns) -> str:
         gap, low, high = (100.0 * row[f"difference{end}"] for end in ("", "_low", "_high"))
-        return "-" if row["way"] == OPEN_LOOP else f"{gap:+.1f} [{low:+.1f}, {high:+.1f}]"
+        return "-" if row is rows[0] else f"{gap:+.1f} [{low:+.1f}, {high:+.1f}]"
 
     return markdown_table(
-        f"The plan in {rows[0]['flights']} true winds of the {rows[0]['law']} law, as planned and with new "
-        "plans "
-        "on the way; 95 % intervals, the difference by pairs",
+        f"{title}; 95 % intervals, the difference from the first row by pairs",
         {
             "way": lambda row: str(row["way"]),
             "failed": lambda row: rate_cell(row, "failure"),

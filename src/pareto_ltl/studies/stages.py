@@ -142,6 +142,13 @@ STUDIES = (
         "study_replanning:replanning_figures",
     ),
     StudyKind(
+        "replanning_test",
+        "replanning_test:run_replanning_test",
+        ("replanning.csv", "replanning_flights.csv"),
+        "study_replanning:replanning_figures",
+        needs=(),
+    ),
+    StudyKind(
         "sitl",
         "sitl:run_sitl",
         ("sitl.csv",),
