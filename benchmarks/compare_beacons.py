@@ -1,8 +1,9 @@
 """Compare the best place of ``pareto-ltl beacons`` with a grid search by plans made anew.
 
 Each folder is the result of a plan on a map without landmarks. A beacon is put on each node of a grid over
-the map and on the best places of the beacon map, the mission is planned again with it, and the least failure
-rates over at most the length of the plan are compared.
+the map, and the mission is planned again in a coarse search (that of ``replan``). The best nodes, and the
+best place of the beacon map, are then planned with the settings of the folder and several seeds; the least
+failure rates over at most the length of the plan are compared.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ from joblib import Parallel, delayed
 
 from compare_prices import failure
 from pareto_ltl import Scene, Settings, beacons, load_results
+from pareto_ltl.run.quick import prompt_settings
 from pareto_ltl.simulation.beacons import disc
 from pareto_ltl.support.arrays import FloatArray
 
-CLOSE = 1.1  # failures with the best beacon of the map, in those of the best node, that are asked for
+CLOSE = 1.1  # failures with the best place of the map, in those of the best node, that are asked for
 
 
 def arguments() -> argparse.Namespace:
@@ -27,9 +29,9 @@ def arguments() -> argparse.Namespace:
     )
     parser.add_argument("results", nargs="+", help="results directories")
     parser.add_argument("--radius", type=float, help="of a beacon [m]; default: 2 %% of the map")
-    parser.add_argument("--grid", type=int, default=7, help="nodes along each side of the map")
-    parser.add_argument("--best", type=int, default=1, help="places of the beacon map that are tried")
-    parser.add_argument("--seeds", type=int, default=1, help="plans on each map")
+    parser.add_argument("--spacing", type=float, default=2.0, help="of the nodes, in radii")
+    parser.add_argument("--finalists", type=int, default=8, help="nodes planned with all settings")
+    parser.add_argument("--seeds", type=int, default=2, help="such plans for each of them")
     parser.add_argument("--runs", type=int, default=20_000, help="flights that judge a front")
     parser.add_argument("--jobs", type=int, default=2, help="plans at a time")
     return parser.parse_args()
@@ -37,36 +39,41 @@ def arguments() -> argparse.Namespace:
 
 def main() -> None:
     asked = arguments()
+    rough = argparse.Namespace(seeds=1, runs=4000)
+    pool = Parallel(n_jobs=asked.jobs)
     for folder in asked.results:
         results = load_results(folder)
         settings, scene, length = results.settings, results.scene, results.plan.path.objectives.length
         found = beacons(folder, radius=asked.radius)
-        order = np.argsort(found.failure, kind="stable")[: asked.best]
-        nodes = grid(scene, found.radius, asked.grid)
-        places = np.vstack([found.places.at[order], nodes])
-        rates = np.array(
-            Parallel(n_jobs=asked.jobs)(
-                delayed(with_beacon)(settings, scene, at, found.radius, length, asked) for at in places
-            )
-        )
+        best = found.places.at[found.sites[0].number]
+        nodes = grid(scene, found.radius, asked.spacing)
+        prompt = prompt_settings(settings)
+        first = pool(delayed(with_beacon)(prompt, scene, at, found.radius, length, rough) for at in nodes)
+        places = np.vstack([best, nodes[np.argsort(first, kind="stable")[: asked.finalists]]])
+        rates = pool(delayed(with_beacon)(settings, scene, at, found.radius, length, asked) for at in places)
         without = failure(settings, scene, length, asked)
         print(f"{settings.name}: beacons of {found.radius / 1e3:.3g} km, over at most {length / 1e3:.4g} km")
-        print(f"  without a beacon {without:.3%}")
-        for at, rate, planned in zip(places[: asked.best], found.failure[order], rates, strict=False):
-            print(f"  beacon map {at / 1e3} km: {rate:.3%} with the plan as it is, {planned:.3%} made anew")
-        for k in asked.best + np.argsort(rates[asked.best :])[:5]:
-            print(f"  grid       {places[k] / 1e3} km: {rates[k]:.3%} made anew")
-        ratio = rates[0] / rates[asked.best :].min()
-        print(
-            f"  best place of the map over the best of {len(nodes)} nodes: {ratio:.3f} (at most {CLOSE})",
-            flush=True,
-        )
+        print(f"  without a beacon {without:.3%}, best of {asked.seeds} seeds as below")
+        print(f"  beacon map {place(best)}: {found.sites[0].rate.failure:.3%} with the plan as it is")
+        print(f"  beacon map {place(best)}: {rates[0]:.3%} made anew")
+        for at, rate in zip(places[1:], rates[1:], strict=True):
+            print(f"  grid       {place(at)}: {rate:.3%} made anew")
+        ratio = rates[0] / min(rates[1:])
+        print(f"  over the best of {len(nodes)} nodes {ratio:.3f}, at most {CLOSE} asked", flush=True)
 
 
-def grid(scene: Scene, radius: float, count: int) -> FloatArray:
-    """Nodes (count², 2) [m] whose beacons lie on the map."""
+def place(at: FloatArray) -> str:
+    """A place in kilometres."""
+    return f"({at[0] / 1e3:.1f}, {at[1] / 1e3:.1f}) km"
+
+
+def grid(scene: Scene, radius: float, spacing: float) -> FloatArray:
+    """Nodes (N, 2) [m], ``spacing`` radii apart, whose beacons lie on the map."""
     low, high = scene.bounds
-    sides = [np.linspace(a + radius, b - radius, count) for a, b in zip(low, high, strict=True)]
+    sides = [
+        np.linspace(a + radius, b - radius, max(2, round((b - a - 2 * radius) / (spacing * radius)) + 1))
+        for a, b in zip(low, high, strict=True)
+    ]
     return np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
 
 

@@ -1,11 +1,13 @@
 """Failures of the same flights with and without ``follow``: a position fix, a new plan if it is better.
 
 python benchmarks/follow_flights.py +experiment=hop --flights 400 --out follow_flights.csv
+python benchmarks/follow_flights.py +experiment=hop --flights 200 --aircraft jsbsim --out follow_flights.csv
 
 Each flight has a wind of the coherent law. Without ``follow`` it flies the planned controls. With it, a
 position is measured after a share of the steps; the rest is planned again, and flown if fewer of the same
-simulated flights fail with it, as ``pareto-ltl follow --replan --auto`` does. Both are flown by our steps in
-the same wind.
+simulated flights fail with it, as ``pareto-ltl follow --replan --auto`` does. Both are flown in the same
+wind, by our steps or by JSBSim, which gets headings, airspeeds and times. Rows of an earlier run of the same
+file are kept.
 """
 
 from __future__ import annotations
@@ -16,82 +18,143 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from joblib import Parallel, delayed
 from numpy.random import SeedSequence
 
 from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.exports.exported import flown_level, height_of
+from pareto_ltl.exports.navigation_log import navigation_log
 from pareto_ltl.inflight.belief import LAW, Belief
 from pareto_ltl.planning.conditioning import Fix
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.exporting import run_with_plan
 from pareto_ltl.run.interface import load_results
+from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PLAN, PROBLEM
 from pareto_ltl.run.replanning import replanned
-from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.simulation.aircraft import Orders, fly_orders
+from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
+from pareto_ltl.simulation.flights import judge_flights
+from pareto_ltl.studies.sitl import LOWEST, flight_air
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson, paired_difference
 from pareto_ltl.support.errors import ParetoLtlError
+from pareto_ltl.world.projection import to_geographic, to_plane
 
 MEMBERS = 1000
 
 
-def new_controls(run, step: int, place, sd: float, seed: int):
-    """The controls and the mean path after the fix; None if the old plan is flown on."""
+Parts = list[tuple[Problem, PlannedPath, int]]  # paths flown one after the other, each for some steps
+
+
+def new_plan(run: Run, step: int, place: FloatArray, sd: float, seed: int) -> Parts:
+    """The planned path to the step of the fix and the new one; the whole planned path if that is better."""
     problem, path = run.make(PROBLEM), run.make(PLAN).path
+    old: Parts = [(problem, path, len(path.u))]
     belief, dt, R = Belief(problem, MEMBERS, SeedSequence(seed)), problem.motion.dt, sd**2 * np.eye(2)
     for t in range(step):
         belief.advance(dt, dt * (problem.motion.b @ path.u[t]))
     if belief.distance(place, R) > 4.0:
-        return None
+        return old
     belief.learn(place, R)
     try:
         done = replanned(run, step * dt, [Fix(place, sd, step)])
     except ParetoLtlError:
-        return None
-    if done.situation.alarms:
-        return None
-    other = done.plan.path
-    u, x = np.concatenate([path.u[:step], other.u]), np.concatenate([path.x[:step], other.x])
-    if len(u) > len(problem.laws[LAW].wind.slot):
-        return None
-    old, new = (belief.rest_fails(*pair)[1] for pair in ((path.u, path.x), (u, x)))
-    return (u, x) if paired_difference(old, new)[2] < 0.0 else None
+        return old
+    if done.situation.alarms or done.run is None:
+        return old
+    new: Parts = [(problem, path, step), (done.run.make(PROBLEM), done.plan.path, len(done.plan.path.u))]
+    if sum(count for _, _, count in new) > len(problem.laws[LAW].wind.slot):
+        return old
+    before, after = (belief.rest_fails(*joined(parts))[1] for parts in (old, new))
+    return new if paired_difference(before, after)[2] < 0.0 else old
+
+
+def joined(parts: Parts) -> tuple[FloatArray, FloatArray]:
+    """Controls (T, 2) [m/s] and means (T+1, 2) [m] of paths flown one after the other."""
+    u = np.concatenate([path.u[:count] for _, path, count in parts])
+    heads = [path.x[:count] for _, path, count in parts[:-1]]
+    return u, np.concatenate([*heads, parts[-1][1].x])
+
+
+def flown_by_steps(run: Run, winds: DrawnFlights, k: int, parts: Parts) -> FloatArray:
+    """Positions (T+1, 2) [m] of flight ``k`` by our steps."""
+    return winds.only(np.array([k])).flown(*joined(parts))[0]
+
+
+def flown_by_jsbsim(run: Run, winds: DrawnFlights, k: int, parts: Parts) -> FloatArray:
+    """Positions (T+1, 2) [m] of flight ``k`` at the ends of the legs, flown by JSBSim."""
+    logs = [(navigation_log(problem, path), count) for problem, path, count in parts]
+    columns = [
+        np.concatenate([getattr(log, name)[:count] for log, count in logs])
+        for name in ("heading", "airspeed", "duration")
+    ]
+    problem, settings = winds.problem, run.settings
+    crs = str(problem.scene.crs)
+    lon, lat = to_geographic(crs, (problem.scene.start + winds.start[k])[None])
+    air = flight_air(problem, winds.draws, k, len(columns[0]))
+    height = max(height_of(flown_level(settings)).metres, LOWEST)
+    track = fly_orders(Orders(*columns, np.array([lat[0], lon[0]])), air, height, settings.sitl.rate)
+    return to_plane(crs, track.lon, track.lat)
+
+
+AIRCRAFT = {"steps": flown_by_steps, "jsbsim": flown_by_jsbsim}
+
+
+def one_flight(folder: str, k: int, options: argparse.Namespace) -> list[int]:
+    """Whether flight ``k`` fails without and with ``follow``, and whether it took a new plan."""
+    run = run_with_plan(load_results(folder))
+    problem, path, fly = run.make(PROBLEM), run.make(PLAN).path, AIRCRAFT[options.aircraft]
+    winds = draw_flights(problem, LAW, options.flights, SeedSequence(77))
+    x = fly(run, winds, k, [(problem, path, len(path.u))])
+    step = round(options.after * len(path.u))
+    place = x[step] + options.sd * np.random.default_rng([5, k]).standard_normal(2)
+    parts = new_plan(run, step, place, options.sd, k)
+    failed = [judge_flights(problem, LAW, x[None]).failed[0]]
+    taken = len(parts) > 1
+    if taken:
+        x = fly(run, winds, k, parts)
+    return [k, int(failed[0]), int(judge_flights(problem, LAW, x[None]).failed[0]), int(taken)]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("words", nargs="*", default=["+experiment=hop"])
     parser.add_argument("--flights", type=int, default=400)
+    parser.add_argument("--aircraft", choices=sorted(AIRCRAFT), default="steps")
     parser.add_argument("--after", type=float, default=0.4, help="share of the steps before the fix")
     parser.add_argument("--sd", type=float, default=100.0, help="of the fix [m]")
+    parser.add_argument("--jobs", type=int, default=1, help="flights at a time")
     parser.add_argument("--out", type=Path, default=Path("follow_flights.csv"))
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        run_command_line(
-            ["plan", *options.words, "report=none", "exports=none", f"hydra.run.dir={folder}/run"]
-        )
-        run = run_with_plan(load_results(f"{folder}/run"))
-        problem, path = run.make(PROBLEM), run.make(PLAN).path
-        n, seed, rng = options.flights, 77, np.random.default_rng(5)
-        plain = simulate_flights(problem, path.u, n, LAW, SeedSequence(seed), path.x)
-        step, failed, switched = round(options.after * len(path.u)), plain.failed.copy(), 0
-        with options.out.open("w", newline="") as file:
-            rows = csv.writer(file)
+    known: dict[int, list[int]] = {}
+    if options.out.exists():
+        with options.out.open(newline="") as file:
+            known = {int(row[0]): [int(cell) for cell in row] for row in list(csv.reader(file))[1:]}
+    with tempfile.TemporaryDirectory() as folder, options.out.open("a", newline="") as file:
+        words = ["plan", *options.words, "report=none", "exports=none", f"hydra.run.dir={folder}/run"]
+        if code := run_command_line(words):
+            raise SystemExit(code)
+        rows, todo = csv.writer(file), [k for k in range(options.flights) if k not in known]
+        if not known:
             rows.writerow(["flight", "without", "with", "switched"])
-            for k in range(n):
-                place = plain.x[k, step] + options.sd * rng.standard_normal(2)
-                found = new_controls(run, step, place, options.sd, k)
-                if found is not None:
-                    switched += 1
-                    failed[k] = simulate_flights(
-                        problem, *found[:1], n, LAW, SeedSequence(seed), found[1]
-                    ).failed[k]
-                rows.writerow([k, int(plain.failed[k]), int(failed[k]), int(found is not None)])
-                file.flush()
-    for name, some in (("without", plain.failed), ("with", failed)):
-        low, high = clopper_pearson(int(some.sum()), n)
+        flown = Parallel(n_jobs=options.jobs, return_as="generator_unordered")(
+            delayed(one_flight)(f"{folder}/run", k, options) for k in todo
+        )
+        for row in flown:
+            known[row[0]] = row
+            rows.writerow(row)
+            file.flush()
+    table = np.array([known[k] for k in range(options.flights)])
+    plain, followed = table[:, 1].astype(bool), table[:, 2].astype(bool)
+    for name, some in (("without", plain), ("with", followed)):
+        low, high = clopper_pearson(int(some.sum()), len(some))
         rate = f"{100 * some.mean():.1f} % ({100 * low:.1f} to {100 * high:.1f})"
-        print(f"{name} follow {some.sum()} of {n} fail: {rate}")
-    middle, low, high = paired_difference(plain.failed, failed)
+        print(f"{name} follow {some.sum()} of {len(some)} fail: {rate}")
+    middle, low, high = paired_difference(plain, followed)
     interval = f"{100 * middle:+.1f} % ({100 * low:+.1f} to {100 * high:+.1f})"
-    print(f"difference {interval}; {switched} new plans flown")
+    print(f"difference {interval}; {table[:, 3].sum()} new plans flown, by {options.aircraft}")
 
 
 if __name__ == "__main__":

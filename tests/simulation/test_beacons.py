@@ -12,7 +12,7 @@ from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.pack import with_landmarks
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.beacons import beacon_map, beacon_places, disc
+from pareto_ltl.simulation.beacons import SHORTLIST, beacon_map, beacon_places, disc
 from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError
@@ -56,7 +56,7 @@ def test_a_disc_is_a_polygon_of_its_area():
 def test_the_best_place_saves_what_a_landmark_there_saves(problem, path):
     found = beacon_map(problem, ROBOT, path, 1.0 * KM, 2, 500, SeedSequence(5))
     one, two = found.sites
-    assert found.failure[one.number] == found.failure.min()
+    assert found.failure[one.number] in np.sort(found.failure)[:SHORTLIST]
     assert found.failure.max() > 1.5 * found.failure.min()
     drawn = with_landmarks(problem, ROBOT, [disc(found.places.at[one.number], 1.0 * KM)])
     failed = [which_fail(p, path, 8000, SeedSequence(99)) for p in (problem, drawn)]

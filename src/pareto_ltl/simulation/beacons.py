@@ -28,7 +28,9 @@ from pareto_ltl.support.counts import paired_difference
 ALONG = 48  # places along the path
 ASIDE = (0.0, -0.8, 0.8, -1.6, 1.6)  # standard deviations to the left of the path of the places at a step
 CORNERS = 16  # of the polygon that stands for a disc
-FRESH = 20_000  # flights that judge the best places
+SHORTLIST = 8  # best places that are compared again, since the best of 200 is partly the luckiest
+AGAIN = 10_000  # other flights that compare them
+FRESH = 20_000  # flights that judge the best place
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +97,8 @@ def beacon_map(
 ) -> BeaconMap:  # fmt: skip
     """Try beacons of ``radius`` [m] along and beside ``path``, and place ``number`` of them.
 
-    ``robot`` has the error of a fix (``fix_sd``). The best places are found in ``flights`` common flights and
-    judged in fresh ones.
+    ``robot`` has the error of a fix (``fix_sd``). The best places in ``flights`` common flights are compared
+    again in others, and the best of them is judged in fresh ones.
 
     Raises
     ------
@@ -104,22 +106,25 @@ def beacon_map(
         If the robot of these settings takes no position fixes.
     """
     places = beacon_places(problem, path, radius)
-    search, judge = seed.spawn(2)
+    search, judge, again = seed.spawn(3)
     marks: list[FloatArray] = []
-    drawn = draw_flights(
-        with_landmarks(problem, robot, [disc(places.at[0], radius)]), problem.fidelity.law, flights, search
+    marked = with_landmarks(problem, robot, [disc(places.at[0], radius)])
+    drawn, others = (
+        draw_flights(marked, problem.fidelity.law, runs, child)
+        for runs, child in ((flights, search), (AGAIN, again))
     )
     before = which_fail(problem, path, FRESH, judge)
     law, first, sites = problem.fidelity.law, np.empty(0), list[BeaconSite]()
     without = counted_rate(law, int(before.sum()), FRESH)
     for _ in range(number):
-        rates = tried(problem, robot, path, places, drawn, marks, radius)
+        rates = tried(problem, robot, path, places.at, drawn, marks, radius)
         first = rates if not len(first) else first
-        best = int(np.argmin(rates))
+        short = np.argsort(rates, kind="stable")[:SHORTLIST]
+        best = short[np.argmin(tried(problem, robot, path, places.at[short], others, marks, radius))]
         marks.append(disc(places.at[best], radius))
         failed = which_fail(with_landmarks(problem, robot, marks), path, FRESH, judge)
         rate = counted_rate(law, int(failed.sum()), FRESH)
-        sites.append(BeaconSite(best, rate, paired_difference(before, failed)))
+        sites.append(BeaconSite(int(best), rate, paired_difference(before, failed)))
         before = failed
     return BeaconMap(radius, places, without, first, flights, tuple(sites))
 
@@ -154,10 +159,13 @@ def disc(middle: FloatArray, radius: float) -> FloatArray:
 
 
 def tried(
-    problem: Problem, robot: RobotConfig, path: PlannedPath, places: BeaconPlaces, drawn: DrawnFlights,
+    problem: Problem, robot: RobotConfig, path: PlannedPath, places: FloatArray, drawn: DrawnFlights,
     marks: Sequence[FloatArray], radius: float,
 ) -> FloatArray:  # fmt: skip
-    """Failure rates (N,) of the flights ``drawn`` with the beacons ``marks`` and one more at each place."""
+    """Failure rates (N,) of the flights ``drawn`` with the beacons ``marks`` and one more at each place.
+
+    ``places`` (N, 2) [m].
+    """
 
     def failed(at: FloatArray) -> BoolArray:
         whole = with_landmarks(problem, robot, [*marks, disc(at, radius)])
@@ -165,4 +173,4 @@ def tried(
         return own.failed(own.flown(path.u, path.x))
 
     with ThreadPoolExecutor(cores()) as pool:
-        return np.array([rows.mean() for rows in pool.map(failed, places.at)])
+        return np.array([rows.mean() for rows in pool.map(failed, places)])

@@ -214,7 +214,8 @@ def reality(known: KnownWinds, run: Run) -> Problem:
     world = Records({SCENE: run.make(SCENE), WIND: real})
     world[DECOMPOSITION] = run.make(DECOMPOSITION)  # map and automaton do not depend on the fidelity
     world[AUTOMATON] = run.make(AUTOMATON)
-    models = preset("paper")  # without modes: the field is known, and gusts are independent at each step
+    # Without modes: the field is known, and gusts are independent at each step.
+    models = replace(preset("paper"), collision_bound=run.settings.fidelity.collision_bound)
     return study_run(replace(run.settings, fidelity=models), world).make(PROBLEM)
 
 
