@@ -26,6 +26,7 @@ from pareto_ltl.support.files import write_csv, write_json, write_text
 from pareto_ltl.support.messages import shown_text
 
 SUMMARY_SCHEMA = "pareto_ltl.summary/1"
+PROMISED = "promise_failure"
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +161,10 @@ def _draw_figure(summary: SweepSummary, out: Path) -> str | None:
 
 
 def chosen_figure(summary: SweepSummary) -> FigureChoice | None:
-    """The figure with its defaults: the first swept setting that is no seed, the first failure rate."""
+    """The figure with its defaults: the first swept setting that is no seed, the promised failure rate.
+
+    The promise is in the winds of planning, which `fidelity` may vary from job to job.
+    """
     metrics = column_names(row.state.metrics for row in summary.rows)
     if not metrics:
         return None
@@ -169,7 +173,7 @@ def chosen_figure(summary: SweepSummary) -> FigureChoice | None:
     rates = [name for name in metrics if name.startswith("failure_") and not name.endswith(("_low", "_high"))]
     x = asked.x or (varied[0] if varied else "job")
     y = asked.y or next(
-        iter([*rates, *(m for m in ("mission_risk", "run_seconds") if m in metrics)]), metrics[0]
+        (name for name in (PROMISED, *rates, "mission_risk", "run_seconds") if name in metrics), metrics[0]
     )
     others = [key for key in varied if key != x]
     by = asked.by or (others[0] if others else None)
