@@ -18,6 +18,12 @@ def power_law(told: Mapping[str, Any]) -> Power | None:
     return lambda v: float(told["base"] + LAWS[kind](told, v))
 
 
+def energy_limits(told: Mapping[str, Any]) -> dict[str, Any]:
+    """``power`` [W] at an airspeed and ``capacity`` [J]; None where there is no curve or no limit."""
+    power, hours = power_law(told), told.get("capacity")
+    return {"power": power, "capacity": None if hours is None or power is None else 3600.0 * hours}
+
+
 def _body(told: Mapping[str, Any], v: float) -> float:
     return float(told["drag"] * v**3)
 

@@ -19,7 +19,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import read_json, read_text
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl_verify import laws
-from pareto_ltl_verify.energy import Power, power_law
+from pareto_ltl_verify.energy import energy_limits
 from pareto_ltl_verify.flights import Ground, Simulator
 from pareto_ltl_verify.formula import Dfa, covers, losing
 from pareto_ltl_verify.gaussians import Way, growing, label_masses, ordered, path_bound, way_risks
@@ -209,26 +209,17 @@ class Evidence:
             a=np.array(told["a"], float), b=np.array(told["b"], float), ball=self.settings["wind"]["ball"],
             u_min=told.get("u_min", 0.0),  # earlier versions have neither this setting nor the next two
             bank=math.radians(told.get("bank", 0.0)), turn_delay=told.get("turn_delay", 0.0),
+            **energy_limits(told.get("power") or {}),
             **{key: told[key] for key in (
                 "dt", "u_max", "start_sd", "feedback_time", "effort_risk", "fix_sd", "fix_time"
             )},
         )  # fmt: skip
 
-    @cached_property
-    def power(self) -> Power | None:
-        """Function from airspeed [m/s] to power [W]; None for a robot without a power curve."""
-        return power_law(self.settings["robot"].get("power") or {})
-
-    @property
-    def capacity(self) -> float | None:
-        """Energy that the robot can use [J]; None if it is not limited."""
-        told = (self.settings["robot"].get("power") or {}).get("capacity")
-        return None if told is None or self.power is None else 3600.0 * told
-
     def energy_of(self, u: FloatArray) -> float:
         """Energy [J] of the controls ``u`` (T, 2) [m/s]."""
-        assert self.power is not None
-        return math.fsum(self.power(math.hypot(*control)) * self.robot.dt for control in u.tolist())
+        power = self.robot.power
+        assert power is not None
+        return math.fsum(power(math.hypot(*control)) * self.robot.dt for control in u.tolist())
 
     @property
     def step_is_open(self) -> bool:

@@ -202,7 +202,8 @@ def misjudged(ground: Ground, said: Verdicts, grain: float) -> int:
 class Simulator:
     """Simulator of flights of the controls ``u`` about ``mean`` under ``law``.
 
-    ``guide`` is the law about the means for the filters of robots that measure at ``landmarks``.
+    ``guide`` is the law about the means for the filters of robots that measure at ``landmarks``. Robots that
+    correct their course land where they have spent their capacity.
     """
 
     law: Law
@@ -218,7 +219,7 @@ class Simulator:
         x[:, 0] = self.mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
         filters = None if self.guide is None else Filters(self.law, self.guide, self.landmarks)
         robots = None if filters is None else filters.begin(runs)
-        theta = rng.standard_normal((runs, self.law.modes))
+        theta, left = rng.standard_normal((runs, self.law.modes)), self._full_tanks(runs)
         for t in range(steps):
             if t and isinstance(self.law, Coherent):
                 theta = next_field(self.law, t, theta, rng)
@@ -228,8 +229,25 @@ class Simulator:
             else:
                 filters.observe(robots, t, x, rng)
                 flown = filters.steered(robots, t, self.u[t])
-            x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
+            left -= self._spent(flown)
+            moved = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
+            x[:, t + 1] = np.where((left >= 0.0)[:, None], moved, x[:, t])
         return x
+
+    def _full_tanks(self, runs: int) -> FloatArray:
+        """Energy of each robot at departure [J]; without limit if all fly the controls of the plan."""
+        robot = self.law.robot
+        corrects = self.guide is not None or robot.feedback > 0.0
+        known = robot.power is not None and robot.capacity is not None and corrects
+        return np.full(runs, robot.capacity if known else np.inf)
+
+    def _spent(self, flown: FloatArray) -> FloatArray:
+        """Energy (n,) [J] that a step with the controls ``flown`` (n, 2) [m/s] takes."""
+        robot = self.law.robot
+        if robot.power is None or robot.capacity is None:
+            return np.zeros(len(flown))
+        speeds, place = np.unique(np.hypot(*flown.T), return_inverse=True)
+        return robot.dt * np.array([robot.power(speed) for speed in speeds.tolist()])[place]
 
     def _wind(self, x: FloatArray, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Wind that each flight meets at its own position, (n, 2) [m/s]."""

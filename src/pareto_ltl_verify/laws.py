@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.energy import Power
 from pareto_ltl_verify.gaussians import in_polygon
 from pareto_ltl_verify.geometry import Convex, convex
 from pareto_ltl_verify.wind_tables import TIME, Clock, WindFile, at_step, square_of
@@ -39,6 +40,8 @@ class Robot:
     ball: float
     bank: float = 0.0
     turn_delay: float = 0.0
+    power: Power | None = None  # [W] at an airspeed [m/s]; None without a power curve
+    capacity: float | None = None  # energy that the robot can use [J]; None if it is not limited
 
     @property
     def feedback(self) -> float:

@@ -34,7 +34,7 @@ from pareto_ltl.kernels.interpolation import (
     mode_value,
     wind_at,
 )
-from pareto_ltl.kernels.jit import by_type, entry, implements, vector
+from pareto_ltl.kernels.jit import by_type, entry, implements, kernel, vector
 from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.pilots import Pilot, begin_flights, command, observe
 from pareto_ltl.kernels.propagation import white_variance
@@ -159,11 +159,39 @@ def link_fields(kept: Float32Array, theta: Float32Array) -> None:
 # --- the flights ------------------------------------------------------------------------------
 
 
+class Tank(NamedTuple):
+    """Energy of the robots: ``capacity`` [J], infinite where it is not limited, and ``spent`` (n,) [J].
+
+    ``watts`` (M,) [W] is the power at evenly spaced airspeeds, ``spacing`` [m/s] apart, from ``slowest`` on.
+    """
+
+    watts: FloatArray
+    slowest: float
+    spacing: float
+    capacity: float
+    spent: FloatArray
+
+
+@kernel
+def can_fly(tank: Tank, i: int, speed: float, dt: float) -> bool:
+    """Whether flight ``i`` has the energy for a step of ``dt`` [s] at ``speed`` [m/s], which it spends."""
+    if tank.capacity == math.inf:
+        return True
+    last = len(tank.watts) - 1
+    place = min(max((speed - tank.slowest) / tank.spacing, 0.0), float(last))
+    k = min(int(place), last - 1)
+    share = place - k
+    tank.spent[i] += dt * ((1.0 - share) * tank.watts[k] + share * tank.watts[k + 1])
+    return bool(tank.spent[i] <= tank.capacity)
+
+
 @entry
-def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: FloatArray) -> None:
+def fly_batch(
+    motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: FloatArray, tank: Tank
+) -> None:  # fmt: skip
     """Simulate one flight of the plan for every row of ``x`` (n, T+1, 2) [m], whose column 0 is the start.
 
-    ``met`` (n, 4) is scratch.
+    ``met`` (n, 4) is scratch. A robot without the energy for a step stays where it is.
 
     Eq. (M1) of docs/mathematics.md.
     """
@@ -175,6 +203,9 @@ def fly_batch(motion: Motion, draws: Draws, pilot: Pilot, x: FloatArray, met: Fl
         for i in range(x.shape[0]):
             at, wind = Point(x[i, t, 0], x[i, t, 1]), Point(met[i, 0], met[i, 1])
             ux, uy = command(pilot, motion, t, i, at, wind)
+            if not can_fly(tank, i, math.sqrt(ux * ux + uy * uy), dt):
+                x[i, t + 1, 0], x[i, t + 1, 1] = at.x, at.y
+                continue
             x[i, t + 1, 0] = a[0, 0] * at.x + a[0, 1] * at.y + dt * (b[0, 0] * ux + b[0, 1] * uy + wind.x)
             x[i, t + 1, 1] = a[1, 0] * at.x + a[1, 1] * at.y + dt * (b[1, 0] * ux + b[1, 1] * uy + wind.y)
 

@@ -11,6 +11,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.simulation.flights import (
     DRAWS,
@@ -46,29 +47,31 @@ class DrawnFlights:
         return len(self.start)
 
     def positions(self, flight: Flight) -> FloatArray:
-        """Positions (n, T+1, 2) [m] of the controls of ``flight``."""
-        return self.flown(flight.u, flight.x)
+        """Positions (n, T+1, 2) [m] of the controls of ``flight``, whatever energy they take."""
+        return self._flown_by(self._pilot(flight.u, flight.x), flight.x, None)
 
     def flown(self, u: FloatArray, mean: FloatArray) -> FloatArray:
         """Positions (n, T+1, 2) [m] of the controls ``u`` (T, 2) along the means ``mean`` (T+1, 2)."""
-        x = np.empty((len(self), len(mean), 2))
-        x[:, 0] = self.problem.scene.start + self.start
-        maker = pilot_maker(self.problem, u, mean, self.law)
-        fly_draws(self.problem, self.draws, maker(self.noise), x)
-        return x
+        return self._flown_by(self._pilot(u, mean), mean, self.problem.energy)
 
     def unaided(self, flight: Flight) -> FloatArray:
-        """Positions (n, T+1, 2) [m] of the controls of ``flight`` without position fixes."""
-        return self.held(flight.u, flight.x)
+        """Those of :meth:`positions` without position fixes."""
+        return self._flown_by(Autopilot(flight.u, np.ascontiguousarray(flight.x)), flight.x, None)
 
     def held(self, u: FloatArray, mean: FloatArray) -> FloatArray:
         """Positions (n, T+1, 2) [m] of the controls ``u`` (T, 2) along ``mean`` without position fixes.
 
         A robot with feedback steers towards ``mean``.
         """
+        return self._flown_by(Autopilot(u, np.ascontiguousarray(mean)), mean, self.problem.energy)
+
+    def _pilot(self, u: FloatArray, mean: FloatArray) -> Any:
+        return pilot_maker(self.problem, u, mean, self.law)(self.noise)
+
+    def _flown_by(self, pilot: Any, mean: FloatArray, energy: EnergyModel | None) -> FloatArray:
         x = np.empty((len(self), len(mean), 2))
         x[:, 0] = self.problem.scene.start + self.start
-        fly_draws(self.problem, self.draws, Autopilot(u, np.ascontiguousarray(mean)), x)
+        fly_draws(self.problem, self.draws, pilot, x, energy)
         return x
 
     def failed(self, x: FloatArray) -> BoolArray:

@@ -7,6 +7,7 @@ step, and a longer plan only draws more steps. So two plans flown with the same 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import SHARES, Autopilot, Beliefs, FilterLaw, Moves, Navigator, Pilot
 from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
@@ -35,6 +37,7 @@ FLIGHT_COPIES = 2  # copies of the positions of a flight: one in memory, one in 
 FIX_NOISE = 2**16  # child of a block's seed for the errors of position fixes
 FLAGS = "accepted", "collided", "off_map"
 BLOCK = 250  # runs that share a generator, whatever the number of threads
+TANK_SPEEDS, SLOWEST = 512, 1e-3  # airspeeds of the table of powers, and the least of them in u_max
 FARTHEST = 8.0  # deviations from a path beyond which no flight is expected
 
 # --- winds ------------------------------------------------------------------------------------
@@ -206,12 +209,30 @@ def fix_noise(problem: Problem, runs: int, steps: int, seed: SeedSequence) -> Fl
 def fly_block(problem: Problem, block: FlightBlock, pilot: PilotMaker, x: FloatArray) -> None:
     """Fly one plan once for each flight of ``block``; fills ``x`` (n, T+1, 2)."""
     x[:, 0] = block.start
-    fly_draws(problem, block.draws, pilot(block.noise), x)
+    fly_draws(problem, block.draws, pilot(block.noise), x, problem.energy)
 
 
-def fly_draws(problem: Problem, draws: kernel.Draws, pilot: Pilot, x: FloatArray) -> None:
-    """Fly one plan from the places ``x[:, 0]`` through the winds of ``draws``; fills ``x`` (n, T+1, 2)."""
-    kernel.fly_batch(problem.motion, draws, pilot, x, np.empty((len(x), 4)))
+def fly_draws(
+    problem: Problem, draws: kernel.Draws, pilot: Pilot, x: FloatArray, energy: EnergyModel | None = None
+) -> None:
+    """Fly one plan from the places ``x[:, 0]`` through the winds of ``draws``; fills ``x`` (n, T+1, 2).
+
+    With ``energy``, robots that correct their course land where they have spent its capacity. Others spend
+    what the plan does, which is compared with the capacity when it is chosen.
+    """
+    corrects = problem.motion.gain > 0.0 or isinstance(pilot, Navigator)
+    tank = full_tank(problem.motion, len(x), energy if corrects else None)
+    kernel.fly_batch(problem.motion, draws, pilot, x, np.empty((len(x), 4)), tank)
+
+
+def full_tank(motion: kd.Motion, runs: int, energy: EnergyModel | None) -> kernel.Tank:
+    """The tanks of ``runs`` robots before departure."""
+    if energy is None or energy.capacity is None:
+        return kernel.Tank(np.zeros(2), 0.0, 1.0, math.inf, np.zeros(0))
+    slowest = max(motion.u_min, SLOWEST * motion.u_max)
+    speeds = np.linspace(slowest, motion.u_max, TANK_SPEEDS)
+    spacing = float(speeds[1] - speeds[0])
+    return kernel.Tank(energy.curve.watts(speeds), slowest, spacing, energy.capacity, np.zeros(runs))
 
 
 def judge_flights(problem: Problem, law: str, x: FloatArray) -> Deployment:

@@ -282,7 +282,7 @@ def weighted_flights(
         kernel.mixture_density(mixture, e, density)
         x = np.empty((n, len(path.x), 2))
         x[:, 0] = problem.scene.start + proposal.law.start_sd * z.start
-        fly_draws(problem, WINDS[law](problem, z, theta), pilot, x)
+        fly_draws(problem, WINDS[law](problem, z, theta), pilot, x, problem.energy)
         weights[rows] = 1.0 / density
         failed[rows] = judge_flights(problem, law, x).failed
 

@@ -145,7 +145,7 @@ def front_paths(result: Evidence) -> Verdict:
         for k, row in enumerate(result.front)
         for fault in _path_faults(result, row, result.front_x(k))
     ]
-    if result.power is not None:
+    if result.robot.power is not None:
         found = [result.energy_of(result.front_u(k)) for k in range(len(result.front))]
         faults += [
             f"path {k}: energy {row['energy_j']} is {found[k]:.9g}"
@@ -172,7 +172,7 @@ def _path_faults(result: Evidence, row: Mapping[str, str], x: FloatArray) -> Ite
         yield f"{row['steps']} steps are {len(x) - 1}"
     if np.abs(x[0] - result.start).max() > result.grain:
         yield "it does not begin at the start"
-    if result.power is None and "energy_j" in row:
+    if result.robot.power is None and "energy_j" in row:
         yield "an energy without a power curve"
     if row["order"] not in result.orders(x):
         yield f"order {row['order']} is {result.orders(x)[0]}"
@@ -333,9 +333,9 @@ def choice(result: Evidence) -> Verdict | None:
 def _affordable(result: Evidence, rule: str) -> list[int]:
     """Paths that need no more energy than the robot has; all of them under rule "point"."""
     every = range(len(result.front))
-    if result.capacity is None or rule == "point":
+    if result.robot.capacity is None or rule == "point":
         return list(every)
-    return [k for k in every if float(result.front[k]["energy_j"]) <= result.capacity]
+    return [k for k in every if float(result.front[k]["energy_j"]) <= result.robot.capacity]
 
 
 def _by_priority(result: Evidence, _told: Mapping[str, Any], left: list[int]) -> list[int]:

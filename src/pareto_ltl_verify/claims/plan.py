@@ -218,10 +218,10 @@ def length(result: Evidence) -> Verdict:
 def energy(result: Evidence) -> Verdict | None:
     """Energy of the controls [J] and usable energy [J], both absent without a power curve."""
     said, held = result.plan["objectives"].get("energy"), result.plan.get("capacity")
-    if result.power is None:
+    if result.robot.power is None:
         return same([said, held], [None, None])
-    if held != result.capacity:
-        return same(held, result.capacity)
+    if held != result.robot.capacity:
+        return same(held, result.robot.capacity)
     return number(math.nan if said is None else said, result.energy_of(result.u), rel=1e-9)
 
 
@@ -346,10 +346,10 @@ def metrics(result: Evidence) -> Verdict:
     stated = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
     pairs = {name: value for name, value in stated.items() if value is not None or name in told}
     pairs |= {"steps": len(plan["u"]), "duration_s": plan["t"][-1] - plan["t"][0], "dt_s": plan["dt"]}
-    if result.power is not None:
+    if result.robot.power is not None:
         pairs |= {"energy_j": plan["objectives"].get("energy")}
-        if result.capacity is not None:
-            pairs |= {"energy_share": plan["objectives"].get("energy", math.nan) / result.capacity}
+        if result.robot.capacity is not None:
+            pairs |= {"energy_share": plan["objectives"].get("energy", math.nan) / result.robot.capacity}
     if plan["promise"]:
         seen = plan["promise"]
         pairs |= {

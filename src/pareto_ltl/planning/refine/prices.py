@@ -39,6 +39,7 @@ TRUST = 0.5  # trust region of the programme about the path [full steps]
 NEARBY = 0.05  # relative difference of lengths over which the slope of the front is taken
 ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
 LEAST_SHARE = 0.01  # prices below this share of the largest of their kind are left out
+FULL_SPEED = 0.98  # share of u_max from which a step uses all airspeed
 
 
 class Binding(NamedTuple):
@@ -83,7 +84,7 @@ def limits_of(
                 for t in np.flatnonzero(held > 0.0).tolist()
             ]
     prices = [*_summed(bindings)]
-    if solution is not None:
+    if solution is not None and _uses_all_airspeed(problem, path):
         prices.append(Price("airspeed", "largest airspeed", None, local.value * solution.faster))
     if front.rates:
         prices.append(Price("length", "length", None, front_slope(front, path)))
@@ -96,6 +97,11 @@ def _solution(problem: Problem, path: PlannedPath, model: Descent) -> Solution |
         return None
     length = path.objectives.length
     return programmes_of(problem).of(len(path.u)).descend(propagate(problem, path.x), model, TRUST, length)
+
+
+def _uses_all_airspeed(problem: Problem, path: PlannedPath) -> bool:
+    """Whether a step of ``path`` uses all airspeed; else its multiplier is rounding of the solver."""
+    return float(np.linalg.norm(path.u, axis=1).max()) >= FULL_SPEED * problem.motion.u_max
 
 
 # --- what binds -------------------------------------------------------------------------------
