@@ -27,7 +27,7 @@ from pareto_ltl.run.quick import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES
 from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.replanning import Replanned, replanned
 from pareto_ltl.run.stage_table import stage_seeds
-from pareto_ltl.settings import ReplanningConfig, Settings
+from pareto_ltl.settings import EvaluationConfig, ReplanningConfig, Settings
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.studies.newer_forecasts import newer_forecast, require_cycles
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
@@ -142,7 +142,7 @@ def run_replanning(
     return replace(study, numbers={**study.numbers, **planned})
 
 
-def half_the_cores(settings: Settings) -> Any:
+def half_the_cores(settings: Settings) -> EvaluationConfig:
     """The settings of parts that plan with two threads each."""
     return replace(settings.evaluation, jobs=settings.evaluation.jobs or max(1, cores() // 2))
 
@@ -250,6 +250,9 @@ def _new_plan(
     try:
         return replanned(run, run[PROBLEM].motion.dt * (now - since), fixes, wind=newer)
     except (ConfigError, InfeasibleError):  # complete, failed, or no new plan: the plan continues
+        return None
+    except DataError as error:
+        LOG.warning("flight %d flies on without the forecast of step %d: %s", number, now, error)
         return None
 
 
