@@ -5,7 +5,10 @@ python -m pytest benchmarks/bench_follow.py
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+import psutil
 import pytest
 from numpy.random import SeedSequence
 
@@ -13,10 +16,13 @@ import pareto_ltl
 from pareto_ltl.inflight.belief import Belief
 from pareto_ltl.inflight.following import follow
 from pareto_ltl.inflight.telemetry import Reading
+from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.run.records import PROBLEM
+from pareto_ltl.run.replanning import replanned
 
 HALF_WAY = 15  # steps
 TEN_HOURS = 36_000.0
+FIXES = 40
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +61,37 @@ def test_ten_hours_of_ten_readings_a_second(benchmark, flight):
 
     def watched() -> int:
         readings = (Reading(t, heading, airspeed) for t in np.arange(0.0, TEN_HOURS, 0.1))
-        return sum(1 for _ in follow(result, readings))
+        return sum(1 for _ in follow(result, memory_at_events(readings)))
+
+    memory: list[float] = []
+
+    def memory_at_events(readings: Iterator[Reading]) -> Iterator[Reading]:
+        """The readings, with the memory of the process after each hour of them [MiB]."""
+        for k, reading in enumerate(readings):
+            if k % 36_000 == 0:
+                memory.append(psutil.Process().memory_info().rss / 2**20)
+            yield reading
 
     assert benchmark.pedantic(watched, rounds=1) > TEN_HOURS
+    benchmark.extra_info["figures"] = [
+        ("growth from the first to the last hour [MiB]", memory[-1] - memory[1], 20.0)
+    ]
+
+
+def test_new_plan_after_a_fix(benchmark, flight):
+    """From a position fix half-way to the new plan, on phi1, at 40 places where the robot may be."""
+    result, *_ = flight
+    run, path = result.run, result.plan.path
+    rng = np.random.default_rng(3)
+    places = iter(rng.multivariate_normal(path.x[HALF_WAY], path.cov[HALF_WAY], FIXES + 1))
+    seconds: list[float] = []
+
+    def planned() -> None:
+        made = replanned(run, None, [Fix(next(places), 500.0, HALF_WAY)])
+        seconds.append(made.seconds)
+
+    benchmark.pedantic(planned, rounds=FIXES, warmup_rounds=1)
+    benchmark.extra_info["figures"] = [
+        ("median, records to plan [s]", float(np.median(seconds[1:])), 1.5),
+        ("95 % of them [s]", float(np.quantile(seconds[1:], 0.95)), 1.5),
+    ]
