@@ -140,6 +140,15 @@ def test_the_sieve_names_every_reading_that_it_refuses() -> None:
     }  # fmt: skip
 
 
+def test_readings_within_a_microsecond_are_one() -> None:
+    stream = [Reading(0.0, 0.0, 0.0), Reading(2e-309, 0.0, 0.0), *as_planned(every=50.0)]
+    times = [event["time"] for event in new_watch(members=20, every=1200.0).events(stream)]
+    assert times == sorted(times)
+    sieve = Sieve(20.0)
+    assert [r.time for r in sieve.usable([Reading(1.0, 0.0, 5.0), Reading(1.0 + 4e-7, 0.0, 5.0)])] == [1.0]
+    assert dict(sieve.refused) == {"doubled": 1}
+
+
 def test_two_readings_far_ahead_that_agree_are_believed() -> None:
     times = [0.0, 10.0, 50_000.0, 20.0, 60_000.0, 60_001.0]
     passed = [r.time for r in Sieve(20.0).usable(Reading(t, 0.0, 5.0) for t in times)]

@@ -25,6 +25,7 @@ PLACES = {True: ("lat", "lon"), False: ("x", "y")}  # by whether the map is on E
 SD = "fix_sd_m"
 FASTEST = 1.5  # of the largest airspeed of the robot: a faster reading is an error
 JUMP = 3600.0  # [s] a reading so much later than the last one is a jump of the clock until a second agrees
+MICROSECONDS = 6  # decimal places of times [s]
 LEAST_SD, MOST_SD = 0.01, 1e6  # [m] of a usable fix
 
 
@@ -76,9 +77,11 @@ class Sieve:
     def usable(self, readings: Iterable[Reading]) -> Iterator[Reading]:
         """The usable readings; a reading with a wrong place or airspeed keeps its other values."""
         for reading in readings:
-            if (time := reading.time) is None or not math.isfinite(time):
+            if reading.time is None or not math.isfinite(reading.time):
                 self.refused["no time"] += 1
-            elif time <= self.last:
+                continue
+            time = round(reading.time, MICROSECONDS)  # so that the parts of a step add up to it
+            if time <= self.last:
                 self.refused["doubled" if time == self.last else "late"] += 1
             elif self._jumps(time):
                 self.refused["clock jumps ahead"] += 1
