@@ -117,8 +117,10 @@ def fly(options: argparse.Namespace) -> tuple[float, float]:
     vehicle = kind(float(log.lat[0]), float(log.lon[0]), float(log.heading[0]), float(log.airspeed[0]))
     link = mavutil.mavlink_connection(options.to, dialect="all", source_system=7)
     fixes = [float(share) * log.t[-1] for share in options.fixes.split(",") if share]
-    begun, guided = time.monotonic(), False
+    begun, guided, steps_end = time.monotonic(), False, len(plan.path.u) * problem.motion.dt
     for second in np.arange(0.0, log.t[-1], TICK):
+        if guided and second >= steps_end:  # the orders are those of steps; the table also has time for turns
+            break
         time.sleep(max(0.0, begun + second / options.speed - time.monotonic()))
         guided = heard(link, vehicle) or guided
         if not guided:  # nobody sends: the plan by the clock
