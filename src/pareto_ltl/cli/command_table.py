@@ -61,7 +61,7 @@ PIPELINE_COMMANDS = (
         ("replanning", "evaluation"),
     ),
     PipelineCommand(
-        "replanning_test",
+        "replan_test",
         "random missions flown through later winds, with and without replanning",
         ("replanning", "forecast_test", "evaluation"),
     ),

@@ -35,8 +35,7 @@ FLAGS = """\
   --config-dir    a folder with your own choices; --hydra-help: Hydra's own flags
   --cfg job       show the settings of a command line, and run nothing
   --help          this text; --help=all: every choice and every setting; --version: the version
-  --json          one JSON document on the standard output; --quiet: only the paths of what was written;
-                  --verbose: a longer summary"""
+  --json          one JSON document on stdout; --quiet: paths alone; --verbose: a longer summary"""
 MORE = """\
   pareto-ltl COMMAND --help                the settings of one command
   pareto-ltl --help=all                    every choice and every setting, with unit, range and meaning

@@ -28,6 +28,7 @@ from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlErr
 from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger("pareto_ltl")
+FIGURES = "_figures"  # end of the names of stages that draw a study
 
 
 # --- checks before anything is made ------------------------------------------------------------
@@ -50,7 +51,9 @@ def check_pipeline(settings: Settings, table: StageTable, given: Collection[Reco
     ConfigError, FormulaError
         If the list cannot run, or the settings lack the map or the formula that it needs.
     """
-    listed, known = settings.pipelines.stages, ", ".join(table.known)
+    listed = settings.pipelines.stages
+    known = ", ".join(name for name in table.known if not name.endswith(FIGURES))
+    known = f"{known}, and the {FIGURES} of studies"
     if not listed:
         raise ConfigError(f"pipelines.stages is empty: list at least one of {known}")
     stages: list[Stage[Any]] = []

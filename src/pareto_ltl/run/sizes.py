@@ -25,7 +25,7 @@ STUDIES = (
     "forecast_test",
     "departure",
     "replanning",
-    "replanning_test",
+    "replan_test",
 )  # in several processes
 
 

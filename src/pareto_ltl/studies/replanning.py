@@ -4,7 +4,7 @@ A flight meets one wind, drawn from the law of the plan. It follows the plan to 
 its position there, replans (``run/replanning.py``) and takes the new plan, unless the rest of the old one
 fails less in flights of the conditioned law. For comparison, the plan is flown to its end in the same wind.
 Further ways also get newer forecasts at regular times (``studies/newer_forecasts.py``). The same ways in the
-winds of later analyses are ``studies/replanning_test.py``.
+winds of later analyses are ``studies/replan_test.py``.
 """
 
 from __future__ import annotations

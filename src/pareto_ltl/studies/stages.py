@@ -142,8 +142,8 @@ STUDIES = (
         "study_replanning:replanning_figures",
     ),
     StudyKind(
-        "replanning_test",
-        "replanning_test:run_replanning_test",
+        "replan_test",
+        "replan_test:run_replan_test",
         ("replanning.csv", "replanning_flights.csv"),
         "study_replanning:replanning_figures",
         needs=(),

@@ -35,7 +35,7 @@ from pareto_ltl.studies.statistics import Columns
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_fingerprint
 
-STREAM = "replanning test"
+STREAM = "replan test"
 LAW = "later"  # the winds of the flights: later fields
 
 
@@ -51,7 +51,7 @@ class FieldCycles:
         return self.known.readings(self.task, step * run[PROBLEM].motion.dt)
 
 
-def run_replanning_test(
+def run_replan_test(
     settings: Settings, _: Records, directory: Path, progress: PartsProgress | None = None
 ) -> Study:
     """Fly the missions of ``settings.forecast_test`` in the ways of ``settings.replanning``."""

@@ -10,7 +10,7 @@ import pytest
 from forecast_winds import calm, context_of, settings, snapshots
 from pareto_ltl.run.records import PLAN, PROBLEM
 from pareto_ltl.settings import ReplanningConfig
-from pareto_ltl.studies import replanning_test as study
+from pareto_ltl.studies import replan_test as study
 from pareto_ltl.studies.forecast_test import mission_settings
 from pareto_ltl.studies.random_missions import mission
 from pareto_ltl.support.errors import InfeasibleError
