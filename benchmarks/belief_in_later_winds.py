@@ -21,7 +21,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.inflight.belief import Belief
 from pareto_ltl.run.records import PLAN, PROBLEM
-from pareto_ltl.settings import PlannerConfig, SelectionConfig, Settings
+from pareto_ltl.settings import PlannerConfig, SelectionConfig, Settings, preset
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.studies.forecast_test import known_of_files, mission_settings, reality
 from pareto_ltl.studies.known_winds import KnownWinds
@@ -37,14 +37,13 @@ def distances(known: KnownWinds, k: int) -> tuple[FloatArray, FloatArray]:
     """Distances of the truth from the estimate in standard deviations, before the fix and after it."""
     settings = known.settings
     task = mission(known.cfg, settings.seed, k, known.spells, settings.border)
-    run = known.run_of(task, mission_settings(settings, known.cfg, task, "full"))
+    run = known.run_of(task, mission_settings(settings, known.cfg, task, preset("full")))
     try:
         path = run.make(PLAN).path
     except ParetoLtlError:
         return np.empty(0), np.empty(0)
-    flight = draw_flights(reality(known, run), "independent", 1, SeedSequence([7, k])).flown(path.u, path.x)[
-        0
-    ]
+    wind = draw_flights(reality(known, run), "independent", 1, SeedSequence([7, k]))
+    flight = wind.flown(path.u, path.x)[0]
     problem, rng = run.make(PROBLEM), np.random.default_rng([8, k])
     belief, dt, R = Belief(problem, MEMBERS, SeedSequence(k)), problem.motion.dt, SD**2 * np.eye(2)
     found, middle = [], len(path.u) // 2

@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import csv
 import tempfile
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -102,20 +103,24 @@ def flown_by_jsbsim(run: Run, winds: DrawnFlights, k: int, parts: Parts) -> Floa
 AIRCRAFT = {"steps": flown_by_steps, "jsbsim": flown_by_jsbsim}
 
 
+@cache
+def plan_and_winds(folder: str, flights: int) -> tuple[Run, DrawnFlights]:
+    """The run with the plan, and the winds of all flights; once a process."""
+    run = run_with_plan(load_results(folder))
+    return run, draw_flights(run.make(PROBLEM), LAW, flights, SeedSequence(77))
+
+
 def one_flight(folder: str, k: int, options: argparse.Namespace) -> list[int]:
     """Whether flight ``k`` fails without and with ``follow``, and whether it took a new plan."""
-    run = run_with_plan(load_results(folder))
+    run, winds = plan_and_winds(folder, options.flights)
     problem, path, fly = run.make(PROBLEM), run.make(PLAN).path, AIRCRAFT[options.aircraft]
-    winds = draw_flights(problem, LAW, options.flights, SeedSequence(77))
     x = fly(run, winds, k, [(problem, path, len(path.u))])
     step = round(options.after * len(path.u))
     place = x[step] + options.sd * np.random.default_rng([5, k]).standard_normal(2)
     parts = new_plan(run, step, place, options.sd, k)
-    failed = [judge_flights(problem, LAW, x[None]).failed[0]]
     taken = len(parts) > 1
-    if taken:
-        x = fly(run, winds, k, parts)
-    return [k, int(failed[0]), int(judge_flights(problem, LAW, x[None]).failed[0]), int(taken)]
+    flown = (x, fly(run, winds, k, parts) if taken else x)
+    return [k, *(int(judge_flights(problem, LAW, one[None]).failed[0]) for one in flown), int(taken)]
 
 
 def main() -> None:

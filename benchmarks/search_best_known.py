@@ -69,7 +69,7 @@ def benchmark_run(name: str, border: str, seed: int) -> Run:
     times = Run(settings, PLAN_TABLE).make(READINGS).times
     spell = Spell(0, len(times) - 1, float(times[0]), float(times[-1]))
     task = random_mission(HindcastConfig(), RANDOM_SEED, int(number), [spell], border)
-    settings = mission_settings(settings, HindcastConfig(), task, "full")
+    settings = mission_settings(settings, HindcastConfig(), task, preset("full"))
     return Run(replace(settings, seed=seed), PLAN_TABLE, Records({SCENE: task.scene}))
 
 

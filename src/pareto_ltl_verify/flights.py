@@ -219,7 +219,8 @@ class Simulator:
         x[:, 0] = self.mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
         filters = None if self.guide is None else Filters(self.law, self.guide, self.landmarks)
         robots = None if filters is None else filters.begin(runs)
-        theta, left = rng.standard_normal((runs, self.law.modes)), self._full_tanks(runs)
+        theta, capacity = rng.standard_normal((runs, self.law.modes)), self._capacity
+        left = None if capacity is None else np.full(runs, capacity)
         for t in range(steps):
             if t and isinstance(self.law, Coherent):
                 theta = next_field(self.law, t, theta, rng)
@@ -229,25 +230,23 @@ class Simulator:
             else:
                 filters.observe(robots, t, x, rng)
                 flown = filters.steered(robots, t, self.u[t])
-            left -= self._spent(flown)
-            moved = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
-            x[:, t + 1] = np.where((left >= 0.0)[:, None], moved, x[:, t])
+            x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
+            if left is not None:
+                left -= self._spent(flown)
+                x[left < 0.0, t + 1] = x[left < 0.0, t]
         return x
 
-    def _full_tanks(self, runs: int) -> FloatArray:
-        """Energy of each robot at departure [J]; without limit if all fly the controls of the plan."""
-        robot = self.law.robot
-        corrects = self.guide is not None or robot.feedback > 0.0
-        known = robot.power is not None and robot.capacity is not None and corrects
-        return np.full(runs, robot.capacity if known else np.inf)
+    @property
+    def _capacity(self) -> float | None:
+        """Energy of each robot at departure [J]; None without limit, as where all fly the plan's controls."""
+        return self.law.robot.capacity if self.guide is not None or self.law.robot.feedback > 0.0 else None
 
     def _spent(self, flown: FloatArray) -> FloatArray:
         """Energy (n,) [J] that a step with the controls ``flown`` (n, 2) [m/s] takes."""
-        robot = self.law.robot
-        if robot.power is None or robot.capacity is None:
-            return np.zeros(len(flown))
+        power = self.law.robot.power
+        assert power is not None
         speeds, place = np.unique(np.hypot(*flown.T), return_inverse=True)
-        return robot.dt * np.array([robot.power(speed) for speed in speeds.tolist()])[place]
+        return self.law.robot.dt * np.array([power(speed) for speed in speeds.tolist()])[place]
 
     def _wind(self, x: FloatArray, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Wind that each flight meets at its own position, (n, 2) [m/s]."""

@@ -15,7 +15,7 @@ from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import PowerConfig, RobotConfig
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation.common_flights import draw_flights
-from pareto_ltl_verify.energy import energy_limits
+from pareto_ltl_verify.energy import power_law
 from problems import box, make_problem, make_scene, rough_wind
 
 DT, LAW, RUNS = 100.0, "independent", 40
@@ -38,7 +38,7 @@ def problem_of(power: PowerConfig, watt_hours: float | None, feedback_time: floa
 
 def spent_by(power: PowerConfig, problem, x: np.ndarray, mean: np.ndarray, white: np.ndarray) -> np.ndarray:
     """Energy [J] of each flight after each step, (n, T), from its positions and draws, in NumPy."""
-    motion, wind, watts = problem.motion, problem.wind, energy_limits(vars(power))["power"]
+    motion, wind, watts = problem.motion, problem.wind, power_law(vars(power))
     used = np.zeros((len(x), len(U)))
     for i, t in np.ndindex(*used.shape):
         variance = interpolate(wind, wind.latent, t, x[i, t]) + interpolate_time(wind, wind.gust, t)

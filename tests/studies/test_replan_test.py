@@ -9,7 +9,7 @@ import pytest
 
 from forecast_winds import calm, context_of, settings, snapshots
 from pareto_ltl.run.records import PLAN, PROBLEM
-from pareto_ltl.settings import ReplanningConfig
+from pareto_ltl.settings import ReplanningConfig, preset
 from pareto_ltl.studies import replan_test as study
 from pareto_ltl.studies.forecast_test import mission_settings
 from pareto_ltl.studies.random_missions import mission
@@ -62,7 +62,7 @@ def test_a_newer_forecast_is_that_of_the_files() -> None:
     """In a wind that grows, the forecast at a later step says more wind than the one at departure."""
     known = known_winds(turning)
     task = mission(known.cfg, 0, 0, known.spells, "open")
-    run = known.run_of(task, mission_settings(known.settings, known.cfg, task, "full"))
+    run = known.run_of(task, mission_settings(known.settings, known.cfg, task, preset("full")))
     run.make(PLAN)
     dt = run[PROBLEM].motion.dt
     late = study.FieldCycles(known, task).at(run, None, 0, round(9.0 * HOUR / dt))

@@ -19,7 +19,7 @@ from pareto_ltl.run.directory import RUN_LOG, claimed_directory
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.records import AUTOMATON, FOREST, PLAN, SCENE, RecordKey, Records, T
 from pareto_ltl.run.sizes import check_sizes
-from pareto_ltl.run.stage_table import Progress, Stage, StageInputs, StageTable
+from pareto_ltl.run.stage_table import FIGURES, Progress, Stage, StageInputs, StageTable
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.run.watching import watcher
 from pareto_ltl.settings import Settings
@@ -28,7 +28,6 @@ from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlErr
 from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger("pareto_ltl")
-FIGURES = "_figures"  # end of the names of stages that draw a study
 
 
 # --- checks before anything is made ------------------------------------------------------------

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
     from numpy.random import SeedSequence
 
+FIGURES = "_figures"  # end of the names of stages that draw a study
+
 Progress = Callable[..., None]  # called with (done, total), and with a text on the result so far
 
 

@@ -26,6 +26,7 @@ class ReplanningConfig(CheckedSettings):
         500.0, "standard deviation of a fix in each direction", unit="m", above=0, most=1e6
     )
     forecasts: float | None = setting(
-        None, "time between two newer forecasts, for a further row with them; null: no such row", unit="h",
+        None, "time between two newer forecasts, for two further rows, with them alone and with the last "
+        "fixes; null: no such rows", unit="h",
         above=0, most=1e4,
     )  # fmt: skip

@@ -62,12 +62,11 @@ from pareto_ltl.studies.departure_table import (
     planned_path,
     start_rows,
 )
-from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
+from pareto_ltl.studies.parts import Part, PartsProgress, half_the_cores, part_key, work_parts
 from pareto_ltl.studies.planning import study_run
 from pareto_ltl.studies.statistics import Columns
 from pareto_ltl.studies.tables import flags_to_text
 from pareto_ltl.support.arrays import BoolArray
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.files import plain_data, write_json
 from pareto_ltl.wind.readings import iso, seconds
@@ -332,8 +331,7 @@ def _worked(
         )
         for time, repeat in pieces
     ]  # fmt: skip
-    # Each plan uses two cores; another process takes as long to begin as one start takes.
-    shared = replace(settings.evaluation, jobs=settings.evaluation.jobs or max(1, cores() // 2))
+    shared = half_the_cores(settings.evaluation)
     return work_parts(shared, directory, departure_part, context, parts, progress)
 
 

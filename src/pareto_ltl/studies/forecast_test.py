@@ -34,7 +34,14 @@ from pareto_ltl.run.records import (
     WIND,
     Records,
 )
-from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, Settings, preset
+from pareto_ltl.settings import (
+    FidelityConfig,
+    ForecastTestConfig,
+    IngestConfig,
+    MissionConfig,
+    Settings,
+    preset,
+)
 from pareto_ltl.studies import calibration, true_fields
 from pareto_ltl.studies.known_winds import KNOWN_WINDS, KnownWinds
 from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
@@ -151,7 +158,7 @@ def mission_part(known: KnownWinds, k: int) -> Columns:
     }
     plans: list[Columns] = []
     for fidelity in cfg.fidelities:
-        run = known.run_of(task, mission_settings(settings, cfg, task, fidelity))
+        run = known.run_of(task, mission_settings(settings, cfg, task, preset(fidelity)))
         try:
             chosen = run.make(PLAN).path
         except (InfeasibleError, DataError) as error:
@@ -164,13 +171,15 @@ def mission_part(known: KnownWinds, k: int) -> Columns:
     return row | {"plans": plans}
 
 
-def mission_settings(settings: Settings, cfg: ForecastTestConfig, task: Mission, fidelity: str) -> Settings:
+def mission_settings(
+    settings: Settings, cfg: ForecastTestConfig, task: Mission, fidelity: FidelityConfig
+) -> Settings:
     """The settings for planning the mission ``task``; flights end when the wind ends."""
     dt = HALF_HOUR if isinstance(settings.robot.dt, str) else settings.robot.dt  # one step for all maps
     steps = int(cfg.hours * 3600 // dt)
     return replace(
         settings,
-        fidelity=preset(fidelity),
+        fidelity=fidelity,
         seed=settings.seed + task.number,
         mission=MissionConfig(formula=task.formula, start_time=task.scene.time_zero),
         robot=replace(settings.robot, dt=dt),

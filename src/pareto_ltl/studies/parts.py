@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -19,6 +19,7 @@ from pareto_ltl.run.provenance import input_files
 from pareto_ltl.settings import EvaluationConfig, Settings, as_dict
 from pareto_ltl.studies import cluster
 from pareto_ltl.studies.jobs import KILLED, JobQueue, JobState, StoredJob
+from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data, remove_dead_drafts, write_json
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
@@ -87,8 +88,8 @@ def parts_folder(cfg: EvaluationConfig, directory: Path) -> Path:
     if not place.is_dir():
         raise DataError(
             f"evaluation.resume={cfg.resume}: there is no folder {PARTS_FOLDER}/ in it; name the results "
-            "directory of a run of compare, convergence, ablation, hindcast, forecast_test, departure or "
-            "replanning, or leave evaluation.resume out"
+            "directory of a run of compare, convergence, ablation, hindcast, forecast_test, departure, "
+            "replanning or replan_test, or leave evaluation.resume out"
         )
     return place
 
@@ -213,6 +214,11 @@ def process_count(cfg: EvaluationConfig, parts: int) -> int:
     from joblib import cpu_count  # heeds affinity and the limits of containers
 
     return max(1, min(cfg.jobs or int(cpu_count()), parts))
+
+
+def half_the_cores(cfg: EvaluationConfig) -> EvaluationConfig:
+    """``cfg`` for parts that plan with two threads each: another process takes as long to begin as a part."""
+    return replace(cfg, jobs=cfg.jobs or max(1, cores() // 2))
 
 
 @dataclass(slots=True)

@@ -21,13 +21,12 @@ from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.studies.forecast_test import UNIMPORTANT, known_of_files, mission_settings, reality
 from pareto_ltl.studies.known_winds import DepartureWinds
-from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
+from pareto_ltl.studies.parts import Part, PartsProgress, half_the_cores, part_key, work_parts
 from pareto_ltl.studies.random_missions import Mission, mission
 from pareto_ltl.studies.replanning import (
     EFFORT,
     ReplanningContext,
     fly_way,
-    half_the_cores,
     replanning_study,
     ways_of,
 )
@@ -62,7 +61,7 @@ def run_replan_test(
     replans = [ways.fixes, ways.every, ways.forecasts, ways.fix_sd, EFFORT]
     base = part_key(settings, STREAM, inputs, settings.border, replans, files)
     todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
-    results = work_parts(half_the_cores(settings), directory, mission_part, known, todo, progress)
+    results = work_parts(half_the_cores(settings.evaluation), directory, mission_part, known, todo, progress)
     return missions_study(results)
 
 
@@ -70,8 +69,7 @@ def mission_part(known: DepartureWinds, k: int) -> Columns:
     """Mission ``k`` flown once in each way; the reason if it has no plan."""
     settings, cfg = known.settings, known.cfg
     task = mission(cfg, settings.seed, k, known.spells, settings.border)
-    mine = mission_settings(settings, cfg, task, settings.fidelity.name)
-    run = known.run_of(task, replace(mine, fidelity=settings.fidelity))
+    run = known.run_of(task, mission_settings(settings, cfg, task, settings.fidelity))
     try:
         run.make(PLAN)
     except (InfeasibleError, DataError) as error:

@@ -27,15 +27,14 @@ from pareto_ltl.run.quick import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES
 from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.replanning import Replanned, replanned
 from pareto_ltl.run.stage_table import stage_seeds
-from pareto_ltl.settings import EvaluationConfig, ReplanningConfig, Settings
+from pareto_ltl.settings import ReplanningConfig, Settings
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.studies.newer_forecasts import newer_forecast, require_cycles
-from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
+from pareto_ltl.studies.parts import Part, PartsProgress, half_the_cores, part_key, work_parts
 from pareto_ltl.studies.planning import study_run
 from pareto_ltl.studies.statistics import Columns, rate_columns
 from pareto_ltl.studies.tables import markdown_table, rate_cell
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.wind.conditioned import field_from
@@ -134,17 +133,14 @@ def run_replanning(
     key = part_key(settings, STREAM, cfg.fixes, cfg.every, cfg.forecasts, cfg.fix_sd, cfg.flights, EFFORT)
     numbers = [(way, i) for i in range(cfg.flights) for way in range(len(context.ways))]
     todo = [Part(f"flight-{i}-{way}", (way, i), f"{key[:44]}{way:04x}{i:016x}"[::-1]) for way, i in numbers]
-    results = work_parts(half_the_cores(settings), directory, replanning_part, context, todo, progress)
+    results = work_parts(
+        half_the_cores(settings.evaluation), directory, replanning_part, context, todo, progress
+    )
     flown = {way.name: results[k :: len(context.ways)] for k, way in enumerate(context.ways)}
     title = f"The plan in {cfg.flights} true winds of the {winds.law} law, in each of {len(flown)} ways"
     study = replanning_study(flown, winds.law, title)
     planned = {"replanning_planned_length_m": plan.path.objectives.length}
     return replace(study, numbers={**study.numbers, **planned})
-
-
-def half_the_cores(settings: Settings) -> EvaluationConfig:
-    """The settings of parts that plan with two threads each."""
-    return replace(settings.evaluation, jobs=settings.evaluation.jobs or max(1, cores() // 2))
 
 
 # --- the ways to fly ------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from pareto_ltl.run.records import (
     SCENE,
     RecordKey,
 )
-from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, with_extension_stages
+from pareto_ltl.run.stage_table import FIGURES, Stage, StageInputs, StageTable, with_extension_stages
 from pareto_ltl.run.stages import FIGURE_FILES, PLAN_STAGES
 from pareto_ltl.settings import Settings
 
@@ -86,7 +86,7 @@ class StudyKind:
             shows=("tables.md",),
         )
         if self.figures:
-            name, needs = f"{self.name}_figures", (*self.drawn_on, self.key)
+            name, needs = f"{self.name}{FIGURES}", (*self.drawn_on, self.key)
             key: RecordKey[tuple[Path, ...]] = RecordKey(name)
             yield Stage(makes=key, make=self.draw, needs=needs, shows=FIGURE_FILES)
 
