@@ -22,7 +22,6 @@ from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.refine.programme import programme, programmes_of
 from pareto_ltl.planning.refine.sampled import Polish, Refiner, resampled_means
 from pareto_ltl.planning.refine.starts import line_starts
-from pareto_ltl.planning.refine.step_programme import next_means
 from pareto_ltl.planning.refine.sweep import COARSE
 from pareto_ltl.settings import MissionConfig, PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights
@@ -31,6 +30,7 @@ from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene_settings import scene_from_settings
+from solves import next_means
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time)
 CONF = Path(__file__).parents[1] / "conf"
@@ -65,7 +65,7 @@ def task(request):
 
 def how(problem):
     """The first evaluation of a start."""
-    return Polish(tuple(share * float(np.ptp(problem.scene.bounds[:, 0])) for share in COARSE), 1, 4)
+    return Polish(tuple(share * float(np.ptp(problem.scene.bounds[:, 0])) for share in COARSE), 4)
 
 
 def descent_of(refiner, flight, flights):

@@ -94,7 +94,7 @@ def wide_search(name: str, border: str, minutes: float) -> list[dict[str, float]
     best = Best(np.exp(np.arange(np.log(found[0].length), np.log(1.1 * found[-1].length), STEP)))
     for k in found:
         best.offer(k)
-    how, end = sweep.polish_of((*WARM, 0.0025), 2, 4), time.process_time() + 60 * minutes
+    how, end = sweep.polish_of(np.repeat((*WARM, 0.0025), 2), 4), time.process_time() + 60 * minutes
     while time.process_time() < end:
         i = int(rng.integers(len(best.caps)))
         near = [j for j in best.paths if abs(j - i) <= 4]

@@ -141,7 +141,7 @@ def test_polished_paths_are_fast_enough_and_fail_less(u_min: float) -> None:
     flights = draw_flights(problem, "coherent", 200, SeedSequence(1))
     before = refiner.flown(start)
     assert keeps(problem, before.x)
-    found = refiner.polish(start, flights, Polish((400.0, 100.0)), 1.1 * path_length(start))
+    found = refiner.polish(start, flights, Polish((400.0, 400.0, 100.0, 100.0)), 1.1 * path_length(start))
     assert keeps(problem, found.flight.x)
     assert found.failed < float(flights.failed(flights.positions(before)).mean()) - 0.3
     assert found.length < 1.11 * path_length(start)

@@ -20,13 +20,14 @@ from pareto_ltl.planning.refine.prices import segment_limits
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Polish, Refiner
 from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.planning.refine.starts import first_starts
-from pareto_ltl.planning.refine.step_programme import Descent, next_means
+from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl_verify.geometry import beyond_bounds, convex
 from pareto_ltl_verify.segments import segment_risks
 from problems import box, make_problem, make_scene, smooth_wind
+from solves import next_means
 
 PLANNER = PlannerConfig(trees=3, n_max=600)
 REFINE = RefineConfig(flights=300, sweep_flights=100, classes=2, points=5)
@@ -151,7 +152,7 @@ def test_a_polish_brings_the_risk_of_every_segment_below_epsilon(grown, lines):
     after = []
     for x in risky:
         longest = 1.1 * np.linalg.norm(np.diff(x, axis=0), axis=1).sum()
-        found = refiner.polish(x, flights, Polish((200.0,), 1, 10), longest)
+        found = refiner.polish(x, flights, Polish((200.0,), 10), longest)
         after.append(separation(problem, found.flight).risk.max() / problem.epsilon)
     # The others pass gaps that are too narrow for epsilon at their length: they come as close as they can.
     assert len(risky) >= 6

@@ -9,9 +9,9 @@ import pytest
 import shapely
 
 from landmarks import LANDMARK_SCENE, landmark_problem
-from pareto_ltl.planning.refine.attraction import Attraction
+from pareto_ltl.kernels.attraction import add_attraction
+from pareto_ltl.kernels.margin import Slope
 from pareto_ltl.planning.refine.starts import roadmap_starts
-from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.planning.routes.roadmap import led_lines
 from pareto_ltl.planning.routes.sights import sights
 from problems import KM, box
@@ -62,14 +62,14 @@ def test_the_slope_of_an_attraction_is_that_of_finite_differences(problem, seed)
     rng = np.random.default_rng(seed)
     x = np.linspace([2, 2], [14, 13], 13) * KM + rng.normal(0.0, 300.0, (13, 2))
     off = np.arange(13)[:, None, None] * 120.0 * rng.standard_normal((2, 400))  # one error for a flight
-    none = Descent(np.zeros((13, 2)), np.zeros((13, 3)), 0.0)
-    lure = Attraction(problem.laws["coherent"].landmarks, 0.3)
+    marks = problem.laws["coherent"].landmarks
 
-    def value(places):
-        return lure.added(none, places, off, 900.0, 50).value
+    def value(places, slope=None):
+        slope = Slope(np.zeros((13, 2)), np.zeros((13, 3))) if slope is None else slope
+        return add_attraction(marks, places, off, 900.0, 0.3, slope)
 
-    here = lure.added(none, x, off, 900.0, 50)
-    assert here.value == pytest.approx(value(x))
+    here = Slope(np.zeros((13, 2)), np.zeros((13, 3)))
+    assert value(x, here) > 0.0
     assert np.abs(here.gradient).max() > 0.0
     size = np.abs(here.gradient).max()
     for t in np.argsort(-np.linalg.norm(here.gradient, axis=1))[:3]:
@@ -81,16 +81,6 @@ def test_the_slope_of_an_attraction_is_that_of_finite_differences(problem, seed)
             # Deviations of the two ends of a leg differ a little: slopes are close, not equal.
             assert here.gradient[t, c] == pytest.approx(slope, rel=0.25, abs=0.1 * size)
     assert (here.hessian[:, [0, 2]] >= 0.0).all()
-
-
-def test_without_worth_nothing_is_added(problem):
-    none = Descent(np.zeros((3, 2)), np.zeros((3, 3)), 0.2)
-    assert (
-        Attraction(problem.laws["coherent"].landmarks, 0.0).added(
-            none, np.zeros((3, 2)), np.zeros((3, 2, 5)), 1.0, 5
-        )
-        is none
-    )
 
 
 def test_starts_lead_through_landmarks_and_past_them(problem):

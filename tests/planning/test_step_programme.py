@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cvxpy as cp
 import numpy as np
 import pytest
+from numpy.random import SeedSequence
 
+from pareto_ltl.kernels.descent import OVERLONG, RIDGE, Sample, Solves
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.evaluate import propagate, propagate_controls
+from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.step_programme import RIDGE, Descent, next_means
+from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Refiner, deviations_from
+from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.planning.routes.course import FACE_MARGIN
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.settings import RobotConfig
+from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.support.arrays import FloatArray
 from problems import along, box, make_problem, make_scene, smooth_wind, steady_wind
+from solves import next_means
 
 SCENE = make_scene({"a": box(14, 8, 18, 12), "b": box(8, 15, 12, 19)}, [box(7, 8, 9, 12)], start=(2, 10))
 BENT = {"a": [[1.0, 0.002], [-0.001, 0.999]], "b": [[0.9, 0.2], [-0.1, 1.1]]}
@@ -162,3 +170,39 @@ def test_the_least_airspeed_binds() -> None:
     assert y is not None
     speed = np.linalg.norm(linear_controls(problem, flight, y), axis=1)
     assert speed.min() == pytest.approx(5.5 / CAP, rel=1e-3)
+
+
+# --- all solves of one width ------------------------------------------------------------------------
+
+
+class PlainRefiner(ConstrainedRefiner):
+    """The decisions of a descent in Python, each programme as it is stated, without chance constraints."""
+
+    def next_means(self, flight: Flight, here: Descent, trust: float, cap: float) -> FloatArray | None:
+        return plainly(self.problem, flight, here, trust, cap)
+
+    def penalty(self, flight: Flight, longest: float) -> float:
+        return OVERLONG * max(0.0, path_length(flight.x) / longest - 1.0)
+
+
+@pytest.mark.parametrize("robot", [name for name in ROBOTS if name != "still air"])
+@pytest.mark.parametrize("number", [1, 4])
+def test_a_descent_is_that_of_the_plain_decisions(robot: str, number: int) -> None:
+    settings, wind = ROBOTS[robot]
+    problem = make_problem("F a", SCENE, wind, replace(settings, start_sd=400.0), fidelity="full")
+    flights, width, longest = draw_flights(problem, "coherent", 120, SeedSequence(1)), 300.0, 15_800.0
+    model = margin_model(problem)
+    ends = []
+    for refiner in (Refiner(problem, model), PlainRefiner(problem, model)):
+        flight = refiner.flown(WAY)
+        off = deviations_from(flights.positions(flight), flight.x)
+        here, _ = refiner.slope(flight.x, off, width, 150)
+        sample = Sample(off, width, 120 / 150, 0.0, here.value)
+        end = refiner.descended(flight, here, sample, Solves(number, TRUST, longest))
+        value = refiner.slope(end.x, off, width, 150)[0].value
+        ends.append((end, value))
+        assert value < 0.95 * here.value
+    (fast, reached), (_, expected) = ends
+    assert here.value - reached == pytest.approx(here.value - expected, rel=0.03)
+    again = propagate_controls(problem, fast.u, problem.world.law)
+    np.testing.assert_allclose(fast.cov, again.cov, rtol=1e-6)

@@ -55,18 +55,19 @@ def depth_event(marks: Faces, part: int, legs: IntArray, count: int, x: FloatArr
     return deepest
 
 
-@allocating
-def add_attraction(
-    marks: Landmarks, mean: FloatArray, off: FloatArray, width: float, worth: float, slope: Slope
-) -> float:
+@kernel
+def attract(
+    marks: Landmarks, mean: FloatArray, off: FloatArray, width: float, worth: float, slope: Slope,
+    legs: IntArray,
+) -> float:  # fmt: skip
     """``worth`` / n Σ_ik σ(-m_ik / ``width``), m_ik the depth [m] of flight i in landmark k.
 
     The flights are ``mean`` (T+1, 2) + ``off`` (T+1, 2, n). The gradient and the convex part of the Hessian
-    are added to ``slope``.
+    are added to ``slope``. ``legs`` (NEAREST,) is scratch.
 
     Eq. (M75) of docs/mathematics_methods.md.
     """
-    total, n, legs = 0.0, off.shape[2], np.empty(NEAREST, np.int64)
+    total, n = 0.0, off.shape[2]
     for part in range(len(marks.disc)):
         count = find_nearest_legs(mean, marks.disc[part, 0], marks.disc[part, 1], legs)
         for i in range(n):
@@ -79,3 +80,11 @@ def add_attraction(
             total += f
             add_failure_slope(slope, event, f, width, n / worth)
     return float(worth * total / n)
+
+
+@allocating
+def add_attraction(
+    marks: Landmarks, mean: FloatArray, off: FloatArray, width: float, worth: float, slope: Slope
+) -> float:
+    """:func:`attract` for callers in Python."""
+    return float(attract(marks, mean, off, width, worth, slope, np.empty(NEAREST, np.int64)))

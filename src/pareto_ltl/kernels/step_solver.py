@@ -20,7 +20,7 @@ import math
 from typing import NamedTuple
 
 from pareto_ltl.kernels.block_matrix import add_block, eliminate, substitute
-from pareto_ltl.kernels.jit import entry, kernel
+from pareto_ltl.kernels.jit import kernel
 from pareto_ltl.support.arrays import FloatArray
 
 MOST = 30  # largest number of iterations
@@ -381,7 +381,7 @@ def is_solved(work: Work) -> bool:
     return True
 
 
-@entry
+@kernel
 def solve_step(model: StepModel, work: Work) -> int:
     """Fill ``work.points[X]`` with the solution; return the number of iterations, ``MOST`` on failure.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pareto_ltl.kernels.data import Point, Wind
 from pareto_ltl.kernels.interpolation import wind_square
-from pareto_ltl.kernels.jit import entry, kernel
+from pareto_ltl.kernels.jit import kernel
 from pareto_ltl.support.arrays import FloatArray
 
 
@@ -19,7 +19,7 @@ def node(wind: Wind, t: int, i: int, j: int, c: int) -> float:
     return float((1.0 - w) * value + w * wind.mean[k + 1, i, j, c] if w > 0.0 else value)
 
 
-@entry
+@kernel
 def wind_slopes(wind: Wind, x: FloatArray, slopes: FloatArray) -> None:
     """Fill ``slopes`` (T, 2, 2) with Dμ [1/s] at the first T rows of ``x`` [m], one for each step.
 

@@ -100,7 +100,7 @@ def propagate(problem: Problem, x: FloatArray, law: kd.Law | None = None) -> Fli
     """
     from pareto_ltl.kernels import path as kernel
 
-    flight = _empty_flight(problem.world.law if law is None else law, len(x))
+    flight = empty_flight(problem.world.law if law is None else law, len(x))
     flight.x[:] = x
     kernel.propagate_flight(problem.world.law if law is None else law, flight, problem.start_variance, False)
     return flight
@@ -110,13 +110,14 @@ def propagate_controls(problem: Problem, u: FloatArray, law: kd.Law) -> Flight:
     """Propagate the controls ``u`` (T, 2) [m/s] from the start of the scene, under ``law``."""
     from pareto_ltl.kernels import path as kernel
 
-    flight = _empty_flight(law, len(u) + 1)
+    flight = empty_flight(law, len(u) + 1)
     flight.x[0], flight.u[:] = problem.scene.start, u
     kernel.propagate_flight(law, flight, problem.start_variance, True)
     return flight
 
 
-def _empty_flight(law: kd.Law, n: int) -> Flight:
+def empty_flight(law: kd.Law, n: int) -> Flight:
+    """Memory of a flight of ``n`` positions under ``law``."""
     from pareto_ltl.kernels.path import Flight
 
     steps, modes = n - 1, 0 if isinstance(law, kd.IndependentLaw) else law.modes.psi.shape[-1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +23,7 @@ from pareto_ltl.simulation.flights import (
     pilot_maker,
 )
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.cores import cores
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,9 @@ class DrawnFlights:
         return judge_flights(self.problem, self.law, x).failed
 
     def only(self, rows: IntArray) -> DrawnFlights:
-        """The flights of ``rows``."""
+        """The flights of ``rows``, ascending."""
+        if len(rows) == len(self):
+            return self
         draws = self.draws._replace(white=np.ascontiguousarray(self.draws.white[:, rows]))
         if hasattr(draws, "theta"):
             draws = draws._replace(theta=np.ascontiguousarray(self.draws.theta[:, rows]))
@@ -94,10 +98,12 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
     """
     wind, start, fixes = seed.spawn(3)
     blocks = block_rows(runs)
-    parts = [
-        DRAWS[law](problem, rows.stop - rows.start, problem.horizon, np.random.default_rng(child))
-        for rows, child in zip(blocks, wind.spawn(len(blocks)), strict=True)
-    ]
+
+    def drawn_block(rows: slice, child: SeedSequence) -> Any:
+        return DRAWS[law](problem, rows.stop - rows.start, problem.horizon, np.random.default_rng(child))
+
+    with ThreadPoolExecutor(cores()) as pool:
+        parts = list(pool.map(drawn_block, blocks, wind.spawn(len(blocks))))
     drawn = {
         name: np.concatenate([getattr(part, name) for part in parts], axis=1) for name in parts[0]._fields[1:]
     }

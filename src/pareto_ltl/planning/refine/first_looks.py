@@ -27,7 +27,7 @@ def looks(sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Sta
 
 def second_looks(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> Iterable[Candidate]:
     """The paths polished again at their own lengths, to find the length cap to begin with."""
-    how = sweep.polish_of(WARM, 1, 3)
+    how = sweep.polish_of(WARM, 3)
 
     def again(k: Candidate) -> Candidate:
         return k if sweep.over else sweep.refiner.polish(k.flight.x, sweep.few, how, k.length, k.origin)
@@ -63,7 +63,7 @@ def _promising(sweep: Sweep, pool: ThreadPoolExecutor, starts: Sequence[Start]) 
 
     if not starts:
         return []
-    width = sweep.polish_of(COARSE, 1, 1).widths[0]
+    width = sweep.polish_of(COARSE, 1).widths[0]
 
     def row(start: Start) -> tuple[float, float]:
         flight = sweep.refiner.flown(timed_means(sweep.problem, start.x, 1))
@@ -79,7 +79,7 @@ def _promising(sweep: Sweep, pool: ThreadPoolExecutor, starts: Sequence[Start]) 
 
 def _first_look(sweep: Sweep, start: Start) -> Candidate:
     """A start polished with few flights, at about its own length."""
-    x, how = timed_means(sweep.problem, start.x, 1), sweep.polish_of(COARSE, 1, 4)
+    x, how = timed_means(sweep.problem, start.x, 1), sweep.polish_of(COARSE, 4)
     return sweep.refiner.polish(x, sweep.few, how, LOOSE * path_length(x), start.origin)
 
 

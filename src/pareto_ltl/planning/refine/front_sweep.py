@@ -62,14 +62,16 @@ def sampled_paths(
     InfeasibleError
         If there were starts and none became a path; the message says what is wrong with the best one.
     """
-    sweep, known = new_sweep(cfg, problem, flights, budget), list[Candidate]()
+    known = list[Candidate]()
     with ThreadPoolExecutor(cores()) as pool:
-        seen = looks(sweep, pool, first_starts(problem, forest))
+        starts = pool.submit(first_starts, problem, forest)
+        sweep = new_sweep(cfg, problem, flights, budget)
+        seen = looks(sweep, pool, starts.result())
         if coarse(cfg) != cfg:
             rough = new_sweep(coarse(cfg), problem, flights, budget.until(COARSE_SHARE))
             known = searched(rough, pool, seen, progress, 0)
         found = searched(sweep, pool, [*seen, *(reassessed(sweep, sweep.few, k) for k in known)], progress)
-        again = [reassessed(sweep, sweep.flights, k) for k in known]
+        again = list(pool.map(partial(reassessed, sweep, sweep.flights), known))
         found += [k for k in again if not any(beats(other, k) for other in found)]
         ended = list(pool.map(partial(closed, sweep), found))
     begun = {id(end): k for end, k in zip(ended, found, strict=True)}
@@ -118,7 +120,7 @@ def searched(
         front = better
         report(3, front)
     found = front_of(finished_points(sweep, pool, front))
-    found = front_of([*found, *lengthened_points(sweep, found)])
+    found = front_of([*found, *lengthened_points(sweep, pool, found)])
     report(4, found)
     return [*found, *slower_points(sweep, pool, found)]
 

@@ -49,7 +49,7 @@ def _varied(
     lines += [(k.flight.x, more, k.origin) for more in rng.choice(MORE, 2, replace=False).tolist()]
     lines += [(start.x, 1, start.origin) for start in flipped_starts(problem, k.flight.x, k.origin)[:FLIPPED]]
     lines += [(_bent(sweep, k.flight.x, rng), 1, k.origin)]
-    return held_within(sweep, pool, lines, sweep.polish_of(WIDE, 1, 3), k.length)
+    return held_within(sweep, pool, lines, sweep.polish_of(WIDE, 3), k.length)
 
 
 def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:

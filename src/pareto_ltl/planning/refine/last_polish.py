@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -44,19 +45,18 @@ def finished_points(sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Cand
     return list(pool.map(one, [*points[::2], *points[1::2]]))  # with little time, every other one
 
 
-def lengthened_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
+def lengthened_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]) -> list[Candidate]:
     """The safest of the finished points lengthened, until two lengths in a row do not reduce the failure.
 
     The sweeps end at a length where few flights show no gain; here all of them decide.
     """
-    made, vain, best = list[Candidate](), 0, found[-1] if found else None
-    while (
-        best is not None and vain < 2 and best.failed * len(sweep.flights) >= FEW and not sweep.budget.over()
-    ):
-        cap = LENGTHENED ** (vain + 1) * best.length
-        made.append(_finished(sweep, best, cap))
-        pays = made[-1].smoothed < WORTH * best.smoothed
-        best, vain = (made[-1], 0) if pays else (best, vain + 1)
+    made, best = list[Candidate](), found[-1] if found else None
+    while best is not None and best.failed * len(sweep.flights) >= FEW and not sweep.budget.over():
+        caps = (LENGTHENED * best.length, LENGTHENED**2 * best.length)
+        pair = list(pool.map(partial(_finished, sweep, best), caps))
+        limit = WORTH * best.smoothed
+        best = next((k for k in pair if k.smoothed < limit), None)
+        made += pair
     return made
 
 
@@ -66,14 +66,14 @@ def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
     Where its airspeeds leave half a step or more to spare, it is also polished in fewer steps.
     """
     problem, refiner = sweep.problem, sweep.refiner
-    how = sweep.polish_of(FINE, 1, 4)
+    how = sweep.polish_of(FINE, 4)
     made = refiner.polish(_fitting(problem, k, cap), sweep.flights, how, cap, k.origin)
     if fewer := min(round(spare_steps(made)), made.steps - 1):  # a path has at least one step
         x = retimed_means(problem, made.flight.x, made.steps - fewer)
         made = min(made, refiner.polish(x, sweep.flights, how, cap, k.origin), key=smoothed)
     if not _rarely_fails(sweep, made):
         return made
-    return refiner.polish(made.flight.x, sweep.many, sweep.polish_of(FINE[-1:], 1, 4), cap, k.origin)
+    return refiner.polish(made.flight.x, sweep.many, sweep.polish_of(FINE[-1:], 4), cap, k.origin)
 
 
 def _rarely_fails(sweep: Sweep, k: Candidate) -> bool:
@@ -87,7 +87,7 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
     Where a segment breaks epsilon, more solves on few flights, and longer paths, come before the last one.
     """
     closing, flights = sweep.closing, sweep.many if _rarely_fails(sweep, k) else sweep.flights
-    last, more = (sweep.polish_of(FINE[-1:], 1, solves) for solves in (1, CLOSING_SOLVES))
+    last, more = (sweep.polish_of(FINE[-1:], solves) for solves in (1, CLOSING_SOLVES))
     end = closing.polished(k.flight.x, flights, last, k.length)
     for longer in CLOSING:
         if not 0.0 < closing.penalty(end, math.inf) <= WITHIN_REACH:
@@ -117,7 +117,7 @@ def slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candid
     problem, energy = sweep.problem, sweep.problem.energy
     if energy is None or not found:
         return []
-    how, dt = sweep.polish_of(FINE, 1, 4), problem.motion.dt
+    how, dt = sweep.polish_of(FINE, 4), problem.motion.dt
 
     def slower(pair: tuple[Candidate, float]) -> Candidate | None:
         k, times = pair
@@ -183,5 +183,5 @@ def repaired(sweep: Sweep, k: Candidate) -> Iterator[Candidate]:
     """``k`` polished again, in more steps each time: slower, and closer to the places to be visited."""
     for more in REPAIRS:
         x = retimed_means(sweep.problem, k.flight.x, min(k.steps + more, sweep.problem.horizon))
-        made = sweep.refiner.polish(x, sweep.flights, sweep.polish_of(FINE[-1:], 1, 4), k.length, k.origin)
+        made = sweep.refiner.polish(x, sweep.flights, sweep.polish_of(FINE[-1:], 4), k.length, k.origin)
         yield closed(sweep, made)

@@ -62,7 +62,7 @@ def _longer_levels(
         longer = [k for k in known if cap < k.length <= SHORTEN * cap]
         groups = (best_of_classes(sweep.problem, some, sweep.cfg.classes) for some in (shorter, longer))
         lines = [(k.flight.x, SPARE[1], k.origin) for k in chain(*groups)]
-        made = held_within(sweep, pool, lines, sweep.polish_of(WIDE, 1, 3), cap)
+        made = held_within(sweep, pool, lines, sweep.polish_of(WIDE, 3), cap)
         known += made
         levels.insert(0, best_of_classes(sweep.problem, made, sweep.cfg.classes))
         best = min((*made, *seen[:1]), key=smoothed)
@@ -129,7 +129,7 @@ def _polished_at(
 ) -> list[Candidate]:
     """``begun`` polished at a length cap in several numbers of steps; those within the cap are returned."""
     lines = [(k.flight.x, more, k.origin) for k in begun for more in spare]
-    return held_within(sweep, pool, lines, sweep.polish_of(WARM, 1, 3), cap)
+    return held_within(sweep, pool, lines, sweep.polish_of(WARM, 3), cap)
 
 
 def _other_sides(
@@ -139,4 +139,4 @@ def _other_sides(
     best = sorted(made, key=smoothed)[:1]
     new = on_other_sides(sweep.problem, best, {path_class(sweep.problem, k.flight.x) for k in made})
     lines = [(start.x, 1, start.origin) for start in new]
-    return held_within(sweep, pool, lines, sweep.polish_of(WIDE, 1, 3), cap)
+    return held_within(sweep, pool, lines, sweep.polish_of(WIDE, 3), cap)

@@ -19,12 +19,13 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.kernels.descent import RIDGE
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.separation import Separation, separation
 from pareto_ltl.planning.refine.statement import LineLimit, Shape, Statement, state
-from pareto_ltl.planning.refine.step_programme import RIDGE, Descent, motion_values
+from pareto_ltl.planning.refine.step_programme import Descent, motion_values
 from pareto_ltl.planning.routes.course import FACE_MARGIN
 from pareto_ltl.planning.routes.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map

@@ -18,29 +18,40 @@ from typing import Protocol
 
 import numpy as np
 
+from pareto_ltl.kernels import descent as kd
 from pareto_ltl.kernels import margin as km
+from pareto_ltl.kernels.attraction import NEAREST, add_attraction
 from pareto_ltl.kernels.data import LandmarkLaw
+from pareto_ltl.kernels.descent import (
+    INNER_GAIN,
+    LEAST_VALUE,
+    NARROWER,
+    NARROWEST,
+    OVERLONG,
+    SHORTENED,
+    WIDER,
+)
 from pareto_ltl.kernels.margin_events import MarginModel
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.evaluate import airspeed_limits, propagate, propagate_controls, takes_fixes
+from pareto_ltl.planning.evaluate import (
+    airspeed_limits,
+    empty_flight,
+    propagate,
+    propagate_controls,
+    takes_fixes,
+)
 from pareto_ltl.planning.margin_model import margin_scratch
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.attraction import Attraction
 from pareto_ltl.planning.refine.programme import programmes_of
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
-from pareto_ltl.planning.refine.step_programme import Descent, next_means
+from pareto_ltl.planning.refine.step_programme import Descent, path_limits, step_memory, step_model
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 EXCESS = 10.0  # penalty per relative risk of a segment above epsilon
-OVERLONG = 20.0  # penalty per relative length above the cap: more than any failure
-SHORTENED = 0.985  # one solve may shorten the path to this share of its length, not further
-WIDER, NARROWER, NARROWEST = 1.5, 0.35, 0.01  # factors of the trust region after a success or not; its least
-INNER_GAIN, OUTER_GAIN = 1e-3, 5e-3  # relative gain below which the solves, or the roll-outs, of a width end
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
-ALL = 0.9  # if more than this share of the flights counts, all are kept: copying winds takes longer
-LEAST_VALUE = 1e-6
+ALL = 0.9  # if more than this share of the flights counts, all are retained: copying winds takes longer
 SLOWEST = 0.05  # of u_max: least ground speed assumed for a leg against a strong wind
 
 
@@ -63,12 +74,10 @@ class CommonFlights(Protocol):
 class Polish:
     """Effort of a refinement.
 
-    ``widths`` τ [m] in turn, ``outer`` roll-outs for each width, ``inner`` solves for each roll-out, and the
-    first ``trust`` region [full steps].
+    ``widths`` τ [m] in turn, ``inner`` solves for each of them, and the first ``trust`` region [full steps].
     """
 
     widths: tuple[float, ...]
-    outer: int = 2
     inner: int = 4
     trust: float = 0.5
 
@@ -117,7 +126,7 @@ class Refiner:
             flight = propagate_controls(problem, np.ascontiguousarray(u), problem.world.law)
         return flight
 
-    def slope(self, x: FloatArray, off: FloatArray, width: float, runs: int) -> tuple[Descent, FloatArray]:
+    def slope(self, x: FloatArray, off: FloatArray, width: float, runs: float) -> tuple[Descent, FloatArray]:
         """Smoothed failure with derivatives of ``x`` + ``off`` (T+1, 2, n) of ``runs`` flights; margins (n,).
 
         The ``runs`` - n flights that are left out have margins too large to count.
@@ -133,14 +142,6 @@ class Refiner:
 
     # --- polishing ---
 
-    def step(self, flight: Flight, here: Descent, trust: float, cap: float) -> FloatArray | None:
-        """Means (T+1, 2) [m] that lower the model ``here`` about those of ``flight``; None: none found."""
-        return next_means(self.problem, flight, here, trust, cap)
-
-    def penalty(self, flight: Flight, longest: float) -> float:
-        """What violated limits add to the failure: the length above ``longest`` [m]."""
-        return OVERLONG * max(0.0, path_length(flight.x) / longest - 1.0)
-
     def polish(
         self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float, origin: str = ""
     ) -> Candidate:
@@ -154,16 +155,19 @@ class Refiner:
             flight, near = self._at_width(flight, near, runs, how, width, longest)
         return flight
 
-    def attraction(
+    def worth_of_fixes(
         self, flight: Flight, flights: CommonFlights, here: Descent, width: float, runs: int
-    ) -> Attraction:
-        """What the fixes of ``flight`` save: its smoothed failure without them, less that of ``here``."""
-        law = self.problem.laws["coherent"]
-        if not isinstance(law, LandmarkLaw) or not takes_fixes(flight):
-            return Attraction(None, 0.0)
+    ) -> float:
+        """What the fixes of ``flight`` save: its smoothed failure without them, less ``here``'s.
+
+        Deviations are held fixed in the solves, so that the failure does not see that a path that leaves a
+        landmark loses its fix. The attraction of landmarks, Eq. (M75) of docs/mathematics_methods.md, does.
+        """
+        if not takes_fixes(flight):
+            return 0.0
         off = deviations_from(flights.unaided(flight), flight.x)
         alone, _ = self.slope(flight.x, off, width, runs)
-        return Attraction(law.landmarks, alone.value - here.value)
+        return max(alone.value - here.value, 0.0)
 
     def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
         """``flight`` as it is, with its failure smoothed over ``width`` [m]."""
@@ -178,58 +182,91 @@ class Refiner:
 
         Flights with a margin larger than the path may move in the first solve no longer count.
         """
-        trust = how.trust
-        for turn in range(how.outer):
-            off = deviations_from(near.positions(flight), flight.x)
-            here, margins = self.slope(flight.x, off, width, runs)
-            if turn == 0:
-                rows = np.flatnonzero(margins < COUNTED * width + how.trust * self.problem.reach)
-                if len(rows) == 0:
-                    break
-                if len(rows) < ALL * len(margins):
-                    off, near = np.ascontiguousarray(off[:, :, rows]), near.only(rows)
-            lure = self.attraction(flight, near, here, width, runs)
-            here = lure.added(here, flight.x, off, width, runs)
-            value = here.value + self.penalty(flight, longest)
-            before = value
-            for _ in range(how.inner):
-                cap = max(longest, SHORTENED * path_length(flight.x))
-                y = self.step(flight, here, trust, cap)
-                if y is None:
-                    trust *= NARROWER
-                    continue
-                other = self.flown(y)
-                there, _ = self.slope(other.x, off, width, runs)
-                there = lure.added(there, other.x, off, width, runs)
-                now = there.value + self.penalty(other, longest)
-                if now < value:
-                    gain = (value - now) / value
-                    flight, here, value, trust = other, there, now, min(WIDER * trust, 1.0)
-                    if gain < INNER_GAIN:
-                        break
-                else:
-                    trust *= NARROWER
-                    if trust < NARROWEST:
-                        break
-            if before - value < OUTER_GAIN * before:
-                break
-        return flight, near
+        off = deviations_from(near.positions(flight), flight.x)
+        here, margins = self.slope(flight.x, off, width, runs)
+        rows = np.flatnonzero(margins < COUNTED * width + how.trust * self.problem.reach)
+        if len(rows) == 0:
+            return flight, near
+        if len(rows) < ALL * len(margins):
+            off, near = np.ascontiguousarray(off[:, :, rows]), near.only(rows)
+        worth = self.worth_of_fixes(flight, near, here, width, runs)
+        sample = kd.Sample(off, width, off.shape[2] / runs, worth, here.value)
+        return self.descended(flight, here, sample, kd.Solves(how.inner, how.trust, longest)), near
+
+    def descended(self, flight: Flight, here: Descent, sample: kd.Sample, solves: kd.Solves) -> Flight:
+        """The flight after the solves at one width, whose deviations do not change.
+
+        ``here`` is the smoothed failure of ``flight``.
+        """
+        problem, n = self.problem, len(flight.x)
+        model = step_model(problem, len(flight.u))
+        scratch = margin_scratch(self.model, sample.off.shape[2], n)
+        memory = kd.Memory(model, step_memory(model), scratch, np.empty(NEAREST, np.int64))
+        first = kd.Guess(flight, km.Slope(here.gradient, here.hessian))
+        other = empty_flight(problem.world.law, n)
+        second = kd.Guess(other, km.Slope(np.empty((n, 2)), np.empty((n, 3))))
+        ended = kd.descend(
+            problem.world.law, path_limits(problem), self.model, sample, solves, first, second, memory
+        )
+        return (first, second)[ended].flight
 
 
 @dataclass(slots=True)
 class ConstrainedRefiner(Refiner):
     """Polishes within ``planner.epsilon`` in every segment, by the programme of :mod:`~.programme`."""
 
-    def step(self, flight: Flight, here: Descent, trust: float, cap: float) -> FloatArray | None:
-        """The solution of the convex programme."""
+    def descended(self, flight: Flight, here: Descent, sample: kd.Sample, solves: kd.Solves) -> Flight:
+        """Decides like :func:`~pareto_ltl.kernels.descent.descend`."""
+        trust = solves.trust
+        here = self.with_lure(here, flight, sample)
+        value = here.value + self.penalty(flight, solves.longest)
+        for _ in range(solves.number):
+            cap = max(solves.longest, SHORTENED * path_length(flight.x))
+            x = self.next_means(flight, here, trust, cap)
+            if x is None:
+                trust *= NARROWER
+                continue
+            other = self.flown(x)
+            there = self.objective(other, sample)
+            now = there.value + self.penalty(other, solves.longest)
+            if now < value:
+                gain = (value - now) / value
+                flight, here, value, trust = other, there, now, min(WIDER * trust, 1.0)
+                if gain < INNER_GAIN:
+                    break
+            else:
+                trust *= NARROWER
+                if trust < NARROWEST:
+                    break
+        return flight
+
+    def next_means(self, flight: Flight, here: Descent, trust: float, cap: float) -> FloatArray | None:
+        """Means (T+1, 2) [m] that lower the model ``here`` of ``flight``; None if there are none."""
         solution = programmes_of(self.problem).of(len(flight.u)).descend(flight, here, trust, cap)
         return None if solution is None else solution.x
 
+    def objective(self, flight: Flight, sample: kd.Sample) -> Descent:
+        """Smoothed failure of ``flight`` and the attraction of landmarks, with their derivatives."""
+        here, _ = self.slope(flight.x, sample.off, sample.width, sample.off.shape[2] / sample.share)
+        return self.with_lure(here, flight, sample)
+
+    def with_lure(self, here: Descent, flight: Flight, sample: kd.Sample) -> Descent:
+        """The smoothed failure ``here`` of ``flight`` and the attraction of landmarks."""
+        law = self.problem.world.law
+        if sample.worth <= 0.0 or not isinstance(law, LandmarkLaw):
+            return here
+        slope, worth = km.Slope(here.gradient, here.hessian), sample.worth * sample.share
+        more = add_attraction(law.landmarks, flight.x, sample.off, sample.width, worth, slope)
+        return Descent(slope.gradient, slope.hessian, here.value + float(more))
+
     def penalty(self, flight: Flight, longest: float) -> float:
-        """Also the risks of segments above epsilon, relative to it."""
+        """What violated limits add to the failure.
+
+        These are the length above ``longest`` [m], and risks of segments above epsilon, relative to it.
+        """
         risk, limit = separation(self.problem, flight).risk, allowed_risk(self.problem)
         above = np.maximum(risk / limit - 1.0, 0.0).sum()
-        return Refiner.penalty(self, flight, longest) + EXCESS * float(above)
+        return OVERLONG * max(0.0, path_length(flight.x) / longest - 1.0) + EXCESS * float(above)
 
 
 def deviations_from(positions: FloatArray, x: FloatArray) -> FloatArray:

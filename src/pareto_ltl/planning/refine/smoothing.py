@@ -11,13 +11,13 @@ from typing import TypeAlias
 
 import numpy as np
 
+from pareto_ltl.kernels.descent import SLOWEST
 from pareto_ltl.planning.evaluate import completing_path, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.programme import Programme, programme
 from pareto_ltl.planning.refine.separation import kept_deviations
-from pareto_ltl.planning.refine.step_programme import NARROWEST
 from pareto_ltl.planning.routes.obligations import completes, path_obligations
 from pareto_ltl.planning.routes.orders import MissionOrder, mission_order
 from pareto_ltl.planning.routes.search_map import search_map
@@ -96,7 +96,7 @@ def smooth_paths(
 def _has_airspeeds(problem: Problem) -> bool:
     """Whether the convex limits of smoothing allow the least airspeed; warns if not."""
     motion = problem.motion
-    if motion.u_min <= NARROWEST * CAP**2 * motion.u_max:
+    if motion.u_min <= SLOWEST * CAP**2 * motion.u_max:
         return True
     LOG.warning(
         "robot.u_min = %g m/s is too close to robot.u_max = %g m/s for convex smoothing: paths of trees are "

@@ -62,10 +62,10 @@ class Sweep:
         """Whether the share ``SWEEP_SHARE`` of the budget is spent: only the last polish is left to do."""
         return self.budget.over(SWEEP_SHARE)
 
-    def polish_of(self, widths: Iterable[float], outer: int, inner: int) -> Polish:
+    def polish_of(self, widths: Iterable[float], inner: int) -> Polish:
         """A polish whose ``widths`` are shares of the map's size."""
         size = float(np.ptp(self.problem.scene.bounds, axis=0).mean())
-        return Polish(tuple(size * w for w in widths), outer, inner)
+        return Polish(tuple(size * w for w in widths), inner)
 
 
 def new_sweep(
@@ -108,7 +108,7 @@ def held_within(
 
 def reassessed(sweep: Sweep, flights: CommonFlights, k: Candidate) -> Candidate:
     """A path of another search, its failures those of ``flights``."""
-    return sweep.refiner.assessed(k.flight, flights, sweep.polish_of(WARM, 1, 1).widths[-1], k.origin)
+    return sweep.refiner.assessed(k.flight, flights, sweep.polish_of(WARM, 1).widths[-1], k.origin)
 
 
 def best_of_classes(problem: Problem, found: Iterable[Candidate], most: int) -> list[Candidate]:
