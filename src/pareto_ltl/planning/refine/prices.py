@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.kernels import margin as km
+from pareto_ltl.kernels.descent import LEAST_VALUE
 from pareto_ltl.kernels.margin_events import NOWHERE, MarginModel, Scratch
 from pareto_ltl.planning.barriers import barrier_outlines, barrier_polygons, lines_of
 from pareto_ltl.planning.evaluate import propagate
@@ -30,7 +31,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.planning.refine.epsilon import barrier_names
 from pareto_ltl.planning.refine.programme import Solution, programmes_of
-from pareto_ltl.planning.refine.sampled import LEAST_VALUE, deviations_from
+from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
