@@ -94,7 +94,7 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
             break
         near = closing.polished(end.x, sweep.few, more, longer * path_length(end.x))
         end = closing.polished(near.x, flights, last, path_length(near.x))
-    return replace(k, flight=end, length=path_length(end.x))
+    return replace(k, flight=end, length=path_length(end.x), kind=None)
 
 
 def spare_steps(k: Candidate) -> float:

@@ -13,11 +13,11 @@ from pareto_ltl.planning.refine.sweep import (
     WIDE,
     Sweep,
     best_of_classes,
+    class_of,
     held_within,
     on_other_sides,
     smoothed,
 )
-from pareto_ltl.planning.routes.path_classes import path_class
 
 SPARE = (0, 1, 3)  # numbers of steps tried, beyond the fewest
 FLIP_EVERY = 3  # levels of the falling sweep between trials of other sides
@@ -137,6 +137,6 @@ def _other_sides(
 ) -> list[Candidate]:
     """The best of ``made`` bent to the other side of every near obstacle, in classes not among ``made``."""
     best = sorted(made, key=smoothed)[:1]
-    new = on_other_sides(sweep.problem, best, {path_class(sweep.problem, k.flight.x) for k in made})
+    new = on_other_sides(sweep.problem, best, {class_of(sweep.problem, k) for k in made})
     lines = [(start.x, 1, start.origin) for start in new]
     return held_within(sweep, pool, lines, sweep.polish_of(WIDE, 3), cap)

@@ -14,12 +14,15 @@ TOO_SLOW = 0.8  # of the least airspeed: refinement lengthens a line that is flo
 STOPS = 12  # places along a line at which a stop is tried
 
 
-def retimed_means(problem: Problem, x: FloatArray, steps: int) -> FloatArray:
+def retimed_means(
+    problem: Problem, x: FloatArray, steps: int, needed: FloatArray | None = None
+) -> FloatArray:
     """The line of ``x`` (T+1, 2) in ``steps`` steps; paced anew if these times do not complete the mission.
 
-    Where pacing does not help, ``x`` is kept.
+    Where pacing does not help, ``x`` is returned. ``needed`` as for
+    :func:`~pareto_ltl.planning.refine.sampled.resampled_means`.
     """
-    y = resampled_means(problem, x, steps)
+    y = resampled_means(problem, x, steps, needed)
     if len(problem.logic.delta) == 1 or completes(problem, y) or not completes(problem, x):
         return y
     y = paced_line(problem, y)

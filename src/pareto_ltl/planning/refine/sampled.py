@@ -45,6 +45,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.programme import programmes_of
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
 from pareto_ltl.planning.refine.step_programme import Descent, path_limits, step_memory, step_model
+from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.support.arrays import FloatArray, IntArray
@@ -84,13 +85,17 @@ class Polish:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A path after polishing: its flight, length [m], smoothed failure and failure rate on its flights."""
+    """A path after polishing: its flight, length [m], smoothed failure and failure rate on its flights.
+
+    ``kind`` is its class, None where that is not known.
+    """
 
     flight: Flight
     length: float
     smoothed: float
     failed: float
     origin: str = ""
+    kind: PathClass | None = None
 
     @property
     def steps(self) -> int:
@@ -173,7 +178,8 @@ class Refiner:
         """``flight`` as it is, with its failure smoothed over ``width`` [m]."""
         off = deviations_from(flights.positions(flight), flight.x)
         here, margins = self.slope(flight.x, off, width, len(flights))
-        return Candidate(flight, path_length(flight.x), here.value, float((margins < 0.0).mean()), origin)
+        kind, failed = path_class(self.problem, flight.x), float((margins < 0.0).mean())
+        return Candidate(flight, path_length(flight.x), here.value, failed, origin, kind)
 
     def _at_width(
         self, flight: Flight, near: CommonFlights, runs: int, how: Polish, width: float, longest: float
@@ -292,8 +298,14 @@ def steps_needed(problem: Problem, x: FloatArray) -> FloatArray:
     return np.asarray(length / (motion.dt * np.maximum(speed, SLOWEST * motion.u_max)), float)
 
 
-def resampled_means(problem: Problem, x: FloatArray, steps: int) -> FloatArray:
-    """The line of ``x`` (T+1, 2) divided into ``steps`` steps that need the same share of the airspeed."""
-    time = np.concatenate([[0.0], np.cumsum(steps_needed(problem, x) + 1e-6)])
+def resampled_means(
+    problem: Problem, x: FloatArray, steps: int, needed: FloatArray | None = None
+) -> FloatArray:
+    """The line of ``x`` (T+1, 2) divided into ``steps`` steps that need the same share of the airspeed.
+
+    ``needed`` (T,) is :func:`steps_needed` of ``x`` where that is known.
+    """
+    needed = steps_needed(problem, x) if needed is None else needed
+    time = np.concatenate([[0.0], np.cumsum(needed + 1e-6)])
     at = np.linspace(0.0, time[-1], steps + 1)
     return np.column_stack([np.interp(at, time, x[:, i]) for i in (0, 1)])

@@ -86,8 +86,9 @@ def new_sweep(
 
 def timed_means(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
     """The line of ``x`` in the fewest steps and ``spare`` more; more where windows open later."""
-    steps = int(np.ceil(steps_needed(problem, x).sum() * 1.01)) + spare
-    return retimed_means(problem, x, min(max(steps, 2), problem.horizon))
+    needed = steps_needed(problem, x)
+    steps = int(np.ceil(needed.sum() * 1.01)) + spare
+    return retimed_means(problem, x, min(max(steps, 2), problem.horizon), needed)
 
 
 def held_within(
@@ -120,8 +121,13 @@ def best_of_classes(problem: Problem, found: Iterable[Candidate], most: int) -> 
     for k in sorted(found, key=smoothed):
         if best and k.smoothed > RIVAL * next(iter(best.values())).smoothed:
             break
-        best.setdefault(path_class(problem, k.flight.x), k)
+        best.setdefault(class_of(problem, k), k)
     return list(best.values())[:most]
+
+
+def class_of(problem: Problem, k: Candidate) -> PathClass:
+    """The class of ``k``."""
+    return path_class(problem, k.flight.x) if k.kind is None else k.kind
 
 
 def on_other_sides(problem: Problem, found: Iterable[Candidate], known: Container[PathClass]) -> list[Start]:
