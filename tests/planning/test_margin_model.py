@@ -9,12 +9,15 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from pareto_ltl.kernels.margin import Slope, smoothed_failure
 from pareto_ltl.kernels.margin_events import Guards
 from pareto_ltl.planning.epochs import Reading
-from pareto_ltl.planning.margin_model import pack_guards, shown_letters
+from pareto_ltl.planning.margin_model import margin_model, margin_scratch, pack_guards, shown_letters
+from pareto_ltl.planning.pack_logic import LIVE
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.sampled import Refiner
 from pareto_ltl.support.arrays import FloatArray
-from problems import box, make_problem, make_scene
+from problems import KM, along, box, make_problem, make_scene, steady_wind
 from strategies import formulas
 
 REGIONS = {"a": box(2, 8, 6, 12), "b": box(4, 10, 9, 15), "c": box(12, 8, 16, 12)}  # a and b overlap
@@ -93,3 +96,47 @@ def test_patient_edges_leave_every_claim_as_it_is_where_nothing_is_shown(formula
     for q in np.flatnonzero(np.isfinite(logic.distance)):
         held = by_guards(guards, int(q), len(logic.distance), far)
         assert (held[q] == np.inf) or not patient
+
+
+# --- the order of one path in a large automaton -----------------------------------------------------
+
+GRID = ((3, 0), (8, 0), (13, 0), (16, 5), (12, 8), (7, 8), (2, 8))
+SQUARES = {name: box(x, y, x + 2, y + 2) for name, (x, y) in zip("abcdefg", GRID, strict=True)}
+COVERAGE = " & ".join(f"F {name}" for name in SQUARES)  # 128 states
+TOUR = along((1, 1), *((x + 1, y + 1) for x, y in GRID), step=0.9)
+
+
+@pytest.mark.parametrize("formula", [COVERAGE, f"{COVERAGE} & F(a & F b)"])
+@pytest.mark.parametrize("spread", [0.2, 1.2])
+def test_the_margin_in_the_order_of_a_path_is_a_lower_limit_and_the_same_near_it(
+    formula: str, spread: float
+) -> None:
+    scene = make_scene(SQUARES, start=(1, 1))
+    problem = make_problem(formula, scene, steady_wind(scene), fidelity="full")
+    refiner = Refiner(problem, margin_model(problem))
+    one = refiner.model_along(TOUR)
+    assert len(one.logic.distance) <= LIVE < len(refiner.model.logic.distance)
+    rng = np.random.default_rng(4)
+    off = np.ascontiguousarray((spread * KM * rng.standard_normal((200, 1, 2))).repeat(len(TOUR), 1))
+    off = np.ascontiguousarray(np.moveaxis(off, 0, 2))
+    margins = []
+    for model in (one, refiner.model):
+        scratch = margin_scratch(model, 200, len(TOUR))
+        slope = Slope(np.zeros(TOUR.shape), np.zeros((len(TOUR), 3)))
+        smoothed_failure(model, TOUR, off, 1e5, slope, scratch)
+        margins.append(scratch.margins)
+    assert (margins[0] <= margins[1] + 1e-9).all()
+    near = np.isclose(*margins, rtol=0.0, atol=1e-9)
+    assert near.all() if spread < 1.0 else near.mean() > 0.5
+    assert (margins[1] > 0.0).any()
+
+
+def test_a_path_that_passes_a_place_between_two_steps_has_its_order() -> None:
+    scene = make_scene(SQUARES, start=(1, 1))
+    problem = make_problem(COVERAGE, scene, steady_wind(scene), fidelity="full")
+    refiner = Refiner(problem, margin_model(problem))
+    in_a = ((SQUARES["a"][0] <= TOUR) & (SQUARES["a"][2] >= TOUR)).all(axis=1)
+    assert in_a.any()
+    assert problem.logic.distance[problem.states(TOUR[~in_a])[-1]] > 0.0
+    assert refiner.model_along(TOUR[~in_a]) is refiner.model_along(TOUR)
+    assert refiner.model_along(TOUR[:9]) is refiner.model  # the path does not complete the mission

@@ -161,17 +161,30 @@ def measure_hazards(model: MarginModel, near: Near, t: int, rows: ClaimRows) -> 
 
 
 @kernel
+def limit_reach(claims: Rows, reach: float, within: FloatArray) -> None:
+    """Fill ``within`` (n,) with the distances beyond which a hazard neither lowers a claim nor is met [m]."""
+    within[:] = 0.0
+    for p in range(len(claims.live)):
+        if claims.live[p]:
+            raise_row(within, claims.margin[p])
+    for i in range(len(within)):
+        within[i] = min(within[i], reach)
+
+
+@kernel
 def cross_segment(
     model: MarginModel, near: Near, t: int, reach: float, rows: ClaimRows, claims: Rows, n: int
 ) -> None:
     """:func:`cross_hazards` from step ``t`` for the first n segments of ``rows.ends``.
 
-    Only for those closer to a hazard than ``reach``: 1,500 flights of 157 steps take 10 instead of 31 ms.
+    Only for those closer to a hazard than ``reach`` and the largest margin of their claims: 1,500 flights of
+    157 steps take 10 instead of 31 ms.
     """
     measure_hazards(model, near, t, rows)
-    nearest, ends, one, begun = rows.margin[1], rows.ends, rows.flight, False
+    nearest, within, ends, one, begun = rows.margin[1], rows.margin[0, :n], rows.ends, rows.flight, False
+    limit_reach(claims, reach, within)
     for i in range(n):
-        if nearest[i] >= reach:
+        if nearest[i] > within[i]:
             continue
         if not begun:
             begun = True

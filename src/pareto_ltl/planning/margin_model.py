@@ -91,6 +91,44 @@ def shown_letters(problem: Problem) -> list[IntArray]:
     return [np.array(cells, np.int64) for cells in groups.values()]
 
 
+def model_of_order(model: MarginModel, states: IntArray) -> MarginModel:
+    """``model`` with only the ``states`` that a path passes through, for large automata.
+
+    The margin of a flight is then that of completing the mission in the order of that path: a lower limit of
+    its margin in ``model``, and the same for flights near the path. Few claims are judged for many flights at
+    once. ``model`` itself is returned for at most ``LIVE`` states, for automata whose letters are read
+    between steps, and where no state is accepting.
+
+    Parameters
+    ----------
+    states : (S,) int
+        Ascending, each once, with the initial one.
+    """
+    logic = model.logic
+    large, hazardous = len(logic.distance) > LIVE >= len(states), len(logic.hazards.cell) > 0
+    if not large or hazardous or not (logic.distance[states] == 0.0).any():
+        return model
+    return _with_states_only(model, states)
+
+
+def _with_states_only(model: MarginModel, states: IntArray) -> MarginModel:
+    logic, guards = model.logic, model.guards
+    number = np.full(len(logic.distance), -1)
+    number[states] = np.arange(len(states))
+    edges = np.flatnonzero((number[guards.source] >= 0) & (number[guards.target] >= 0))
+    lists = [guards.letter[guards.ptr[e] : guards.ptr[e + 1]] for e in edges]
+    begun = np.column_stack([guards.first[:, states], guards.first[:, states[-1] + 1]])
+    return model._replace(
+        guards=Guards(
+            number[guards.source[edges]], number[guards.target[edges]], guards.spared[edges],
+            np.concatenate([[0], np.cumsum([len(row) for row in lists])]).astype(np.int64),
+            np.concatenate([np.empty(0, np.int64), *lists]), guards.patient,
+            np.searchsorted(edges, begun).astype(np.int64), np.zeros(len(states), np.int64),
+        ),
+        logic=logic._replace(distance=logic.distance[states], initial=int(number[logic.initial])),
+    )  # fmt: skip
+
+
 def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
     """Edges between claims in every epoch, for the letters of ``column`` and, last, the empty letter.
 

@@ -13,7 +13,7 @@ sweeps of a front solve it by :mod:`pareto_ltl.kernels.step_solver`; its last po
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -40,7 +40,8 @@ from pareto_ltl.planning.evaluate import (
     propagate_controls,
     takes_fixes,
 )
-from pareto_ltl.planning.margin_model import margin_scratch
+from pareto_ltl.planning.margin_model import margin_scratch, model_of_order
+from pareto_ltl.planning.pack_logic import LIVE
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.programme import programmes_of
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
@@ -52,6 +53,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 
 EXCESS = 10.0  # penalty per relative risk of a segment above epsilon
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
+FINER = 8  # parts of a leg in which letters are looked for that no step reads
 ALL = 0.9  # if more than this share of the flights counts, all are retained: copying winds takes longer
 SLOWEST = 0.05  # of u_max: least ground speed assumed for a leg against a strong wind
 
@@ -114,6 +116,23 @@ class Refiner:
 
     problem: Problem
     model: MarginModel
+    orders: dict[bytes, MarginModel] = field(default_factory=dict)
+
+    def model_along(self, x: FloatArray) -> MarginModel:
+        """The model of margins for flights near the means ``x`` (T+1, 2)."""
+        if len(self.model.logic.distance) <= LIVE:
+            return self.model
+        states = self.states_passed(x)
+        if not (self.problem.logic.distance[states] == 0.0).any():  # no step lies in a place on the way
+            states = self.states_passed(divided(x, FINER))
+        key = states.tobytes()
+        if key not in self.orders:
+            self.orders[key] = model_of_order(self.model, states)
+        return self.orders[key]
+
+    def states_passed(self, x: FloatArray) -> IntArray:
+        """The automaton states along the means ``x`` (T+1, 2), ascending, each once."""
+        return np.unique(np.append(self.problem.states(x), self.model.logic.initial))
 
     # --- means and controls ---
 
@@ -138,10 +157,10 @@ class Refiner:
 
         Eqs. (M54) and (M55) of docs/mathematics_methods.md.
         """
-        slope = km.Slope(np.zeros((len(x), 2)), np.zeros((len(x), 3)))
-        scratch = margin_scratch(self.model, off.shape[2], len(x))
+        slope, model = km.Slope(np.zeros((len(x), 2)), np.zeros((len(x), 3))), self.model_along(x)
+        scratch = margin_scratch(model, off.shape[2], len(x))
         share = off.shape[2] / runs
-        value = share * float(km.smoothed_failure(self.model, x, off, width, slope, scratch))
+        value = share * float(km.smoothed_failure(model, x, off, width, slope, scratch))
         descent = Descent(share * slope.gradient, share * slope.hessian, max(value, LEAST_VALUE))
         return descent, scratch.margins
 
@@ -204,15 +223,15 @@ class Refiner:
 
         ``here`` is the smoothed failure of ``flight``.
         """
-        problem, n = self.problem, len(flight.x)
+        problem, margins, n = self.problem, self.model_along(flight.x), len(flight.x)
         model = step_model(problem, len(flight.u))
-        scratch = margin_scratch(self.model, sample.off.shape[2], n)
+        scratch = margin_scratch(margins, sample.off.shape[2], n)
         memory = kd.Memory(model, step_memory(model), scratch, np.empty(NEAREST, np.int64))
         first = kd.Guess(flight, km.Slope(here.gradient, here.hessian))
         other = empty_flight(problem.world.law, n)
         second = kd.Guess(other, km.Slope(np.empty((n, 2)), np.empty((n, 3))))
         ended = kd.descend(
-            problem.world.law, path_limits(problem), self.model, sample, solves, first, second, memory
+            problem.world.law, path_limits(problem), margins, sample, solves, first, second, memory
         )
         return (first, second)[ended].flight
 
@@ -273,6 +292,12 @@ class ConstrainedRefiner(Refiner):
         risk, limit = separation(self.problem, flight).risk, allowed_risk(self.problem)
         above = np.maximum(risk / limit - 1.0, 0.0).sum()
         return OVERLONG * max(0.0, path_length(flight.x) / longest - 1.0) + EXCESS * float(above)
+
+
+def divided(x: FloatArray, parts: int) -> FloatArray:
+    """``x`` (T+1, 2) with each leg divided into ``parts``."""
+    at = np.linspace(0.0, len(x) - 1.0, parts * (len(x) - 1) + 1)
+    return np.column_stack([np.interp(at, np.arange(len(x)), x[:, c]) for c in (0, 1)])
 
 
 def deviations_from(positions: FloatArray, x: FloatArray) -> FloatArray:
