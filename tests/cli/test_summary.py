@@ -9,7 +9,8 @@ from pathlib import Path
 from rich.console import Console
 
 from pareto_ltl.cli.markdown_text import shown_markdown
-from pareto_ltl.cli.summary import collected_warnings, run_answer, summary_rows, warning_paragraphs
+from pareto_ltl.cli.summary import run_answer, summary_rows, warning_paragraphs
+from pareto_ltl.cli.warning_lines import collected_warnings
 from pareto_ltl.settings import Settings, preset
 
 METRICS = {

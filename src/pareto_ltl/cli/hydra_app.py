@@ -163,7 +163,8 @@ class HydraJob:
         self.answer = summary_answer(found, found.place / "summary.html")
 
     def _single_job(self, config: DictConfig) -> int:
-        from pareto_ltl.cli.summary import collected_warnings, run_answer
+        from pareto_ltl.cli.summary import run_answer
+        from pareto_ltl.cli.warning_lines import collected_warnings
 
         directory = Path(HydraConfig.get().runtime.output_dir)
         shown = _relative_path(directory)
