@@ -1,7 +1,7 @@
-"""``trajectory.nc`` in two readers of the CF conventions: cf_xarray, and the checker of IOOS if it is installed.
+"""``trajectory.nc`` in two readers of the CF conventions: cf_xarray, and, if it is installed, the IOOS checker.
 
-The checker needs netCDF4 and cf-units, compiled packages that no other test needs, so that the lock is without
-it: ``pip install compliance-checker`` adds it. It reads the table of standard names that it ships.
+The checker needs netCDF4 and cf-units, compiled packages that no other test needs, so the lock is without it:
+``pip install compliance-checker`` adds it. It reads the table of standard names that it ships.
 """
 
 from __future__ import annotations
