@@ -1,4 +1,4 @@
-"""``trajectory.nc`` in two readers of the CF conventions: cf_xarray, and, if it is installed, the IOOS checker.
+"""``trajectory.nc`` in two readers of the CF conventions: cf_xarray, and the checker of IOOS, if installed.
 
 The checker needs netCDF4 and cf-units, compiled packages that no other test needs, so the lock is without it:
 ``pip install compliance-checker`` adds it. It reads the table of standard names that it ships.
