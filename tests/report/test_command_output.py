@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 from pathlib import Path
 
 import numpy as np
@@ -86,7 +87,11 @@ def test_the_table_of_a_front_fits_a_terminal_and_marks_the_plan(
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     assert sum(line.lstrip().startswith("plan ") for line in lines) == 1
-    assert f"{Results(page_result).front.models.law} winds" in " ".join(lines)
+    front = Results(page_result).front
+    assert f"{front.models.law} winds" in " ".join(lines)
+    rows = [line for line in lines if re.match(r" *(plan )?\d+ +[\d.e-]+ %", line)]
+    assert len(rows) == len(front.paths)  # a line each
+    assert all(re.search(r"% \([\d.e-]+ to [\d.e-]+\)", row) for row in rows)
 
 
 @pytest.mark.parametrize(
