@@ -346,6 +346,16 @@ def test_a_run_that_fails_before_its_first_tree_leaves_no_folder(
     assert not (here / "outputs").exists()
 
 
+def test_a_formula_over_an_unknown_region_leaves_no_folder(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run_hydra(["+experiment=phi1", "mission.formula='F nowhere'", "wind=calm"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("pareto-ltl: unknown region 'nowhere'")
+    assert "[" not in err
+    assert not (here / "outputs").exists()
+
+
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 def test_a_run_that_is_asked_to_end_notes_it_and_ends_with_the_code_of_the_signal(
     name: str, here: Path, stage: Any, capsys: pytest.CaptureFixture[str]

@@ -9,6 +9,7 @@ from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.run_status import ending_text
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Front
@@ -30,7 +31,9 @@ def front_command(argv: Sequence[str]) -> Answer:
     results = load_results(options.directory)
     records = results.records()
     if FRONT not in records:
-        raise DataError(f"{options.directory}: it holds no front; give the results of a plan")
+        status = results.run.get("status")
+        why = "give the results of a plan" if status == "ok" else ending_text(options.directory, status)
+        raise DataError(f"{options.directory}: there is no front: {why}")
     front = records[FRONT]
     chosen = chosen_number(front, records.get(PLAN))
     points = [
