@@ -98,7 +98,7 @@ BAD = {
     "scene.obstacles=" + "[" * 5000 + "]" * 5000: "nested too deeply",
     "planner=" + "x" * 5000: "File name too long",
     "pipelines.stages=[" + "x" * 5000 + "]": "there is no stage 'xxx",
-    "wind.path=größe.csv": "letters beyond ASCII need two pairs of quotes",
+    "wind.path=größe.csv": "letters beyond ASCII need two pairs of quotes: \"wind.path='größe.csv'\"",
     "hydra.run.dir=": "hydra.run.dir is empty",
     "planner.n_max=100000000": "planner.n_max=100000000 needs",
     "robot.a=[[1.0]]": "robot.a must be a 2 x 2 matrix",
@@ -115,7 +115,8 @@ BAD = {
     "pipelines.stages=[readings,scene,decomposition,forest]": "'forest' needs problem, which no earlier",
     "pipelines.stages=[readings,scene,decomposition,wind]": "'wind' needs observations, which no earlier",
     "seed=1,2": "add -m to run each",
-    "mission.formula=F(a & F b)": "two pairs of quotes",
+    "mission.formula=F(a & F c)": "needs two pairs of quotes: \"mission.formula='F(a & F c)'\"",
+    'mission.formula=F("a b" & c)': "needs two pairs of quotes: \"mission.formula='F(a & F b)'\"",
     "mission.formula=''": "mission.formula is missing",
     "mission.formula='F(a & '": "column",
     "mission.formula='G a'": "G a",
@@ -342,6 +343,16 @@ def test_a_run_that_fails_before_its_first_tree_leaves_no_folder(
     stage(refused)
     assert app.run_hydra(["pipelines.stages=[readings,scene,refused]", "+experiment=phi1"]) == 2
     assert capsys.readouterr().err == "pareto-ltl: the wind file is empty\n"
+    assert not (here / "outputs").exists()
+
+
+def test_a_formula_over_an_unknown_region_leaves_no_folder(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run_hydra(["+experiment=phi1", "mission.formula='F nowhere'", "wind=calm"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("pareto-ltl: unknown region 'nowhere'")
+    assert "[" not in err
     assert not (here / "outputs").exists()
 
 

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from pareto_ltl.cli.markdown_text import shown_markdown
-from pareto_ltl.cli.summary import collected_warnings, run_answer, summary_rows, warning_paragraphs
+from pareto_ltl.cli.markdown_text import fitting_columns, shown_markdown
+from pareto_ltl.cli.summary import run_answer, summary_rows, warning_paragraphs
+from pareto_ltl.cli.warning_lines import collected_warnings
 from pareto_ltl.settings import Settings, preset
 
 METRICS = {
@@ -98,6 +99,14 @@ def test_tables_of_a_study_fit_a_terminal_and_lose_no_column_without_a_word() ->
     wide = [row + f" {'y' * 70} |" for row in rows]
     shown = [part for part in shown_markdown("\n".join(wide), "tables.md") if isinstance(part, str)]
     assert shown == [f"1 more column in tables.md: {'y' * 70}"]
+
+
+def test_a_table_that_is_too_wide_has_its_failures() -> None:
+    header = ["method", "winds", "x" * 30, "failed", "collided", "y" * 30]
+    assert fitting_columns([header], 60) == [0, 1, 2, 3]
+    assert fitting_columns([header], 25) == [0, 1, 3]
+    assert fitting_columns([["x" * 100, "failed", "failed at 2 km"]]) == [0]
+    assert fitting_columns([header], 200) == [0, 1, 2, 3, 4, 5]
 
 
 def test_a_run_that_only_fits_the_wind_prints_what_it_found() -> None:

@@ -208,17 +208,17 @@ AIR, SEA, WATER = Height(100.0, above_sea=False), Height(3000.0, above_sea=True)
 
 
 @pytest.mark.parametrize(
-    ("robot", "height", "vehicle", "first"),
+    ("robot", "height", "vehicle", "first", "last"),
     [
-        ("multirotor", AIR, 2, 22),
-        ("multirotor", SEA, 2, 178),
-        ("fixed_wing", AIR, 1, 178),
-        ("underwater_glider", WATER, 12, 178),
-        (None, AIR, 0, 178),
+        ("multirotor", AIR, 2, 22, 17),
+        ("multirotor", SEA, 2, 178, 17),
+        ("fixed_wing", AIR, 1, 178, 16),
+        ("underwater_glider", WATER, 12, 178, 16),
+        (None, AIR, 0, 178, 16),
     ],
 )
-def test_the_mission_names_the_vehicle_and_takes_off_with_rotors(
-    flown: Flown, robot: str | None, height: Height, vehicle: int, first: int
+def test_the_mission_names_the_vehicle_and_takes_off_and_hovers_with_rotors(
+    flown: Flown, robot: str | None, height: Height, vehicle: int, first: int, last: int
 ) -> None:
     """The landing is left to the pilot: the plan may end over water."""
     cfg = RobotConfig() if robot is None else section_of("robot", robot)
@@ -226,11 +226,14 @@ def test_the_mission_names_the_vehicle_and_takes_off_with_rotors(
         energy=energy_model(cfg.power), motion=flown.problem.motion._replace(u_min=cfg.u_min)
     )
     exported = replace(flown.exported, height=height, vehicle=vehicle_of(height, problem))
-    mission = json.loads(MAKERS["qgc"](exported))["mission"]
+    content = json.loads(MAKERS["qgc"](exported))
+    mission, log = content["mission"], exported.log
     items = mission["items"]
-    assert (mission["vehicleType"], items[0]["command"]) == (vehicle, first)
+    assert (mission["vehicleType"], items[0]["command"], items[-1]["command"]) == (vehicle, first, last)
+    assert items[-1]["params"][4:] == [log.lat[-1], log.lon[-1], height.metres]
+    assert ("hovers at the end" in content["pareto_ltl"]["note"]) == (last == 17)
     assert [item["doJumpId"] for item in items] == list(range(1, len(items) + 1))
-    assert {item["command"] for item in items[1:]} == {16, 178}
+    assert {item["command"] for item in items[1:]} == {16, 178, last}
     if first == 22:
         assert items[0]["params"][4:] == [exported.log.lat[0], exported.log.lon[0], 100.0]
         assert items[0]["frame"] == 3

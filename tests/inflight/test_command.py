@@ -119,6 +119,20 @@ def test_the_search_area_is_where_the_plan_goes_on(made: Path, telemetry: Path, 
     assert "coherent winds" in kml
 
 
+def test_telemetry_of_another_day_gives_areas_from_the_exact_start(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = tmp_path / "early.csv", tmp_path / "early"
+    file.write_text("time,heading_true,airspeed_m_s\n2001-01-01T00:00:00Z,10,20\n")
+    words = ["follow", str(made), "--log", str(file), "--out", str(out), "--flights", "100"]
+    assert run_command_line(words) == 0
+    assert "1 before departure" in capsys.readouterr().out
+    first = json.loads((out / "search_area.geojson").read_text())["features"][0]
+    shape = shapely.geometry.shape(first["geometry"])
+    assert shape.is_valid
+    assert 0 < shape.area < 1e-9
+
+
 def test_a_fix_starts_a_new_plan(made: Path, telemetry: Path, tmp_path: Path, capsys) -> None:
     words = ["follow", str(made), "--log", str(telemetry), "--out", str(tmp_path), "--every", "7200"]
     assert run_command_line([*words, "--flights", "100", "--replan"]) == 0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import logging
+import re
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +87,11 @@ def test_the_table_of_a_front_fits_a_terminal_and_marks_the_plan(
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     assert sum(line.lstrip().startswith("plan ") for line in lines) == 1
-    assert f"{Results(page_result).front.models.law} winds" in " ".join(lines)
+    front = Results(page_result).front
+    assert f"{front.models.law} winds" in " ".join(lines)
+    rows = [line for line in lines if re.match(r" *(plan )?\d+ +[\d.e-]+ %", line)]
+    assert len(rows) == len(front.paths)  # a line each
+    assert all(re.search(r"% \([\d.e-]+ to [\d.e-]+\)", row) for row in rows)
 
 
 @pytest.mark.parametrize(
@@ -109,6 +115,46 @@ def test_errors_are_documents_too_and_stay_lines_on_the_error_stream(
     assert json.loads(told.out)["error"] in told.err
     assert told.err.startswith("pareto-ltl: ")
     assert list(tmp_path.iterdir()) == []
+
+
+WARNED, OTHER = logging.getLogger("pareto_ltl.run.stages"), logging.getLogger("matplotlib.font_manager")
+LONG = "the wind is that 10 m above ground: winds at other heights differ, often by a factor of two; read it"
+
+
+def test_warnings_of_commands_are_in_their_answer_and_other_packages_are_quiet(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def warned(_argv: list[str]) -> Answer:
+        for _ in range(2):
+            WARNED.warning(LONG)
+            OTHER.warning("findfont: not found")
+        return Answer({"a": 1, "warnings": ["known"]}, ["text"])
+
+    def streamed(_argv: list[str], _output: Output) -> int:
+        warned([])
+        return 0
+
+    monkeypatch.setattr("pareto_ltl.cli.cache_command.cache_command", warned)
+    monkeypatch.setattr("pareto_ltl.cli.follow_command.follow_command", streamed)
+    assert run_command_line(["cache", "--json"]) == 0
+    out, err = capfd.readouterr()
+    assert json.loads(out) == {"a": 1, "warnings": ["known", LONG]}
+    assert err == ""
+    run_command_line(["cache"])
+    lines = capfd.readouterr().out.splitlines()
+    assert " ".join(lines[:-1]) == f"Warning: {LONG}"
+    assert max(map(len, lines)) <= 80
+    assert lines[-1] == "text"
+    run_command_line(["follow", "--json"])
+    assert capfd.readouterr() == ("", f"Warning: {LONG}\n")
+
+
+def test_help_is_text_in_any_form_of_the_output(capsys: pytest.CaptureFixture[str]) -> None:
+    for flag in ("--json", "--quiet"):
+        assert run_command_line(["verify", "--help", flag]) == 0
+        out, err = capsys.readouterr()
+        assert out.startswith("usage: pareto-ltl verify")
+        assert err == ""
 
 
 def test_flags_that_exclude_each_other_are_refused(capsys: pytest.CaptureFixture[str]) -> None:

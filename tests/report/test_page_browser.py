@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import gpxpy
 import numpy as np
 import pytest
+from fastkml.validator import validate
 from playwright.sync_api import Browser
 
 import pareto_ltl
@@ -260,7 +262,20 @@ def test_downloads_say_what_the_exported_files_say(opened: Opened, page_result: 
     told = json.loads((tmp_path / "plan.geojson").read_text())["features"]
     roles = [feature["properties"]["role"] for feature in features]
     assert sorted(roles) == sorted(feature["properties"]["role"] for feature in told)
-    assert "<coordinates>" in downloaded(opened, "plan.kml")
+    drawn, place = downloaded(opened, "plan.kml"), tmp_path / "page.kml"
+    place.write_text(drawn, encoding="utf-8")
+    assert validate(file_to_validate=place)  # against the OGC schema
+    used = set(re.findall("<styleUrl>#(.*?)</styleUrl>", drawn))
+    assert {"route", "region", "obstacle", "bounds"} <= used <= set(re.findall('<Style id="(.*?)">', drawn))
+    sentences = [
+        re.sub(r"[\d.,]*\d", "N", sentence)  # the exported rate is that of other flights
+        for text in (drawn, (tmp_path / "plan.kml").read_text())
+        for sentence in re.findall(r"Of [\d,]+ flights flown by heading .*? fail\.", text)
+    ]
+    assert sentences == 2 * [
+        "Of N flights flown by heading and airspeed in coherent winds, N % (N %: N to N %) fail."
+    ]
+    assert "<opencpn:planned_departure>" in downloaded(opened, "plan.gpx")
 
 
 # --- other results ----------------------------------------------------------------------------

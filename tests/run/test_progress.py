@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-import pytest
+import io
+import re
 
-from pareto_ltl.run.progress import ProgressBar
+import pytest
+from rich.console import Console
+
+from pareto_ltl.run.progress import STAGE_WORDS, ProgressBar
+from pareto_ltl.run.stages import PLAN_STAGES
+from pareto_ltl.support.resources import PACKAGE
 
 
 def test_the_bar_has_the_counts_of_a_stage_or_its_state(capsys: pytest.CaptureFixture[str]) -> None:
@@ -16,3 +22,22 @@ def test_the_bar_has_the_counts_of_a_stage_or_its_state(capsys: pytest.CaptureFi
         bar(4, 1200, "2 paths")
         assert task.fields["state"] == "2 paths"
     assert capsys.readouterr().out == ""
+
+
+def test_the_words_of_the_stages_are_those_of_the_desk() -> None:
+    script = (PACKAGE / "serve" / "page" / "result.js").read_text(encoding="utf-8")
+    (table,) = re.findall(r"const STAGES = \{(.*?)\};", script, re.DOTALL)
+    assert dict(re.findall(r'(\w+): "(.*?)"', table)) == STAGE_WORDS
+    assert {stage.name for stage in PLAN_STAGES} - {"table"} <= set(STAGE_WORDS)  # that of ingest
+
+
+def test_a_line_of_a_terminal_holds_the_time_and_the_words_of_the_front() -> None:
+    screen = io.StringIO()
+    with ProgressBar(shown=True) as bar, bar.stage("front"):
+        assert bar._bar is not None  # noqa: SLF001
+        bar(3, 64, "14 paths of at least 1,672 km; the safest fails 0.85 % at 2,102 km")
+        Console(file=screen, width=80).print(bar._bar.get_renderable())  # noqa: SLF001
+    text = " ".join(screen.getvalue().split())
+    assert "Improving the paths" in text
+    assert "0:00:00" in text
+    assert "…" not in text

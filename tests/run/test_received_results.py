@@ -51,13 +51,14 @@ def test_the_command_line_refuses_a_link_before_anything_is_written(
     assert list(target.iterdir()) == []
 
 
-@pytest.mark.parametrize("command", ["show", "export", "choose", "verify", "rerun"])
+@pytest.mark.parametrize("command", ["show", "export", "front", "choose", "verify", "rerun"])
 def test_a_run_that_was_killed_is_called_so(
     command: str, made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     place = tmp_path / "killed"
     shutil.copytree(made, place)
-    (place / "report.html").unlink(missing_ok=True)
+    for name in ("report.html", "front.csv", "plan.json"):
+        (place / name).unlink(missing_ok=True)
     record = json.loads((place / "run.json").read_text())
     (place / "run.json").write_text(json.dumps(record | {"status": "running"}))
     words = [command, str(place), *(["--point", "0"] if command == "choose" else [])]

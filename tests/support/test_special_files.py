@@ -10,15 +10,18 @@ from typing import Any
 import pytest
 
 from pareto_ltl.inflight.telemetry import read_log
+from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.support.reading import read_bounded, refuse_special
+from pareto_ltl.wind.sources import data_files
 from pareto_ltl.wind.sources.magic import first_bytes
 from pareto_ltl.world.scene_files import scene_from_dict, sketch_file
 
 READERS: dict[str, Callable[[Path], Any]] = {
     "text": read_bounded, "arrays": read_npz, "fingerprint": file_fingerprint, "wind": first_bytes,
+    "table": lambda path: data_files(WindConfig(source="csv", path=str(path))),
     "map": sketch_file, "telemetry": lambda path: list(read_log(path, None, on_earth=True)),
 }  # fmt: skip
 

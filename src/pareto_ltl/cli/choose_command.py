@@ -61,7 +61,8 @@ def choose_command(argv: Sequence[str]) -> Answer:
 
 
 def _choose(options: argparse.Namespace, argv: Sequence[str]) -> Answer:
-    from pareto_ltl.cli.summary import collected_warnings, run_answer
+    from pareto_ltl.cli.summary import run_answer
+    from pareto_ltl.cli.warning_lines import collected_warnings
     from pareto_ltl.run.choosing import Choice, choose_from_results, default_place
     from pareto_ltl.run.interface import load_results
     from pareto_ltl.run.metrics import run_metrics

@@ -9,6 +9,7 @@ from pareto_ltl import __version__
 from pareto_ltl.cli.arguments import run_reported
 from pareto_ltl.cli.command_table import Command, PipelineCommand, StreamingCommand, command_named
 from pareto_ltl.cli.output import Answer, Output, answered, output_of, print_answer, print_problem
+from pareto_ltl.cli.warning_lines import answer_with_warnings, printed_warnings
 from pareto_ltl.support.errors import ConfigError
 
 VALUE_FLAGS = (
@@ -31,6 +32,8 @@ def run_command_line(argv: Sequence[str]) -> int:
     if place is None:
         return _run_settings(words, None, output)
     rest = [*words[:place], *words[place + 1 :]]
+    if {"--help", "-h"} & {*rest}:  # help is text for people in any form of the output
+        output = Output.TEXT
     return run_reported(lambda: _run_command(command_named(words[place]), rest, output), output=output)
 
 
@@ -41,9 +44,10 @@ def _run_command(command: Command, rest: Sequence[str], output: Output) -> int:
     name = f"{command.name.replace('-', '_')}_command"
     run = getattr(import_module(f"pareto_ltl.cli.{name}"), name)
     if isinstance(command, StreamingCommand):
-        code: int = run(rest, output)
+        with printed_warnings():
+            code: int = run(rest, output)
         return code
-    return answered(lambda: run(rest), output)
+    return answered(lambda: answer_with_warnings(lambda: run(rest)), output)
 
 
 def _run_settings(argv: Sequence[str], command: str | None, output: Output) -> int:

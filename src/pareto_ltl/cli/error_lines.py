@@ -28,11 +28,11 @@ CONFIGURATION_ERRORS: tuple[type[Exception], ...] = (
 )
 OF_A_RESOLVER = "ConfigError raised while resolving interpolation: "  # what OmegaConf writes before it
 LINE_WIDTH = 300  # characters that are kept of a message of Hydra
-LETTERS = "letters beyond ASCII need two pairs of quotes: \"wind.path='größe.csv'\""
+LETTERS = "letters beyond ASCII need two pairs of quotes: "
 SMALLER = "lower planner.n_max, planner.trees, deployment.runs or report.dpi"
-QUOTES = (
-    "a value with spaces or ( ) [ ] { } & | ! needs two pairs of quotes: \"mission.formula='F(a & F b)'\""
-)
+QUOTES = "a value with spaces or ( ) [ ] { } & | ! needs two pairs of quotes: "
+EXAMPLE = "\"mission.formula='F(a & F b)'\""
+LONGEST_EXAMPLE = 100  # characters of a setting that is repeated with its quotes
 
 
 def explain_error(error: BaseException) -> str:
@@ -42,7 +42,7 @@ def explain_error(error: BaseException) -> str:
         known = ", ".join(error.options)
         return f"there is no {group.removesuffix('s')} {shown_value(choice)}; there are {known}"
     if isinstance(error, OverrideParseException):
-        return f"cannot read {shown_value(error.override)}; {_cure_of(str(error.override))}"
+        return f"cannot read {shown_value(error.override)}; {_cure_of(str(error.override or ''))}"
     if isinstance(error, MemoryError):
         return f"there is not enough memory ({shown_text(str(error)) or 'out of memory'}); {SMALLER}"
     if isinstance(error, RecursionError):
@@ -86,10 +86,11 @@ def _explain_value(error: OmegaConfBaseException, place: str) -> str:
 
 
 def _cure_of(override: str) -> str:
-    """Advice for a setting that Hydra cannot read."""
-    if not override.isascii() or any(ord(character) < 32 for character in override):
-        return LETTERS
-    return QUOTES
+    """Advice for a setting that Hydra cannot read: the setting itself in quotes, if it has none."""
+    key, equals, value = override.partition("=")
+    plain = override.isprintable() and len(override) <= LONGEST_EXAMPLE and not {*"'\"\\"} & {*override}
+    shown = f"\"{key}='{value}'\"" if plain and equals and value else EXAMPLE
+    return f"{LETTERS if not (override.isascii() and override.isprintable()) else QUOTES}{shown}"
 
 
 def _first_line(error: BaseException) -> str:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.output import Answer
-from pareto_ltl.support.display import distance_text, probability_text, rate_text
+from pareto_ltl.support.display import distance_text, interval_text, probability_text
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.run_status import ending_text
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Front
@@ -30,7 +31,9 @@ def front_command(argv: Sequence[str]) -> Answer:
     results = load_results(options.directory)
     records = results.records()
     if FRONT not in records:
-        raise DataError(f"{options.directory}: it holds no front; give the results of a plan")
+        status = results.run.get("status")
+        why = "give the results of a plan" if status == "ok" else ending_text(options.directory, status)
+        raise DataError(f"{options.directory}: there is no front: {why}")
     front = records[FRONT]
     chosen = chosen_number(front, records.get(PLAN))
     points = [
@@ -48,11 +51,11 @@ def _lines(front: Front, points: Sequence[dict[str, Any]], chosen: int | None) -
     from rich.table import Table
 
     flown = bool(front.rates)
-    risk = f"fails, 95 % interval, {front.models.law} winds" if flown else f"V + R, {front.models.law} winds"
-    table = Table(box=box.SIMPLE_HEAD)
+    risk = f"{'fails (95 %)' if flown else 'V + R'},\n{front.models.law} winds"
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("path", justify="right")
     for column in (risk, "length", "hours", *map(str, front.paths[0].objectives.further_costs)):
-        table.add_column(column, justify="right")
+        table.add_column(column, justify="right", no_wrap=True)
     table.add_column("order")
     for point in points:
         mark = "plan " if point["path"] == chosen else ""
@@ -71,6 +74,8 @@ def _lines(front: Front, points: Sequence[dict[str, Any]], chosen: int | None) -
 
 
 def _rate_text(point: dict[str, Any]) -> str:
+    """A rate with its interval, short enough for one line; or a bound."""
     if point["failure_low"] is None:
         return probability_text(point["failure"])
-    return rate_text(point["failure"], point["failure_low"], point["failure_high"])
+    interval = interval_text(point["failure_low"], point["failure_high"]).removesuffix(" %")
+    return f"{probability_text(point['failure'])} ({interval})"

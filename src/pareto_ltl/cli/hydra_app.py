@@ -33,7 +33,7 @@ from pareto_ltl.run.directory import discard_try
 from pareto_ltl.run.pipeline import Pipeline, run_claimed
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.provenance import one_line
-from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, InfeasibleError
 from pareto_ltl.support.stopping import ends_process
 
 if TYPE_CHECKING:
@@ -163,7 +163,8 @@ class HydraJob:
         self.answer = summary_answer(found, found.place / "summary.html")
 
     def _single_job(self, config: DictConfig) -> int:
-        from pareto_ltl.cli.summary import collected_warnings, run_answer
+        from pareto_ltl.cli.summary import run_answer
+        from pareto_ltl.cli.warning_lines import collected_warnings
 
         directory = Path(HydraConfig.get().runtime.output_dir)
         shown = _relative_path(directory)
@@ -173,7 +174,7 @@ class HydraJob:
                 quiet = ProgressBar(shown=False) if self.output is Output.QUIET else None
                 metrics = run_claimed(checked, directory, self.argv, _task_overrides(), quiet)
         except CONFIGURATION_ERRORS as error:
-            gone = isinstance(error, ConfigError | DataError) and not _chosen_directory()
+            gone = isinstance(error, ConfigError | DataError | FormulaError) and not _chosen_directory()
             place = "" if gone and discard_try(directory) else f" [{shown}]"
             return self._fails(f"{explain_error(error)}{place}", 2)
         except Exception as error:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 
@@ -16,34 +14,6 @@ from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.support.schemas import read_document
 
 MOST_WARNINGS = 5  # warnings that are printed, at most
-
-
-class WarningList(logging.Handler):
-    """Keeps the first line of each warning, once, in the order in which they come."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.WARNING)
-        self.lines: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Keep a warning; an error ends the run and has its own line."""
-        line = record.getMessage().partition("\n")[0]
-        if record.levelno == logging.WARNING and line not in self.lines:
-            self.lines.append(line)
-
-
-@contextmanager
-def collected_warnings() -> Iterator[list[str]]:
-    """The warnings of the package and of Python, as they come."""
-    handler = WarningList()
-    heard = (logging.getLogger("pareto_ltl"), logging.getLogger("py.warnings"))
-    for logger in heard:
-        logger.addHandler(handler)
-    try:
-        yield handler.lines
-    finally:
-        for logger in heard:
-            logger.removeHandler(handler)
 
 
 def run_answer(

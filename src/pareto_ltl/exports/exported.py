@@ -37,10 +37,11 @@ class Height:
 
 
 class Vehicle(NamedTuple):
-    """The MAV_TYPE of a robot, and whether it takes off vertically from the ground of its start."""
+    """The MAV_TYPE of a robot; whether it takes off vertically from the ground, and can hover."""
 
     kind: int
-    takes_off: bool
+    takes_off: bool = False
+    hovers: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +60,7 @@ class ExportedPlan:
         Failure rate of the plan if an autopilot holds its positions (``robot.feedback_time=60``); None after
         an alarm.
     vehicle : Vehicle
-        What autopilots call the robot, and whether it takes off vertically.
+        What autopilots call the robot, and whether it takes off vertically and can hover.
     band : (float, float) or None
         Lowest and highest height of the flight above the WGS 84 ellipsoid [m], where they are set.
     feedback : float
@@ -143,10 +144,10 @@ def exported_plan(
 def vehicle_of(height: Height, problem: Problem) -> Vehicle:
     """The vehicle: a submarine below the surface, else what the power curve or the least airspeed says."""
     if height.metres < 0.0:
-        return Vehicle(SUBMARINE, takes_off=False)
+        return Vehicle(SUBMARINE)
     if problem.energy is not None and isinstance(problem.energy.curve, Rotor):
-        return Vehicle(MULTIROTOR, takes_off=height.metres > 0.0 and not height.above_sea)
-    return Vehicle(FIXED_WING if problem.motion.u_min > 0.0 else GENERIC, takes_off=False)
+        return Vehicle(MULTIROTOR, height.metres > 0.0 and not height.above_sea, hovers=True)
+    return Vehicle(FIXED_WING if problem.motion.u_min > 0.0 else GENERIC)
 
 
 def feedback_time(problem: Problem) -> float | None:

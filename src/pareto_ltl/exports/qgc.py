@@ -1,10 +1,10 @@
 """``mission.plan``: waypoints and a geofence for QGroundControl, PX4 and ArduPilot.
 
 An autopilot flies such a mission by position, so the plan's promise does not hold for it: the file also
-states the failure rate of the plan with ``robot.feedback_time=60``. A robot with rotors takes off vertically;
-take-offs of others are left out, and all landings: the plan may end over water. The height of the ground is
-unknown: the home position has altitude 0, and QGroundControl replaces it by the terrain or by the position of
-the vehicle.
+states the failure rate of the plan with ``robot.feedback_time=60``. A robot with rotors takes off vertically
+and hovers at the end until the pilot takes over; take-offs of others are left out, and all landings: the plan
+may end over water. The height of the ground is unknown: the home position has altitude 0, and QGroundControl
+replaces it by the terrain or by the position of the vehicle.
 """
 
 from __future__ import annotations
@@ -21,11 +21,15 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import plain_data
 
 WAYPOINT, CHANGE_SPEED = 16, 178  # MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEED
-TAKE_OFF = 22  # MAV_CMD_NAV_TAKEOFF
+HOVER, TAKE_OFF = 17, 22  # MAV_CMD_NAV_LOITER_UNLIM, MAV_CMD_NAV_TAKEOFF
 MISSION_FRAME = 2  # MAV_FRAME_MISSION
 KEEP_THROTTLE = -1
 ALTITUDE_MODES = {False: 1, True: 2}  # of QGroundControl: above the launch place, above mean sea level
 FENCE_SAG = 50.0  # [m] error of the edges of the fence: autopilots store few corners
+HOVERS = (
+    "The last item hovers at the end of the plan until the pilot takes over; the energy of the plan is "
+    "without it. "
+)
 LEAST_CHANGE = 0.05  # [m/s] least change of airspeed for which an item is written
 
 
@@ -66,6 +70,8 @@ def mission_items(exported: ExportedPlan) -> list[dict[str, Any]]:
                 _item(len(items), CHANGE_SPEED, MISSION_FRAME, [AIRSPEED, speed, KEEP_THROTTLE, 0, 0, 0, 0])
             )
         items.append(_place_item(exported, len(items), WAYPOINT, k + 1, metres))
+    if exported.vehicle.hovers:
+        items.append(_place_item(exported, len(items), HOVER, len(log.airspeed), metres))
     return items
 
 
@@ -120,8 +126,9 @@ def _note(exported: ExportedPlan) -> dict[str, Any]:
     fences = fence_polygons(exported)
     open_border = exported.scene.walled and not any(fence["inclusion"] for fence in fences)
     cut = "The border of the map is no fence, since the 180th meridian crosses it. " if open_border else ""
+    hovers = HOVERS if exported.vehicle.hovers else ""
     return {
-        "note": f"An autopilot flies this mission by position. {missing} not part of it. {cut}"
+        "note": f"An autopilot flies this mission by position. {missing} not part of it. {hovers}{cut}"
         + " ".join(exported.sentences()),
         "failure_by_heading": None if promise is None else asdict(promise.rate),
         "failure_by_position": None if exported.held is None else asdict(exported.held),

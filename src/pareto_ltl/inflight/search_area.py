@@ -14,6 +14,7 @@ from xml.etree import ElementTree as Xml
 
 import numpy as np
 
+from pareto_ltl.exports.corridor import FINEST
 from pareto_ltl.exports.degrees import outline_degrees
 from pareto_ltl.exports.ellipses import ellipse_outlines, ellipse_scale
 from pareto_ltl.exports.xml_text import add, xml_bytes
@@ -49,6 +50,7 @@ def search_areas(scene: Scene, ahead: Sequence[Event]) -> list[dict[str, Any]]:
     crs = scene.crs
     assert crs is not None
     mean, cov = (np.array([row[key] for row in ahead]) for key in ("mean", "cov"))
+    cov = cov + FINEST**2 * np.eye(2)  # the start of a plan is known exactly
     times = [float(row["time"]) for row in ahead]
     utc = utc_times(scene.time_zero, np.array(times))
     found = []

@@ -27,6 +27,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 
+from pareto_ltl.report.fonts import FIRST_FONT, MISSING, font_families, missing_letters_reported
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_bytes
 
@@ -45,7 +46,7 @@ SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 CHI2_95 = -2.0 * math.log(0.05)  # 95 % quantile of χ² with two degrees of freedom: its tail is exp(-x/2)
 
 RC_SETTINGS: dict[str, Any] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
+    "font.family": [FIRST_FONT],
     "font.size": 7.0,
     "axes.labelsize": 7.0,
     "axes.titlesize": 7.0,
@@ -88,7 +89,8 @@ _STYLE_LOCK = threading.Lock()  # the settings of matplotlib are global to the p
 @contextmanager
 def report_style() -> Iterator[None]:
     """Apply our settings and ignore the matplotlibrc of the user; one thread at a time."""
-    with _STYLE_LOCK, matplotlib.style.context(["default", RC_SETTINGS]):
+    settings = RC_SETTINGS | {"font.family": font_families()}
+    with _STYLE_LOCK, matplotlib.style.context(["default", settings]):
         yield
 
 
@@ -138,7 +140,7 @@ NARROWEST = 0.15  # width of the narrowest letter, in font sizes
 def text_width(text: str, size: float) -> float:
     """Width of ``text`` [in] in letters of ``size`` [pt]."""
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        warnings.filterwarnings("ignore", MISSING)
         outline = TextPath((0.0, 0.0), text.replace("$", r"\$"), size=size, usetex=False)
     # The extreme points of letters are vertices. ``get_extents``, which also examines the curves between
     # vertices, takes 8 times as long, 0.2 s for the heading of a map.
@@ -176,8 +178,7 @@ def _cut(line: str, width: float, size: float, mark: str) -> str:
 def figure_bytes(figure: Figure, kind: str, dpi: int) -> bytes:
     """``figure`` as a file of the format ``kind``; equal figures give equal bytes: no date, no version."""
     content = io.BytesIO()
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # names of regions may use any script
+    with missing_letters_reported():
         figure.savefig(content, format=kind, dpi=dpi, metadata=NO_ORIGIN[kind], **ENCODING.get(kind, {}))
     return content.getvalue()
 

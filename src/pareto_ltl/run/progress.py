@@ -14,6 +14,37 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 
+READING, CHECKING = "Reading the wind", "Checking the plan with new flights"
+STAGE_WORDS = {  # what a stage does, for people; the desk has the same words
+    "readings": READING,
+    "scene": "Reading the map",
+    "decomposition": "Dividing the map",
+    "automaton": "Reading the mission",
+    "observations": READING,
+    "wind": "Fitting the wind",
+    "problem": "Preparing the search",
+    "forest": "Searching for paths",
+    "front": "Improving the paths",
+    "plan": CHECKING,
+    "forecasts": CHECKING,
+    "deployment": "Flying the plan",
+    "departure": "Comparing departures",
+    "export": "Writing files",
+    "report": "Drawing figures",
+    "page": "Writing the report",
+}
+BAR_WIDTH = 14  # columns; the rest of a line of 80 is for the words
+
+
+def stage_words(name: str) -> str:
+    """What the stage ``name`` does; its name for a study or a stage of another package.
+
+    >>> stage_words("forest"), stage_words("comparison_figures")
+    ('Searching for paths', 'comparison figures')
+    """
+    return STAGE_WORDS.get(name, name.replace("_", " "))
+
+
 class ProgressBar:
     """One line for the present stage, on the error stream of a terminal.
 
@@ -31,13 +62,14 @@ class ProgressBar:
         if self._shown:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+            from rich.table import Column
 
             columns = (
                 SpinnerColumn(),
-                TextColumn("{task.description:<14}"),
-                BarColumn(),
-                TimeElapsedColumn(),
-                TextColumn("{task.fields[state]}"),
+                TextColumn("{task.description}", table_column=Column(no_wrap=True)),
+                BarColumn(BAR_WIDTH),
+                TimeElapsedColumn(Column(min_width=len("0:00:00"))),
+                TextColumn("{task.fields[state]}", table_column=Column(ratio=1)),
             )
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._bar.start()
@@ -51,12 +83,12 @@ class ProgressBar:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Show ``name`` for the duration of the block."""
+        """Show what the stage ``name`` does for the duration of the block."""
         watcher().stage(name)
         if self._bar is None:
             yield
             return
-        outer, self._task = self._task, self._bar.add_task(name, total=None, state="")
+        outer, self._task = self._task, self._bar.add_task(stage_words(name), total=None, state="")
         try:
             yield
         finally:

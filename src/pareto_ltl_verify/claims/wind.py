@@ -265,9 +265,13 @@ def wind_metrics(result: Evidence) -> Verdict:
             "wind_energy": wind.modes.energy.mean(),
             "wind_rho": wind.modes.rho,
         }
-    return no_fault(
-        ", ".join(pairs)[:44] or "none", [name for name in pairs if not close(told[name], float(pairs[name]))]
-    )
+    faults = [name for name, value in pairs.items() if not _is_metric(told[name], float(value))]
+    return no_fault(", ".join(pairs)[:44] or "none", faults)
+
+
+def _is_metric(said: float | None, found: float) -> bool:
+    """Whether ``said`` of metrics.json is the number ``found``; NaN is null there."""
+    return math.isnan(found) if said is None else close(said, found)
 
 
 CLAIMS = (

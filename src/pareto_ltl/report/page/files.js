@@ -19,10 +19,17 @@ const FILES = [
 function fileNote() {
   const row = PAGE.points[shown.point], told = [`Point ${shown.point} of the front of ${PAGE.name}.`, `Mission ${PAGE.formula}.`];
   const rate = shown.point === PAGE.chosen && PAGE.promise ? { ...PAGE.promise, failure_low: PAGE.promise.low, failure_high: PAGE.promise.high } : row;
-  told.push(`Flown by heading and airspeed it ${failureText(rate)}.`);
+  told.push(rateSentence(rate));
   told.push("An autopilot that flies by position fails at another rate; pareto-ltl export computes it.");
   if (PAGE.notCovered) told.push(`Not covered: ${PAGE.notCovered.replace(/\.$/, "")}.`);
   return told.join(" ");
+}
+
+/** The failure rate in the words of exports/exported.py, or the bound on it. */
+function rateSentence({ failure, failure_low: low, failure_high: high, law, runs, method }) {
+  if (low === null) return `Flown by heading and airspeed in ${law} winds it fails with at most ${percent(failure)} (bound).`;
+  const sample = `${runs.toLocaleString("en")} ${method === "weighted" ? "weighted " : ""}flights`;
+  return `Of ${sample} flown by heading and airspeed in ${law} winds, ${percent(failure)} (95 %: ${percent(low).replace(" %", "")} to ${percent(high)}) fail.`;
 }
 
 const CSV_COLUMNS = [
@@ -60,17 +67,24 @@ function planGeojson(way) {
   return `${JSON.stringify({ type: "FeatureCollection", name: PAGE.name, description: fileNote(), features })}\n`;
 }
 
+// Line colour, its width and fill colour (aabbggrr) of the route and of each role, as exports/kml.py has them.
+const KML_STYLES = {
+  route: ["ff00a5ff", 3], region: ["ff3c8c3c", 2, "503c8c3c"], obstacle: ["ff303030", 2, "80303030"],
+  landmark: ["ffb46432", 2, "50b46432"], bounds: ["ff808080", 1, "00808080"],
+};
+
 function planKml(way) {
   const height = PAGE.height.metres.toFixed(1), above = `<altitudeMode>${PAGE.height.ofSea ? "absolute" : "relativeToGround"}</altitudeMode>`;
-  const placemark = (name, inside) => `<Placemark><name>${xml(name)}</name>${inside}</Placemark>`;
+  const styles = Object.entries(KML_STYLES).map(([name, [line, width, fill]]) => `<Style id="${name}"><LineStyle><color>${line}</color><width>${width}</width></LineStyle>${fill ? `<PolyStyle><color>${fill}</color></PolyStyle>` : ""}</Style>`);
+  const placemark = (name, inside, style) => `<Placemark><name>${xml(name)}</name>${style ? `<styleUrl>#${style}</styleUrl>` : ""}${inside}</Placemark>`;
   const coordinates = (list, high = "") => `<coordinates>${list.map(([lon, lat]) => `${lon},${lat}${high}`).join(" ")}</coordinates>`;
   const places = way.t.map((_, k) => lonLat(way, k));
   const steps = places.map((place, k) => placemark(`${k} ${way.label[k].join(" ")}`.trim(),
     `${way.utc ? `<TimeStamp><when>${way.utc[k]}</when></TimeStamp>` : ""}<Point>${above}${coordinates([place], `,${height}`)}</Point>`));
-  const areas = PAGE.map.shapes.map(({ name, ring }) => placemark(name,
-    `<Polygon><tessellate>1</tessellate><outerBoundaryIs><LinearRing>${coordinates(ring)}</LinearRing></outerBoundaryIs></Polygon>`));
-  return `<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document><name>${xml(PAGE.name)}</name><description>${xml(fileNote())}</description>`
-    + placemark("route", `<LineString>${above}${coordinates(places, `,${height}`)}</LineString>`)
+  const areas = PAGE.map.shapes.map(({ name, ring, role }) => placemark(name,
+    `<Polygon><tessellate>1</tessellate><outerBoundaryIs><LinearRing>${coordinates(ring)}</LinearRing></outerBoundaryIs></Polygon>`, role));
+  return `<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document><name>${xml(PAGE.name)}</name><description>${xml(fileNote())}</description>${styles.join("")}`
+    + placemark("route", `<LineString>${above}${coordinates(places, `,${height}`)}</LineString>`, "route")
     + `<Folder><name>positions</name>${steps.join("")}</Folder><Folder><name>map</name>${areas.join("")}</Folder></Document></kml>\n`;
 }
 
@@ -80,28 +94,31 @@ function planGpx(way) {
     const [lon, lat] = lonLat(way, k), time = way.utc ? `<time>${way.utc[k]}</time>` : "";
     return `<rtept lat="${lat}" lon="${lon >= 180 ? -180 : lon}">${sea ? `<ele>${metres.toFixed(1)}</ele>` : ""}${time}<name>${xml([k, ...way.label[k]].join(" "))}</name><desc>95 % of positions within ${(way.log.radius[k] / 1000).toFixed(3)} km, ${way.risk.law} winds${sea ? "" : `, ${metres} m above the ground of the start`}</desc></rtept>`;
   });
-  const begin = way.utc ? `<time>${way.utc[0]}</time>` : "";
-  return `<?xml version="1.0" encoding="UTF-8"?>\n<gpx version="1.1" creator="pareto_ltl" xmlns="http://www.topografix.com/GPX/1/1"><metadata><name>${xml(PAGE.name)}</name><desc>${xml(fileNote())}</desc>${begin}</metadata>`
-    + `<rte><name>${xml(PAGE.name)}</name>${points.join("")}</rte></gpx>\n`;
+  const begin = way.utc ? `<time>${way.utc[0]}</time>` : "", departure = way.utc ? `<extensions><opencpn:planned_departure>${way.utc[0]}</opencpn:planned_departure></extensions>` : "";
+  return `<?xml version="1.0" encoding="UTF-8"?>\n<gpx version="1.1" creator="pareto_ltl" xmlns="http://www.topografix.com/GPX/1/1" xmlns:opencpn="http://www.opencpn.org"><metadata><name>${xml(PAGE.name)}</name><desc>${xml(fileNote())}</desc>${begin}</metadata>`
+    + `<rte><name>${xml(PAGE.name)}</name>${departure}${points.join("")}</rte></gpx>\n`;
 }
+
+const HOVERS = "The last item hovers at the end of the plan until the pilot takes over; the energy of the plan is without it. ";
 
 /** Waypoints, airspeeds and geofence for QGroundControl, as exports/qgc.py writes them. */
 function missionPlan(way) {
   const { metres, aboveSea } = PAGE.height, frame = aboveSea ? 0 : 3, mode = aboveSea ? 2 : 1, items = [];
   const add = (command, place, params, more = {}) => items.push({ type: "SimpleItem", autoContinue: true, doJumpId: items.length + 1, command, frame: place, params, ...more });
   const fly = (command, k) => add(command, frame, [0, 0, 0, null, way.log.lat[k], way.log.lon[k], metres], { AMSLAltAboveTerrain: null, Altitude: metres, AltitudeMode: mode });
-  const { kind, takes_off: takesOff } = PAGE.vehicle;
+  const { kind, takes_off: takesOff, hovers } = PAGE.vehicle;
   if (takesOff) fly(22, 0);
   let speed = -1;
   way.log.airspeed.forEach((airspeed, k) => {
     if (Math.abs(airspeed - speed) > 0.05 && airspeed > 0) add(178, 2, [0, speed = airspeed, -1, 0, 0, 0, 0]);
     fly(16, k + 1);
   });
+  if (hovers) fly(17, way.log.airspeed.length);
   const fences = PAGE.map.shapes.filter(({ role }) => role === "obstacle" || (role === "bounds" && PAGE.map.walled));
   const cruise = way.log.airspeed.reduce((a, b) => Math.max(a, b), 0);
   return `${JSON.stringify({
     fileType: "Plan", version: 1, groundStation: "pareto_ltl",
-    pareto_ltl: { note: `An autopilot flies this mission by position. ${takesOff ? "A landing is" : "Take-off and landing are"} not part of it. ${fileNote()}` },
+    pareto_ltl: { note: `An autopilot flies this mission by position. ${takesOff ? "A landing is" : "Take-off and landing are"} not part of it. ${hovers ? HOVERS : ""}${fileNote()}` },
     mission: { version: 2, firmwareType: 0, vehicleType: kind, cruiseSpeed: cruise, hoverSpeed: cruise, globalPlanAltitudeMode: mode, plannedHomePosition: [way.log.lat[0], way.log.lon[0], 0], items },
     geoFence: { version: 2, circles: [], polygons: fences.map(({ role, ring }) => ({ version: 1, inclusion: role === "bounds", polygon: ring.slice(0, -1).map(([lon, lat]) => [lat, lon]) })) },
     rallyPoints: { version: 2, points: [] },

@@ -15,6 +15,7 @@ from pareto_ltl.settings.wind import WIND_SOURCES
 from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import known_kind
+from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.levels import DEPTH, parse_level
 from pareto_ltl.wind.readings import CALM, Readings
@@ -36,9 +37,10 @@ def data_files(cfg: WindConfig) -> tuple[Path, ...]:
     Raises
     ------
     DataError
-        If there is no such file.
+        If there is no such file, or a pipe, a socket or a device in its place.
     """
     path = Path(str(cfg.path)).expanduser()
+    refuse_special(path)
     if path.is_dir():
         ends = (".csv", ".csv.gz") if cfg.source in ("csv", "stations") else ("",)
         files = [file for file in path.iterdir() if file.name.lower().endswith(ends)]
