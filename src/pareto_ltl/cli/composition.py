@@ -87,7 +87,7 @@ def register_schema() -> None:
     store.store(name="settings", node=Settings)
     for path in sorted(
         resource_folder("pipelines").glob("*.yaml")
-    ):  # those of other packages: their search path
+    ):  # pipelines of other packages are on their search path
         store.store(group="pipelines", name=path.stem, node=OmegaConf.load(path))
 
 
@@ -109,7 +109,7 @@ class ComposedHydra(Hydra):
 
 @contextmanager
 def opened_hydra(arguments: argparse.Namespace) -> Iterator[ComposedHydra]:
-    """Hydra with the shipped configuration folder and that of ``--config-dir``."""
+    """Hydra with the shipped configuration folder and the folder of ``--config-dir``."""
     register_schema()
     hydra_version.setbase(VERSION_BASE)
     place = str(arguments.config_path or resource_folder("conf"))

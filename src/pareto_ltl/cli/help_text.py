@@ -66,7 +66,7 @@ def full_help(settings: Settings, groups: Groups) -> str:
         ("Commands (plan, where none is given)", _command_lines()),
         ("Examples", EXAMPLES),
         ("Choices (group=choice; +experiment=choice, +sweep=choice)", _group_lines(groups, plus=False)),
-        ("Settings (key=value; values are those of this command line)", _section_lines(settings)),
+        ("Settings (key=value; values as set by this command line)", _section_lines(settings)),
         ("Flags", FLAGS),
         ("More", MORE),
     )

@@ -223,7 +223,7 @@ def _chosen_directory() -> bool:
 
 
 def _task_overrides() -> list[str]:
-    """The overrides of this run, without those of Hydra."""
+    """The overrides of this run, without the overrides of Hydra."""
     return [str(word) for word in HydraConfig.get().overrides.task]
 
 

@@ -217,7 +217,7 @@ def _wind_error_arguments() -> CommandArguments:
     parser.add_argument("--stations", type=Path, nargs="+", default=(), metavar="FILE",
                         help="METAR tables of the same times, for the error of analyses")  # fmt: skip
     parser.add_argument(
-        "--name", type=_short, help="name of the law in reports (default: that of the folder)"
+        "--name", type=_short, help="name of the law in reports (default: name of the folder)"
     )
     parser.add_argument("--max-lag", type=_positive, default=48.0, metavar="HOURS",
                         help="longest change of the wind (default 48)")  # fmt: skip
