@@ -135,9 +135,9 @@ def plan_lines(
 ) -> Iterator[str]:
     """Lines of text: mission, the legs towards each goal, what is promised and what is not covered.
 
-    ``flown`` are simulated flights of the plan, ``legs`` those of :func:`plan_legs`; every probability is
-    given with its wind law. Successive legs of one heading and airspeed have one line, or with ``each`` their
-    own.
+    ``flown`` are simulated flights of the plan, ``legs`` come from :func:`plan_legs`; every probability is
+    given with its wind law. Successive legs of one heading and airspeed share a line, or with ``each`` have
+    one line each.
     """
     path, scene = plan.path, problem.scene
     words = mission_in_words(plan.formula)

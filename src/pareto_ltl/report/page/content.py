@@ -231,7 +231,7 @@ def _verdicts(run: ShownRun) -> Iterator[dict[str, str]]:
 
 
 def _laws(found: Iterable[str], first: str) -> list[str]:
-    """The wind laws of ``found``, that of the plan ``first``."""
+    """The wind laws of ``found``; ``first``, the law of the plan, comes first."""
     return sorted(found, key=lambda law: (law != first, law))
 
 
