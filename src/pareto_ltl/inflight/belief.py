@@ -6,8 +6,8 @@ after the displacement a through the air (measured headings and airspeeds),
 
     x_s = (I + s (A - I)) x_t + a + s dt (μ(x_t) + ψ(x_t)' θ + w),    y = x_s + ν,    ν ~ N(0, R),
 
-linear about the estimate; at the end of a step θ fades as in (M15), and w is drawn anew. So the filter is
-that of the law of the plan, whatever the robot has really flown, and a fix may come at any time.
+linear about the estimate; at the end of a step θ fades as in (M15), and w is drawn anew. So the filter
+follows the law of the plan, whatever the robot has really flown, and a fix may come at any time.
 
 The members are simulated flights of the same law. They fly what the robot has flown, a fix moves them with
 the gains of the filter and errors of their own (perturbed observations, as in the ensemble Kalman filter,
@@ -35,7 +35,7 @@ ROUNDING = 1e-9  # of a step
 class Estimate:
     """Position and wind as they are believed: ``mean`` (2,) [m], ``cov`` (2, 2) [m²], and of the wind [m/s].
 
-    The wind is that of this step without its white part.
+    The wind is the wind of this step without its white part.
     """
 
     mean: FloatArray
@@ -99,7 +99,7 @@ class Belief:
                 self._end_step()
 
     def _local(self) -> LocalWind:
-        """The law at the members at the beginning of this step; that of the last one after the wind's end."""
+        """The law at the members at the beginning of this step; after the wind's end, of its last step."""
         return local_wind(self.law, self._known_step, self.flown[:, -1])
 
     @property

@@ -124,7 +124,7 @@ class LinkSettings:
     Attributes
     ----------
     departure : str or None
-        ``now``, or an ISO 8601 time; None: that of the plan.
+        ``now``, or an ISO 8601 time; None: the departure of the plan.
     sends : tuple of str
         Which of :data:`~pareto_ltl.inflight.sends.KINDS` are sent; nothing by default.
     system : int
@@ -134,8 +134,8 @@ class LinkSettings:
     prologue : tuple of mapping
         Messages before the departure, with their heights.
     own_clock : bool
-        Whether time is that of the vehicle since it was heard first, as of a simulated one that flies faster
-        than the clock, and not that of the arrival of its messages.
+        Whether time is taken from the vehicle, since its first message, and not from the arrival of its
+        messages: for a simulated vehicle that flies faster than real time.
     """
 
     departure: str | None = None

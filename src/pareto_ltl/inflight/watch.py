@@ -97,7 +97,7 @@ class Watch:
 
     @property
     def over(self) -> bool:
-        """Whether the time of the plan is over, or that of the wind."""
+        """Whether the plan or the wind has ended."""
         return self.belief.ended or self.belief.step >= len(self.plan.path.u)
 
     # --- readings ---

@@ -170,7 +170,7 @@ async def replan(desk: Desk, request: Request) -> Answer:
 
 
 async def explain(_desk: Desk, request: Request) -> Answer:
-    """A formula, or that of a pattern, in words."""
+    """A formula, or the formula of a pattern, in words."""
     asked = await _fields(request, ("formula", "pattern", "goals", "avoid", "order"))
     return await run_in_threadpool(missions.explained_formula, asked)
 

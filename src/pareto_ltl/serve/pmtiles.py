@@ -51,7 +51,7 @@ class Tiles(NamedTuple):
 
 
 def shown_tiles(path: Path) -> dict[str, Any]:
-    """``shapes`` [deg] of vector tiles, or the ``image`` of raster tiles, as those of a backdrop.
+    """``shapes`` [deg] of vector tiles, or the ``image`` of raster tiles, as for a backdrop.
 
     Raises
     ------
@@ -95,7 +95,7 @@ class _Archive(NamedTuple):
         )
 
     def _shapes_of(self, tiles: Tiles) -> list[dict[str, Any]]:
-        """Areas, lines and points; those of one name, number or kind are joined across tiles."""
+        """Areas, lines and points; shapes of one name, number or kind are joined across tiles."""
         from mapbox_vector_tile import decode
         from shapely import get_parts, make_valid
         from shapely.geometry import shape
