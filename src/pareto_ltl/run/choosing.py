@@ -1,7 +1,7 @@
 """Another path of a front as the plan, without planning again.
 
-The records of a run (map, wind, cells, automaton, trees, front) are kept; the stages from the plan on run
-with another selection. Their files are identical to those of a whole run with that selection.
+The records of a run (map, wind, cells, automaton, trees, front) are reused; the stages from the plan on run
+with another selection. Their files are identical to the files of a whole run with that selection.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Choice:
         changes = self._changes()
         kept = {field.name: getattr(cfg, field.name) for field in fields(cfg)}
         if changes["rule"] != cfg.rule:
-            kept["options"] = {}  # they are those of one rule
+            kept["options"] = {}  # options belong to one rule
         changed = section_of("selection", kept | changes)
         assert isinstance(changed, SelectionConfig)
         return changed
@@ -216,7 +216,7 @@ def kept_records(results: Results) -> Records:
 
 
 def later_stages(settings: Settings, table: StageTable) -> list[Stage[Any]]:
-    """The stages of ``settings`` whose record is not kept; those of ``RAW`` only if another needs them."""
+    """The stages of ``settings`` that must run; stages of ``RAW`` only if another one needs their record."""
     stages = [table[name] for name in settings.pipelines.stages]
     left = [stage for stage in stages if stage.makes not in KEPT]
     wanted = {need for stage in left for need in (*stage.needs, *stage.uses) if stage.makes not in RAW}

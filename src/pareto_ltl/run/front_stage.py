@@ -78,7 +78,7 @@ FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_fro
 
 
 def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
-    """Refined paths, and those of ``selection.extra_paths`` and of ``CANDIDATES``; why none is refined."""
+    """Refined paths, with the paths of ``selection.extra_paths`` and ``CANDIDATES``; why none is refined."""
     from pareto_ltl.planning.refine.epsilon import keeps_epsilon, within_limits
     from pareto_ltl.run.extra_paths import extra_paths
 

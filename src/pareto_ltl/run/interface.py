@@ -334,7 +334,7 @@ def simulate(
     planned : PlanningResult, Results or path
         What :func:`plan` returned, or a results directory.
     seed : int, optional
-        Seed of the winds; default that of the plan. One seed gives the same winds to every plan.
+        Seed of the winds; default the seed of the plan. One seed gives the same winds to every plan.
     """
     run = planned.run if isinstance(planned, PlanningResult) else _run_of(load_results(planned))
     settings = replace(

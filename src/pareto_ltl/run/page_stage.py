@@ -69,7 +69,7 @@ def write_page(path: Path, shown: ShownRun) -> Path:
 def shown_run(
     settings: Settings, records: Records, origin: Origin, seeds: SeedSequence, why: str = ""
 ) -> ShownRun:
-    """The records for the page, of those in ``records``; ``seeds`` are those of the deployment."""
+    """The records for the page, selected from ``records``; ``seeds`` are the seeds of the deployment."""
     from pareto_ltl.exports.exported import Height, flown_level, height_of
     from pareto_ltl.report.page.shown_run import ShownRun
 

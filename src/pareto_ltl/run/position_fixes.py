@@ -76,7 +76,7 @@ def placed_fix(
 ) -> Fix:
     """The fix in the plane, at the nearest step; raises ConfigError if it cannot be used.
 
-    A fix between two steps is moved by what the plan flies from its time to that of the step.
+    A fix between two steps is moved by what the plan flies between its time and the time of the step.
     """
     place = place_of(problem, numbers, what)
     step = step_at(problem, plan, time, "time" if what == "fix" else f"{what}: time")

@@ -2,7 +2,7 @@
 
 Without fixes and without a newer forecast there is no new information, and the rest of the old plan is
 unchanged. Position and wind are conditioned on fixes (``planning/conditioning.py``, ``wind/conditioned.py``),
-or the wind is that of a newer forecast (``run/newer_wind.py``). The automaton continues from its most likely
+or the wind is a newer forecast (``run/newer_wind.py``). The automaton continues from its most likely
 state, and the stages from the trees on run with these records. The rest of the old plan is one of the paths
 of the new front. The new plan and the rest of the old one are then simulated in the same winds; a plan that
 fails significantly more often than the rest is replaced by a path of the front that does not.
@@ -74,8 +74,8 @@ class Replanned(Displayed):
         The new plan; without new information, the rest of the old one.
     old, new : FailureRate
         Of the rest of the old plan and of the new one, in the same fresh winds given the fixes. Without new
-        information both are that of the whole old plan. Worthless if there are ``situation.alarms``. ``old``
-        is None if the newer forecast ends before the rest of the old plan would arrive.
+        information both are the rate of the whole old plan. Worthless if there are ``situation.alarms``.
+        ``old`` is None if the newer forecast ends before the rest of the old plan would arrive.
     difference : (float, float, float)
         New less old failure rate, and the ends of its 95 % interval; NaN without ``old``.
     rest : PlannedPath
@@ -200,7 +200,7 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
 
     If the rule's choice does, the shortest path of the front is taken that fails no more often than the rest,
     which was judged with it; of the paths tried, the one with the fewest failures. A rest that outlasts the
-    wind cannot be flown: then the flights are those of the plan alone.
+    wind cannot be flown: then only the plan is flown.
     """
     from pareto_ltl.simulation.judging import which_fail_each
 
@@ -250,7 +250,7 @@ def _carried_on(
     scene = scene_from(problem.scene, rest.x[0], situation.time)
     flown = len(plan.path.u) - len(rest.u)
     limits = plan.limits and plan.limits.after(flown)
-    # Prices are those of the whole flight, at steps of its path.
+    # Prices belong to the whole flight, at steps of its path.
     plan = replace(
         plan, path=rest, limits=limits, prices=(), navigation=navigate(scene, rest.t, rest.x, rest.u)
     )

@@ -97,7 +97,7 @@ def fixes_from(
 
 
 def planned_step(problem: Problem, plan: Plan, time: float | str | None, fixes: Sequence[Fix]) -> int:
-    """The step at which the new plan begins: that of ``time``, or of the last fix."""
+    """The step at which the new plan begins: the step of ``time``, or of the last fix."""
     last = fixes[-1].step if fixes else None
     if time is None:
         if last is None:
@@ -127,8 +127,8 @@ def situation_at(run: Run, step: int, fixes: tuple[Fix, ...], *, ahead: bool = F
     learnt = learn_at(problem, plan.path.x, step, fixes) if fixes else expected_at(problem, plan.path.x, step)
     if fixes and fixes[-1].sd > VAGUE * learnt.sd_before:
         LOG.warning(
-            "the standard deviation of the fix, %s, is close to that of the planned position, %s: the "
-            "covariance of position and wind after the fix is neglected",
+            "the standard deviation of the fix, %s, is close to the standard deviation of the planned "
+            "position, %s: the covariance of position and wind after the fix is neglected",
             distance_text(fixes[-1].sd), distance_text(learnt.sd_before),
         )  # fmt: skip
     state, certainty = likely_state(run, problem, plan, step, fixes)
