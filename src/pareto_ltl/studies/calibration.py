@@ -2,7 +2,7 @@
 
 A row is a plan: its mission, its kind, the promised probabilities (columns ``bound_*`` and ``simulated_*``)
 and the share of flights that failed (``failure``). Flights of one mission share one wind, and its plans one
-map: a mission is one trial. Its plans in a group are averaged, and the interval is that of as many trials as
+map: a mission is one trial. Its plans in a group are averaged, and the interval counts as many trials as
 there are missions.
 """
 
@@ -46,9 +46,9 @@ def reliability(rows: Rows, bins: int, keys: Sequence[str] = KEYS) -> list[Colum
 def scorecard(rows: Rows, keys: Sequence[str] = KEYS) -> list[Columns]:
     """Mean promise, mean realised rate and scores of all plans that agree in ``keys``.
 
-    With p promised and f realised, the Brier score is the mean of f (1 - p)² + (1 - f) p², the log score that
-    of -f ln p - (1 - f) ln(1 - p); both are least where p = f. ``promised_sd`` is the sharpness. The other
-    columns are those of ``studies/skill.py``, where rows name their departure and situation.
+    With p promised and f realised, the Brier score is the mean of f (1 - p)² + (1 - f) p², the log score the
+    mean of -f ln p - (1 - f) ln(1 - p); both are least where p = f. ``promised_sd`` is the sharpness. The
+    other columns are explained in ``studies/skill.py``, where rows name their departure and situation.
     """
     table = []
     for head, name, known in _promised(rows, keys):

@@ -1,6 +1,6 @@
 """Comparison of fronts at common lengths: which starts fail least, and which of them do not differ.
 
-A start is planned with several seeds; its front is that of all these plans together. All paths fly in the
+A start is planned with several seeds; its front is computed from all these plans. All paths fly in the
 same winds. Two sources of chance separate a start from its rival: the winds of the flights, known from the
 pairs, and the seed of the planner, known from the scores of single plans of one start.
 """

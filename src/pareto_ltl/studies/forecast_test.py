@@ -129,7 +129,7 @@ def known_winds(
     settings: Settings, cfg: ForecastTestConfig, folder: Path, snapshots: tuple[Snapshot, ...],
     files: tuple[Path, ...],
 ) -> KnownWinds:  # fmt: skip
-    """The winds of all missions, from those of all cycles."""
+    """The winds of all missions, from the winds of all cycles."""
     truth = latest_readings(snapshots, files)
     spells = tuple(true_fields.spells(truth, cfg))
     nodes = {}
@@ -295,7 +295,7 @@ def _fit_numbers(results: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 
 
 def _score_numbers(cfg: ForecastTestConfig, tables: Mapping[str, Sequence[Columns]]) -> dict[str, float]:
-    """The scores of each planner; those of its own promise have no other name.
+    """The scores of each planner; scores of its promise carry only the planner's name.
 
     Where paths along the front are flown too (``plans``), ``_chosen`` names those that selection picks.
     """

@@ -113,7 +113,7 @@ class DepartureWinds(KnownWinds):
         held = (seconds(str(task.scene.time_zero)) - float(readings.times[-1])) / HOUR + self.cfg.hours
         folder, longest = str(readings.files[0].parent), max(mine.wind.max_gap, held)
         wind = replace(mine.wind, source="grib", path=folder, hold_last=True, max_gap=longest)
-        scene = replace(task.scene, border=mine.border)  # that of the fidelity, where scene.border is auto
+        scene = replace(task.scene, border=mine.border)  # set by the fidelity where scene.border is auto
         return study_run(replace(mine, wind=wind), Records({SCENE: scene, READINGS: readings}))
 
     def promised(self, run: Run, paths: Iterable[PlannedPath], seed: int) -> list[dict[str, float]]:

@@ -73,7 +73,7 @@ def part_key(settings: Settings, *more: Any) -> str:
 
 
 def parts_folder(cfg: EvaluationConfig, directory: Path) -> Path:
-    """The folder of parts: in the results directory, or in that of the run to resume.
+    """The folder of parts: in the results directory, or in the directory of the run to resume.
 
     Raises
     ------

@@ -229,7 +229,7 @@ def sitl_text(numbers: dict[str, float], law: str) -> str:
         f"| only one of them fails: JSBSim, our steps | {alone}, chance {numbers['sitl_same_chance']:.2g} |",
         f"| apart at the ends of legs, median | {km('apart')} |",
         f"| apart at the end of the flight, median | {km('apart_end')} |",
-        f"| airspeed of a leg less that of the table | {numbers['sitl_airspeed_error']:+.2f} m/s, "
+        f"| airspeed of a leg minus airspeed in the table | {numbers['sitl_airspeed_error']:+.2f} m/s, "
         f"sd {numbers['sitl_airspeed_error_sd']:.2f} m/s |",
     ]
     return "\n".join(lines) + "\n"

@@ -96,8 +96,8 @@ def real_wind(
 ) -> WindField:
     """The full fields over ``scene`` from departure on, with the white part of ``believed`` as gusts.
 
-    There is no other uncertainty. Fields are interpolated bilinearly between the nodes of their own grid and
-    rotated by the meridian convergence. Gusts at a field's time are those of the nearest slot of
+    There is no other uncertainty. Fields are interpolated bilinearly between the nodes of their grid and
+    rotated by the meridian convergence. Gusts at a field's time are taken from the nearest slot of
     ``believed``.
     """
     import dataclasses

@@ -57,7 +57,7 @@ def write_summary(
 ) -> SweepSummary:
     """Write and return the summary of the newest sweep of ``place``, or of the one named ``key``.
 
-    Files of the newest sweep are written to ``place``, those of an older one to its folder in ``sweeps/``.
+    Files of the newest sweep are written to ``place``, files of an older one to its folder in ``sweeps/``.
     """
     place = Path(place)
     manifest = read_manifest(place, key)
