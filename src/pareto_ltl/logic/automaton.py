@@ -201,8 +201,8 @@ def translate(
     formula : str or Formula
         Text, or a tree of :func:`pareto_ltl.logic.parse_formula`.
     letters : iterable of sets of names, optional
-        The labels that can occur; default: all subsets of the propositions. Fewer letters give smaller
-        automata, e.g. those of disjoint regions.
+        The labels that can occur; default: all subsets of the propositions. Fewer letters, e.g. of
+        disjoint regions, give smaller automata.
     max_states : int
         Limit of the number of states, also of intermediate automata.
 

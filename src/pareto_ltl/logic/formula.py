@@ -38,7 +38,7 @@ UNARY_OPERATORS = ("!", "X", "F", "G")
 BINARY_STRENGTH = {"<->": 1, "xor": 1, "->": 2, "|": 3, "&": 4, "U": 5, "R": 5, "W": 5, "M": 5}
 RIGHT_ASSOCIATIVE = ("->", "U", "R", "W", "M")
 FOREVER_OPERATORS = ("G", "R", "W")
-_UNARY_STRENGTH = 6  # binding strength of unary operators; that of atoms is higher
+_UNARY_STRENGTH = 6  # binding strength of unary operators; atoms bind more strongly
 
 _SPELLINGS = {
     **{"~": "!", "not": "!", "next": "X", "eventually": "F", "<>": "F", "[]": "G", "until": "U"},

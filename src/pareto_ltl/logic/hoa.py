@@ -74,7 +74,7 @@ def write_hoa(automaton: Automaton, path: str | Path) -> None:
 def read_hoa(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -> Automaton:
     """The minimal automaton of a HOA file over ``letters``.
 
-    By default, ``letters`` are those of the header ``letters`` of the file, else all subsets of its
+    By default, ``letters`` come from the header ``letters`` of the file, else they are all subsets of its
     propositions. Raises a DataError if the file cannot be read or is not an automaton of a finite mission.
     """
     return parse_hoa(read_text(Path(path), HOA_FILES, MAX_HOA_BYTES), letters, str(path))

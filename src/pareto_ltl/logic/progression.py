@@ -120,7 +120,7 @@ class Progression:
         return node(tree)
 
     def build(self, tree: Formula, node: Callable[[Formula], ProgressionNode]) -> ProgressionNode:
-        """The node of the root of ``tree``; ``node`` gives those of its arguments."""
+        """The node of the root of ``tree``; ``node`` gives the nodes of its arguments."""
         if tree.op == "true":
             return self.true
         if tree.op == "false":

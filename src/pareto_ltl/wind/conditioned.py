@@ -133,7 +133,7 @@ def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> 
     modes = field.modes
     if modes is None or not len(modes.part):
         return field
-    slot = int(np.argmin(np.abs(field.times)))  # that of the modes at the time of the plan
+    slot = int(np.argmin(np.abs(field.times)))  # slot of the modes at the time of the plan
     kept = persistence(field, float(field.times[slot]))
     mean, latent, psi = field.mean.copy(), field.latent_var.copy(), modes.psi.copy()
     nodes, shape = field.lattice.nodes(), mean.shape[1:3]

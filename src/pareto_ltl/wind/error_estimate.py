@@ -17,8 +17,8 @@ included.
 For a lag that no two analyses have, a forecast and an analysis are used. An analysis at or before the start
 of the forecast gives D by (1); one after its valid time gives D + e²(L), from which e²(L) is subtracted.
 
-Lengths are those of a Matern-3/2 correlation, fitted by least squares, over bins of distance, to the mean
-products of the differences at two nodes. Intervals are from a block bootstrap over cycles.
+Lengths are the lengths of a Matern-3/2 correlation, fitted by least squares, over bins of distance, to the
+mean products of the differences at two nodes. Intervals are from a block bootstrap over cycles.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
 """Karhunen-Loeve modes of the error of a wind field, and the persistence of its parts.
 
-Under the coherent law a flight meets one wind field. Its error is a sum of independent parts, each with its
-own modes ψ and its own persistence ρ; together they are modes of the sum of the covariances::
+Under the coherent law a flight meets one wind field. Its error is a sum of independent parts, each with
+modes ψ and a persistence ρ; together they are modes of the sum of the covariances::
 
     w(x, t)   = μ(x, t) + Σ_parts ψ(x, t)' θ,      θ ~ N(0, I)
     θ_{k+1}   = ρ θ_k + √(1 - ρ²) η,               η ~ N(0, I)
 
     space      covariance C of the Gaussian process given the readings of a slot, C = U Λ U', ψ = U √Λ
     forecast   the modes of a Matern-3/2 process times e(L) of the slot's lead
-    time       those of another, scaled at each step by the error of interpolation in time
+    time       the modes of another process, scaled at each step by the error of interpolation in time
     ensemble   deviations of the members of an ensemble
 
 The variance that the modes do not carry is added to the white part; ``rest_length`` is its correlation
@@ -46,7 +46,7 @@ ERROR_KERNEL = "matern32"  # of the parts that are not fitted to readings
 
 
 class ErrorParts(NamedTuple):
-    """The parts of the error other than that of interpolation in space.
+    """The parts of the error except interpolation in space.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class ErrorParts(NamedTuple):
 class ModeTable(NamedTuple):
     """The modes at N nodes and K slots.
 
-    ``psi`` (K, N, 2, P) float32 [m/s], those of the part ``TIME`` for a variance of 1; ``part`` (P,): the
+    ``psi`` (K, N, 2, P) float32 [m/s], for the part ``TIME`` with a variance of 1; ``part`` (P,): the
     part of each mode, -1 for columns of zeros; ``energy`` (K, 2): share of the variance that the modes carry;
     ``rest_length``: correlation length of the remainder [m].
     """
@@ -242,7 +242,7 @@ def _mode_counts(spectra: Mapping[int, _Spectrum], energy: float, most: int) -> 
 
 
 def _aligned(psi: FloatArray) -> FloatArray:
-    """ψ (K, N, 2, p) with the modes of every slot rotated to match those of the previous slot."""
+    """ψ (K, N, 2, p) with the modes of every slot rotated to match the modes of the previous slot."""
     result = psi.copy()
     for k in range(1, len(psi)):
         for c in (0, 1):

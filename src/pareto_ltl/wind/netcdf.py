@@ -39,7 +39,7 @@ DAMAGE = (  # errors of h5netcdf and h5py for a damaged file or one of another f
 )
 FREE_BYTES = 16 * 2**20  # size of a variable that is allowed for a file of any size
 LARGEST = 1e18  # limit of all numbers of a field; its square is finite
-MAX_RATIO = 20  # largest ratio of the bytes of a variable to those of the file, beyond FREE_BYTES
+MAX_RATIO = 20  # largest ratio of the bytes of a variable to the bytes of the file, beyond FREE_BYTES
 GRID_DIMENSIONS = ("time", "y", "x")
 MODE_DIMENSIONS = ("time", "mode_y", "mode_x", "mode")
 HYPERPARAMETERS = {

@@ -141,8 +141,8 @@ def _variability(
     found = variability_of(law, since, placed[first].points, winds)
     if found is not None:
         LOG.info(
-            "%s: the mean square change of the wind in time is taken as %.2f times that of the law %s, as "
-            "%d pairs of analyses near the map suggest", readings.name, found.factor, law.name,
+            "%s: the mean square change of the wind in time is taken as %.2f times its value in the law %s, "
+            "as %d pairs of analyses near the map suggest", readings.name, found.factor, law.name,
             len(found.starts),
         )  # fmt: skip
     return found
@@ -157,7 +157,7 @@ def _refuse_other_frame(readings: Readings, scene: Scene) -> None:
 
 
 def _departure_time(scene: Scene, readings: Readings) -> float:
-    """Departure [s since 1970]: that of the scene, else the first time of the readings."""
+    """Departure [s since 1970]: of the scene, else the first time of the readings."""
     if scene.time_zero is None:
         return float(readings.times[0])
     try:

@@ -85,7 +85,7 @@ class WindModes:
     origin : (2,) float
         South-west node of the lattice of the modes [m]; neighbours are ``spacing`` [m] apart.
     psi : (K, MX, MY, 2, P) float32
-        U √Λ [m/s], those of the part ``TIME`` for a variance of 1; unused modes are 0.
+        U √Λ [m/s], for the part ``TIME`` with a variance of 1; unused modes are 0.
     part : (P,) int
         Index into ``PARTS`` of each mode, -1 for unused ones.
     rho : float

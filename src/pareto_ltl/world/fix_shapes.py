@@ -28,7 +28,7 @@ EXPECTED = "expected {sd: M}, or {along: M, across: M} with bearing: DEG if the 
 class FixShape(NamedTuple):
     """Standard deviations of a fix [m] along a direction and across it.
 
-    ``bearing`` is that direction, clockwise from the y axis of the plane [deg]; NaN: that of the longer side
+    ``bearing`` is that direction, clockwise from the y axis of the plane [deg]; NaN: along the longer side
     of the landmark.
     """
 

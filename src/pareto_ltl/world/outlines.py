@@ -81,7 +81,7 @@ def narrowed_polygon(polygon: shapely.Polygon, tolerance: float) -> shapely.Geom
 
 
 def without_pools(polygon: shapely.Polygon, size: float) -> shapely.Polygon:
-    """``polygon`` without the holes whose area is at most that of a circle with radius ``size`` [m]."""
+    """``polygon`` without the holes whose area is at most the area of a circle with radius ``size`` [m]."""
     import shapely
 
     holes = [ring for ring in polygon.interiors if shapely.Polygon(ring).area > math.pi * size**2]

@@ -51,7 +51,7 @@ class Scene(Displayed):
     obstacle_names : tuple of str
         The name that the map gives to each obstacle, empty for those without one; () if none has a name.
     landmark_fixes : tuple of FixShape or None
-        The error of fixes at each landmark, None for that of ``robot.fix_sd``; () if none has its own.
+        The error of fixes at each landmark, None for ``robot.fix_sd``; () if it is None for all.
     """
 
     bounds: FloatArray

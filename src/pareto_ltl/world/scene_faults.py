@@ -17,7 +17,7 @@ Made = TypeVar("Made")
 
 
 class MapFaults:
-    """Faults of a map whose messages begin with ``where``; ``texts`` are those of earlier steps."""
+    """Faults of a map whose messages begin with ``where``; ``texts`` are the faults of earlier steps."""
 
     def __init__(self, where: str, texts: Iterable[str] = ()) -> None:
         self.where, self.texts = where, list(texts)

@@ -66,7 +66,7 @@ class Element:
 def kml_features(path: Path, advice: Advice, faults: MapFaults, role: str = "") -> list[dict[str, Any]]:
     """The Placemarks of a KML or KMZ file as GeoJSON features; others are ``faults``.
 
-    ``role`` is that of Placemarks without one. DataError if the file is neither KML nor KMZ.
+    ``role`` is used for Placemarks without a role. DataError if the file is neither KML nor KMZ.
     """
     where = f"scene file {path}"
     data = _kmz_content(path, advice) if path.suffix.lower() == ".kmz" else read_bounded(path, advice)

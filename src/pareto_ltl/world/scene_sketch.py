@@ -45,7 +45,7 @@ class Place:
     solid : bool
         Whether a region is an obstacle that is active for a limited time.
     fix : FixShape or None
-        The error of fixes at a landmark; None: that of ``robot.fix_sd``.
+        The error of fixes at a landmark; None: ``robot.fix_sd``.
     """
 
     name: str
