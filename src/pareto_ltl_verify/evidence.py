@@ -199,7 +199,7 @@ class Evidence:
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot of the settings; with robot.dt=auto its time step is that of the metrics."""
+        """The robot of the settings; with robot.dt=auto its time step comes from the metrics."""
         told = self.settings["robot"]
         if isinstance(told["dt"], str):  # auto: the metrics have the chosen time step
             told = told | {"dt": float(self.metrics["dt_s"])}
@@ -275,7 +275,7 @@ class Evidence:
         return clock(self.wind, self.robot.dt, steps, int(self.settings["planner"]["max_steps"]))
 
     def law(self, name: str, steps: int | None = None) -> Law:
-        """A wind law for ``steps`` steps, those of the plan by default."""
+        """A wind law for ``steps`` steps, by default for the steps of the plan."""
         times = self.times if steps is None else self.clock_of(steps)
         if name == "independent":
             return Independent(self.wind, times, self.robot)

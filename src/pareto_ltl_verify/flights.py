@@ -1,4 +1,4 @@
-"""Flights: those of the results are judged again, and new ones are simulated with other random numbers."""
+"""Flights of the results are judged again, and new ones are simulated with other random numbers."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Ground:
         return np.stack(found, axis=1)
 
     def after_step(self, state: IntArray, legs: Legs, slack: float = 0.0, holding: Label = NONE) -> IntArray:
-        """States (n,) after steps: harmful letters between the ends are read first, then that of the end.
+        """States (n,) after steps: harmful letters between the ends are read first, then the end's letter.
 
         Letters between the ends are read only if the letter of the start does not change the state: otherwise
         the formula counts steps. Windows ``holding`` are open between the ends.
@@ -280,7 +280,7 @@ class Simulator:
 
 
 def next_field(law: Coherent, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """θ (n, 2P) of step t from that of step t - 1: ρ θ + √(1 - ρ²) η, with ρ of the part of each mode."""
+    """θ (n, 2P) of step t from θ of step t - 1: ρ θ + √(1 - ρ²) η, with ρ of the part of each mode."""
     keep = law.kept(t)
     if (keep == 1).all():
         return theta

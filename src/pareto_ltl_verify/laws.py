@@ -60,7 +60,7 @@ class Robot:
 
     @property
     def closed(self) -> FloatArray:
-        """A - K: the matrix (2, 2) that maps a deviation to that of the next step."""
+        """A - K: the matrix (2, 2) that maps a deviation to the deviation of the next step."""
         return self.a - self.feedback * np.eye(2)
 
     def speed_left(self, correction: FloatArray) -> float:
@@ -141,7 +141,7 @@ class Belief:
 
 @dataclass(frozen=True, slots=True)
 class Independent:
-    """The wind of every step is independent; Σ_w is that of largest trace in a ball around the mean."""
+    """The wind of every step is independent; Σ_w has the largest trace in a ball around the mean."""
 
     wind: WindFile
     times: Clock
@@ -210,7 +210,7 @@ class Coherent:
         return np.tile(self.times.keep[t][self.wind.modes.part], 2)
 
     def modes_at(self, t: int) -> FloatArray:
-        """ψ of step t at the nodes, (MX, MY, 2, P): those of interpolation in time grow with its error."""
+        """ψ of step t at the nodes, (MX, MY, 2, P); modes of interpolation in time grow with its error."""
         found = self.wind.modes
         assert found is not None
         grown = np.where(found.part == TIME, math.sqrt(self.times.between[t]), 1.0)

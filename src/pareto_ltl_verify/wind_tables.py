@@ -32,7 +32,7 @@ class Source:
     ensemble : bool
         Whether members of an ensemble can be part of the wind's error.
     level : bool
-        Whether the level is that of the settings.
+        Whether the level is set in the settings.
     """
 
     law: str | None
@@ -57,7 +57,7 @@ HYPER = ("prior_mean", "prior_sd", "prior_length", "noise_sd")
 
 
 def source_of(name: str) -> Source:
-    """The row of a wind source; that of another package may have an ensemble."""
+    """The row of a wind source; a source of another package may have an ensemble."""
     return SOURCES.get(name, Source(None, ensemble=True, level=False))
 
 
@@ -241,8 +241,8 @@ def square_of(x: FloatArray, y: FloatArray, points: FloatArray) -> Square:
 class Clock:
     """Where each step lies between the slots of the wind.
 
-    Step t lies between slots ``slot[t]`` and ``slot[t] + 1`` at ``weight[t]``; its modes are those of slot
-    ``nearest[t]``, and ``keep[t, g]`` is the correlation of θ of part g of the error with that of step t - 1.
+    Step t lies between slots ``slot[t]`` and ``slot[t] + 1`` at ``weight[t]``; its modes belong to slot
+    ``nearest[t]``, and ``keep[t, g]`` is the correlation of θ of part g of the error with θ of step t - 1.
     ``between`` [m²/s²] is the variance of interpolation in time; the wind is known for ``known`` steps.
     """
 

@@ -146,7 +146,7 @@ def _range(values: Sequence[float] | FloatArray, unit: str) -> str:
 
 
 def source(result: Evidence) -> Verdict | None:
-    """The source of the wind is that of the settings, and the files that it names are inputs of the run."""
+    """The source of the wind is set in the settings, and the files that it names are inputs of the run."""
     wanted = result.settings["wind"]["source"]
     if wanted == "given":  # from Python, with any text
         return None

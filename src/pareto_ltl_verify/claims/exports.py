@@ -1,4 +1,4 @@
-"""Claims about the exported files: places, times, legs and fences are those of plan.json and the map."""
+"""Claims about the exported files: places, times, legs and fences agree with plan.json and the map."""
 
 from __future__ import annotations
 
@@ -278,7 +278,7 @@ def azimuths(result: Evidence, x: FloatArray, toward: FloatArray) -> FloatArray:
 
 
 def spreads(result: Evidence) -> Verdict:
-    """Ellipses and radii of the table are those of the covariances of plan.json."""
+    """Ellipses and radii of the table follow from the covariances of plan.json."""
     rows, cov = result.table(TABLE), np.array(result.plan["cov"], float)
     values = np.sqrt(np.maximum(np.linalg.eigvalsh(cov), 0.0))
     faults = [f"row {k}: major axis" for k in _unlike(_column(rows, "ellipse_major_m"), values[:, 1], 1e-3)]
@@ -310,7 +310,7 @@ def held_within(radius: float, major: float, minor: float) -> float:
 
 
 def messages(result: Evidence) -> Verdict:
-    """Headings, airspeeds and times of the MAVLink script are those of the table."""
+    """Headings, airspeeds and times of the MAVLink script agree with the table."""
     script = json_file(result, "mavlink_script.json")
     rows = result.table(TABLE)[:-1]
     faults = [f"{script['wind_law']} winds"] * (script["wind_law"] != result.planned_law)

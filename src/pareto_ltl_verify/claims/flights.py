@@ -65,7 +65,7 @@ def _flags(result: Evidence, law: str) -> tuple[BoolArray, BoolArray, BoolArray]
 
 
 def counts(result: Evidence, law: str) -> Verdict:
-    """The rates and the interval in the metrics are those of the flights."""
+    """The rates and the interval in the metrics follow from the flights."""
     found = rates(*_flags(result, law), result.ground.walled)
     told = {key: float(result.metrics[name.format(law)]) for key, name in METRICS.items()}
     faults = [
@@ -99,7 +99,7 @@ def drawn_winds(result: Evidence, law: str) -> Verdict | None:
 
 
 def new_positions(result: Evidence, law: str) -> Verdict:
-    """Positions are distributed like those of new flights."""
+    """Positions are distributed like the positions of new flights."""
     old, new = result.flights[f"{law}/x"], result.new_flights[law]
     steps = np.unique(np.linspace(1, old.shape[1] - 1, LOOKS).astype(int))
     return likely(
@@ -108,7 +108,7 @@ def new_positions(result: Evidence, law: str) -> Verdict:
 
 
 def new_rate(result: Evidence, law: str) -> Verdict:
-    """The failure rate is that of new flights with other random numbers."""
+    """The failure rate agrees with new flights with other random numbers."""
     failed = failures(*_flags(result, law), result.ground.walled)
     again = result.ground.failed(result.new_flights[law])
     chance = same_rate(int(failed.sum()), len(failed), int(again.sum()), len(again))

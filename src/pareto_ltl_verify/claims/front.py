@@ -180,7 +180,7 @@ def _path_faults(result: Evidence, row: Mapping[str, str], x: FloatArray) -> Ite
     if tree and result.has("trees.npz"):
         grown = vertex_path(result, int(tree[1]), int(tree[2]))
         if grown.shape != x.shape or (grown != x).any():
-            yield f"it is not that of {row['origin']}"
+            yield f"it is not the path of {row['origin']}"
 
 
 def front_costs(result: Evidence) -> Verdict:
@@ -243,7 +243,7 @@ RATE_COLUMNS = ("failure", "failure_low", "failure_high", "law", "runs")
 
 
 def front_rates(result: Evidence) -> Verdict:
-    """Rates and intervals follow from the flights in front.npz; wind law and number are those of settings."""
+    """Rates and intervals follow from the flights in front.npz; wind law and number agree with settings."""
     if not flights_judge(result):
         told = [row["path"] for row in result.front if any(row[name] for name in RATE_COLUMNS)]
         return no_fault("no rates", [f"path {name} has a rate" for name in told])
@@ -261,7 +261,7 @@ def front_rates(result: Evidence) -> Verdict:
 
 
 def new_front_rates(result: Evidence) -> Verdict | None:
-    """Failure rates of paths of the front are those of new flights with other random numbers."""
+    """Failure rates of paths of the front agree with new flights with other random numbers."""
     if not flights_judge(result):
         return None
     chosen, faults = _spread(len(result.front), FLOWN_PATHS), []

@@ -90,7 +90,7 @@ def prices(result: Evidence) -> Verdict | None:
 
 
 def _segment_price_faults(result: Evidence, rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The prices of all segments add up to those of obstacles and borders, but for the smallest of these."""
+    """The prices of all segments add up to the prices of obstacles and borders, except the smallest."""
     of_segments = sum(row.get("price", 0.0) for row in result.plan.get("segments", ()))
     listed = [row["saving"] for row in rows if row["kind"] in ("obstacle", "border")]
     small = LEAST_SHARE * max((row["saving"] for row in rows if row["kind"] in CHANGED), default=0.0)

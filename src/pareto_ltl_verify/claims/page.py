@@ -1,4 +1,4 @@
-"""Claims about ``report.html``: its numbers are those of ``front.csv`` and ``plan.json``."""
+"""Claims about ``report.html``: its numbers agree with ``front.csv`` and ``plan.json``."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _equal(said: Any, wanted: float | None) -> bool:
 
 
 def chosen(result: Evidence) -> Verdict:
-    """The chosen path and its promise are those of plan.json."""
+    """The chosen path and its promise agree with plan.json."""
     data, plan = page_data(result), result.plan
     way = data["paths"][str(data["chosen"])]
     x, size = _positions(result, data), float(np.ptp(np.array(result.scene["bounds"], float), axis=0).max())

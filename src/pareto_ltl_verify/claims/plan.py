@@ -60,7 +60,7 @@ def settings_named(result: Evidence) -> Verdict:
     """The settings in plan.json are those that the run used."""
     plan, told = result.plan, result.settings
     pairs = {
-        "dt": (plan["dt"], result.robot.dt),  # with robot.dt=auto, that of the metrics
+        "dt": (plan["dt"], result.robot.dt),  # with robot.dt=auto, dt of the metrics
         "u_max": (plan["u_max"], told["robot"]["u_max"]),
         "u_min": (plan.get("u_min", 0.0), told["robot"].get("u_min", 0.0)),
         "epsilon": (plan["epsilon"], result.epsilon),

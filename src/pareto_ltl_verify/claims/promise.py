@@ -71,7 +71,7 @@ def _claim_faults(result: Evidence, told: dict[str, Any]) -> Iterator[str]:
     rows = [row for k, row in enumerate(result.front) if np.array_equal(result.front_x(k), result.x)]
     said = [str(told["claimed"][key]) for key in columns]
     if [[row[name] for name in columns.values()] for row in rows] != [said]:
-        yield f"the claim {told['claimed']['failure']:.4g} is not that of the front"
+        yield f"the claim {told['claimed']['failure']:.4g} is not in the front"
 
 
 def stands(told: dict[str, Any]) -> bool:
@@ -108,7 +108,7 @@ def _linearity(result: Evidence) -> float:
 
 
 def promised_rate(result: Evidence) -> Verdict | None:
-    """The promised rate is that of new flights, and of those that the run simulated after the plan."""
+    """The promised rate agrees with new flights, and with the run's flights of the finished plan."""
     told = result.plan["promise"]
     if not told or told["law"] not in result.new_flights:
         return None
@@ -125,7 +125,7 @@ def promised_rate(result: Evidence) -> Verdict | None:
 
 
 def models(result: Evidence) -> Verdict:
-    """The models of the plan are those of the settings."""
+    """The models of the plan agree with the settings."""
     told = {key: value for key, value in result.settings["fidelity"].items() if key != "name"}
     return same(result.plan["models"], told)
 

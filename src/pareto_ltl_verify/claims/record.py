@@ -91,7 +91,7 @@ def files(result: Evidence) -> Verdict:
 
 
 def settings_hash(result: Evidence) -> Verdict:
-    """The fingerprint of the settings in config_resolved.yaml is that of run.json."""
+    """The fingerprint of the settings in config_resolved.yaml agrees with run.json."""
     content = {
         name: dict(value) if isinstance(value, dict) else value for name, value in result.settings.items()
     }
@@ -105,7 +105,7 @@ def settings_hash(result: Evidence) -> Verdict:
 
 
 def identity(result: Evidence) -> Verdict:
-    """Name, seed and stages of run.json are those of the settings."""
+    """Name, seed and stages of run.json agree with the settings."""
     told = result.settings
     pairs = {"name": told["name"], "seed": told["seed"], "stages": told["pipelines"]["stages"]}
     return no_fault(
@@ -126,7 +126,7 @@ def inputs(result: Evidence) -> Verdict | None:
 
 
 def seconds(result: Evidence) -> Verdict:
-    """Times of the stages [s] add up to that of the run and are the same in metrics.json and run.json."""
+    """Times of the stages [s] add up to the time of the run; metrics.json and run.json agree."""
     told = {
         name.removeprefix("seconds_"): value
         for name, value in result.metrics.items()

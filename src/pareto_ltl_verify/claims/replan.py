@@ -74,7 +74,7 @@ def alarms(result: Evidence) -> Verdict:
 
 
 def rates(result: Evidence) -> Verdict | None:
-    """Both plans fail as often as their new flights in wind.nc; their difference is that of the rates.
+    """Both plans fail as often as their new flights in wind.nc; the difference follows from the rates.
 
     The rest of the old plan has no rate if it lasts longer than a newer forecast.
     """
@@ -117,13 +117,13 @@ def _outlasts(result: Evidence, steps: int) -> bool:
 
 
 def old_plan(result: Evidence) -> Verdict | None:
-    """The rest of the old plan is that of the source from the step on."""
+    """The rest of the old plan is the plan of the source from the step on."""
     told, source = _told(result), _source(result)
     if source is None:
         return None
     x, u = (np.array(told["rest"][name], float) for name in "xu")
     same = np.array_equal(x, source.x[told["step"] :]) and np.array_equal(u, source.u[told["step"] :])
-    return no_fault(f"{len(u)} steps", [] if same else ["not those of the source"])
+    return no_fault(f"{len(u)} steps", [] if same else ["not the steps of the source"])
 
 
 # --- what the fixes tell --------------------------------------------------------------------------

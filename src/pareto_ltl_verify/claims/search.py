@@ -30,7 +30,7 @@ def tree_names(result: Evidence) -> list[str]:
 
 
 def vertices(result: Evidence) -> Verdict:
-    """The numbers of trees, vertices and accepted vertices are those of the metrics."""
+    """The numbers of trees, vertices and accepted vertices agree with the metrics."""
     names = tree_names(result)
     found = [
         len(names),
@@ -77,10 +77,10 @@ def _link_faults(
     if np.abs(x[0] - result.start).max() > result.grain or step[0] or length[0]:
         yield "the root is not the start"
     if (step[1:] != step[before] + 1).any():
-        yield "a step does not follow that of its parent"
+        yield "a step does not follow the step of its parent"
     gap = np.abs(length[1:] - length[before] - np.linalg.norm(x[1:] - x[before], axis=1))
     if gap.max(initial=0.0) > 1e-6 * max(float(length.max()), 1.0):
-        yield "a length is not that of its path"
+        yield "a length is not the length of its path"
     table, after = result.timetable, np.empty(len(own), int)
     for t in np.unique(step[1:]).tolist():
         new = np.flatnonzero(step[1:] == t)

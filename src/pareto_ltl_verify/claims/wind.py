@@ -60,8 +60,9 @@ def _node_table(wind: WindFile) -> tuple[IntArray, FloatArray]:
 def posterior_field(result: Evidence) -> Verdict | None:
     """Mean and variance at the nodes are the posterior of a Gaussian process given the readings.
 
-    The variance is that of the process times the variance factor, plus that of a forecast with the lead time
-    of the slot. The members of an ensemble are not in the file; they may increase the variance.
+    The variance is the variance of the process times the variance factor, plus the variance of a forecast
+    with the lead time of the slot. The members of an ensemble are not in the file; they may increase the
+    variance.
     """
     fit, wind = _fitted(result), result.wind
     if fit is None:
@@ -147,9 +148,9 @@ def known_until(result: Evidence) -> Verdict:
 
 
 def level_and_leads(result: Evidence) -> Verdict:
-    """The level is that of the settings, or 10 m for the sample; no lead time is negative.
+    """The level agrees with the settings, or is 10 m for the sample; no lead time is negative.
 
-    Where forecasts have errors, each of several fields has a lead, except those of the sample and currents.
+    Where forecasts have errors, each of several fields has a lead, except in the sample and in currents.
     """
     wind, told = result.wind, result.settings["wind"]
     named = "10m" if told["source"] == "sample" else wind.level
@@ -165,7 +166,7 @@ def level_and_leads(result: Evidence) -> Verdict:
 
 
 def forecast_error(result: Evidence) -> Verdict | None:
-    """The law of forecast errors is that of wind.forecast_error, scaled to the winds' spread at the level."""
+    """The law of forecast errors is wind.forecast_error, scaled to the winds' spread at the level."""
     wind = result.wind
     if wind.fit is None or wind.error is None:
         return same("no law" if wind.error is None else "a law", "no law" if wind.fit is None else "a law")
@@ -182,7 +183,7 @@ def forecast_error(result: Evidence) -> Verdict | None:
 
 
 def _named_law(result: Evidence) -> str:
-    """The law that wind.forecast_error names; for auto without a law of the source, that of wind.nc."""
+    """The law that wind.forecast_error names; for auto without a law of the source, the law in wind.nc."""
     told, law = result.settings["wind"], result.wind.error
     found = "gfs" if law is not None and law.forecast_sd.any() else "none"
     usual = source_of(told["source"]).law or found
@@ -214,7 +215,7 @@ def _law_faults(result: Evidence, said: ErrorLaw, law: ErrorLaw, fit: Fit) -> li
 
 
 def variability(result: Evidence) -> Verdict | None:
-    """The factor of D(τ) follows from the changes between analyses; those of slots are in wind.nc.
+    """The factor of D(τ) follows from the changes between analyses; the changes of slots are in wind.nc.
 
     Successive analyses among the slots, at the same places, must be among the pairs.
     """

@@ -55,7 +55,7 @@ def _span_fault(cov: PartCovariance, psi: FloatArray, k: int, probe: FloatArray)
 
 
 def matched(result: Evidence) -> Verdict | None:
-    """Modes of interpolation in space are rotated to match those of the slot before."""
+    """Modes of interpolation in space are rotated to match the modes of the slot before."""
     modes = result.wind.modes
     if modes is None or len(modes.psi) < 2:
         return None

@@ -58,7 +58,7 @@ def drawn_map(result: Evidence) -> Verdict | None:
 
 
 def border(result: Evidence) -> Verdict | None:
-    """The border is scene.border, or with auto that of the fidelity."""
+    """The border is scene.border, or with auto the border of the fidelity."""
     told = result.settings["scene"]
     if told["border"] == "auto" and (told["file"] or given_map(result)):  # the map may name one
         return None
@@ -83,7 +83,7 @@ def projection(result: Evidence) -> Verdict | None:
 
 
 def departure(result: Evidence) -> Verdict:
-    """The clock of the map begins at mission.start_time, if it is set; that of the wind is the same."""
+    """The clock of the map begins at mission.start_time, if it is set; the clock of the wind is the same."""
     told, zero = result.settings["mission"]["start_time"], result.scene["time_zero"]
     units = "s" if zero is None else f"seconds since {zero}"
     if told is not None and told != zero:
@@ -158,7 +158,7 @@ def _corners(drawn: Any) -> Any:
 
 
 def _fix_faults(result: Evidence) -> list[str]:
-    """Landmarks whose outline is that of the settings, and whose errors of fixes are not.
+    """Landmarks whose outline agrees with the settings, and whose errors of fixes do not.
 
     The bearing is compared where the settings have one.
     """
@@ -278,7 +278,7 @@ def _sample_points(result: Evidence) -> FloatArray:
 
 
 def cell_cover(result: Evidence) -> Verdict:
-    """Every point of the map lies in an obstacle or in exactly one cell, whose label is that of the point."""
+    """Every point of the map lies in an obstacle or in exactly one cell, which has the label of the point."""
     points = _sample_points(result)
     cells = [convex(cell) for cell in result.cells["cells"]]
     depth = np.array([cell.depth(points) for cell in cells])
@@ -340,7 +340,7 @@ def letters(result: Evidence) -> Verdict:
 
 
 def windows(result: Evidence) -> Verdict | None:
-    """The automaton's time windows are those of the map, and its clocks have the times in their names.
+    """The automaton's time windows come from the map, and its clocks have the times in their names.
 
     The propositions that the map forbids are forbidden in the automaton too.
     """
@@ -418,9 +418,9 @@ CLAIMS = (
     Claim("map: cells cover the free space once", ("scene.json", "cells.json"), cell_cover),
     Claim("map: doors join all cells that touch", ("cells.json", "scene.json"), doors),
     Claim("mission: one formula in all files", ("automaton.json",), whose_formula),
-    Claim("mission: automaton is that of the formula", ("automaton.json",), meaning),
+    Claim("mission: automaton follows from the formula", ("automaton.json",), meaning),
     Claim("mission: automaton.hoa is automaton.json", ("automaton.json", "automaton.hoa"), hoa),
     Claim("mission: letters are the labels of the map", ("automaton.json", "cells.json"), letters),
-    Claim("mission: time windows are those of the map", ("automaton.json", "scene.json"), windows),
+    Claim("mission: time windows come from the map", ("automaton.json", "scene.json"), windows),
     Claim("mission: distance to acceptance", ("automaton.json",), distance),
 )
