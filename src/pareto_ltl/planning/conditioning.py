@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight
 
 
-ROUNDING = 1e-12  # share of a variance below which that of a fix is lost in its rounding
+ROUNDING = 1e-12  # share of a variance below which the variance of a fix is lost by rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ def joint_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -
 
     If the plan counted on fixes at landmarks, the positions that they measured are not known here: the prior
     of θ stays N(0, I). One fix at ``step`` itself uses the covariance that the plan expects; more fixes, or
-    earlier ones, use that of a flight without landmarks.
+    earlier ones, use the covariance of a flight without landmarks.
     """
     at = [fix.step for fix in fixes]
     alone = at == [step]

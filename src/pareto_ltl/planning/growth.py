@@ -171,8 +171,8 @@ def _mission_scratch(problem: Problem) -> kd.OrderedMemory | None:
 def _for_trees(problem: Problem) -> Problem:
     """The problem as trees use it: the path bound limits single steps, and R is an objective without limit.
 
-    A path of a tree is not straight, so its R, a sum over steps, is several times that of the same path after
-    smoothing. Only finished paths are held to planner.delta.
+    A path of a tree is not straight, so its R, a sum over steps, is several times the R of the same path
+    after smoothing. Only finished paths are held to planner.delta.
     """
     bound = problem.world.collision
     if not isinstance(bound, kd.PathBound):
@@ -274,7 +274,7 @@ def _end_growth(growing: Iterable[GrowingTree]) -> None:
 
 
 def plant_tree(task: GrowthTask, seed: SeedSequence, number: int, options: GrowthOptions) -> GrowingTree:
-    """A tree of one vertex, that of the start, with its own random stream."""
+    """A tree with one vertex, the start, and a separate random stream."""
     cfg, problem = task.cfg, task.problem
     rng = np.random.Generator(np.random.PCG64(seed))
     rule = RULE_MAKERS[problem.fidelity.parents](cfg, problem, number, rng)

@@ -132,7 +132,7 @@ def pack_modes(field: WindField, wind: kd.Wind, dt: float, speed: float) -> kd.M
     """The coherent law: each step uses the modes of the nearest slot, and each part of the error persists.
 
     The error outside the modes is correlated over ``rest_length`` [m]. For it 2 rest_length / ``speed`` [s]
-    takes the place of ``gust_time``, but at most the whole flight; ``speed`` [m/s] is that of the robot.
+    takes the place of ``gust_time``, but at most the whole flight; ``speed`` [m/s]: of the robot.
 
     Eq. (M19) of docs/mathematics.md.
     """
@@ -154,7 +154,7 @@ def pack_modes(field: WindField, wind: kd.Wind, dt: float, speed: float) -> kd.M
 
 
 def part_persistence(field: WindField, wind: kd.Wind, slot: IntArray, dt: float) -> FloatArray:
-    """Correlation (S + 1, parts) of θ with that of the step before, for each part of the error.
+    """Correlation (S + 1, parts) of θ with θ of the step before, for each part of the error.
 
     The errors of interpolation in space and of the forecast change from slot to slot. That of interpolation
     in time is independent in every gap between fields; for a held field it changes every ``HELD_EPOCH``, with
@@ -196,7 +196,7 @@ def mean_derivatives(mean: FloatArray, spacing: float) -> tuple[FloatArray, Floa
 
 
 def pack_motion(robot: RobotConfig, ball: float, judge: str = "bound") -> kd.Motion:
-    """Matrices, feedback and bounds of the robot; ``ball`` is that of the maximum-trace rule.
+    """Matrices, feedback and bounds of the robot; ``ball`` is the ball of the maximum-trace rule.
 
     No airspeed is reserved for feedback where flights judge: they show what a robot at its limits cannot
     correct.
@@ -245,7 +245,7 @@ def pack_landmarks(
 ) -> kd.Landmarks:
     """Landmarks, the errors of their fixes, and the share of a known deviation corrected in one step.
 
-    ``fixes`` are the errors of the first landmarks; None, and missing ones, are those of ``robot.fix_sd``.
+    ``fixes`` are the errors of the first landmarks; None, and missing ones, mean ``robot.fix_sd``.
     """
     middle = np.array([polygon.mean(axis=0) for polygon in marks])
     radius = [np.linalg.norm(polygon - own, axis=1).max() for polygon, own in zip(marks, middle, strict=True)]

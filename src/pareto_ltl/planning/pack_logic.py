@@ -47,7 +47,7 @@ def pack_logic(
 
 
 def _stacked(rows: Sequence[Any]) -> Any:
-    """The tables of all epochs as one array; that of a single epoch is not copied."""
+    """The tables of all epochs as one array; the table of a single epoch is not copied."""
     return np.ascontiguousarray(rows[0])[None] if len(rows) == 1 else np.stack(rows)
 
 

@@ -140,7 +140,7 @@ def by_priority(_cfg: SelectionConfig, front: Front) -> int:
 
 
 def by_worth(cfg: SelectionConfig, front: Front) -> int:
-    """The shortest path whose failure rate is not worth more length; with bounds, that of ``priority``.
+    """The shortest path whose failure rate is not worth more length; with bounds, the path of ``priority``.
 
     It has the least (p + ``SMALL``) l^s, p the failure rate, l the length and s = ``cfg.saving``: where the
     front is smooth, one per cent more length would save less than s per cent of the failures. The safest end
@@ -158,8 +158,8 @@ def by_worth(cfg: SelectionConfig, front: Front) -> int:
 def by_weights(cfg: SelectionConfig, front: Front) -> int:
     """The least g_w(ξ, λ) = Σ_j λ_j f_j, with length in units of the shortest path of the front.
 
-    Further weights are those of the further costs, each in units of the least one of the front.
-    Where flights judge, the failure rate takes the place of both risks, with the sum of their weights.
+    Further weights belong to the further costs, each in units of the least one of the front.
+    Where flights judge, the failure rate replaces both risks, with the sum of their weights.
 
     Eq. (M47) of docs/mathematics_methods.md.
     """

@@ -28,9 +28,7 @@ from pareto_ltl.planning.wind_lookup import interpolate
 from pareto_ltl.support.arrays import FloatArray
 
 MOST_ORDERS = 24  # mission orders that are tried
-SLACK = (
-    1.15  # plans are longer than the shortest line: the time that a cure must leave, over that of the line
-)
+SLACK = 1.15  # plans are longer than the shortest line: needed time, over the time of the line
 TIMES_LONGER = 2  # that many times the steps tell whether the time is too short
 LONGER = 32  # a flight this many times as long as the wind is known counts as stopped by the wind
 FASTEST = 16.0  # largest factor of robot.u_max that is tried

@@ -152,7 +152,7 @@ def nearest_failures(margins: Margins, cov: FloatArray, e: FloatArray) -> HalfSp
 def touching(first: HalfSpace, second: HalfSpace, cov: FloatArray) -> HalfSpace:
     """The half-space that contains the intersection of two and touches it at its point nearest to the origin.
 
-    With c = ω₀' ω_k, the nearest point is that of one half-space alone if it lies in the other, c τ₀ >= τ_k
+    With c = ω₀' ω_k, the nearest point is the one of a single half-space if it lies in the other, c τ₀ >= τ_k
     or c τ_k >= τ₀; else both are tight, and
 
         z* = [(τ₀ - c τ_k) ω₀ + (τ_k - c τ₀) ω_k] / (1 - c²).

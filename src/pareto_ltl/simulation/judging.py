@@ -58,7 +58,7 @@ def judge_front(
     """The paths of ``raw`` and ``refined`` that are non-dominated in failure rate and costs.
 
     The trees' paths race among themselves first, in fewer flights: the remaining ones are the front before
-    refinement, and those of them that keep ``planner.epsilon`` compete with the refined ones.
+    refinement, and those that satisfy ``planner.epsilon`` compete with the refined ones.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ class Race:
 
 
 def race_of(problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: SeedSequence) -> Race:
-    """The race of ``paths`` through ``runs`` flights; those of ``simulate_flights`` with the same seed."""
+    """The race of ``paths`` through ``runs`` flights, as in ``simulate_flights`` with the same seed."""
     for path in paths:
         require_known_wind(problem, path.u, path.x)
     blocks = block_rows(runs)
@@ -261,8 +261,8 @@ def looks(blocks: int) -> list[range]:
 def outermost(rates: FloatArray, costs: FloatArray, crowd: float) -> BoolArray:
     """Which paths stay: whole fronts in their order, while they are at most ``crowd`` paths for each cost.
 
-    The first front is that of all paths, the second that of all others, and so on (Goldberg, Genetic
-    Algorithms in Search, Optimization and Machine Learning, 1989). The first front always stays.
+    The first front is the front of all paths, the second the front of all others, and so on (Goldberg,
+    Genetic Algorithms in Search, Optimization and Machine Learning, 1989). The first front always stays.
     """
     import moocore
 

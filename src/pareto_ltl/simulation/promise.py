@@ -127,7 +127,7 @@ def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequenc
     if count_agrees(counted, weighted):
         return weighted
     LOG.warning(
-        "%s: the rate of weighted flights, %s, is not that of %d fresh ones in %s winds, %s; the "
+        "%s: the rate of weighted flights, %s, does not agree with %d fresh ones in %s winds, %s; the "
         "latter is reported",
         path.origin, _rate_words(weighted), runs, counted.law, _rate_words(counted),
     )  # fmt: skip
@@ -137,8 +137,8 @@ def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequenc
 def count_agrees(counted: FailureRate, weighted: FailureRate) -> bool:
     """Whether the count is consistent with a rate within the interval of ``weighted``.
 
-    The probability of so many failures or more at its upper end, and that of so few or fewer at its lower
-    end, must both be at least ``DOUBT``.
+    The probability of so many failures or more at its upper end, and the probability of so few or fewer at
+    its lower end, must both be at least ``DOUBT``.
     """
     more = binomial_tail(counted.failures, counted.runs, weighted.high)
     fewer = binomial_tail(counted.runs - counted.failures, counted.runs, 1.0 - weighted.low)

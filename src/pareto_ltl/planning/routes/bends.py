@@ -44,7 +44,7 @@ def gap_places(
     With the distance r to keep, the gap between two obstacles is the intersection of half planes
     ``c' x ≥ d + r``, and a taut line bends where two of their rims cross: at p + r v for one pair of faces.
     Returned are the crossings beside both obstacles and clear of all, for some r up to ``widest`` [m].
-    ``faces`` are those of ``polygons``, then single half planes.
+    ``faces`` are first the faces of ``polygons``, then single half planes.
     """
     at, grow = [np.empty((0, 2))], [np.empty((0, 2))]
     distances = widest * np.array(SHARES)

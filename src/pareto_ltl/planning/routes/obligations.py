@@ -67,7 +67,7 @@ def completes(problem: Problem, x: FloatArray) -> bool:
 def _needed_parts(problem: Problem, t: int, before: int, after: int, cell: int) -> list[IntArray]:
     """For each region that step ``t`` must be in, its convex parts, one of which must hold the position.
 
-    Then its letter leads from ``before`` to ``after``, as that of ``cell`` does.
+    Then its letter leads from ``before`` to ``after``, as the letter of ``cell`` does.
     """
     logic, label = problem.reading(t), problem.labels[cell] if cell >= 0 else frozenset()
     if logic.covers[logic.delta[before, -1], after]:

@@ -61,7 +61,7 @@ def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
     """Orders that the automaton allows, each transition closer to acceptance; ``most`` at most.
 
     Trees find the orders that suit their samples; another one may be better after smoothing. Of more than
-    ``BEGUN`` unfinished orders of one length, those of the shortest way are extended.
+    ``BEGUN`` unfinished orders of one length, the orders with the shortest way are extended.
     """
     logic, places = problem.logic, _label_places(problem)
     delta, start = helpful_delta(logic), problem.scene.start
