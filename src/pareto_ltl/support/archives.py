@@ -70,7 +70,7 @@ def _check_size(entries: list[zipfile.ZipInfo], size: int) -> None:
 
 
 def _read_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
-    """Read one array; raise if the size in its header differs from that of the entry."""
+    """Read one array; raise if the size in its header differs from the size of the entry."""
     if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise _ForeignError(f"{entry.filename} is packed in an unknown way")
     with archive.open(entry) as stream:
