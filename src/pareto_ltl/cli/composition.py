@@ -1,6 +1,6 @@
 """Hydra composes ``conf/`` once for each command; the checks and the run use the same configuration.
 
-Errors of the user are found here, before Hydra makes a directory, and give one line.
+Errors of the user are detected here, before Hydra makes a directory, and give one line.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ class PreparedRun:
 
 @dataclass(frozen=True, slots=True)
 class PreparedSweep:
-    """Many runs: each job makes its own settings."""
+    """Many runs: each job makes its settings."""
 
     config: DictConfig
     pipeline: None = None
@@ -232,7 +232,7 @@ def _prepare_sweep(
 
 
 def _pin(config: DictConfig, key: str, value: str, written: str | None = None) -> None:
-    """Set a value of Hydra's own in the composed configuration, and for the jobs of a sweep."""
+    """Set a value of Hydra in the composed configuration, and for the jobs of a sweep."""
     OmegaConf.update(config, key, value)
     config.hydra.overrides.hydra.append(f"{key}={written or value}")
 

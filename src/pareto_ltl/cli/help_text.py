@@ -32,7 +32,7 @@ EXAMPLES = """\
   pareto-ltl +experiment=phi1 seed=1,2 -m                  the Hydra form: plan, with every combination"""
 FLAGS = """\
   -m, --multirun  run every combination of key=value1,value2 or key=range(first,beyond)
-  --config-dir    a folder with your own choices; --hydra-help: Hydra's own flags
+  --config-dir    a folder with your own choices; --hydra-help: flags of Hydra
   --cfg job       show the settings of a command line, and run nothing
   --help          this text; --help=all: every choice and every setting; --version: the version
   --json          one JSON document on stdout; --quiet: paths alone; --verbose: a longer summary"""

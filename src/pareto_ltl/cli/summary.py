@@ -26,7 +26,7 @@ class WarningList(logging.Handler):
         self.lines: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep a warning; an error ends the run and has its own line."""
+        """Keep a warning; an error ends the run and is printed on its last line."""
         line = record.getMessage().partition("\n")[0]
         if record.levelno == logging.WARNING and line not in self.lines:
             self.lines.append(line)
@@ -117,7 +117,7 @@ def choice_paragraphs(settings: Settings, directory: Path) -> Iterator[str]:
 
 
 def detour_paragraphs(directory: Path) -> Iterator[str]:
-    """What detours through landmarks buy, for a plan with a front."""
+    """How much detours through landmarks reduce the failure rate, for a plan with a front."""
     if not all((directory / name).is_file() for name in ("front.csv", "plan.json", "scene.json")):
         return
     from pareto_ltl.run.results import Results

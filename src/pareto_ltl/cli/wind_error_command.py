@@ -172,7 +172,7 @@ def estimate_lines(estimate: ErrorEstimate, law: ForecastError, usual: ForecastE
     step = law.persistence_time / HOUR
     yield f"{'persistence':<22}{law.persistence:.2f} over {step:g} h {_interval(found, 1.0, 2)}"
     for what, why in unknown_parts(estimate).items():
-        yield f"note: {what}: {why}; kept from {usual.name}"
+        yield f"note: {what}: {why}; taken from {usual.name}"
     for note in estimate.notes:
         yield f"note: {note}"
 
@@ -183,7 +183,7 @@ def analysis_text(told: Mapping[str, float] | str) -> str:
         return told
     return (
         f"{told['sd']:.2f} m/s (95 %: {told['sd_low']:.2f} to {told['sd_high']:.2f}) from "
-        f"{told['reports']:,} reports at {told['times']} times; a station's own noise "
+        f"{told['reports']:,} reports at {told['times']} times; noise of a station "
         f"{told['station_noise']:.2f} m/s"
     )
 
