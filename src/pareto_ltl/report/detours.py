@@ -1,4 +1,4 @@
-"""What a detour through a landmark buys: points of the front that cross it, and points that do not."""
+"""How much a detour through a landmark helps: points of the front that cross it, and points that do not."""
 
 from __future__ import annotations
 

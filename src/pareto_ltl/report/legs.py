@@ -93,11 +93,11 @@ class Leg:
     number : int
         The step, from 0.
     begin, end : str
-        In UTC, or in hours since departure.
+        Times in UTC, or in hours since departure.
     heading_true, wind_from : float
-        In degrees; NaN where the robot drifts, and on a map without a place on Earth.
+        Directions in degrees; NaN where the robot drifts, and on a map without a place on Earth.
     airspeed, wind, wind_sd : float
-        In m/s: of the robot, of the expected wind, and the standard deviation of a component of the wind.
+        Speeds of the robot and of the expected wind, standard deviation of a component of the wind [m/s].
     closest : Clearance or None
         The nearest barrier; None without barriers.
     failed : float

@@ -44,7 +44,7 @@ class PriceRow:
     limit, change : str
         For example ``obstacle 6`` and ``1 km smaller on every side``.
     time : str
-        When most of it is saved; empty for the whole flight.
+        When the saving is largest; empty for the whole flight.
     saving : float
         Fall of the failure rate by the change.
     """

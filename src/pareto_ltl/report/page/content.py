@@ -191,7 +191,7 @@ def _at_most(bound: float) -> str:
 
 
 def _simulated_fact(run: ShownRun) -> dict[str, str]:
-    """The simulated rate under the law with the most failures: a bound holds only under its own law."""
+    """The simulated rate under the law with the most failures: a bound holds only under one law."""
     rates = [counted_rate(law, int(f.failed.sum()), len(f.x)) for law, f in sorted(run.deployments.items())]
     worst = max(rates, key=lambda rate: rate.failure)
     ends = interval_text(worst.low, worst.high)
