@@ -10,7 +10,7 @@ linear about the estimate; at the end of a step θ fades as in (M15), and w is d
 follows the law of the plan, whatever the robot has really flown, and a fix may come at any time.
 
 The members are simulated flights of the same law. They fly what the robot has flown, a fix moves them with
-the gains of the filter and errors of their own (perturbed observations, as in the ensemble Kalman filter,
+the gains of the filter and independent errors (perturbed observations, as in the ensemble Kalman filter,
 Evensen 2003, doi:10.1007/s10236-003-0036-9), and the rest of the plan is flown from where they are.
 """
 
@@ -50,11 +50,11 @@ class Belief:
     Parameters
     ----------
     problem : Problem
-        That of the plan.
+        The problem of the plan.
     members : int
         Number of simulated flights.
     seed : SeedSequence
-        Of their winds; the same seed and the same readings give the same members.
+        Seed of their winds; the same seed and the same readings give the same members.
     """
 
     def __init__(self, problem: Problem, members: int, seed: SeedSequence) -> None:

@@ -130,7 +130,7 @@ class LinkSettings:
     system : int
         Number of the vehicle; 0: the first autopilot that is heard.
     key : bytes
-        Of signatures; without one nothing is signed, and signatures are not checked.
+        Key of the signatures; without a key messages are not signed, and signatures are not checked.
     prologue : tuple of mapping
         Messages before the departure, with their heights.
     own_clock : bool
@@ -185,7 +185,7 @@ class Link:
     Parameters
     ----------
     address : str
-        As pymavlink writes it, e.g. ``udpin:127.0.0.1:14550``, ``tcp:127.0.0.1:5760`` or
+        In pymavlink's form, e.g. ``udpin:127.0.0.1:14550``, ``tcp:127.0.0.1:5760`` or
         ``/dev/ttyUSB0,57600``.
     time_zero : str or None
         Departure of the plan.

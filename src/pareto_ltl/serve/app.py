@@ -352,7 +352,7 @@ def _number(value: Any) -> int:
 
 
 async def _body(request: Request) -> Any:
-    """The JSON of a request; ConfigError if it is none, or not said to be."""
+    """The JSON of a request; ConfigError if it is not JSON, or if its header does not declare JSON."""
     if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
         raise ConfigError("send JSON, with Content-Type: application/json")
     try:

@@ -1,4 +1,4 @@
-"""The folder of a desk: maps, winds and results, and nothing outside of it."""
+"""The folder of a desk: maps, winds and results; files outside of it cannot be accessed."""
 
 from __future__ import annotations
 

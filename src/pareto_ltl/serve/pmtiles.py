@@ -1,4 +1,4 @@
-"""PMTiles below a drawing: the zoom that shows most within what a page draws, as shapes or as one image."""
+"""PMTiles below a drawing: the highest zoom that a page can draw, as shapes or as one image."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOST_SIDE = 8  # tiles along a side of an image: 2,048 pixels
 LARGEST_TILE = 20_000_000  # bytes, unpacked
 MOST_CORNERS = 150_000  # of a zoom of vector tiles
 FORMS = {"Polygon": "area", "LineString": "line", "Point": "point"}
-KINDS = ("kind", "class", "type")  # properties that tell areas of one layer apart
+KINDS = ("kind", "class", "type")  # properties that distinguish areas of one layer
 
 
 class Tiles(NamedTuple):
