@@ -168,7 +168,7 @@ def choose_from_results(
     """
     require_plan(results)
     if place.resolve() == results.directory.resolve():
-        raise ConfigError(f"{place}: the result would overwrite its own source; name another folder")
+        raise ConfigError(f"{place}: the result would overwrite its source; name another folder")
     settings = chosen_settings(results.settings, choice)
     records = kept_records(results)
     require_choice(choice, records[FRONT], str(results.directory))

@@ -2,7 +2,7 @@
 
 Growth takes about half of the time. When a run is about to compile it, the second process plans a small
 mission of the same kind with a given path (:func:`pareto_ltl.run.warmup.warm_up`); the machine code that it
-writes is then found on disk. If it fails, or code for other types is needed, this process compiles as usual.
+writes is then on disk. If it fails, or code for other types is needed, this process compiles as usual.
 """
 
 from __future__ import annotations

@@ -356,7 +356,7 @@ def logging_to(path: Path) -> Iterator[None]:
     for logger in heard:
         logger.addHandler(handler)
         logger.setLevel(logging.INFO)
-        logger.propagate = False  # a sweep's own log goes to the screen
+        logger.propagate = False  # the log of a sweep goes to the screen
     logging.captureWarnings(True)
     try:
         yield

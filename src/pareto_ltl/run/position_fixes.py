@@ -1,7 +1,7 @@
 """Position fixes as users give them: read, placed on the map, and tested against the law of the plan.
 
 A fix to which the law gives a probability below :data:`UNLIKELY` is an alarm: the plan is made, because the
-robot needs one, but it promises nothing.
+robot needs one, but it has no promise.
 """
 
 from __future__ import annotations

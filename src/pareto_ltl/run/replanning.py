@@ -73,9 +73,10 @@ class Replanned(Displayed):
     plan : Plan
         The new plan; without new information, the rest of the old one.
     old, new : FailureRate
-        Of the rest of the old plan and of the new one, in the same fresh winds given the fixes. Without new
-        information both are the rate of the whole old plan. Worthless if there are ``situation.alarms``.
-        ``old`` is None if the newer forecast ends before the rest of the old plan would arrive.
+        Failure of the rest of the old plan and of the new one, in the same fresh winds given the fixes.
+        Without new information, both are the rate of the whole old plan. Not valid if there are
+        ``situation.alarms``. ``old`` is None if the newer forecast ends before the rest of the old plan
+        would arrive.
     difference : (float, float, float)
         New less old failure rate, and the ends of its 95 % interval; NaN without ``old``.
     rest : PlannedPath

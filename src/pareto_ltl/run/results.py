@@ -328,7 +328,7 @@ class Results(RecordView):
         return record
 
     def records(self, keys: Iterable[RecordKey[Any]] = tuple(RECORD_FILES)) -> Records:
-        """Those records of ``keys`` whose files exist."""
+        """The records of ``keys`` whose files exist."""
         return Records(
             {
                 key: self[key]

@@ -1,4 +1,4 @@
-"""Where a flight is: the step and the fixes that a user gives, the position, the state of the mission."""
+"""State of a flight: the step and the fixes that a user gives, the position, the state of the mission."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Situation:
     state : int
         Most likely automaton state, of probability ``certainty``.
     alarms : tuple of str
-        Fixes and fields that the law makes very unlikely: then nothing is promised.
+        Fixes and fields that the law makes very unlikely: then the plan has no promise.
     """
 
     step: int
