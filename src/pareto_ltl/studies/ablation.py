@@ -8,7 +8,7 @@
     dt             the default plan flown with every step divided into shorter ones of equal control
     law, mission_bound, collision_bound, parents, refine
                    one model of ``fidelity`` for planning; flights use the models of the run.
-                   With ``planner.epsilon=null`` each collision bound has its own default ε.
+                   With ``planner.epsilon=null`` each collision bound has another default ε.
 
 Plans are paths of the trees without refinement (``refine=none``), except at other levels of ``refine``.
 

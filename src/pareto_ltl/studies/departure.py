@@ -88,7 +88,7 @@ METRICS = ("energy_j",)  # metrics of a plan that become columns if a run has th
 
 @dataclass(frozen=True, slots=True)
 class DepartureContext:
-    """Data for all starts; ``folder`` is for the results directories of starts, None if they are not kept."""
+    """Data for all starts; ``folder``: for the results directories of starts, None to write none."""
 
     settings: Settings
     world: Records

@@ -123,7 +123,7 @@ def plan_columns(plan: Plan, laws: Mapping[str, Columns]) -> Columns:
 def outcomes(
     problem: Problem, u: FloatArray, x: FloatArray, runs: int, laws: Sequence[str], seed: int
 ) -> dict[str, Columns]:
-    """For each law, which flights completed the mission, met an obstacle, left the map and failed.
+    """For each law, the flights that completed the mission, met an obstacle, left the map and failed.
 
     ``bound`` is V + R under the law.
     """

@@ -59,7 +59,7 @@ from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
 REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}  # eastern ends [deg]
 REGION_KEYS = ("fidelity", "region")
 ENOUGH = 20  # least number of missions of a bin that counts in the numbers
-RIM = 4.0  # [deg] around the area of the missions in which readings are kept, for scenes at its edge
+RIM = 4.0  # [deg] around the area of the missions in which readings are used, for scenes at its edge
 HALF_HOUR = 1800.0  # time step of robot.dt=auto here [s]
 UNIMPORTANT = ("truth", "missions", "bins")  # settings that do not change a single mission
 PLACE = (
@@ -320,7 +320,7 @@ def _score_numbers(cfg: ForecastTestConfig, tables: Mapping[str, Sequence[Column
 
 
 def _is_own(entry: Mapping[str, Any]) -> bool:
-    """Whether the entry is about what a plan promises: its simulated failure under its own law."""
+    """Whether the entry is about the promise of a plan: its simulated failure under the law of the plan."""
     return bool(entry["promise"] == f"simulated_{preset(entry['fidelity']).law}")
 
 

@@ -95,7 +95,7 @@ class KnownWinds:
 
 
 class DepartureWinds(KnownWinds):
-    """``known=departure``: forecasts that are ``delay`` old at departure; a plan promises in its own law."""
+    """``known=departure``: forecasts that are ``delay`` old at departure; each plan promises in its law."""
 
     def readings(self, task: Mission, after: float = 0.0) -> Readings:
         """The readings known ``after`` [s] departure: in its period, the newest of each time, thinned."""
@@ -144,7 +144,7 @@ class DepartureWinds(KnownWinds):
         """Errors that the later fields show, and those that they do not."""
         wind, planned = self.settings.wind, numbers["missions_planned"] / numbers["missions"]
         return (
-            f"Tested: the promise of a plan under its own law, wind.forecast_error={wind.forecast_error}, in "
+            f"Tested: the promise of a plan under its law, wind.forecast_error={wind.forecast_error}, in "
             f"the winds that came within {self.cfg.hours:g} h of departure; {probability_text(planned)} of "
             "the missions have a plan. Covered: errors of forecasts and of the last known field, of "
             f"interpolation in space and time, level {wind.level}. Not covered: what the fields themselves "
@@ -208,7 +208,7 @@ class AllWinds(KnownWinds):
         )
 
     def explanation(self, numbers: Mapping[str, float]) -> str:
-        """What the readings tell, and how well the fit agrees with the full fields."""
+        """What is known from the readings, and how well the fit agrees with the full fields."""
         return (
             "Planning knew thinned readings of the whole flight, also of times after departure: this tests "
             "interpolation in space, not forecasts (pipelines=forecast_test tests those). 'front' are plans "

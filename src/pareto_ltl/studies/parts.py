@@ -142,7 +142,7 @@ class PartJob(StoredJob):
             return JobState("ok", record=content["result"])
         if mine and isinstance(content.get("error"), str):
             return JobState("failed", f"was given up ({content['error']})")
-        reason = f"expected the result of {self.name}, found something else"
+        reason = f"expected the result of {self.name}, got something else"
         return JobState("failed", f"is damaged ({reason})")
 
     def settled(self) -> bool:
@@ -186,7 +186,7 @@ def work_parts(
     Raises
     ------
     DataError
-        If parts were given up because they were killed each time; all others are kept.
+        If parts were given up because they were killed each time; the results of all others are stored.
     """
     place = parts_folder(cfg, directory)
     remove_dead_drafts(place)
@@ -201,7 +201,7 @@ def work_parts(
     try:
         queue.run(todo)
     except KeyboardInterrupt:
-        kept = f"{tally.done} of {tally.total} parts are kept"
+        kept = f"{tally.done} of {tally.total} parts are stored"
         print(f"pareto-ltl: {kept}; evaluation.resume={place.parent} continues with them", file=sys.stderr)
         raise
     _refuse_given_up(place, [jobs[key] for key in queue.given_up], len(jobs))

@@ -1,4 +1,4 @@
-"""Software in the loop: an independent aircraft flies the exported table in the winds of our own flights.
+"""Software in the loop: an independent aircraft flies the exported table in the winds of our flights.
 
 Each flight of JSBSim meets the wind field of one of our flights: the same θ and the same white part,
 evaluated at the position of the aircraft. The aircraft differs: six degrees of freedom, turns, an autopilot

@@ -137,7 +137,7 @@ def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatA
     for t in times:
         k = int(np.argmin(np.abs(readings.times - (zero + t))))
         if abs(readings.times[k] - (zero + t)) > 1.0:
-            raise DataError(f"the full fields hold nothing at {iso(zero + float(t))}")
+            raise DataError(f"the full fields have no value at {iso(zero + float(t))}")
         earth = interpolated(readings.points[k], readings.winds[k], lon, lat, middle)
         if not np.isfinite(earth).all():
             raise DataError(
