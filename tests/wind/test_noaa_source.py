@@ -211,7 +211,7 @@ def test_a_cache_that_others_may_write_is_not_used(tmp_path, caplog):
     assert len(files) == 4
     assert all(file.read_bytes() and shared not in file.parents for file in files)
     assert list(shared.iterdir()) == []
-    assert "downloads are not kept in" in caplog.text
+    assert "downloads are not stored in" in caplog.text
 
 
 def test_a_full_cache_is_left_for_a_folder_of_the_run(monkeypatch, tmp_path, caplog):

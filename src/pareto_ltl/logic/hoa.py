@@ -88,7 +88,7 @@ def read_atoms(path: str | Path) -> tuple[str, ...]:
 def parse_hoa(
     text: str, letters: Iterable[Iterable[str]] | None = None, source: str = "HOA text"
 ) -> Automaton:
-    """As :func:`read_hoa`, from text; ``source`` names it in errors."""
+    """Like :func:`read_hoa`, from text; ``source`` names it in errors."""
     file = _HoaReader(text, source).file()
     atoms = tuple(sorted(file.atoms))
     if letters is None and file.letters is not None:

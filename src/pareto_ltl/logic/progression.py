@@ -197,14 +197,14 @@ class Progression:
         return bool(plus & minus)
 
     def strongest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
-        """Those of ``parts`` that no other part implies."""
+        """The ``parts`` that no other part implies."""
         for part in list(parts):
             if part in parts:
                 parts = [other for other in parts if other is part or not self.implies(part, other)]
         return parts
 
     def weakest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
-        """Those of ``parts`` that imply no other part."""
+        """The ``parts`` that imply no other part."""
         for part in list(parts):
             if part in parts:
                 parts = [other for other in parts if other is part or not self.implies(other, part)]

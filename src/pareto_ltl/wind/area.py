@@ -14,7 +14,7 @@ from pareto_ltl.support.errors import DataError
 DEGREE = 111_195.0  # [m] of latitude
 POLAR = 85.0  # [deg] a box that extends beyond this latitude contains all longitudes
 MARGIN = 1e6  # [m] around a scene, twice the distance up to which readings are used
-NEAR = 150e3  # [m] around a scene, where nodes of a fine grid are kept most densely
+NEAR = 150e3  # [m] around a scene, where most nodes of a fine grid are used
 MOST_NODES = 40_000  # of one grid; the fit uses some hundreds of them
 SAMPLES = 21  # positions along each side of a scene that are converted to degrees
 

@@ -11,7 +11,7 @@ one component of the wind is exact; the one between the components, which the fi
 From slot to slot the modes keep their persistence, although the directions that the fixes determine are
 renewed faster: this overestimates the spread of positions slightly.
 
-A field that is held after its time changes by an error that grows. It gets slots of its own after the fix,
+A field that is held after its time changes by an error that grows. It gets additional slots after the fix,
 and the modes of its change become a part of the error, ``HELD``, whose persistence is the correlation of the
 changes since the field (M17). The error of interpolation between two fields ends with the next field;
 information on it is not used.
@@ -91,7 +91,7 @@ def with_held_slots(field: WindField) -> WindField:
 
 
 def persistence(field: WindField, since: float) -> FloatArray:
-    """ρ (K, P): share of θ of each mode that is kept from ``since`` [s], the time of a slot, to each slot."""
+    """ρ (K, P): share of θ of each mode that remains from ``since`` [s], the time of a slot, to each slot."""
     modes, times = field.modes, field.times
     if modes is None:
         return np.zeros((len(times), 0))

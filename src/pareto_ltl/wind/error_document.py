@@ -69,13 +69,13 @@ def origin_text(estimate: ErrorEstimate, usual: str) -> str:
     """Text on the origin of the numbers, and on those that are not from the data."""
     first, last = (iso(moment) for moment in estimate.period)
     told = [
-        f"{estimate.cycles} cycles from {first} to {last}, {estimate.nodes} nodes; errors are those against "
-        "analyses; 95 % intervals by a block bootstrap over cycles"
+        f"{estimate.cycles} cycles from {first} to {last}, {estimate.nodes} nodes; errors are differences "
+        "from analyses; 95 % intervals by a block bootstrap over cycles"
     ]
     if (table := estimate.forecast) is not None:
         ways = "; ".join(f"e({at / HOUR:g} h) by {way}" for at, way in zip(table.at, table.ways, strict=True))
         told.append(ways)
-    kept = [f"{what} kept from {usual}, since {why}" for what, why in unknown_parts(estimate).items()]
+    kept = [f"{what} taken from {usual}, since {why}" for what, why in unknown_parts(estimate).items()]
     return ". ".join([*told, *kept, *estimate.notes])
 
 

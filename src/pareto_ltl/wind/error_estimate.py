@@ -154,7 +154,7 @@ def estimate_errors(
     Parameters
     ----------
     snapshots : sequence of Snapshot
-        Fields of one level and one grid, with analyses (lead 0). Those of unknown lead are left out.
+        Fields of one level and one grid, with analyses (lead 0). Fields of unknown lead are left out.
     area : (C, 2) float or None
         Corners of the outline within which nodes are used [deg]; None: all nodes.
     draws : Resampling

@@ -91,7 +91,7 @@ def level_mismatch(flown: str, known: str) -> str:
 
 
 def level_list(levels: Iterable[Level]) -> str:
-    """Levels found in a file, for messages: ``10m, 80m, 1000hPa and 3 more``."""
+    """Levels of a file, for messages: ``10m, 80m, 1000hPa and 3 more``."""
     texts = [level.text for level in sorted(set(levels))]
     more = f" and {len(texts) - SHOWN_LEVELS} more" if len(texts) > SHOWN_LEVELS else ""
     return ", ".join(texts[:SHOWN_LEVELS]) + more

@@ -102,7 +102,7 @@ def error_modes(
 ) -> ModeTable:  # fmt: skip
     """The modes of the error at ``nodes`` (N, 2) [m] of a lattice of ``shape``, for every slot and component.
 
-    Of all parts together, the modes with the largest variance over all slots are kept, until they carry the
+    Of all parts together, the modes with the largest variance over all slots are used, until they carry the
     share ``energy`` of the variance or their number is ``most``.
 
     Eq. (M14) of docs/mathematics.md.

@@ -78,7 +78,7 @@ class WindModes:
         w(x)    = μ(x) + ψ(x)' θ,            θ ~ N(0, I)
         θ_{k+1} = ρ θ_k + √(1 - ρ²) η,       η ~ N(0, I)
 
-    Every mode belongs to a part of the error, and each part has its own ρ (``planning/pack.py``).
+    Every mode belongs to a part of the error, and each part has one ρ (``planning/pack.py``).
 
     Attributes
     ----------

@@ -98,7 +98,7 @@ def _obstacle_names(called: list[str]) -> tuple[str, ...]:
 
 
 def _check_window(sketch: SceneSketch, window: TimedPlace) -> None:
-    """Raise a DataError for a window with the name of another region than its own."""
+    """Raise a DataError for a window with the name of another region."""
     _check_region_name(sketch, window.name)
     if window.name != window.region and any(place.name == window.name for place in sketch.regions):
         raise DataError(

@@ -36,7 +36,7 @@ class MapFaults:
             self.add(str(error))
 
     def each(self, items: Iterable[Item], make: Callable[[Item], Made]) -> list[tuple[Item, Made]]:
-        """Those of ``items`` for which ``make`` raises no DataError, with its results."""
+        """The ``items`` for which ``make`` raises no DataError, with its results."""
         found: list[tuple[Item, Made]] = []
         for item in items:
             with self.noted():

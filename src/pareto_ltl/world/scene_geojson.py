@@ -195,7 +195,7 @@ class _FeatureReader:
 def _with_times(
     where: str, role: str, number: int, place: Place, properties: Mapping[str, Any]
 ) -> tuple[str, Place, TimedPlace | None]:
-    """Role, place and window; an obstacle with a window becomes a region with a name of its own."""
+    """Role, place and window; an obstacle with a window becomes a region with a new name."""
     begin, end = (None if properties.get(key) in (None, "") else properties[key] for key in ("from", "until"))
     if begin is None and end is None:
         return role, place, None

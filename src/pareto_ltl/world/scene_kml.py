@@ -1,7 +1,7 @@
 """KML (OGC 12-007r2) and KMZ as the features of a GeoJSON map.
 
 The role of a Placemark is its ExtendedData ``role``, else the name of a folder around it (Regions, Obstacles,
-Landmarks, Border, Start), else its own name if that is start or border. Other ExtendedData are the properties
+Landmarks, Border, Start), else its name if that is start or border. Other ExtendedData are the properties
 of GeoJSON; a TimeSpan gives ``from`` and ``until``. A document type declaration is refused, since entities
 can expand a small file to fill the memory.
 """

@@ -1,4 +1,4 @@
-"""From the settings of section ``scene`` to a checked scene in metres."""
+"""Turns the settings of section ``scene`` into a checked scene in metres."""
 
 from __future__ import annotations
 

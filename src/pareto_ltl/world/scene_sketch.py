@@ -232,7 +232,7 @@ def read_landmarks(
 ) -> tuple[Place, ...]:
     """The landmarks of ``items``, each with the error of its fixes: corners, or {corners: ..., fix: ...}.
 
-    ``fixes`` are the errors of landmarks that are given as corners; empty if none has its own.
+    ``fixes`` are the errors of landmarks that are given as corners; empty if all are ``robot.fix_sd``.
     """
 
     def read(item: tuple[int, Any]) -> Place:

@@ -1,4 +1,4 @@
-"""Coordinates of a CF variable in space and time, found by attributes and by name."""
+"""Coordinates of a CF variable in space and time, identified by attributes and by name."""
 
 from __future__ import annotations
 

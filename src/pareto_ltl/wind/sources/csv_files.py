@@ -198,7 +198,7 @@ def _find_columns(file: Path, header: list[str]) -> tuple[list[tuple[str, int]],
     wanted = PLANAR_COLUMNS if {"x", "y"} <= set(header) else GEOGRAPHIC_COLUMNS
     missing = [name for name in wanted if not speeds.get(name, name in header)]
     if missing:
-        table = len(header) > 1 and all(map(COLUMN_NAME.fullmatch, header))  # else nothing of it is quoted
+        table = len(header) > 1 and all(map(COLUMN_NAME.fullmatch, header))  # else it is not quoted
         found = shown_value(",".join(header), 60) if table else "no names of columns in its first line"
         raise DataError(
             f"wind file {file}: missing column {', '.join(missing)}; expected {','.join(GEOGRAPHIC_COLUMNS)} "

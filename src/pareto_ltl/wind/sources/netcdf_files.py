@@ -1,6 +1,6 @@
 """Winds and currents from NetCDF files with CF conventions, e.g. of THREDDS, reanalyses, ocean models.
 
-The components are found by standard name, else by long name, else by variable name.
+The components are identified by standard name, else by long name, else by variable name.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Names by which the components of winds or of currents are found.
+    """Names by which the components of winds or of currents are identified.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
 
 
 def _component(array: xr.DataArray, quantity: Quantity) -> tuple[str, _Kind] | None:
-    """The component that ``array`` is, found by standard name, else by long name, else by name."""
+    """The component that ``array`` is, by standard name, else by long name, else by name."""
     mean = MEAN * bool(re.search(r"time\s*:\s*mean", text(array, "cell_methods")))
     if standard := text(array, "standard_name"):
         for *names, relative in quantity.standard:

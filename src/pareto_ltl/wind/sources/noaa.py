@@ -124,7 +124,7 @@ def _no_cycle(cfg: WindConfig, model: NoaaModel, first: float, last: float, reas
             "wind.hours or another wind.model"
         )
     return (
-        f"{which} of {model.name} that covers {spell} is there ({reasons[-1]}); choose another "
+        f"{which} of {model.name} that covers {spell} is available ({reasons[-1]}); choose another "
         "mission.start_time, fewer wind.hours or another wind.model"
     )
 

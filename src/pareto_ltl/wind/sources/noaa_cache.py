@@ -75,6 +75,6 @@ class DownloadCache:
         return self.folder / f"{hashlib.sha256(f'{url} {level}'.encode()).hexdigest()}.json"
 
     def _leave(self, error: Exception) -> None:
-        LOG.warning("downloads are not kept in %s: %s", self.folder, error)
+        LOG.warning("downloads are not stored in %s: %s", self.folder, error)
         self._own = tempfile.TemporaryDirectory(prefix="pareto_ltl_noaa_", ignore_cleanup_errors=True)
         self.folder = Path(self._own.name)
