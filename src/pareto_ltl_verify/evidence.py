@@ -246,7 +246,7 @@ class Evidence:
 
     @cached_property
     def start(self) -> FloatArray:
-        """Where the flight starts (2,) [m]."""
+        """Start of the flight (2,) [m]."""
         return np.array(self.scene["start"], float)
 
     @cached_property

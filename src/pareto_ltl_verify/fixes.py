@@ -43,7 +43,7 @@ class Filters:
     Attributes
     ----------
     law : Law
-        That of the flights; under the independent law fixes tell positions only.
+        The law of the flights; under the independent law fixes measure positions only.
     guide : Course
         The law linearised about the planned means.
     joint : dict of History to (4 + 2P, 4 + 2P) float

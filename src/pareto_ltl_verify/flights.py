@@ -249,7 +249,7 @@ class Simulator:
         return self.law.robot.dt * np.array([power(speed) for speed in speeds.tolist()])[place]
 
     def _wind(self, x: FloatArray, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Wind that each flight meets at its own position, (n, 2) [m/s]."""
+        """Wind that each flight meets at its position, (n, 2) [m/s]."""
         law, wind = self.law, self.law.wind
         square = square_of(wind.x, wind.y, x)
         met = square.value(at_step(wind.mean, law.times, t))

@@ -116,8 +116,8 @@ def _scaled(told: Mapping[str, Any]) -> Scaled:
 def independent_changes(law: ErrorLaw, pairs: FloatArray, kinship: FloatArray) -> float:
     """Twice the squared mean over the variance of a mean of squares of equally distributed Gaussian changes.
 
-    Those of two components over ``pairs`` (P, 2) of times [s] at places with the correlations ``kinship``
-    (N, N).
+    The changes have two components over ``pairs`` (P, 2) of times [s] at places with the correlations
+    ``kinship`` (N, N).
     """
     total = 0.0
     for a, b in pairs:

@@ -239,7 +239,7 @@ def square_of(x: FloatArray, y: FloatArray, points: FloatArray) -> Square:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Where each step lies between the slots of the wind.
+    """The position of each step between the slots of the wind.
 
     Step t lies between slots ``slot[t]`` and ``slot[t] + 1`` at ``weight[t]``; its modes belong to slot
     ``nearest[t]``, and ``keep[t, g]`` is the correlation of θ of part g of the error with θ of step t - 1.
@@ -284,11 +284,11 @@ def _between(wind: WindFile, now: float) -> float:
 
 
 def _kept(wind: WindFile, nearest: IntArray, t: FloatArray, n: int) -> FloatArray:
-    """Correlation of θ of each part at step n with that at step n - 1.
+    """Correlation of θ of each part at step n with θ at step n - 1.
 
     Interpolation in space and forecasts: ρ to the power of the time between the slots. Interpolation in time:
     0 from one gap between fields to the next; of a held field, the correlation of its changes up to the
-    middles of two periods. Slots of a held field differ in the change since it, and in nothing else.
+    middles of two periods. Slots of a held field differ only in the change since it.
     """
     keep = np.ones(len(PARTS))
     if n == 0:

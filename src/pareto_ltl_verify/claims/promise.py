@@ -51,7 +51,7 @@ def _rate_faults(result: Evidence, told: dict[str, Any]) -> Iterator[str]:
     if (told["law"], told["runs"]) != wanted or told["method"] not in CHANCES:
         yield f"{told['runs']} {told['method']} in {told['law']} winds"
         return
-    if told["method"] == WEIGHTED:  # the weights are not kept
+    if told["method"] == WEIGHTED:  # the weights are not stored
         if not 0.0 <= told["low"] <= told["failure"] <= told["high"] <= 1.0:
             yield f"the interval is {told['low']:.4g} to {told['high']:.4g}"
         most = math.ceil(WEIGHTED_BELOW * told["runs"]) - 1

@@ -126,7 +126,7 @@ def old_plan(result: Evidence) -> Verdict | None:
     return no_fault(f"{len(u)} steps", [] if same else ["not the steps of the source"])
 
 
-# --- what the fixes tell --------------------------------------------------------------------------
+# --- what follows from the fixes ------------------------------------------------------------------
 
 
 class Told(NamedTuple):
@@ -193,7 +193,7 @@ def position(result: Evidence) -> Verdict | None:
 
 
 def expected_wind(result: Evidence) -> Verdict | None:
-    """The expected wind at the nodes is the old one and what the fixes tell of its error."""
+    """The expected wind at the nodes is the old one, corrected by the error that the fixes determine."""
     told, source = _told(result), _source(result)
     found = None if source is None else _given_fixes(source, told)
     if found is None or source is None or told["wind"] or source.wind.modes is None or not len(found.theta):

@@ -20,7 +20,7 @@ from pareto_ltl_verify.wind_fit import Fit, correlation, posterior, scaled, sepa
 from pareto_ltl_verify.wind_tables import WindFile, source_of
 
 PACKAGED_LAW = PACKAGE / "support" / "data" / "forecast_errors" / "gfs.json"
-MOST_NODES = 4000  # most nodes of a slot at which the posterior is computed
+MOST_NODES = 4000  # limit of the number of nodes of a slot at which the posterior is computed
 LAW_WEIGHT = 10.0  # degrees of freedom of the law in the factor of D
 LEAST_FACTOR, MOST_FACTOR = 0.25, 4.0
 CLEAR = 2e-6  # largest allowed error of a posterior, as a share of the prior's standard deviation
