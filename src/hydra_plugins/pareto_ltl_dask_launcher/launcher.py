@@ -44,7 +44,7 @@ class DaskLauncher(Launcher):
 
 
 def _run(row: tuple[int, tuple[str, ...]], shared: tuple[Any, ...]) -> JobReturn:
-    """One job in a worker, which is a process of its own."""
+    """One job in a worker, which is a separate process."""
     number, words = row
     context, task, config, state = shared
     setup_globals()

@@ -36,7 +36,7 @@ class Fix:
     Attributes
     ----------
     place : (2,) float
-        In the plane [m].
+        Position in the plane [m].
     sd : float
         Standard deviation of its error in each direction [m].
     step : int
@@ -55,7 +55,7 @@ class Joint:
     Attributes
     ----------
     mean : (2,) float, cov : (2, 2) float
-        Of the position at the time of the plan before the fixes [m, m²].
+        Law of the position at the time of the plan before the fixes [m, m²].
     among : (2n, 2n) float, to : (2, 2n) float
         Covariances of the deviations at the fixes, and of the one at the time of the plan with them [m²].
     cross : (2n, 2, P) float
@@ -131,7 +131,7 @@ def learn_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -
 
 
 def expected_at(problem: Problem, x: FloatArray, step: int) -> Learnt:
-    """Position at ``step`` of the means ``x`` (T+1, 2) [m] without any fix: nothing is learnt."""
+    """Position at ``step`` of the means ``x`` (T+1, 2) [m] without any fix: the law is not conditioned."""
     cov = square_matrices(propagate(problem, x[: step + 1]).cov)[step]
     modes = problem.modes.psi.shape[-1]
     return Learnt(x[step], cov, cov, np.zeros((2, modes)), np.zeros((0, 2, modes)), np.zeros(0))

@@ -300,7 +300,7 @@ def with_supporting_lines(problem: Problem, flight: Flight) -> kd.Faces:
     normals, offsets, counts = [np.empty((0, 2))], [np.empty(0)], [0]
     for j, (first, last) in enumerate(pairwise(faces.ptr.tolist())):
         rows = line[(line[:, j, 3] > 0.0) & (line[:, j, 3] < FAR), j]
-        if j >= len(problem.decomposition.obstacles):  # a wall has no line but its own
+        if j >= len(problem.decomposition.obstacles):  # a wall has only one line
             rows = rows[:0]
         normals += [faces.normal[first:last], rows[:, :2]]
         offsets += [faces.offset[first:last], rows[:, 2]]

@@ -1,7 +1,7 @@
 """Trees of one run: Algorithm 1, ten times in parallel with different slack (Section IV-C).
 
 The first tree has beta = 0, so that a parent is only exchanged for one that dominates it (Theorem 4); the
-others draw beta at random. Each tree has its own child of the root seed, so the forest is the same whatever
+others draw beta at random. Each tree has a separate child of the root seed, so the forest does not depend on
 the number of threads.
 """
 

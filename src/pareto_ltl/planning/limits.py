@@ -38,7 +38,7 @@ class SegmentLimits:
     price: FloatArray
 
     def after(self, step: int) -> SegmentLimits:
-        """Those of the segments from ``step`` on."""
+        """The limits of the segments from ``step`` on."""
         return SegmentLimits(
             self.nearest[step:], self.deviations[step:], self.probability[step:], self.price[step:]
         )
@@ -55,7 +55,7 @@ class Price:
     name : str
         The obstacle, border, region or limit.
     step : int or None
-        The step at which most of it is saved.
+        The step at which the saving is largest.
     saving : float
         Fall of the failure rate per metre, and per m/s of airspeed.
     """

@@ -130,7 +130,7 @@ def explain_refused(cfg: PlannerConfig, problem: Problem, fault: str) -> str:
 
 
 def explain_no_safe_path(cfg: PlannerConfig, problem: Problem, seeds: SeedSequence) -> str:
-    """Text for paths that complete the mission but all exceed planner.delta; empty if no advice is found."""
+    """Text for paths that complete the mission but all exceed planner.delta; empty if there is no advice."""
     trials = _Trials(cfg, problem, seeds)
     paths, open_border = trials.paths(problem.epsilon, LARGEST_DELTA, cfg.n_max), _open_border_advice(trials)
     if paths:
@@ -165,7 +165,7 @@ def _longer_advice(trials: _Trials, forest: Forest) -> str:
 
 
 def _tried_advice(cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: SeedSequence) -> str:
-    """The advice that a growth under other limits has confirmed; empty where none is found."""
+    """The advice that a growth under other limits has confirmed; empty if there is none."""
     trials = _Trials(cfg, problem, seeds)
     blocked = sum(tree.reach["blocked"] for tree in forest.trees) > 0
     for n_max in (cfg.n_max, *(times * cfg.n_max for times in MORE_VERTICES)):

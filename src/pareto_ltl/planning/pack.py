@@ -156,10 +156,10 @@ def pack_modes(field: WindField, wind: kd.Wind, dt: float, speed: float) -> kd.M
 def part_persistence(field: WindField, wind: kd.Wind, slot: IntArray, dt: float) -> FloatArray:
     """Correlation (S + 1, parts) of θ with θ of the step before, for each part of the error.
 
-    The errors of interpolation in space and of the forecast change from slot to slot. That of interpolation
-    in time is independent in every gap between fields; for a held field it changes every ``HELD_EPOCH``, with
-    the correlation of the wind's changes since the time of the field; for one that was conditioned on a fix,
-    it changes from slot to slot. Members of an ensemble do not change.
+    The errors of interpolation in space and of the forecast change from slot to slot. The error of
+    interpolation in time is independent in every gap between fields; for a held field it changes every
+    ``HELD_EPOCH``, with the correlation of the wind's changes since the time of the field; for one that was
+    conditioned on a fix, it changes from slot to slot. Members of an ensemble do not change.
 
     Eq. (M14) of docs/mathematics.md.
     """
@@ -368,10 +368,10 @@ def used_landmarks(scene: Scene, robot: RobotConfig, fidelity: FidelityConfig) -
 
 
 def missing_for_fixes(robot: RobotConfig, fidelity: FidelityConfig) -> str:
-    """The settings that position fixes need and these are not; empty if the robot takes fixes."""
+    """The settings that position fixes need and that are not set; empty if the robot takes fixes."""
     needs = {
         "fidelity.law=coherent": fidelity.law == "coherent",
-        "fidelity.judge=flights (a bound cannot tell who misses a landmark)": fidelity.judge == "flights",
+        "fidelity.judge=flights (a bound does not show who misses a landmark)": fidelity.judge == "flights",
         "robot.feedback_time=null (a robot that always knows its position)": robot.feedback_time is None,
     }
     return " and ".join(need for need, met in needs.items() if not met)

@@ -13,8 +13,8 @@ from pareto_ltl.planning.epochs import Epoch, letter_columns
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition
 
-LIVE = 64  # entries of V kept for a vertex; V is exact for automata with at most so many states
-PATH_LIVE = 256  # entries kept while a path is evaluated by itself
+LIVE = 64  # entries of V retained for a vertex; V is exact for automata with at most so many states
+PATH_LIVE = 256  # entries retained while a single path is evaluated
 
 
 def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corners:
@@ -150,7 +150,7 @@ def needed_states(better: BoolArray, reach: BoolArray) -> IntArray:
 
 
 def live_rows(bound: kd.Ordered, rows: int, live: int = LIVE) -> kd.LiveRows:
-    """Scratch rows, each for twice as many entries of V as are kept; at most ``live`` are kept."""
+    """Scratch rows, each for twice as many entries of V as are retained; at most ``live`` are retained."""
     most = min(len(bound.logic.distance), live)
     return kd.LiveRows(
         2 * most * np.arange(rows, dtype=np.int64), np.zeros(rows, np.int32),

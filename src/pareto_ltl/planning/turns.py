@@ -146,7 +146,7 @@ class Leg:
     airspeed : float
         [m/s]
     angle : float
-        Of its turn, positive to the left.
+        Angle of its turn, positive to the left.
     wind : complex
         [m/s]
     duration : float

@@ -1,4 +1,4 @@
-"""An independent simulator: the Cessna 172 of JSBSim flies a dead-reckoning table with its own autopilot.
+"""An independent simulator: the Cessna 172 of JSBSim, with its autopilot, flies a dead-reckoning table.
 
 JSBSim (Berndt, AIAA 2004-4923, doi:10.2514/6.2004-4923) integrates six degrees of freedom over the WGS 84
 ellipsoid. The autopilot of its model ``c172x`` holds heading and height; here a proportional-integral law of

@@ -10,7 +10,7 @@ point of the flight lies on the wrong side of a line. All deviations for which i
    replaced by the half-space that contains the intersection of both and touches it at its point nearest to
    the origin. This ends at a half-space whose centre fails: it touches failures near their most likely point,
    the dominating point of Sadowsky and Bucklew, IEEE Trans. Inf. Theory 36 (1990), doi:10.1109/18.54903.
-3. Of half-spaces that are nearly parallel, the most likely one is kept.
+3. Of half-spaces that are nearly parallel, the most likely one is retained.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MOST_EVENTS = 200  # events that are examined
 FAR = 9.0  # standard deviations: a half-space farther away is left out, its probability is 1e-19
 MOST_STEPS = 8  # replacements of one half-space
 ALIKE = 0.95  # correlation of half-spaces that count as parallel
-KEPT = 1.0 - 1e-6  # share of the sum of probabilities that is kept
+KEPT = 1.0 - 1e-6  # share of the sum of probabilities that is retained
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class FailureModes:
     weight : (J, T+1, 2) float
         Scaled so that the sum has the variance 1 [1/m].
     threshold : (J,) float
-        In standard deviations, positive.
+        Distances in standard deviations, positive.
     """
 
     weight: FloatArray

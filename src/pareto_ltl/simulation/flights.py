@@ -103,7 +103,7 @@ def deploy_plan(
 ) -> dict[str, Deployment]:
     """Fly ``plan`` ``cfg.runs`` times under every law of ``cfg.laws``.
 
-    Each law has its own child of ``seeds``, in the order of :data:`DRAWS`, so that adding a law does not
+    Each law has a separate child of ``seeds``, in the order of :data:`DRAWS`, so that adding a law does not
     change the winds of the others.
     """
     each = FLIGHT_COPIES * len(cfg.laws) * plan.path.x.nbytes
@@ -247,7 +247,7 @@ def judge_flights(problem: Problem, law: str, x: FloatArray) -> Deployment:
 def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: str) -> PilotMaker:
     """The maker of the pilot: an autopilot, or a navigator that takes fixes along ``mean`` (T+1, 2) [m].
 
-    Under the independent law the wind of one step does not predict the next: fixes tell positions only.
+    Under the independent law the wind of one step does not predict the next: fixes measure positions only.
     """
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
     autopilot, planned = Autopilot(u, held), problem.laws["coherent"]

@@ -42,7 +42,7 @@ from pareto_ltl.support.memory import require_memory
 
 RAW_DRAWS = 500  # flights of each path in the race among the trees' paths
 LAST_LOOK = 1000  # flights for the message if every flight of every path fails
-CROWD = 40  # paths of trees kept after each comparison, for each cost other than the failure rate
+CROWD = 40  # paths of trees retained after each comparison, for each cost other than the failure rate
 DROP_CHANCE = (
     1e-4  # probability, in one comparison, of dropping a path that is not worse than the shorter one
 )

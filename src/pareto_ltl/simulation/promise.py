@@ -33,7 +33,7 @@ from pareto_ltl.wind.records import WindField
 
 LOG = logging.getLogger(__name__)
 LINEAR = 0.35  # standard deviation over length scale: beyond it the linearised law is unreliable
-RARE = 1e-3  # lower rates are found with weighted flights: too few plain ones fail
+RARE = 1e-3  # lower rates are estimated with weighted flights: too few plain ones fail
 WEIGHTED_CHILD = 2**17  # child of the seed that weighted flights draw from
 DOUBT = 1e-3  # significance level: probability of rejecting a claim that is true
 

@@ -55,7 +55,7 @@ def require_memory(each: float, setting: str, count: int, what: str, also: str =
 
 
 def container_room() -> Iterator[float]:
-    """Memory that is free under each limit of the container [bytes]; nothing if there is no limit."""
+    """Memory that is free under each limit of the container [bytes]; no values without a limit."""
     for limit, used in CGROUPS:
         try:
             numbers = [int((CGROUP_FOLDER / name).read_text()) for name in (limit, used)]
@@ -65,7 +65,7 @@ def container_room() -> Iterator[float]:
 
 
 def _own_room() -> Iterator[float]:
-    """Memory that is free under ``ulimit -v`` [bytes]; nothing if there is no such limit."""
+    """Memory that is free under ``ulimit -v`` [bytes]; no values without such a limit."""
     import psutil
 
     try:

@@ -64,7 +64,7 @@ def read_document(
     Raises
     ------
     DataError
-        If the file does not fit; the message has the place (a JSON pointer), what was expected and found.
+        If the file does not fit; the message has the place (a JSON pointer), what was expected and the value.
     """
     content = read_json(path, advice)
     if version is not None or isinstance(name, Mapping):
@@ -94,7 +94,7 @@ def check_document(content: Any, name: str, where: str, advice: Advice = RESULTS
 
 
 def _misfit(error: JsonSchemaValueException) -> str:
-    """The end of an error message: what was expected and what was found."""
+    """The end of an error message: what was expected, and the value in the file."""
     schema: Mapping[str, Any] = error.definition
     found = error.value
     if error.rule == "required":

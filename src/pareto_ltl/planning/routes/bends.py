@@ -1,4 +1,4 @@
-"""Where a taut line may bend: at corners of obstacles, and in gaps too narrow for these corners."""
+"""Places where a taut line may bend: corners of obstacles, and gaps too narrow for these corners."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class _Begun:
     length: float
 
     def followed_by(self, label: frozenset[str], state: int, middles: FloatArray) -> _Begun:
-        """With one more label, shown around ``middles`` (n, 2) [m]."""
+        """The order with one more label, shown around ``middles`` (n, 2) [m]."""
         far = np.hypot(*(middles - self.at).T)
         near = int(far.argmin())
         return _Begun(
