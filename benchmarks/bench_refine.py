@@ -35,7 +35,7 @@ from pareto_ltl.world.scene_settings import scene_from_settings
 pytestmark = pytest.mark.benchmark(timer=time.process_time)
 CONF = Path(__file__).parents[1] / "conf"
 STEPS, RUNS, DT = 50, 300, 1800.0
-LOOSE = 1.1  # longest length allowed, over that of the taut line
+LOOSE = 1.1  # longest length allowed, over the length of the taut line
 
 
 def section(kind, name):
