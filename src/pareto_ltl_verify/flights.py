@@ -177,9 +177,9 @@ class Verdicts:
     off_map: BoolArray
 
 
-def misjudged(ground: Ground, said: Verdicts, grain: float) -> int:
+def misjudged(ground: Ground, stated: Verdicts, grain: float) -> int:
     """Number of flights whose flags do not follow from their positions; near a face either flag is right."""
-    x, accepted, collided = said.x, said.accepted, said.collided
+    x, accepted, collided = stated.x, stated.accepted, stated.collided
     wrong = np.flatnonzero(ground.accepted(x) != accepted)
     near = [
         w
@@ -188,9 +188,11 @@ def misjudged(ground: Ground, said: Verdicts, grain: float) -> int:
     ]
     hit = np.flatnonzero(ground.collided(x) != collided)
     far = [h for h in hit if collided[h] not in {ground.collided(x[h, None], m)[0] for m in (-grain, grain)}]
-    gone = np.flatnonzero(ground.off_map(x) != said.off_map)
+    gone = np.flatnonzero(ground.off_map(x) != stated.off_map)
     out = [
-        g for g in gone if said.off_map[g] not in {ground.off_map(x[g, None], m)[0] for m in (-grain, grain)}
+        g
+        for g in gone
+        if stated.off_map[g] not in {ground.off_map(x[g, None], m)[0] for m in (-grain, grain)}
     ]
     return len({*near, *far, *out})
 

@@ -254,8 +254,8 @@ class Clock:
     known: int
 
 
-def clock(wind: WindFile, dt: float, steps: int, most: int) -> Clock:
-    """The slots of steps 0 to ``steps`` of at most ``most``; DataError if the wind is known for less."""
+def clock(wind: WindFile, dt: float, steps: int, limit: int) -> Clock:
+    """The slots of steps 0 to ``steps`` of at most ``limit``; DataError if the wind is known for less."""
     t: FloatArray = dt * np.arange(steps + 1, dtype=float)
     if steps and t[-2] > wind.until + 1e-6:
         raise DataError(
@@ -269,7 +269,7 @@ def clock(wind: WindFile, dt: float, steps: int, most: int) -> Clock:
     nearest = slot + (weight > 0.5)
     keep = np.array([_kept(wind, nearest, t, n) for n in range(len(t))])
     between = np.array([_between(wind, float(now)) for now in t])
-    known = int((dt * np.arange(most) <= wind.until + 1e-6).sum())
+    known = int((dt * np.arange(limit) <= wind.until + 1e-6).sum())
     return Clock(slot, weight, nearest, keep, between, known)
 
 

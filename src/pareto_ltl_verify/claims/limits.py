@@ -94,8 +94,8 @@ def _segment_price_faults(result: Evidence, rows: Sequence[Mapping[str, Any]]) -
     of_segments = sum(row.get("price", 0.0) for row in result.plan.get("segments", ()))
     listed = [row["saving"] for row in rows if row["kind"] in ("obstacle", "border")]
     small = LEAST_SHARE * max((row["saving"] for row in rows if row["kind"] in CHANGED), default=0.0)
-    most = sum(listed) + small * len(result.barriers)
-    if (1.0 - RISK) * sum(listed) <= of_segments <= (1.0 + RISK) * most + LEAST_RISK:
+    limit = sum(listed) + small * len(result.barriers)
+    if (1.0 - RISK) * sum(listed) <= of_segments <= (1.0 + RISK) * limit + LEAST_RISK:
         return []
     return [f"segments {of_segments:.4g} a metre, obstacles and borders {sum(listed):.4g}"]
 
@@ -181,12 +181,13 @@ def _length_price(result: Evidence, row: Mapping[str, Any]) -> str:
     points = np.array([[float(one["length_m"]), float(one["failure"])] for one in result.front])
     near = (points[:, 0] >= length * (1.0 - 1e-9)) & (points[:, 0] <= (1.0 + SLOPE_OF) * length)
     lengths, rates = points[near & (points[:, 1] > 0.0)].T
-    found = 0.0
+    computed = 0.0
     if len(lengths) > 1 and np.ptp(lengths) >= ALIKE * length:
         design = np.column_stack([np.ones(len(lengths)), np.log(lengths / length)])
         level, slope = np.linalg.lstsq(design, np.log(rates), rcond=None)[0]
-        found = max(-float(slope), 0.0) * float(np.exp(level)) / length
-    return "" if abs(row["saving"] - found) <= 1e-6 * found + LEAST_RISK / length else f"slope {found:.3g}"
+        computed = max(-float(slope), 0.0) * float(np.exp(level)) / length
+    off = abs(row["saving"] - computed)
+    return "" if off <= 1e-6 * computed + LEAST_RISK / length else f"slope {computed:.3g}"
 
 
 CHANGED: dict[str, Callable[[Evidence, str, float], Ground]] = {
