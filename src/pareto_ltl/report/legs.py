@@ -182,12 +182,12 @@ def _legs_line(legs: Sequence[Leg]) -> str:
     """The line of one or several legs of one heading: mean course and wind, and what is closest."""
     first, last = legs[0], legs[-1]
     number = f"{first.number}" if len(legs) == 1 else f"{first.number}-{last.number}"
-    told = [f"{number:>7}  {first.begin} - {last.end}", _course_text(legs)]
+    words = [f"{number:>7}  {first.begin} - {last.end}", _course_text(legs)]
     near = [leg.closest for leg in legs if leg.closest is not None]
-    told += [str(min(near, key=lambda one: one.deviations))] if near else []
-    told += [f"failed {probability_text(last.failed)}"]
-    told += ["position fix at its end"] if last.fix else []
-    return "; ".join(told)
+    words += [str(min(near, key=lambda one: one.deviations))] if near else []
+    words += [f"failed {probability_text(last.failed)}"]
+    words += ["position fix at its end"] if last.fix else []
+    return "; ".join(words)
 
 
 def _course_text(legs: Sequence[Leg]) -> str:

@@ -35,8 +35,8 @@ def time_lines(scene: Scene, region: str) -> list[str]:
     lines = []
     for name, window in scene.windows.items():
         if window.region == region:
-            told = "forbidden" if name in scene.forbidden else name if name != region else ""
-            lines.append(f"{told} {short_span(window)}".strip())
+            use = "forbidden" if name in scene.forbidden else name if name != region else ""
+            lines.append(f"{use} {short_span(window)}".strip())
     return lines
 
 

@@ -83,10 +83,10 @@ class Choice:
     def settings(self, cfg: SelectionConfig) -> SelectionConfig:
         """``cfg`` with the rule for this criterion; raises ConfigError for a value out of range."""
         changes = self._changes()
-        kept = {field.name: getattr(cfg, field.name) for field in fields(cfg)}
+        values = {field.name: getattr(cfg, field.name) for field in fields(cfg)}
         if changes["rule"] != cfg.rule:
-            kept["options"] = {}  # options belong to one rule
-        changed = section_of("selection", kept | changes)
+            values["options"] = {}  # options belong to one rule
+        changed = section_of("selection", values | changes)
         assert isinstance(changed, SelectionConfig)
         return changed
 

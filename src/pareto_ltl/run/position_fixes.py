@@ -172,9 +172,9 @@ def _numbers(cells: dict[str, str], columns: Sequence[str], what: str) -> list[f
     try:
         return [float(cells[name]) for name in columns[1:]]
     except ValueError:
-        said = ",".join(cells[name] for name in columns[1:])
+        text = ",".join(cells[name] for name in columns[1:])
         raise DataError(
-            f"{what}: {shown_value(said)} are not three numbers; expected {','.join(columns)}"
+            f"{what}: {shown_value(text)} are not three numbers; expected {','.join(columns)}"
         ) from None
 
 

@@ -221,9 +221,9 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     row = held[0] if held else int(np.argmin(failed.sum(axis=1)))
     LOG.info("the choice of selection.rule=%s fails more often than the rest of the old plan", cfg.rule)
     selection = replace(cfg, rule="point", point=tried[row])
-    kept: dict[RecordKey[Any], Any] = {key: other.make(key) for key in KEPT}
+    records: dict[RecordKey[Any], Any] = {key: other.make(key) for key in KEPT}
     settings = replace(other.settings, selection=selection)
-    safer = Run(settings, other.table, Records(kept), dict(other.seconds))
+    safer = Run(settings, other.table, Records(records), dict(other.seconds))
     safer.make(PLAN)
     return safer, [failed[row], old]
 

@@ -212,7 +212,7 @@ def make_plan(inputs: StageInputs) -> Plan:
 
     settings, problem = inputs.settings, inputs[PROBLEM]
     front = within_capacity(settings.selection, inputs[FRONT], problem)
-    said = coverage_of(
+    coverage = coverage_of(
         inputs[WIND],
         problem.scene.time_zero,
         settings.robot.level or "",
@@ -243,8 +243,8 @@ def make_plan(inputs: StageInputs) -> Plan:
         rule_settings=selection_rule(settings.selection).settings_read(settings.selection),
         promise=promise,
         navigation=navigate(problem.scene, path.t, path.x, path.u),
-        covered=said.covered,
-        not_covered=said.not_covered,
+        covered=coverage.covered,
+        not_covered=coverage.not_covered,
         limits=limits,
         prices=prices,
     )

@@ -219,5 +219,5 @@ def warm_up_all(names: Sequence[str], jobs: int, told: Told) -> Iterator[Warmed]
             yield ended.result()
 
 
-def _tell(told: Told, done: int, total: int, name: str, kernel: str) -> None:
-    told(done, total, f"{name}: {kernel}")
+def _tell(report: Told, done: int, total: int, name: str, kernel: str) -> None:
+    report(done, total, f"{name}: {kernel}")

@@ -154,8 +154,8 @@ def situations_text(card: Columns) -> str:
 
 
 def _skill_text(card: Columns) -> str:
-    told = (card.get(f"skill_{name}", math.nan) for name in ("climatology", "persistence"))
-    return ", ".join("-" if math.isnan(value) else f"{value:.2f}" for value in told)
+    skills = (card.get(f"skill_{name}", math.nan) for name in ("climatology", "persistence"))
+    return ", ".join("-" if math.isnan(value) else f"{value:.2f}" for value in skills)
 
 
 def bin_table(title: str, groups: Rows) -> str:

@@ -54,16 +54,16 @@ def newer_forecast(
     xi = rng.standard_normal((2, int(own.sum())))
     for k, share in enumerate(shares.tolist()):
         if k:
-            kept = law.persistence ** float((field.times[k] - field.times[k - 1]) / law.persistence_time)
-            xi = kept * xi + math.sqrt(1.0 - kept * kept) * rng.standard_normal(xi.shape)
+            rho = law.persistence ** float((field.times[k] - field.times[k - 1]) / law.persistence_time)
+            xi = rho * xi + math.sqrt(1.0 - rho * rho) * rng.standard_normal(xi.shape)
         steps = np.flatnonzero(modes.slot == k)
         if share <= 0.0 or not len(steps):
             continue
         known = theta[modes.epoch[steps[0]]][:, own].astype(float)
-        said = share * known + math.sqrt(share * (1.0 - share)) * xi
+        observed = share * known + math.sqrt(share * (1.0 - share)) * xi
         for c in (0, 1):
             here = lattice_values(found, psi[k, :, :, c][..., own].astype(float), nodes)
-            mean[k, ..., c] += (here @ said[c]).reshape(shape)
+            mean[k, ..., c] += (here @ observed[c]).reshape(shape)
             lost = share * (here**2).sum(axis=1).reshape(shape)
             latent[k, ..., c] = np.maximum(latent[k, ..., c] - lost, 0.0)
         psi[k][..., own] *= np.float32(math.sqrt(1.0 - share))

@@ -62,11 +62,11 @@ class Part:
 
 def part_key(settings: Settings, *more: Any) -> str:
     """Fingerprint of the settings that matter to a plan, of ``more``, of the wind files and of the code."""
-    kept = {name: value for name, value in as_dict(settings).items() if name not in OTHER_SECTIONS}
-    kept["planner"].pop("threads")
+    relevant = {name: value for name, value in as_dict(settings).items() if name not in OTHER_SECTIONS}
+    relevant["planner"].pop("threads")
     inputs = [file_fingerprint(file) for file in sorted(input_files(settings))]
     code = code_fingerprint(without=OTHER_CODE)
-    return data_fingerprint([kept, plain_data(list(more)), inputs, code])
+    return data_fingerprint([relevant, plain_data(list(more)), inputs, code])
 
 
 # --- the folder ------------------------------------------------------------------------------
@@ -201,8 +201,8 @@ def work_parts(
     try:
         queue.run(todo)
     except KeyboardInterrupt:
-        kept = f"{tally.done} of {tally.total} parts are stored"
-        print(f"pareto-ltl: {kept}; evaluation.resume={place.parent} continues with them", file=sys.stderr)
+        stored = f"{tally.done} of {tally.total} parts are stored"
+        print(f"pareto-ltl: {stored}; evaluation.resume={place.parent} continues with them", file=sys.stderr)
         raise
     _refuse_given_up(place, [jobs[key] for key in queue.given_up], len(jobs))
     results = {key: _result_of(job) for key, job in jobs.items()}

@@ -217,8 +217,8 @@ def sitl_text(numbers: dict[str, float], law: str) -> str:
         return rate_text(*(numbers[f"{name}_failure{end}"] for end in ("", "_low", "_high")))
 
     def km(name: str) -> str:
-        middle, most = numbers[f"sitl_{name}_median_m"] / 1e3, numbers[f"sitl_{name}_95_m"] / 1e3
-        return f"{middle:.2f} km, 95 % within {most:.2f} km"
+        middle, upper = numbers[f"sitl_{name}_median_m"] / 1e3, numbers[f"sitl_{name}_95_m"] / 1e3
+        return f"{middle:.2f} km, 95 % within {upper:.2f} km"
 
     alone = f"{numbers['sitl_fails_alone']:.0f} and {numbers['sitl_steps_fail_alone']:.0f} flights"
     lines = [

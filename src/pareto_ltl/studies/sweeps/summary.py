@@ -45,8 +45,8 @@ class SweepSummary:
 
     def line(self) -> str:
         """``18 ok, 2 infeasible of 20 jobs``."""
-        told = ", ".join(f"{number} {status}" for status, number in self.counts.items())
-        return f"{told} of {len(self.rows)} jobs"
+        counts = ", ".join(f"{number} {status}" for status, number in self.counts.items())
+        return f"{counts} of {len(self.rows)} jobs"
 
 
 def write_summary(
