@@ -119,8 +119,8 @@ class Automaton(Displayed):
 
     def harm(self) -> tuple[int, int] | None:
         """A state and a letter that leads to a state which does not cover it; None if there is none."""
-        kept = self.preorder[self.delta, np.arange(self.n_states)[:, None]]
-        bad = np.argwhere(~kept)
+        preserved = self.preorder[self.delta, np.arange(self.n_states)[:, None]]
+        bad = np.argwhere(~preserved)
         return (int(bad[0][0]), int(bad[0][1])) if len(bad) else None
 
     def letter_index(self, letter: Iterable[str]) -> int:

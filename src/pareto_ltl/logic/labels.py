@@ -96,11 +96,11 @@ def edge_labels(automaton: Automaton) -> dict[tuple[int, int], str]:
 
 
 def _shorter_label(inside: IntArray, outside: IntArray, names: tuple[str, ...]) -> str:
-    said = cubes_text(covering_cubes(inside, outside, len(names)), names)
-    if not len(outside) or "|" not in said:
-        return said
+    label = cubes_text(covering_cubes(inside, outside, len(names)), names)
+    if not len(outside) or "|" not in label:
+        return label
     denied = f"!({cubes_text(covering_cubes(outside, inside, len(names)), names)})"
-    return denied if len(denied) < len(said) else said
+    return denied if len(denied) < len(label) else label
 
 
 def quoted_text(text: str) -> str:

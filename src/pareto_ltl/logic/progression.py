@@ -324,11 +324,11 @@ class Progression:
             return DONE_STATE
         if len(clauses) > self.max_states:
             raise tables.too_many_states(self.max_states)
-        kept = sorted(clauses)
-        for clause in kept[:]:
-            if clause in kept:
-                kept = [other for other in kept if other == clause or clause & ~self.closure(other)]
-        return tuple(kept)
+        remaining = sorted(clauses)
+        for clause in remaining[:]:
+            if clause in remaining:
+                remaining = [other for other in remaining if other == clause or clause & ~self.closure(other)]
+        return tuple(remaining)
 
     def core(self, clause: int) -> int:
         """``clause`` without obligations that its other obligations imply."""

@@ -106,13 +106,13 @@ class Wanted:
 ALL_WIND = Wanted()
 
 
-def _one_a_cell(lonlat: FloatArray, rows: IntArray, most: int) -> IntArray:
-    """The first of ``rows`` in each cell of a lattice of about ``most`` cells; all if they are not more."""
-    if len(rows) <= most:
+def _one_a_cell(lonlat: FloatArray, rows: IntArray, limit: int) -> IntArray:
+    """The first of ``rows`` in each cell of a lattice of about ``limit`` cells; all if they are not more."""
+    if len(rows) <= limit:
         return rows
     lon, lat = lonlat[rows].T
     cells = np.stack([(lon - lon.min()) * np.cos(np.deg2rad(lat.mean())), lat - lat.min()], axis=1)
-    side = float(np.sqrt(max(np.prod(np.ptp(cells, axis=0)), 1e-12) / most))
+    side = float(np.sqrt(max(np.prod(np.ptp(cells, axis=0)), 1e-12) / limit))
     across, up = np.floor(cells / side).astype(np.int64).T
     return rows[np.unique(up * (int(across.max()) + 1) + across, return_index=True)[1]]
 

@@ -97,13 +97,13 @@ def persistence(field: WindField, since: float) -> FloatArray:
         return np.zeros((len(times), 0))
     last = field.last_field
     apart = np.abs(np.minimum(times, last) - min(since, last))[:, None]
-    kept = np.zeros((len(times), len(modes.part)))
-    kept[:, modes.part == SPACE] = modes.rho ** (apart / modes.gap)
-    kept[:, modes.part == ENSEMBLE] = 1.0
+    rho = np.zeros((len(times), len(modes.part)))
+    rho[:, modes.part == SPACE] = modes.rho ** (apart / modes.gap)
+    rho[:, modes.part == ENSEMBLE] = 1.0
     if field.error is not None:
-        kept[:, modes.part == FORECAST] = field.error.persistence ** (apart / field.error.persistence_time)
-        kept[:, modes.part == HELD] = _kept_change(field, since)[:, None]
-    return kept
+        rho[:, modes.part == FORECAST] = field.error.persistence ** (apart / field.error.persistence_time)
+        rho[:, modes.part == HELD] = _kept_change(field, since)[:, None]
+    return rho
 
 
 def _kept_change(field: WindField, since: float) -> FloatArray:
@@ -134,14 +134,14 @@ def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> 
     if modes is None or not len(modes.part):
         return field
     slot = int(np.argmin(np.abs(field.times)))  # slot of the modes at the time of the plan
-    kept = persistence(field, float(field.times[slot]))
+    rho = persistence(field, float(field.times[slot]))
     mean, latent, psi = field.mean.copy(), field.latent_var.copy(), modes.psi.copy()
     nodes, shape = field.lattice.nodes(), mean.shape[1:3]
     for k in range(len(field.times)):
         for c in (0, 1):
-            B = told[:, c] * kept[k]
+            B = told[:, c] * rho[k]
             own = psi[k, :, :, c].astype(float)
-            columns = own @ np.column_stack([kept[k] * theta[c], B.T])  # the shift, and roots of what is lost
+            columns = own @ np.column_stack([rho[k] * theta[c], B.T])  # the shift, and roots of what is lost
             here = lattice_values(modes, columns, nodes)
             mean[k, ..., c] += here[:, 0].reshape(shape)
             lost = (here[:, 1:] ** 2).sum(axis=1).reshape(shape)

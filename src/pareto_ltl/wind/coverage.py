@@ -69,8 +69,8 @@ def _forecast_part(field: WindField, covered: list[str]) -> list[str]:
     """Add the covered errors of forecasts to ``covered``; return those that are not covered."""
     leads = field.leads[np.isfinite(field.leads)] / HOUR
     if field.error is None or not field.error.forecast_sd.any():
-        told = f" (leads {_range(leads.tolist(), 'h')})" if len(leads) else ""
-        return [f"errors of the fields themselves: analyses and forecasts{told} are taken as true"]
+        leads_text = f" (leads {_range(leads.tolist(), 'h')})" if len(leads) else ""
+        return [f"errors of the fields themselves: analyses and forecasts{leads_text} are taken as true"]
     if not len(leads):
         return ["forecast error: the readings do not say how old their forecast is (lead_hours)"]
     sd = np.sqrt(field.error.forecast_variance(leads * HOUR))

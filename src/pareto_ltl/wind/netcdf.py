@@ -258,9 +258,9 @@ def _values(file: h5netcdf.File, name: str, kind: type = float) -> NDArray[Any]:
 
 
 def _read_error(text: str) -> ForecastError:
-    told = json.loads(text)
-    check_document(told, "forecast_error", "forecast_error")
-    return forecast_error_of(told)
+    document = json.loads(text)
+    check_document(document, "forecast_error", "forecast_error")
+    return forecast_error_of(document)
 
 
 def _read_score(text: str) -> dict[str, float]:

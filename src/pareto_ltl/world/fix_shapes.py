@@ -81,12 +81,12 @@ def read_fix(where: str, what: str, value: Any) -> FixShape | None:
             raise DataError(f"{begin} is {shown_text(repr(value))}; {EXPECTED}") from None
     if not isinstance(value, Mapping) or not value or not set(value) <= set(KEYS):
         raise DataError(f"{begin} is {shown_text(str(value))}; {EXPECTED}")
-    numbers = {key: _number(begin, key, told) for key, told in value.items()}
+    numbers = {key: _number(begin, key, given) for key, given in value.items()}
     sd, bearing = numbers.get("sd", math.nan), numbers.get("bearing", math.nan)
     along, across = numbers.get("along", sd), numbers.get("across", sd)
     if math.isnan(along) or math.isnan(across) or len({"sd", "along", "across"} & set(numbers)) == 3:
-        told = shown_text(str(dict(value)))
-        raise DataError(f"{begin} is {told}: give along and across, or sd for one of them")
+        given = shown_text(str(dict(value)))
+        raise DataError(f"{begin} is {given}: give along and across, or sd for one of them")
     return FixShape(along, across, bearing)
 
 

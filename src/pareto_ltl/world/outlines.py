@@ -96,9 +96,9 @@ def _moved(polygon: shapely.Polygon, distance: float) -> Any:
     """
     import shapely
 
-    moved, most = shapely.buffer(polygon, distance, quad_segs=ARC), WITHIN * abs(distance)
-    found = shapely.simplify(moved, most)
+    moved, limit = shapely.buffer(polygon, distance, quad_segs=ARC), WITHIN * abs(distance)
+    found = shapely.simplify(moved, limit)
     outer, inner = (found, polygon) if distance > 0.0 else (polygon, found)
-    if outer.covers(inner) and not shapely.hausdorff_distance(moved, found) > most:
+    if outer.covers(inner) and not shapely.hausdorff_distance(moved, found) > limit:
         return found
-    return shapely.simplify(moved, most / 2)
+    return shapely.simplify(moved, limit / 2)

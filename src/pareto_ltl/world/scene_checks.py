@@ -291,14 +291,14 @@ def _check_distortion(sketch: SceneSketch) -> None:
         return
     error = projection.scale_error(sketch.crs, sketch.bounds)
     sides = " x ".join(distance_text(float(side)) for side in sketch.bounds[1] - sketch.bounds[0])
-    told = f"the map is {sides}, and lengths in its plane are up to {100 * error:.1f} % wrong at its corners"
+    text = f"the map is {sides}, and lengths in its plane are up to {100 * error:.1f} % wrong at its corners"
     if error > LARGEST_ERROR:
         raise DataError(
-            f"{sketch.where}: {told}; at most {100 * LARGEST_ERROR:g} % are allowed: plan on a smaller map "
+            f"{sketch.where}: {text}; at most {100 * LARGEST_ERROR:g} % are allowed: plan on a smaller map "
             "or in parts (if it should be small: are longitude and latitude swapped somewhere?)"
         )
     if error > LARGE_ERROR:
-        LOG.warning("%s: %s", sketch.where, told)
+        LOG.warning("%s: %s", sketch.where, text)
 
 
 def _check_region_name(sketch: SceneSketch, name: str) -> None:

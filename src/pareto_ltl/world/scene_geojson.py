@@ -210,12 +210,12 @@ def _with_times(
 
 
 def _role(where: str, number: int, properties: Mapping[str, Any]) -> str:
-    said = properties.get("role")
-    role = said.strip().lower() if isinstance(said, str) else said
+    stated = properties.get("role")
+    role = stated.strip().lower() if isinstance(stated, str) else stated
     role = SYNONYMS.get(role, role) if isinstance(role, str) else role
     if role not in FEATURE_ROLES:
         raise DataError(
-            f"{where}: feature {number} has role {shown_text(repr(said))}; "
+            f"{where}: feature {number} has role {shown_text(repr(stated))}; "
             f"expected {', '.join(FEATURE_ROLES)}"
         )
     return str(role)

@@ -153,24 +153,24 @@ def _named_role(name: str) -> str:
 def _feature(where: str, place: Element, role: str) -> dict[str, Any]:
     name = place.said("name")
     span = place.first("TimeSpan")
-    told: dict[str, Any] = {"from": span.said("begin"), "until": span.said("end")} if span else {}
+    properties: dict[str, Any] = {"from": span.said("begin"), "until": span.said("end")} if span else {}
     for data in place.all("Data"):
-        told[data.attributes.get("name", "").strip().lower()] = data.said("value")
+        properties[data.attributes.get("name", "").strip().lower()] = data.said("value")
     for data in place.all("SimpleData"):
-        told[data.attributes.get("name", "").strip().lower()] = data.text.strip()
+        properties[data.attributes.get("name", "").strip().lower()] = data.text.strip()
     own = _named_role(name)
-    told["role"] = told.get("role") or role or (own if own in ("start", "border") else None)
-    if told["role"] is None:
+    properties["role"] = properties.get("role") or role or (own if own in ("start", "border") else None)
+    if properties["role"] is None:
         raise DataError(
             f"{where}: Placemark {shown_text(name)!r} has no role; put it into a folder named Regions, "
             "Obstacles, Landmarks, Border or Start, or give it the ExtendedData role"
         )
-    told["name"] = told.get("name") or name or None
+    properties["name"] = properties.get("name") or name or None
     shape = place.first(*GEOMETRIES)
     if shape is None:
         raise DataError(f"{where}: Placemark {shown_text(name)!r} has no {', '.join(GEOMETRIES[:-1])}")
     geometry = _geometry(f"{where}: Placemark {shown_text(name)!r}", shape)
-    return {"type": "Feature", "properties": told, "geometry": geometry}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 
 def _geometry(what: str, shape: Element) -> dict[str, Any]:

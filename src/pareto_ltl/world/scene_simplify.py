@@ -81,9 +81,9 @@ class _Simplifier:
         shapes = [*drawn.regions.values(), *(shape for _, shape in (*drawn.obstacles, *drawn.landmarks))]
         parts = [part for shape in shapes for part in shapely.get_parts(shape).tolist()]
         spared = [shape for name, shape in drawn.regions.items() if name not in drawn.kept_out]
-        most = MAP_SHARE * size if isinstance(rules.simplify, str) else float(rules.simplify)
+        limit = MAP_SHARE * size if isinstance(rules.simplify, str) else float(rules.simplify)
         room = Room.of([*parts, start, border], size)
-        return cls(sketch, room, most, start, [*spared, *(shape for _, shape in drawn.landmarks)])
+        return cls(sketch, room, limit, start, [*spared, *(shape for _, shape in drawn.landmarks)])
 
     def region(self, drawn: DrawnMap, name: str, shape: shapely.Geometry) -> shapely.Geometry:
         """A region enlarged, reduced, or unchanged if the mission both visits it and keeps out of it."""

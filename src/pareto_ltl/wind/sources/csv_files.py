@@ -71,16 +71,16 @@ def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
     times = np.unique(stamps)
     rows = [np.flatnonzero(stamps == time) for time in times]
     mixed = [time for time, r in zip(times, rows, strict=True) if len(np.unique(leads[r])) > 1]
-    most = np.array([np.nan if np.isnan(leads[r]).all() else np.nanmax(leads[r]) for r in rows])
+    longest = np.array([np.nan if np.isnan(leads[r]).all() else np.nanmax(leads[r]) for r in rows])
     return Readings(
         times=times,
         points=tuple(points[r] for r in rows),
         winds=tuple(winds[r] for r in rows),
         geographic=parts[0].geographic,
         files=files,
-        remarks=tuple(lead_text(lead) for lead in most),
+        remarks=tuple(lead_text(lead) for lead in longest),
         origins=(files,) * len(times),
-        leads=most,
+        leads=longest,
         notes=_lead_notes(mixed),
     )
 

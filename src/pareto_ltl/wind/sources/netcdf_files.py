@@ -255,8 +255,8 @@ def _level_gap(found: Level, wanted: Level, nearest: bool) -> float | None:
     if found.kind != wanted.kind:
         return None
     gap = abs(found.value - wanted.value)
-    most = max(DEPTH_TOLERANCE[0], DEPTH_TOLERANCE[1] * wanted.value) if nearest else 1e-3 * wanted.value
-    return gap if gap <= most else None
+    limit = max(DEPTH_TOLERANCE[0], DEPTH_TOLERANCE[1] * wanted.value) if nearest else 1e-3 * wanted.value
+    return gap if gap <= limit else None
 
 
 def _partner(path: Path, u: xr.DataArray, others: list[xr.DataArray]) -> xr.DataArray:
@@ -320,8 +320,8 @@ def _speed_factor(path: Path, array: xr.DataArray) -> float:
     units = text(array, "units")
     factor = SPEEDS.get(re.sub(r"[\s.*^]+", "", units.lower()))
     if factor is None:
-        told = f"is in {shown_value(units)}" if units.strip() else "has no units"
-        raise DataError(f"wind file {path}: {array.name} {told}; expected m s-1, cm s-1, km h-1 or knots")
+        given = f"is in {shown_value(units)}" if units.strip() else "has no units"
+        raise DataError(f"wind file {path}: {array.name} {given}; expected m s-1, cm s-1, km h-1 or knots")
     return factor
 
 
