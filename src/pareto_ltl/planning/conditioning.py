@@ -116,11 +116,12 @@ def learn(prior: Joint, means: FloatArray, fixes: Sequence[Fix]) -> Learnt:
     L = np.linalg.cholesky(S)
     d = (np.array([fix.place for fix in fixes]) - means).ravel()
     z = np.linalg.solve(L, d)
-    told = np.linalg.solve(L, prior.cross.reshape(len(d), -1)).reshape(prior.cross.shape)
+    factor = np.linalg.solve(L, prior.cross.reshape(len(d), -1)).reshape(prior.cross.shape)
     half = np.linalg.solve(L, prior.to.T)  # (2n, 2)
     after = prior.cov - half.T @ half
     return Learnt(
-        prior.mean + half.T @ z, 0.5 * (after + after.T), prior.cov, np.einsum("rcm,r->cm", told, z), told,
+        prior.mean + half.T @ z, 0.5 * (after + after.T), prior.cov, np.einsum("rcm,r->cm", factor, z),
+        factor,
         np.linalg.norm(z.reshape(-1, 2), axis=1),
     )  # fmt: skip
 

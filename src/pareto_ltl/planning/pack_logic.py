@@ -151,19 +151,19 @@ def needed_states(better: BoolArray, reach: BoolArray) -> IntArray:
 
 def live_rows(bound: kd.Ordered, rows: int, live: int = LIVE) -> kd.LiveRows:
     """Scratch rows, each for twice as many entries of V as are retained; at most ``live`` are retained."""
-    most = min(len(bound.logic.distance), live)
+    limit = min(len(bound.logic.distance), live)
     return kd.LiveRows(
-        2 * most * np.arange(rows, dtype=np.int64), np.zeros(rows, np.int32),
-        np.zeros(2 * most * rows, np.int32), np.zeros(2 * most * rows), np.zeros(1, np.int64), most,
+        2 * limit * np.arange(rows, dtype=np.int64), np.zeros(rows, np.int32),
+        np.zeros(2 * limit * rows, np.int32), np.zeros(2 * limit * rows), np.zeros(1, np.int64), limit,
     )  # fmt: skip
 
 
 def tree_rows(bound: kd.Ordered, rows: int) -> kd.LiveRows:
     """Rows of a tree, each of the length that it needs; memory that is never written is never allocated."""
-    most = min(len(bound.logic.distance), LIVE)
+    limit = min(len(bound.logic.distance), LIVE)
     return kd.LiveRows(
-        np.full(rows, -1, np.int64), np.zeros(rows, np.int32), np.empty(rows * most, np.int32),
-        np.empty(rows * most), np.zeros(1, np.int64), most,
+        np.full(rows, -1, np.int64), np.zeros(rows, np.int32), np.empty(rows * limit, np.int32),
+        np.empty(rows * limit), np.zeros(1, np.int64), limit,
     )  # fmt: skip
 
 

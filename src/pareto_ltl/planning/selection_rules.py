@@ -360,23 +360,23 @@ def within_capacity(cfg: SelectionConfig, front: Front, problem: Problem) -> Fro
     if model is None or model.capacity is None:
         return front
     energies = np.array([path.objectives.costs["energy"] for path in front.paths])
-    kept = np.flatnonzero(energies <= model.capacity)
+    possible = np.flatnonzero(energies <= model.capacity)
     if selection_rule(cfg).names_one:
-        if len(kept) < len(energies):
+        if len(possible) < len(energies):
             LOG.warning(
                 "%d of %d paths of the front need more than robot.power.capacity = %s; selection.rule=%s "
                 "selects its path in any case",
-                len(energies) - len(kept), len(energies), energy_text(model.capacity), cfg.rule,
+                len(energies) - len(possible), len(energies), energy_text(model.capacity), cfg.rule,
             )  # fmt: skip
         return front
-    if len(kept) == 0:
+    if len(possible) == 0:
         from pareto_ltl.planning.endurance import capacity_advice
 
         raise InfeasibleError(
             f"every path of the front needs more than robot.power.capacity = {energy_text(model.capacity)}; "
             f"the least is {energy_text(energies.min())}: {capacity_advice(problem, front)}"
         )
-    return front if len(kept) == len(energies) else part_of_front(front, kept.tolist())
+    return front if len(possible) == len(energies) else part_of_front(front, possible.tolist())
 
 
 def part_of_front(front: Front, kept: Sequence[int]) -> Front:

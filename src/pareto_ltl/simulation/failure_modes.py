@@ -81,13 +81,13 @@ def find_failure_modes(problem: Problem, mean: FloatArray, spread: FloatArray) -
     if not spaces:
         return none
     weight = np.array([space.weight for space in spaces])
-    alike, kept = weight @ cov @ weight.T > ALIKE, np.zeros(len(spaces), bool)
+    alike, retained = weight @ cov @ weight.T > ALIKE, np.zeros(len(spaces), bool)
     for j in range(len(spaces)):
-        kept[j] = not (alike[j] & kept).any()
-    threshold = np.array([space.threshold for space in spaces])[kept]
+        retained[j] = not (alike[j] & retained).any()
+    threshold = np.array([space.threshold for space in spaces])[retained]
     chance = np.cumsum(ndtr(-threshold))
     count = int(np.searchsorted(chance, KEPT * chance[-1])) + 1
-    return FailureModes(weight[kept][:count].reshape(-1, *mean.shape), threshold[:count])
+    return FailureModes(weight[retained][:count].reshape(-1, *mean.shape), threshold[:count])
 
 
 class Margins:

@@ -246,10 +246,10 @@ def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Direction
         white[:, t] = law.dt * law.white[t] * p
         fields[:, law.epoch[t]] += law.dt * p[:, :, None] * law.psi[t]
         p = p @ law.F[t] + weight[:, t]
-    kept = law.kept.astype(float)
-    for k in range(len(kept) - 1, 0, -1):
-        fields[:, k - 1] += kept[k] * fields[:, k]
-        fields[:, k] *= np.sqrt(1.0 - kept[k] ** 2)
+    persistence = law.kept.astype(float)
+    for k in range(len(persistence) - 1, 0, -1):
+        fields[:, k - 1] += persistence[k] * fields[:, k]
+        fields[:, k] *= np.sqrt(1.0 - persistence[k] ** 2)
     return kernel.Directions(law.start_sd * p, white, fields)
 
 

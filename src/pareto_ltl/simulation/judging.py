@@ -88,8 +88,8 @@ def judge_front(
         for paths in (trees, judged)
     )
     law = problem.fidelity.law
-    most = np.array([list(path.objectives.costs.values()) for path in (*refined, *raw)]).max(axis=0)
-    reference = np.array([1.0, *(2.0 * most)])
+    largest = np.array([list(path.objectives.costs.values()) for path in (*refined, *raw)]).max(axis=0)
+    reference = np.array([1.0, *(2.0 * largest)])
     return Front(
         paths=tuple(flown.path for flown in after),
         raw=tuple(flown.path.objectives for flown in before),
@@ -154,8 +154,10 @@ def unbeaten(paths: Sequence[Flown]) -> list[Flown]:
     """The paths that are non-dominated in failure rate and costs, the safest first."""
     if not paths:
         return []
-    kept = non_dominated(np.array([flown.row for flown in paths]))
-    return sorted((flown for flown, keep in zip(paths, kept, strict=True) if keep), key=lambda f: f.row)
+    undominated = non_dominated(np.array([flown.row for flown in paths]))
+    return sorted(
+        (flown for flown, keep in zip(paths, undominated, strict=True) if keep), key=lambda f: f.row
+    )
 
 
 # --- the race ---------------------------------------------------------------------------------

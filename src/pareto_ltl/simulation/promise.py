@@ -84,12 +84,12 @@ def holds(cfg: SelectionConfig, promise: Promise) -> bool:
 def why_not(cfg: SelectionConfig, path: PlannedPath, promise: Promise) -> str:
     """Why a choice is rejected, for the log."""
     rate = promise.rate
-    said = f"{path.origin}: {_rate_words(rate)} of {rate.sample} in {rate.law} winds fail"
+    begin = f"{path.origin}: {_rate_words(rate)} of {rate.sample} in {rate.law} winds fail"
     over = f"more than the {_rate_words(promise.claimed)} of {promise.claimed.sample} that judged the front"
     if promise.passed:
         over = f"and the upper end is above selection.alpha = {cfg.alpha:g}"
     following = "the plan keeps it" if selection_rule(cfg).names_one else "the rule's next choice is tried"
-    return f"{said}, {over}; {following}"
+    return f"{begin}, {over}; {following}"
 
 
 def _rate_words(rate: FailureRate) -> str:

@@ -90,8 +90,8 @@ def _read_header(name: str, stream: IO[bytes]) -> tuple[tuple[int, ...], bool, n
     if not start.startswith(MAGIC) or len(start) < len(MAGIC) + 2:
         raise _ForeignError(f"{name} is no array of NumPy's format 1.0")
     (length,) = struct.unpack("<H", start[len(MAGIC) :])
-    told = HEADER.fullmatch(stream.read(length).decode("latin1"))
-    if told is None:
+    match = HEADER.fullmatch(stream.read(length).decode("latin1"))
+    if match is None:
         raise _ForeignError(f"{name} has a header that is not understood; expected numbers or text")
-    shape = tuple(int(side) for side in re.findall(r"\d+", told["shape"]))
-    return shape, told["fortran"] == "True", np.dtype(told["type"])
+    shape = tuple(int(side) for side in re.findall(r"\d+", match["shape"]))
+    return shape, match["fortran"] == "True", np.dtype(match["type"])

@@ -45,8 +45,8 @@ def require_memory(each: float, setting: str, count: int, what: str, also: str =
     needed = each * count
     if needed < SMALL or needed <= (free := available_memory()):
         return
-    most = int(free / each)
-    fits = f"at most {most} fits" if most else "no value fits"
+    largest = int(free / each)
+    fits = f"at most {largest} fits" if largest else "no value fits"
     other = f", or lower {also}" if also else ""
     raise ConfigError(
         f"{setting}={count} needs {needed / GIGABYTE:.3g} GB of memory for {what}, and "

@@ -69,13 +69,13 @@ def read_document(
     content = read_json(path, advice)
     if version is not None or isinstance(name, Mapping):
         known = name if isinstance(name, Mapping) else {str(version): name}
-        said = content.get("schema")
-        if not isinstance(said, str) or said not in known:
+        stated = content.get("schema")
+        if not isinstance(stated, str) or stated not in known:
             raise DataError(
-                f"{path}: expected schema {' or '.join(map(repr, known))}, found {shown_json(said)}; "
+                f"{path}: expected schema {' or '.join(map(repr, known))}, found {shown_json(stated)}; "
                 "read it with the version of pareto-ltl that wrote it"
             )
-        name = known[said]
+        name = known[stated]
     check_document(content, name, str(path), advice)
     return content
 

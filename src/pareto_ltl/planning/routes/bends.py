@@ -55,9 +55,9 @@ def gap_places(
         pair = pair[cross]
         p = np.linalg.solve(pair, np.stack([faces.offset[k], faces.offset[m]], axis=1)[..., None])[..., 0]
         v = np.linalg.solve(pair, np.ones((len(pair), 2, 1)))[..., 0]
-        kept = clear_crossings(faces, first, second, p, v, distances)
-        at.append(p[kept])
-        grow.append(v[kept])
+        clear = clear_crossings(faces, first, second, p, v, distances)
+        at.append(p[clear])
+        grow.append(v[clear])
     return np.vstack(at), np.vstack(grow)
 
 
