@@ -159,8 +159,8 @@ def test_a_fault_that_passes_changes_nothing(fault):
 @pytest.mark.parametrize(
     ("name", "fault", "words"),
     [
-        (".idx", 404, r"no cycle of gfs that covers .* is there \(.*\.idx is not there \(status 404"),
-        (".idx", 403, r"no cycle of gfs that covers .* is there \(.*\.idx is not there \(status 403"),
+        (".idx", 404, r"no cycle of gfs that covers .* is available \(.*\.idx is not there \(status 404"),
+        (".idx", 403, r"no cycle of gfs that covers .* is available \(.*\.idx is not there \(status 403"),
         (".idx", "html", r"\.idx is a web page, not an inventory"),
         (".idx", "drop", r"cannot be fetched"),
         ("", "html", r"the server sends other bytes|are no whole GRIB message|cannot be fetched"),
