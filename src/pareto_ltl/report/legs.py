@@ -133,7 +133,7 @@ def plan_legs(problem: Problem, plan: Plan, flown: Deployment) -> list[Leg]:
 def plan_lines(
     problem: Problem, plan: Plan, flown: Deployment, legs: Sequence[Leg], *, each: bool = False
 ) -> Iterator[str]:
-    """Lines of text: mission, the legs towards each goal, what is promised and what is not covered.
+    """Lines of text: mission, the legs towards each goal, the promise and the errors that it does not cover.
 
     ``flown`` are simulated flights of the plan, ``legs`` come from :func:`plan_legs`; every probability is
     given with its wind law. Successive legs of one heading and airspeed share a line, or with ``each`` have

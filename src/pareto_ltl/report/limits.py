@@ -1,4 +1,4 @@
-"""What limits a plan: rows on its segments and on the prices of its limits, for text, page and figure."""
+"""The limits of a plan: rows on its segments and on the prices of its limits, for text, page and figure."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ def timed_obstacles(scene: Scene) -> tuple[FloatArray, ...]:
 
 
 def visited_outlines(scene: Scene) -> tuple[FloatArray, ...]:
-    """Outlines of the regions that a mission can visit: not those that are forbidden for a limited time."""
+    """Outlines of the regions that a mission can visit: all that are not forbidden for a limited time."""
     return tuple(
         outline
         for name, outlines in scene.regions.items()

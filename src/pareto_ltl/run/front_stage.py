@@ -23,7 +23,7 @@ NO_TREE_PATH = (
 
 
 def make_front(inputs: StageInputs) -> Front:
-    """The non-dominated paths, refined and judged as ``fidelity`` says."""
+    """The non-dominated paths, refined and judged as set in ``fidelity``."""
     inputs.budget.heeded = True
     front = FRONT_MAKERS[inputs.settings.fidelity.judge](inputs)
     inputs.budget.heeded = False
@@ -66,7 +66,7 @@ def _flown_front(inputs: StageInputs) -> Front:
 
 
 def _no_path(inputs: StageInputs) -> str:
-    """Text that says why the trees have no path that completes the mission."""
+    """Text with the reason why the trees have no path that completes the mission."""
     from pareto_ltl.planning import no_path
 
     settings = inputs.settings

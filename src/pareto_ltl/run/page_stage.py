@@ -40,7 +40,7 @@ USED: tuple[RecordKey[Any], ...] = (AUTOMATON, PROBLEM, FOREST, FRONT, PLAN, DEP
 
 
 def make_page(inputs: StageInputs) -> tuple[Path, ...]:
-    """``report.html`` from the records that exist; without a plan the page says why."""
+    """``report.html`` from the records that exist; without a plan the page states the reason."""
     settings = inputs.settings
     if not settings.report.page:
         return ()

@@ -314,7 +314,7 @@ def _save_given(run: Run, place: Path) -> None:
 def _close(
     run: Run, place: Path, record: dict[str, Any], status: str, error: BaseException | None = None
 ) -> dict[str, float]:
-    """Write how the run ended. A failed run has no metrics; an infeasible one has if it grew trees."""
+    """Write how the run ended. A failed run has no metrics, an infeasible one has them if it grew trees."""
     from pareto_ltl.run.metrics import run_metrics
     from pareto_ltl.support.files import write_json
 

@@ -110,7 +110,7 @@ def place_of(problem: Problem, numbers: Sequence[float], what: str = "fix") -> F
 
 
 def in_plane(problem: Problem, a: float, b: float) -> FloatArray | None:
-    """Latitude and longitude [deg], or x and y [m], as a position (2,) [m]; None if it is no latitude."""
+    """Latitude and longitude [deg], or x and y [m], as a position (2,) [m]; None if it is not a latitude."""
     from pareto_ltl.world.projection import to_plane
 
     if problem.scene.crs is None:
@@ -224,7 +224,7 @@ def chance(far: float) -> float:
 
 
 def causes(problem: Problem, path: PlannedPath, fix: Fix) -> list[str]:
-    """What may explain an unlikely fix, the most specific first."""
+    """Possible causes of an unlikely fix, the most specific first."""
     found, dt = [], problem.motion.dt
     off = _distances(path, fix.place, fix.sd)
     nearest = int(np.argmin(off))

@@ -111,7 +111,7 @@ class Replanned(Displayed):
         return "new" if high < 0.0 else "old" if low > 0.0 else "either"
 
     def facts(self) -> Mapping[str, str]:
-        """When, the failure rates of both plans and their difference, and which of them to fly."""
+        """Time of the new plan, failure rates of both plans with their difference, and which one to fly."""
         at, (middle, *ends) = self.situation, self.difference
         facts = {
             "time": f"{at.time / 3600:.1f} h after departure, step {at.step}",

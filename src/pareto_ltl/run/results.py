@@ -266,7 +266,7 @@ def save_record(directory: Path, key: RecordKey[T], record: T) -> None:
 
 
 class RecordView(Displayed):
-    """The records of a run as attributes, or as ``view[KEY]``; a subclass says where they come from."""
+    """The records of a run as attributes, or as ``view[KEY]``; a subclass defines where they come from."""
 
     __slots__ = ()
 

@@ -1,4 +1,4 @@
-"""What a result shows people: its page, from a results directory, opened in a browser; text on each leg."""
+"""Display of a result: its page, from a results directory, opened in a browser; text on each leg."""
 
 from __future__ import annotations
 

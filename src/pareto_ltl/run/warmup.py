@@ -120,7 +120,7 @@ DEFAULT = ("full",)
 
 @dataclass(frozen=True, slots=True)
 class Warmed:
-    """What a kind took: its name, the kernels that were compiled, and the time [s].
+    """The cost of a kind: its name, the kernels that were compiled, and the time [s].
 
     ``complete`` is False if the small mission found no path: kernels of later stages may be missing.
     """
@@ -202,7 +202,7 @@ def path_forest(problem: Problem) -> Forest:
 
 
 def warm_up_all(names: Sequence[str], jobs: int, told: Told) -> Iterator[Warmed]:
-    """Compile the kernels of ``names`` in at most ``jobs`` processes; yields what each took, as they end.
+    """Compile the kernels of ``names`` in at most ``jobs`` processes; yields the cost of each, as they end.
 
     ``told`` is called with the number of kinds that are done, their total, and what is compiled now.
     """

@@ -142,7 +142,7 @@ def score_table(title: str, cards: Rows, keys: Sequence[str] = KEYS) -> str:
 
 
 def situations_text(card: Columns) -> str:
-    """How many weather situations a card is from, and what that allows to claim; empty if it is not known."""
+    """Number of weather situations of a card, and the lowest rate that it can claim; empty if not known."""
     if "situations" not in card:
         return ""
     n, between = card["situations"], interval_text(card["by_situation_low"], card["by_situation_high"])

@@ -109,7 +109,7 @@ def _next_of(ended: SimpleQueue[Any], client: Client) -> Any:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sent:
-    """What each worker gets once."""
+    """The data that each worker gets once."""
 
     work: Callable[[Any, Any], Any]
     shared: Any

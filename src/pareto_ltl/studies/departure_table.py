@@ -376,7 +376,7 @@ def recommendation_text(rows: Sequence[Columns], comparison: Comparison) -> str:
 
 
 def noise_text(cfg: DepartureConfig, comparison: Comparison) -> str:
-    """What the intervals contain."""
+    """The sources of chance that the intervals contain."""
     spread = comparison.spread
     if not spread.freedom:
         return (
@@ -391,7 +391,7 @@ def noise_text(cfg: DepartureConfig, comparison: Comparison) -> str:
 
 
 def delivered_text(cfg: DepartureConfig, time: float, delivered: Delivered) -> str:
-    """The full plan of the start ``time`` against what was compared."""
+    """The full plan of the start ``time`` against the compared plans."""
     ratio, low, high = delivered.ratio
     rate, *ends = delivered.compared_rate
     promise, length = delivered.plan.promise, delivered.plan.path.objectives.length

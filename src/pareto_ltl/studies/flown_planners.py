@@ -56,7 +56,7 @@ class Planner:
 
 @dataclass(frozen=True, slots=True)
 class FlownPlanners:
-    """Data for all parts; ``plans`` are those that several parts use."""
+    """Data for all parts; ``plans`` are the plans that several parts use."""
 
     planners: Mapping[Any, Planner]
     runs: int
@@ -116,7 +116,7 @@ def planner_part(flown: FlownPlanners, name: Any, seed: int) -> Columns:
 
 
 def plan_columns(plan: Plan, laws: Mapping[str, Columns]) -> Columns:
-    """What tables need of a plan and of the outcomes of its flights."""
+    """The columns of a plan and of the outcomes of its flights."""
     return {"planned": True, "objectives": plan.path.objectives.as_dict(), "laws": laws}
 
 

@@ -237,7 +237,7 @@ def region_of(longitude: float) -> str:
 
 
 def plan_rows(cfg: ForecastTestConfig, results: Sequence[Mapping[str, Any]]) -> list[Columns]:
-    """One row for each plan: its mission, its promises, what was realised."""
+    """One row for each plan: its mission, its promises, the realised failures."""
     unknown = dict.fromkeys(sorted({n for r in results for p in r["plans"] for n in p["promised"]}), math.nan)
     rows = []
     for k, result in enumerate(results):
@@ -352,7 +352,7 @@ def _test_text(
 
 
 def _verdict(cfg: ForecastTestConfig, numbers: Mapping[str, float]) -> str:
-    """How many bins keep their promise."""
+    """The number of bins that keep their promise."""
     names = {name: f"{name}_chosen" if cfg.plans else name for name in cfg.fidelities}
     bins = [
         f"{numbers[f'{name}_bins_kept']:.0f} of {numbers[f'{name}_bins']:.0f} bins of at least {ENOUGH} "

@@ -1,4 +1,4 @@
-"""What planning knows of the winds in ``forecast_test``: a class for each value of the setting ``known``."""
+"""The winds that planning knows in ``forecast_test``: a class for each value of the setting ``known``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NORMAL_90 = 1.6448536269514722  # P(|z| <= this) = 0.9 for a standard normal z
 
 @dataclass(frozen=True)
 class KnownWinds:
-    """The winds of all missions, and what planning knows of them.
+    """The winds of all missions, and the part of them that planning knows.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class KnownWinds:
         raise NotImplementedError
 
     def explanation(self, numbers: Mapping[str, float]) -> str:
-        """What the test covers and what it does not, in one paragraph."""
+        """The errors that the test covers and does not cover, in one paragraph."""
         raise NotImplementedError
 
     def thinned(self, readings: Readings, k: int, spell: true_fields.Spell) -> tuple[FloatArray, FloatArray]:
@@ -131,7 +131,7 @@ class DepartureWinds(KnownWinds):
         return {"known_hours": float(run.make(READINGS).times[-1] - departure) / HOUR}
 
     def title(self, numbers: Mapping[str, float]) -> str:
-        """What was known, and how many missions there were."""
+        """The known winds, and the number of missions."""
         seen = "every node" if self.cfg.points is None else f"{self.cfg.points} readings a time"
         return (
             f"A forecast test: the chosen plans of {numbers['missions_planned']:.0f} of "

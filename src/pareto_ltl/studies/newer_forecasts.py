@@ -1,4 +1,4 @@
-"""Newer forecasts of a simulated true wind: what a later cycle of the same model would say.
+"""Newer forecasts of a simulated true wind, as a later cycle of the same model would predict it.
 
 Under the law of a field, the error of forecasts in slot k is ψ_k' θ_k with the variance e²(L_k). A cycle that
 begins T later has the variance e²(L_k - T) there. With s = 1 - e²(L_k - T) / e²(L_k), the new field is

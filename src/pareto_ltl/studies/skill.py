@@ -1,4 +1,4 @@
-"""What a score of promises is made of, and what it is worth: calibration, skill, weather situations.
+"""Parts of a score of promises, and its value: calibration, skill, weather situations.
 
 Missions that depart in one weather situation (a period of successive fields) share its weather. Intervals by
 situations count a situation as one trial, not a mission.

@@ -82,7 +82,7 @@ def sweep_rows(
 
 
 def status_counts(rows: Sequence[SweepRow]) -> dict[str, int]:
-    """Number of rows by status, answers first."""
+    """Number of rows by status, results first."""
     found = [row.state.status for row in rows]
     return {status: found.count(status) for status in JOB_STATUSES if status in found}
 
