@@ -1,4 +1,4 @@
-"""Texts that say which errors of the wind a failure probability covers, and which it does not."""
+"""Texts on the errors of the wind that a failure probability covers, and those that it does not cover."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _time_part(field: WindField, time_zero: str | None, covered: list[str], left
 
 
 def held_warning(field: WindField, end: float, time_zero: str | None = None) -> str | None:
-    """The warning for a flight that ends at ``end`` [s], after the last field: what forecasts would give.
+    """The warning for a flight that ends at ``end`` [s], after the last field, with errors of forecasts.
 
     Halfway through the held part of the flight and at its end, it compares the standard deviations of one
     component: √(D(τ) + e²(L)) of the last field, whose lead is L, and e(L + τ) of a forecast. None if the

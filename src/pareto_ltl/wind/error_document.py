@@ -66,7 +66,7 @@ def error_document(
 
 
 def origin_text(estimate: ErrorEstimate, usual: str) -> str:
-    """Text on the origin of the numbers, and on those that are not from the data."""
+    """Text on the origin of the numbers, and on the numbers that are not from the data."""
     first, last = (iso(moment) for moment in estimate.period)
     sentences = [
         f"{estimate.cycles} cycles from {first} to {last}, {estimate.nodes} nodes; errors are differences "

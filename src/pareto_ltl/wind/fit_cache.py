@@ -37,7 +37,7 @@ def cache_folder() -> Path:
 
 
 def cached_wind_table(task: WindTask) -> WindTable:
-    """:func:`tabulate_wind` of ``task``, read from the cache if it is there.
+    """:func:`tabulate_wind` of ``task``, read from the cache if it has an entry.
 
     If the cache cannot be used, the table is computed and a warning logged.
     """

@@ -1,4 +1,4 @@
-"""What a position fix at a landmark shows: standard deviations along a direction and across it.
+"""The error of a position fix at a landmark: standard deviations along a direction and across it.
 
 A beacon with range and bearing shows both, a coast or a depth contour only the distance across its line.
 """

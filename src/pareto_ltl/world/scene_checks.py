@@ -183,7 +183,7 @@ def _use_of_regions(sketch: SceneSketch, rules: DrawingRules) -> MissionUse | No
 def _with_margin(
     sketch: SceneSketch, place: Place, shape: shapely.Geometry, use: MissionUse | None, kept_out: bool
 ) -> shapely.Geometry:
-    """A region with its buffer: enlarged if the mission only keeps out of it, else reduced."""
+    """A region with its buffer: enlarged if the mission only avoids it, else reduced."""
     import shapely
 
     if not place.buffer:

@@ -86,7 +86,7 @@ class _Simplifier:
         return cls(sketch, room, limit, start, [*spared, *(shape for _, shape in drawn.landmarks)])
 
     def region(self, drawn: DrawnMap, name: str, shape: shapely.Geometry) -> shapely.Geometry:
-        """A region enlarged, reduced, or unchanged if the mission both visits it and keeps out of it."""
+        """A region enlarged, reduced, or unchanged if the mission both visits and avoids it."""
         import shapely
 
         what = f"region {name!r}"

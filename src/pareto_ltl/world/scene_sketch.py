@@ -134,7 +134,7 @@ class SceneSketch:
 
 
 class MissionUse(NamedTuple):
-    """Names of the regions that the mission visits, and of those that it keeps out of; both can be true."""
+    """Names of the regions that the mission visits, and of the regions that it avoids; both can be true."""
 
     visited: frozenset[str]
     forbidden: frozenset[str]
