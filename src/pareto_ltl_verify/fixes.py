@@ -27,7 +27,7 @@ def last_share(mark: Convex, start: FloatArray, end: FloatArray) -> FloatArray:
 
 @dataclass(slots=True)
 class Robots:
-    """What n robots know: ê at this step and the last, θ̂, and whether they have had a fix."""
+    """The knowledge of n robots: ê at this step and the last, θ̂, and whether they have had a fix."""
 
     now: FloatArray
     ago: FloatArray

@@ -31,7 +31,7 @@ RATE = re.compile(
 
 
 def mission_failure(result: Evidence) -> Verdict:
-    """The failure by heading is the promise; that by position is the rate of new flights with feedback."""
+    """The failure by heading is the promise; by position, it is the rate of new flights with feedback."""
     stated = json_file(result, "mission.plan")["pareto_ltl"]
     promise, by_heading = result.plan["promise"], stated["failure_by_heading"]
     faults = []
@@ -100,7 +100,7 @@ def _trajectory_text(result: Evidence) -> str:
 
 
 def corridor_sizes(result: Evidence) -> Verdict | None:
-    """Share p of new flights is inside the ellipses that say so: at each time, and at all times."""
+    """The stated share p of new flights is inside the ellipses: at each time, and at all times."""
     features = features_of(result, "corridor.geojson")
     laws = {feature["properties"]["wind_law"] for feature in features}
     if laws != {result.planned_law}:
@@ -121,7 +121,7 @@ def _missing(features: Sequence[dict[str, Any]], steps: int) -> list[str]:
 
 
 def _unheld(about: dict[str, Any], sizes: FloatArray) -> str:
-    """What is wrong with the size of one area; an empty text if nothing is."""
+    """The fault of the size of one area; an empty text if it is right."""
     whole = about["meaning"] == "whole_flight"
     step, share, runs = about.get("step", -1), about["probability"], about["flights"]
     if whole != (step < 0):

@@ -82,7 +82,7 @@ def time_faults(result: Evidence, times: Iterable[str | None]) -> list[str]:
 
 
 class Route(NamedTuple):
-    """What a file says of each position (latitude, longitude [deg], time) and the airspeed [m/s] of each leg.
+    """Positions (latitude, longitude [deg], time) in a file, and the airspeed [m/s] of each leg.
 
     ``times`` and ``airspeed`` are None in files that do not have them.
     """
@@ -171,7 +171,7 @@ Rows = Sequence[dict[str, str]]
 
 
 def xml_root(result: Evidence, name: str) -> ElementTree.Element:
-    """The root of an XML file; ValueError if it is none."""
+    """The root of an XML file; ValueError if the file is not XML."""
     try:
         return ElementTree.fromstring(read_text(result.directory / name))
     except ElementTree.ParseError as error:

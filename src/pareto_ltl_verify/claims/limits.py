@@ -1,4 +1,4 @@
-"""Claims about what limits a plan: the chance constraint of each segment, and the prices of limits.
+"""Claims about the limits of a plan: the chance constraint of each segment, and the prices.
 
 A price is judged by what it means: flights of the path as it is are judged again on a map whose limit is
 moved outwards and inwards. The share of multipliers is not in those counts, so that a price may exceed them
@@ -101,7 +101,7 @@ def _segment_price_faults(result: Evidence, rows: Sequence[Mapping[str, Any]]) -
 
 
 def _outline_price(result: Evidence, row: Mapping[str, Any]) -> str:
-    """What is wrong with the price of an obstacle, a border or a region; empty if nothing."""
+    """The fault of the price of an obstacle, a border or a region; empty if it is right."""
     by = MOVED * float(np.ptp(result.ground.bounds, axis=0).mean())
     try:
         counts = [_failures(result, row, by * way) for way in (-1.0, 0.0, 1.0)]
