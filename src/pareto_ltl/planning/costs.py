@@ -24,7 +24,7 @@ STILL = 1e-9  # [m] shorter steps have no course
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """A cost that a path should have little of.
+    """A cost of a path; a lower one is better.
 
     Attributes
     ----------

@@ -81,12 +81,12 @@ COLLISION_MEMORY: dict[type, Callable[[Any, int], kd.CollisionMemory]] = {
 
 
 def law_memory(law: kd.Law, rows: int) -> kd.Memory:
-    """Arrays for what a wind law keeps of ``rows`` vertices or steps; None for the independent law."""
+    """Arrays of a wind law for ``rows`` vertices or steps; None for the independent law."""
     return LAW_MEMORY[type(law)](law, rows)
 
 
 def collision_memory(bound: kd.CollisionBound, rows: int) -> kd.CollisionMemory:
-    """Arrays for what a collision bound keeps of ``rows`` vertices or steps; None for the step bound."""
+    """Arrays of a collision bound for ``rows`` vertices or steps; None for the step bound."""
     return COLLISION_MEMORY[type(bound)](bound, rows)
 
 
@@ -94,7 +94,7 @@ def collision_memory(bound: kd.CollisionBound, rows: int) -> kd.CollisionMemory:
 
 
 def propagate(problem: Problem, x: FloatArray, law: kd.Law | None = None) -> Flight:
-    """Propagate along the means ``x`` (T+1, 2) [m]: covariances, controls, airspeed left; nothing is checked.
+    """Propagate along the means ``x`` (T+1, 2) [m]: covariances, controls, airspeed left; without checks.
 
     ``law`` is by default the one that the problem is planned in.
     """
@@ -351,7 +351,7 @@ def completing_path(problem: Problem, x: FloatArray, origin: str, *, tight: bool
 
 
 def _unfinished(problem: Problem, path: PlannedPath) -> str:
-    """What is left of the mission at the end of ``path``, or when and where it was lost."""
+    """The remaining mission at the end of ``path``, or when and where the mission failed."""
     distance = problem.automaton.distance[path.q]
     if np.isfinite(distance[-1]):
         nearer = problem.logic.distance[helpful_delta(problem.logic)[path.q[-1], :-1]] < distance[-1]

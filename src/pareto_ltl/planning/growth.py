@@ -89,7 +89,7 @@ class GrowingTree:
 
 @dataclass(frozen=True, slots=True)
 class GrowthTask:
-    """What all trees of a run share."""
+    """The data that all trees of a run share."""
 
     cfg: PlannerConfig
     problem: Problem
@@ -149,7 +149,7 @@ def _slack(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Gen
 
 
 def mission_columns(problem: Problem) -> int:
-    """Columns of ``Tree.risk`` that hold mission risk: one a proposition (f_o), or V alone."""
+    """Columns of ``Tree.risk`` that hold mission risk: one per proposition (f_o), or only V."""
     return {kd.Theorem2: len(problem.atoms), kd.Ordered: 1}[type(problem.world.mission)]
 
 
@@ -292,7 +292,7 @@ def plant_tree(task: GrowthTask, seed: SeedSequence, number: int, options: Growt
 
 
 def _start_too_close(problem: Problem) -> str:
-    """The error for a start that breaks the chance constraint already."""
+    """The error for a start that itself breaks the chance constraint."""
     walled = problem.scene.walled
     barrier = "an obstacle or the wall around the map" if walled else "an obstacle"
     cure = ", raise planner.epsilon or set scene.border=open" if walled else " or raise planner.epsilon"

@@ -1,4 +1,4 @@
-"""What limits a plan: the chance constraint of each segment, and the prices of its limits."""
+"""The limits of a plan: the chance constraint of each segment, and the prices of its limits."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class SegmentLimits:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """What a small change of one limit would save.
+    """The failures that a small change of one limit would save.
 
     Attributes
     ----------

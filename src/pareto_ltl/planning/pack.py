@@ -1,4 +1,4 @@
-"""Scene, wind, automaton and robot as the named tuples of arrays that kernels read, made once a run."""
+"""Scene, wind, automaton and robot as the named tuples of arrays that kernels read, made once per run."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def pack_faces(polygons: Sequence[FloatArray]) -> kd.Faces:
 
 
 def pack_barriers(scene: Scene, obstacles: kd.Faces) -> kd.Faces:
-    """What a path must not touch: the obstacles and, where the border is a wall, its sides.
+    """The polygons that a path must not touch: obstacles and, where the border is a wall, its sides.
 
     A side is a polygon with one face: the half plane beyond it, which the normal points away from.
     """
@@ -359,7 +359,7 @@ def build_problem(
 
 
 def used_landmarks(scene: Scene, robot: RobotConfig, fidelity: FidelityConfig) -> kd.Landmarks | None:
-    """The landmarks at which the robot of these settings measures; a warning says why there are none."""
+    """The landmarks at which the robot of these settings measures; a warning states why there are none."""
     missing = missing_for_fixes(robot, fidelity)
     if scene.landmarks and missing:
         LOG.warning("scene.landmarks are not used: position fixes need %s", missing)

@@ -90,7 +90,7 @@ def helpful_delta(logic: kd.Logic) -> IntArray:
 
 
 def harmful_letters(automaton: Automaton, nothing: int) -> tuple[BoolArray, BoolArray]:
-    """Which letters are harmful in q, so read between steps, and which lose q; both (Q, letters).
+    """Letters that are harmful in q, so read between steps, and letters that lose q; both (Q, letters).
 
     A letter is harmful in q if it leads to the trap, or if the state it leads to does not accept all that is
     accepted after the empty letter, which has the index ``nothing``. It loses q if it is harmful in some

@@ -20,7 +20,7 @@ MOST = 64  # paths of a tree front with three objectives that are evaluated, the
 
 
 def non_dominated(rows: FloatArray) -> BoolArray:
-    """Which rows (P, f) no other row dominates; of equal rows the first is kept. Minimisation."""
+    """Which rows (P, f) no other row dominates; of equal rows the first counts. Minimisation."""
     import moocore
 
     return np.asarray(moocore.is_nondominated(rows, keep_weakly=False), bool)

@@ -60,7 +60,7 @@ class SelectionRule:
         return {name: getattr(cfg, name) for name in self.reads}
 
     def in_words(self, cfg: SelectionConfig) -> str:
-        """What the rule picks with the settings ``cfg``; empty for a rule that another package adds."""
+        """The choice of the rule with the settings ``cfg``, in words; empty for a rule of another package."""
         return self.meaning.format(**self.settings_read(cfg))
 
 

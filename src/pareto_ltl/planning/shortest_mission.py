@@ -1,4 +1,4 @@
-"""What excludes even the shortest line that completes the mission, flown in the expected wind.
+"""Reasons that exclude even the shortest line that completes the mission, flown in the expected wind.
 
 The line keeps 2 m from obstacles, the border and the regions that the mission forbids at that moment; errors
 of the wind and chance constraints do not matter here. Tested are, in this order: whether there is a line at
@@ -44,7 +44,7 @@ class _AtStart:
 
 
 def mission_fault(problem: Problem) -> str:
-    """Text on what excludes the shortest line, and what would allow it; empty if it can be flown."""
+    """Text on the reason that excludes the shortest line, and on the cure; empty if it can be flown."""
     lines = _mission_lines(problem)
     if not lines:
         why = closed_way(problem)

@@ -66,7 +66,7 @@ class Turns(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TurnsOnTheSpot:
-    """Turns take neither time nor distance: the orders are the controls of the plan."""
+    """Turns need no time and no distance: the orders are the controls of the plan."""
 
     @property
     def acceleration(self) -> None:

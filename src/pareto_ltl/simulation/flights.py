@@ -274,7 +274,7 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
 
 
 def within_reach(marks: kd.Landmarks, flight: Flight) -> bool:
-    """Whether a flight may come into a landmark, within ``FARTHEST`` deviations of its path."""
+    """Whether a flight may enter a landmark, within ``FARTHEST`` deviations of its path."""
     import shapely
 
     reach = FARTHEST * float(np.sqrt(flight.cov[:, [0, 2]].sum(axis=1).max()))

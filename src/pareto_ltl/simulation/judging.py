@@ -103,7 +103,7 @@ def judge_front(
 
 
 def _require_success(problem: Problem, judged: Sequence[Flown]) -> None:
-    """Raise InfeasibleError if no flight of any path succeeds; the message says how the best path fails."""
+    """Raise InfeasibleError if no flight of any path succeeds; the message states how the best path fails."""
     if any(not flown.failed.all() for flown in judged):
         return
     seed = SeedSequence(0)  # a text says the same about the same paths

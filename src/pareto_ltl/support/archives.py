@@ -32,7 +32,7 @@ DAMAGE = (
 
 
 class _ForeignError(ValueError):
-    """An archive that this package cannot have written; the text says why."""
+    """An archive that this package cannot have written; the text gives the reason."""
 
 
 def read_npz(path: Path, advice: Advice = RESULTS) -> dict[str, NDArray[Any]]:

@@ -124,7 +124,7 @@ def _fetch_rest(url: str, part: ByteRange | None, got: bytearray, limit: int, en
 
 
 def _checked_length(url: str, answer: Any, rest: ByteRange | None, limit: int) -> int | None:
-    """Bytes from the start of the request to the end of the file; None if the answer does not say."""
+    """Bytes from the start of the request to the end of the file; None if the answer does not state it."""
     announced = answer.headers.get("Content-Length", "")
     length = int(announced) if announced.isdecimal() and len(announced) < 20 else None
     total = None

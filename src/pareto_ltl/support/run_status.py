@@ -1,4 +1,4 @@
-"""How a run ended, in words: ``run.json`` of a killed run still says that it is running."""
+"""How a run ended, in words: ``run.json`` of a killed run still has the status ``running``."""
 
 from __future__ import annotations
 

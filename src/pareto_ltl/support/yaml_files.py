@@ -19,7 +19,7 @@ MAX_YAML_DEPTH = 64
 
 
 class _UnboundedError(ValueError):
-    """A document that is too large, too deep, or ambiguous; the text says where."""
+    """A document that is too large, too deep, or ambiguous; the text names the place."""
 
 
 def read_yaml(path: Path, advice: Advice = RESULTS) -> Any:

@@ -1,4 +1,4 @@
-"""What the mission requires of each step of a path."""
+"""The requirements of the mission on each step of a path."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True)
 class Obligations:
-    """What the automaton requires of each step of a path.
+    """The requirements of the automaton on each step of a path.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Obligations:
 
 
 def path_obligations(problem: Problem, x: FloatArray, cov: FloatArray) -> Obligations:
-    """What must hold at each step so that the automaton reads what it reads along the means ``x`` (T+1, 2).
+    """The conditions at each step under which the automaton reads the same as along the means ``x`` (T+1, 2).
 
     A transition is moved to the safest step of the same visit if the automaton allows it. ``cov`` (T+1, 3)
     holds xx, xy, yy [m²].
