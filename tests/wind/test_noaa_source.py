@@ -109,7 +109,7 @@ def test_a_cycle_may_be_named_and_one_that_is_none_is_refused():
         files = noaa.noaa_files(cfg(server, cycle="2018-10-09T00:00:00Z"), START)
         assert files[0].name.startswith("gfs.t00z.pgrb2.0p25.f006")
         with pytest.raises(
-            ConfigError, match=r"wind.cycle=2018-10-09T05:00:00Z is no start of a gfs forecast"
+            ConfigError, match=r"wind.cycle=2018-10-09T05:00:00Z is not a start of a gfs forecast"
         ):
             noaa.noaa_files(cfg(server, cycle="2018-10-09T05:00:00Z"), START)
         with pytest.raises(

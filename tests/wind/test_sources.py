@@ -159,7 +159,7 @@ def test_a_packed_table_is_read_as_the_table_it_holds(tmp_path):
         (lambda data: b"time,lat,lon,u,v", "cannot be read: Not a gzipped file"),
         (lambda data: data[:-20], "damaged or cut off"),
         (lambda data: data[:30] + b"\x00\xff" * 20 + data[70:], "damaged or cut off|cannot be read"),
-        (lambda data: gzip.compress(b"\xff\xfe\x00"), "is no CSV text"),
+        (lambda data: gzip.compress(b"\xff\xfe\x00"), "is not CSV text"),
     ],
 )
 def test_a_packed_table_that_is_damaged_is_refused(tmp_path, spoil, words):

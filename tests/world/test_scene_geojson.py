@@ -334,7 +334,7 @@ def test_a_start_and_a_region_outside_of_a_fence_are_named(tmp_path):
 
 def test_a_region_both_visited_and_avoided_has_no_careful_side(tmp_path):
     margin = feature("region", [square(5.3, 60.3, 0.05)], name="b", buffer=100)
-    with pytest.raises(DataError, match="both visits it and keeps out of it"):
+    with pytest.raises(DataError, match="both visits and avoids it"):
         scene_of(tmp_path, START, GOAL, margin, use=("ab", "b"))
 
 

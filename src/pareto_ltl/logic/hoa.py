@@ -436,7 +436,8 @@ class _HoaReader:
         if token.kind == "int" and len(token.text) <= MAX_DIGITS and int(token.text) < len(self.result.atoms):
             return LabelExpression("ap", place=int(token.text))
         return self.refuse(
-            f"{token.text[:SHOWN]} is no label; expected t, f, a proposition's number or an alias", token.line
+            f"{token.text[:SHOWN]} is not a label; expected t, f, a proposition's number or an alias",
+            token.line,
         )
 
 

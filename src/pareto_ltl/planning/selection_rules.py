@@ -99,7 +99,7 @@ def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
     number: object = selection_rule(cfg).pick(cfg, front)
     if not isinstance(number, int | np.integer) or not 0 <= number < len(front.paths):
         raise ConfigError(
-            f"selection.rule={cfg.rule} returned {shown_value(number)}, which is no path of the front; "
+            f"selection.rule={cfg.rule} returned {shown_value(number)}, which is not a path of the front; "
             f"expected a number from 0 to {len(front.paths) - 1}: correct the rule, or take another one"
         )
     return front.paths[int(number)]

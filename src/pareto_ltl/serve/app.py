@@ -358,7 +358,7 @@ async def _body(request: Request) -> Any:
     try:
         return json.loads(await request.body())
     except (ValueError, RecursionError):
-        raise ConfigError("the body of the request is no JSON") from None
+        raise ConfigError("the body of the request is not JSON") from None
 
 
 async def _fields(request: Request, known: tuple[str, ...]) -> Mapping[str, Any]:

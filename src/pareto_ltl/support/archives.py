@@ -88,7 +88,7 @@ def _read_header(name: str, stream: IO[bytes]) -> tuple[tuple[int, ...], bool, n
     """Shape, whether in Fortran order, and type of an array, from a header of NumPy's format 1.0."""
     start = stream.read(len(MAGIC) + 2)
     if not start.startswith(MAGIC) or len(start) < len(MAGIC) + 2:
-        raise _ForeignError(f"{name} is no array of NumPy's format 1.0")
+        raise _ForeignError(f"{name} is not an array of NumPy's format 1.0")
     (length,) = struct.unpack("<H", start[len(MAGIC) :])
     match = HEADER.fullmatch(stream.read(length).decode("latin1"))
     if match is None:

@@ -78,7 +78,7 @@ def fetch_bytes(url: str, most: int, part: ByteRange | None = None, retries: int
         or time run out.
     """
     if urlsplit(url).scheme not in SCHEMES:
-        raise DataError(f"{shown_text(url)} is no web address; expected https://...")
+        raise DataError(f"{shown_text(url)} is not a web address; expected https://...")
     got = bytearray()
     end = time.monotonic() + LONGEST
     failures = 0

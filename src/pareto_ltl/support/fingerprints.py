@@ -30,7 +30,7 @@ def text_fingerprint(text: str) -> str:
 
 
 def file_fingerprint(path: Path) -> str:
-    """Fingerprint of the bytes of ``path``; OSError if it cannot be read, DataError if it is no file.
+    """Fingerprint of the bytes of ``path``; OSError if it cannot be read, DataError if it is not a file.
 
     A file is read once per process, and again when its date or size changes. A file that was written less
     than :data:`FRESH` seconds ago is read every time, as it can change again without a new date.

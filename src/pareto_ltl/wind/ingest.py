@@ -67,7 +67,7 @@ def _times_between(readings: Readings, ingest: IngestConfig) -> IntArray:
             limits.append(default if text is None else seconds(text))
         except ValueError:
             raise ConfigError(
-                f"ingest.{key} {text!r} is no ISO 8601 time; expected e.g. 2018-10-09T00:00:00Z"
+                f"ingest.{key} {text!r} is not an ISO 8601 time; expected e.g. 2018-10-09T00:00:00Z"
             ) from None
     selected = np.flatnonzero((readings.times >= limits[0]) & (readings.times <= limits[1]))
     if not len(selected):

@@ -266,7 +266,7 @@ def _read_error(text: str) -> ForecastError:
 def _read_score(text: str) -> dict[str, float]:
     score = json.loads(text)  # NaN is allowed here: a score that could not be computed
     if not isinstance(score, dict):
-        raise ValueError("the attribute score is no JSON object")
+        raise ValueError("the attribute score is not a JSON object")
     return {name: float(value) for name, value in score.items()}
 
 

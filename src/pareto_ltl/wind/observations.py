@@ -164,7 +164,7 @@ def _departure_time(scene: Scene, readings: Readings) -> float:
         return seconds(scene.time_zero)
     except ValueError:
         raise ConfigError(
-            f"mission.start_time {scene.time_zero!r} is no ISO 8601 time; expected e.g. 2018-10-09T18:00:00Z"
+            f"mission.start_time {scene.time_zero!r} is not an ISO 8601 time; e.g. 2018-10-09T18:00:00Z"
         ) from None
 
 

@@ -90,7 +90,7 @@ class Scene(Displayed):
             raise ValueError(f"{len(self.landmark_fixes)} landmark_fixes for {len(self.landmarks)} landmarks")
         for name, window in self.windows.items():
             if window.region not in self.regions:
-                raise ValueError(f"window {name!r} is of {window.region!r}, which is no region of the map")
+                raise ValueError(f"window {name!r} is of {window.region!r}, which is not a region of the map")
         if missing := set(self.forbidden) - set(self.windows):
             raise ValueError(f"forbidden: {sorted(missing)} have no window")
 

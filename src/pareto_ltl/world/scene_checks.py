@@ -190,7 +190,7 @@ def _with_margin(
         return shape
     if place.polygons and use and place.name in use.visited & use.forbidden:
         raise DataError(
-            f"{sketch.where}: {place.what} has a buffer, and the mission both visits it and keeps out of it; "
+            f"{sketch.where}: {place.what} has a buffer, and the mission both visits and avoids it; "
             "draw two regions, one for each, or leave the buffer out"
         )
     found = with_buffer(sketch, place, shape, outwards=kept_out)

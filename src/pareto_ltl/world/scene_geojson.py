@@ -301,7 +301,7 @@ def _parts(where: str, what: str, geometry: Mapping[str, Any], depth: int = 0) -
         return
     inner = geometry.get("geometries")
     if not isinstance(inner, list) or depth > MOST_NESTED or not all(isinstance(g, dict) for g in inner):
-        raise DataError(f"{where}: {what} is no GeometryCollection as GeoJSON writes it")
+        raise DataError(f"{where}: {what} is not a GeometryCollection of GeoJSON")
     for part in inner:
         yield from _parts(where, what, part, depth + 1)
 

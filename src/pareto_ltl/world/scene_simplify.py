@@ -1,8 +1,8 @@
 """Conservative simplification of polygons with very many corners, before planning.
 
-Obstacles and regions that the mission only keeps out of are enlarged, regions that it only visits are
+Obstacles and regions that the mission only avoids are enlarged, regions that it only visits are
 reduced: a path that completes the mission on the simplified map also completes it on the original map. A
-region that the mission both visits and keeps out of is not changed.
+region that the mission both visits and avoids is not changed.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class _Simplifier:
         if name in drawn.visited:
             return self.narrowed(what, shape)
         if _has_many_corners(shape):
-            LOG.info("%s keeps its %s corners: the mission visits it and keeps out of it", what,
+            LOG.info("%s keeps its %s corners: the mission both visits and avoids it", what,
                      f"{corner_count(shape):,}")  # fmt: skip
         return shape
 

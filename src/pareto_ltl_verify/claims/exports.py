@@ -175,7 +175,7 @@ def xml_root(result: Evidence, name: str) -> ElementTree.Element:
     try:
         return ElementTree.fromstring(read_text(result.directory / name))
     except ElementTree.ParseError as error:
-        raise ValueError(f"{name} is no XML: {error}") from None
+        raise ValueError(f"{name} is not XML: {error}") from None
 
 
 def json_file(result: Evidence, name: str) -> dict[str, Any]:

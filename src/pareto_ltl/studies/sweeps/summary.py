@@ -201,6 +201,6 @@ def check_figure(figure: FigureChoice, swept: Sequence[str]) -> None:
     """Raise ConfigError, before a sweep begins, for a figure by a setting that it does not vary."""
     if figure.by is not None and figure.by not in swept:
         raise ConfigError(
-            f"sweep.by={figure.by} is no setting that this sweep varies; "
+            f"sweep.by={figure.by} is not a setting that this sweep varies; "
             f"there are {', '.join(swept) or 'none'}"
         )

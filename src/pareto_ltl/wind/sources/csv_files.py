@@ -158,7 +158,7 @@ def open_table(file: Path, expected: str) -> Iterator[IO[str]]:
     except (EOFError, zlib.error) as error:
         raise DataError(f"wind file {file} is damaged or cut off ({error}); fetch it again") from None
     except (UnicodeDecodeError, csv.Error) as error:
-        raise DataError(f"wind file {file} is no CSV text ({error}); expected {expected}") from None
+        raise DataError(f"wind file {file} is not CSV text ({error}); expected {expected}") from None
 
 
 def _open_text(file: Path) -> IO[str]:

@@ -285,7 +285,7 @@ def _snapshots(
     for name, size in u.sizes.items():
         if name not in (*spatial, clock, crew, pair.dimension) and size != 1:
             raise DataError(
-                f"wind file {path}: {u.name} has {size} values along {name}, which is no time, level, "
+                f"wind file {path}: {u.name} has {size} values along {name}, which is not a time, level, "
                 "member or place; pick one and write the file again"
             )
     pressure = _surface_pressure(pair, {*spatial, clock})

@@ -104,7 +104,7 @@ def _candidates(cfg: WindConfig, model: NoaaModel, newest: float) -> list[float]
     cycle = seconds(cfg.cycle)
     if not model.is_cycle(cycle):
         raise ConfigError(
-            f"wind.cycle={cfg.cycle} is no start of a {model.name} forecast; they begin every "
+            f"wind.cycle={cfg.cycle} is not a start of a {model.name} forecast; they begin every "
             f"{model.every} h from 00 UTC on"
         )
     return [cycle]
