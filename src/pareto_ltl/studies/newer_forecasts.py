@@ -32,8 +32,7 @@ def require_cycles(field: WindField) -> None:
     if law is None or modes is None or not known or not (modes.part == FORECAST).any():
         raise ConfigError(
             "replanning.forecasts: the wind of this run is not a forecast with known leads, so that a later "
-            "cycle "
-            "has nothing to improve: take such a source, e.g. wind=noaa, or leave it null"
+            "cycle cannot improve it: take such a source, e.g. wind=noaa, or leave it null"
         )
 
 
