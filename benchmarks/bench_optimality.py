@@ -18,7 +18,7 @@ from search_best_known import KEPT, benchmark_run
 
 KNOWN: dict[str, list[dict[str, float]]] = json.loads(KEPT.read_text()) if KEPT.is_file() else {}
 BOXES = {"phi1": (1800e3, 3000e3, 0.15), "phi2": (1450e3, 2400e3, 0.2)}  # lengths [m], largest failure
-MOST = 0.2  # largest failure of other missions; their lengths are those of the best known front
+MOST = 0.2  # largest failure of other missions; their lengths come from the best known front
 RATIOS = {True: 1.3, False: 1.5}  # of failures at equal length, median: of the two missions, of random ones
 LEAST_SHARE = 0.9  # of the best known hypervolume
 LEAST_RATE = 1e-3  # failures below it count as equal

@@ -35,7 +35,7 @@ from solves import next_means
 pytestmark = pytest.mark.benchmark(timer=time.process_time)
 CONF = Path(__file__).parents[1] / "conf"
 STEPS, RUNS, DT = 50, 300, 1800.0
-LOOSE = 1.1  # longest length allowed, over that of the taut line
+LOOSE = 1.1  # longest length allowed, over the length of the taut line
 
 
 def section(kind, name):

@@ -50,7 +50,7 @@ def test_whole_run(benchmark, tmp_path, mission, fidelity):
 
 @pytest.mark.parametrize("fidelity", ["paper", "full"])
 def test_cold_start(benchmark, tmp_path, fidelity):
-    """Seconds of a user's first run minus those of the second: compiling kernels and fitting winds."""
+    """Seconds of a user's first run minus seconds of the second: compiling kernels and fitting winds."""
     empty = {"PARETO_LTL_CACHE": str(tmp_path / "cache"), "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
     call(tmp_path, "+experiment=phi2", "planner.trees=-1")  # writes .pyc files, which an installation has
     spent: list[tuple[float, float]] = []

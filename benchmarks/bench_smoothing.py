@@ -120,7 +120,7 @@ def test_a_front_in_rough_wind(benchmark, mission):
     length = min(path.objectives.length for path in paths)
     shared = smoothing.SmoothingTask(cfg, None, task, length)
     old, new = (min(shared.merit(p, 10.0) for p in group) for group in (paths, smoothed))
-    benchmark.extra_info["figures"] = [("weighted cost over that of the trees", new / old, 1.0)]
+    benchmark.extra_info["figures"] = [("weighted cost over cost of the trees", new / old, 1.0)]
 
 
 @pytest.mark.parametrize("mission", CALM_OPTIMUM)

@@ -1,7 +1,7 @@
-"""Compare the best place of ``pareto-ltl beacons`` with a grid search by plans made anew.
+"""Compare the best place of ``pareto-ltl beacons`` with a grid search by new plans.
 
 Each folder is the result of a plan on a map without landmarks. A beacon is put on each node of a grid over
-the map, and the mission is planned again in a coarse search (that of ``replan``). The best nodes, and the
+the map, and the mission is planned again in a coarse search (as in ``replan``). The best nodes, and the
 best place of the beacon map, are then planned with the settings of the folder and several seeds; the least
 failure rates over at most the length of the plan are compared.
 """
@@ -20,7 +20,7 @@ from pareto_ltl.run.quick import prompt_settings
 from pareto_ltl.simulation.beacons import disc
 from pareto_ltl.support.arrays import FloatArray
 
-CLOSE = 1.1  # failures with the best place of the map, in those of the best node, that are asked for
+CLOSE = 1.1  # limit of failures with the best place of the map over failures with the best node
 
 
 def arguments() -> argparse.Namespace:

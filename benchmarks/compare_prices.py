@@ -1,8 +1,8 @@
-"""Compare the prices of plans with plans made anew on changed maps.
+"""Compare the prices of plans with new plans on changed maps.
 
 Each folder is the result of a plan that flights judge. One limit at a time is eased by as much as should save
 a share of the failures by its price, the mission is planned again with the same settings and several seeds,
-and the failure rates at the length of the plan are compared: those of the best front on either map, since
+and the failure rates at the length of the plan are compared, in the best front on either map, since
 seeds differ by more than some of these changes.
 """
 

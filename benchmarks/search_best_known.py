@@ -5,7 +5,7 @@
 
 Many starts (the trees of four seeds, taut lines, other sides), then random changes of the best path at each
 length: another number of steps, a bump, other times, polished on more flights than a run has. Rates are
-those of 20,000 flights that no search has used.
+computed from 20,000 flights that no search has used.
 """
 
 from __future__ import annotations

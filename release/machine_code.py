@@ -140,7 +140,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("wheel", type=Path, help="the wheel of pure Python")
-    parser.add_argument("--out", type=Path, help="folder of the new wheel; default: that of the old one")
+    parser.add_argument("--out", type=Path, help="folder of the new wheel; default: folder of the old one")
     parser.add_argument(
         "--kinds", nargs="+", default=[], help="kinds of runs, see pareto-ltl warmup --list; default: all"
     )

@@ -1,6 +1,6 @@
 """Colours as seen by people without one kind of cone cells, and the distances between these colours.
 
-The matrices are those of Machado, Oliveira and Fernandes (doi:10.1109/TVCG.2009.113) for severity 1,
+The matrices are taken from Machado, Oliveira and Fernandes (doi:10.1109/TVCG.2009.113) for severity 1,
 applied to linear RGB; distances are Euclidean in CIELAB under D65.
 """
 

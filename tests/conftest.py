@@ -48,7 +48,7 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     before = os.environ.get("PARETO_LTL_CACHE")
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
-        folder = folder.parent  # each process has a folder of its own in it
+        folder = folder.parent  # each process has a separate folder in it
     os.environ["PARETO_LTL_CACHE"] = str(folder / "cache")
     yield
     if before is None:

@@ -52,7 +52,7 @@ def metres_apart(lat: Any, lon: Any, exported: ExportedPlan, first: int = 0) -> 
 
 
 def seconds_apart(times: Any, exported: ExportedPlan) -> float:
-    """The largest difference between aware times and those of the plan [s]."""
+    """The largest difference between aware times and the times of the plan [s]."""
     assert exported.log.utc is not None
     wanted = [datetime.fromisoformat(text) for text in exported.log.utc]
     return max(abs((a - b).total_seconds()) for a, b in zip(times, wanted, strict=True))

@@ -122,7 +122,7 @@ def smooth_wind(  # noqa: PLR0913, PLR0917 - every test names the few that it ca
 ) -> WindField:
     """A gently curved expected wind, and errors of a squared-exponential covariance as exact modes.
 
-    With ``error`` half of the variance is that of forecasts, and interpolation in time adds its own.
+    With ``error`` half of the variance comes from forecasts, and interpolation in time adds its variance.
     """
     rng = np.random.default_rng(seed)
     width = float((scene.bounds[1] - scene.bounds[0]).max())

@@ -123,7 +123,7 @@ def hook(name: str) -> ModuleType:
 
 
 def built_name(source: str) -> str:
-    """The name of a page on the site, or a link to it, from that of its Markdown."""
+    """The name of a page on the site, or a link to it, from the name of its Markdown file."""
     return source.replace("README.md", "index.html").replace(".md", ".html")
 
 
@@ -165,7 +165,7 @@ def test_a_page_loads_nothing_from_elsewhere(site: Site) -> None:
 
 
 def test_links_in_the_repository_hold_on_the_site(site: Site) -> None:
-    """With their anchors, also those of the README, of which the site has only a part."""
+    """With their anchors, also in the README, of which the site has only a part."""
     outside = hook("outside")
     for document in DOCUMENTS:
         source = document.relative_to(ROOT).as_posix()

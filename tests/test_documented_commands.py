@@ -1,4 +1,4 @@
-"""Every command and every block of Python in the documents is accepted; those of the first page run."""
+"""Every command and every block of Python in the documents is accepted; on the first page, they also run."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ notebook = nbformat.read(sys.argv[1], as_version=4)
 manager = AsyncKernelManager(kernel_name="python3", transport="ipc", ip="./kernel")
 NotebookClient(notebook, km=manager, timeout=int(sys.argv[2])).execute()
 nbformat.write(notebook, sys.argv[3])
-"""  # by a process of its own: the client leaves sockets open until it ends
+"""  # by a separate process: the client leaves sockets open until it ends
 FIGURES = {"forecast_doubt": 5, "own_mission": 3, "tour": 4, "trade_off_phi2": 5}
 
 

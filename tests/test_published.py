@@ -55,7 +55,7 @@ def test_files_name_their_origin_and_no_place_of_a_machine() -> None:
 
 
 def test_orders_lead_where_the_wind_triangle_leads(tmp_path: Path) -> None:
-    """North on the ground, not in the plane; the flight without gusts is that of the controls."""
+    """North on the ground, not in the plane; the flight without gusts follows the controls."""
     path = write_plan(tmp_path / "north.csv", [(3600, 0, 30), (1800, "", 0), ("", "", "")])
     problem, orders = true_problem(EASY), read_orders(path, EASY)
     assert orders.tolist() == [[0.0, 30.0], [0.0, 30.0], [0.0, 0.0]]

@@ -29,7 +29,7 @@ class Judged:
     rows : dict of list
         Rows by variant, by increasing seed.
     volumes : list of float
-        Hypervolume of the front of each run of ``full`` over that of the fronts of all seeds together.
+        Hypervolume of the front of each run of ``full`` over the hypervolume of the fronts of all seeds.
     spread : float or None
         Worst promise over the median promise of ``full``; None for one seed or a median of 0.
     worse : dict of dict
@@ -90,7 +90,7 @@ def judge_mission(name: str, tags: Mapping[str, Any], rows: dict[str, list[Row]]
 
 
 def relative_volumes(fronts: Sequence[Sequence[Sequence[float]]]) -> list[float]:
-    """Hypervolume of each front over that of all together, below failure 1 and twice the longest path.
+    """Hypervolume of each front over the one of all together, below failure 1 and twice the longest path.
 
     Rows of a front are (failure, low, high, length [m]); an empty front has 0. The list is empty if all are.
     """
@@ -122,7 +122,7 @@ def why_worse(row: Row, other: Row) -> str:
 
 
 def missed_points(row: Row, other: Row) -> int:
-    """Points of the front of ``other`` for which that of ``row`` has none as safe and no longer."""
+    """Points of the front of ``other`` for which the front of ``row`` has none as safe and no longer."""
     return sum(
         not any(mine[1] <= theirs[2] and mine[3] <= LONGER * theirs[3] for mine in row["front"])
         for theirs in other["front"]

@@ -101,7 +101,7 @@ def _write_rows(path: Path, head: str, rows: list[str]) -> None:
 
 
 def _table(rng: np.random.Generator, place: Place, folder: Path, leads: bool) -> list[str]:
-    """The moved sample as a table, with ``leads`` those of a forecast that began 0 to 12 h before."""
+    """The moved sample as a table, with ``leads`` of a forecast that began 0 to 12 h before."""
     hours, _, winds = sample_table()
     begun = int(rng.integers(0, 13))
     rows = [

@@ -2,7 +2,7 @@
 
 The graph is the product of the cells of the map with the paths through the automaton: one copy of all free
 cells for each leg, joined in the cells of the region where the leg ends. Paths are straight in each cell. The
-convex relaxation is solved by Clarabel, then rounded: the length is that of the best rounded path.
+convex relaxation is solved by Clarabel, then rounded: the length is the length of the best rounded path.
 """
 
 from __future__ import annotations

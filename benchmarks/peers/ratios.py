@@ -19,7 +19,7 @@ class Ratio(NamedTuple):
 
 
 def median_ratio(ours: Sequence[float], theirs: Sequence[float], seed: int = 0) -> Ratio:
-    """Median of ``theirs`` over that of ``ours``, measured in turn, with a percentile bootstrap interval.
+    """Median of ``theirs`` over median of ``ours``, measured in turn, with a percentile bootstrap interval.
 
     A bootstrap sample draws repetitions, each with both of its figures: what slows the machine for a while
     slows both. A repetition without a result is inf. Raises ValueError if the lengths differ or are zero.

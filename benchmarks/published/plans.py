@@ -22,7 +22,7 @@ SLACK = 1e-3  # [m/s] beyond the limits of the airspeed: rounding of other progr
 def read_orders(path: Path, mission: Mission) -> FloatArray:
     """Heading [rad] and airspeed [m/s] of every step (T, 2) of a table; other columns are not read.
 
-    A leg lasts whole steps. Rows without a duration, as that of the arrival, are no legs.
+    A leg lasts whole steps. Rows without a duration, such as the arrival, are no legs.
     """
     with path.open(newline="", encoding="utf-8-sig") as file:
         table = csv.DictReader(file)

@@ -38,7 +38,7 @@ class Measured:
 
 
 def all_cases() -> list[Case]:
-    """The cases of planning, and those of the wind if their module exists."""
+    """The cases of planning, and of the wind if their module exists."""
     try:
         from scale.wind import CASES as WIND
     except ImportError:

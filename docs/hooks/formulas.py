@@ -1,7 +1,7 @@
 r"""Displayed formulas: LaTeX between lines of ``$$`` becomes MathML when the site is built.
 
 Browsers draw MathML themselves: the site loads no script and no font for it, and needs no network. The forges
-draw the same LaTeX in their own way. A number, ``\tag{M1}``, stands at the right of the formula.
+draw the same LaTeX in another way. A number, ``\tag{M1}``, stands at the right of the formula.
 """
 
 from __future__ import annotations

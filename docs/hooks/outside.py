@@ -2,7 +2,7 @@
 
 A file of the repository has the same path on the site, without ``docs/``: ``examples/ozarks.geojson`` is a
 download, ``CHANGELOG.md`` a page. README.md is the front page. Links are written as they hold in the
-repository; they are turned into those of the site here. A comment ``<!-- README.md: ## A ... ## B -->``
+repository; they are turned into links of the site here. A comment ``<!-- README.md: ## A ... ## B -->``
 stands for the lines of that file from the heading A (without it) to the heading B.
 """
 

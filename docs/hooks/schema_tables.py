@@ -32,7 +32,7 @@ def _schema_section(name: str) -> str:
 
 
 def _rows(node: Node, schema: Node, prefix: str) -> Iterator[tuple[str, str, str]]:
-    """A row for each key of an object, then those of the objects inside it; what may be missing says so."""
+    """A row for each key of an object, then for objects inside it; keys that may be missing are marked."""
     required = node.get("required", ())
     for name, found in node.get("properties", {}).items():
         below = _resolved(found, schema)

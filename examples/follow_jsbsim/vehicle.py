@@ -119,7 +119,7 @@ def fly(options: argparse.Namespace) -> tuple[float, float]:
     fixes = [float(share) * log.t[-1] for share in options.fixes.split(",") if share]
     begun, guided, steps_end = time.monotonic(), False, len(plan.path.u) * problem.motion.dt
     for second in np.arange(0.0, log.t[-1], TICK):
-        if guided and second >= steps_end:  # the orders are those of steps; the table also has time for turns
+        if guided and second >= steps_end:  # the orders belong to steps; the table also has time for turns
             break
         time.sleep(max(0.0, begun + second / options.speed - time.monotonic()))
         guided = heard(link, vehicle) or guided

@@ -185,8 +185,8 @@ class Evidence:
     def visited(self) -> list[tuple[str, tuple[Convex, ...]]]:
         """The propositions that are to be visited, with the convex parts of their regions."""
         places = [(name, self.timetable.region(name)) for name in self.dfa.atoms]
-        kept = [(name, place) for name, place in places if name not in self.automaton.get("forbidden", ())]
-        return [(name, self.regions[place]) for name, place in kept if place is not None]
+        allowed = [(name, place) for name, place in places if name not in self.automaton.get("forbidden", ())]
+        return [(name, self.regions[place]) for name, place in allowed if place is not None]
 
     def letters_along(self, labels: Sequence[frozenset[str]]) -> list[frozenset[str]]:
         """The propositions that hold at each step of a path with these labels."""
@@ -199,18 +199,21 @@ class Evidence:
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot of the settings; with robot.dt=auto its time step is that of the metrics."""
-        told = self.settings["robot"]
-        if isinstance(told["dt"], str):  # auto: the metrics have the chosen time step
-            told = told | {"dt": float(self.metrics["dt_s"])}
+        """The robot of the settings; with robot.dt=auto its time step comes from the metrics."""
+        settings = self.settings["robot"]
+        if isinstance(settings["dt"], str):  # auto: the metrics have the chosen time step
+            settings = settings | {"dt": float(self.metrics["dt_s"])}
         if self.settings["fidelity"]["judge"] == "flights":
-            told = told | {"effort_risk": 1.0}  # no airspeed is reserved: flights show what is missing
+            settings = settings | {
+                "effort_risk": 1.0
+            }  # no airspeed is reserved: flights show what is missing
         return Robot(
-            a=np.array(told["a"], float), b=np.array(told["b"], float), ball=self.settings["wind"]["ball"],
-            u_min=told.get("u_min", 0.0),  # earlier versions have neither this setting nor the next two
-            bank=math.radians(told.get("bank", 0.0)), turn_delay=told.get("turn_delay", 0.0),
-            **energy_limits(told.get("power") or {}),
-            **{key: told[key] for key in (
+            a=np.array(settings["a"], float), b=np.array(settings["b"], float),
+            ball=self.settings["wind"]["ball"],
+            u_min=settings.get("u_min", 0.0),  # earlier versions have neither this setting nor the next two
+            bank=math.radians(settings.get("bank", 0.0)), turn_delay=settings.get("turn_delay", 0.0),
+            **energy_limits(settings.get("power") or {}),
+            **{key: settings[key] for key in (
                 "dt", "u_max", "start_sd", "feedback_time", "effort_risk", "fix_sd", "fix_time"
             )},
         )  # fmt: skip
@@ -229,8 +232,8 @@ class Evidence:
     @property
     def epsilon(self) -> float:
         """planner.epsilon: the collision risk that planning allows in a segment; 1 for no limit."""
-        told = self.settings["planner"]["epsilon"]
-        return 1.0 if told is None else float(told)
+        stated = self.settings["planner"]["epsilon"]
+        return 1.0 if stated is None else float(stated)
 
     # --- the plan -----------------------------------------------------------------------------
 
@@ -246,7 +249,7 @@ class Evidence:
 
     @cached_property
     def start(self) -> FloatArray:
-        """Where the flight starts (2,) [m]."""
+        """Start of the flight (2,) [m]."""
         return np.array(self.scene["start"], float)
 
     @cached_property
@@ -275,7 +278,7 @@ class Evidence:
         return clock(self.wind, self.robot.dt, steps, int(self.settings["planner"]["max_steps"]))
 
     def law(self, name: str, steps: int | None = None) -> Law:
-        """A wind law for ``steps`` steps, those of the plan by default."""
+        """A wind law for ``steps`` steps, by default for the steps of the plan."""
         times = self.times if steps is None else self.clock_of(steps)
         if name == "independent":
             return Independent(self.wind, times, self.robot)
@@ -388,13 +391,13 @@ class Evidence:
 
         As many as the promise has, if that is more: fewer could not contradict it.
         """
-        found, promise = {}, self.plan["promise"] or {}
+        flights, promise = {}, self.plan["promise"] or {}
         for number, name in enumerate(LAWS):
             if f"{name}/x" in self.flights:
                 promised = promise["runs"] if promise.get("law") == name else 0
                 runs = min(max(len(self.flights[f"{name}/x"]), promised, 2000), 20_000)
-                found[name] = self.simulator(name).fly(runs, np.random.default_rng([20181009, number]))
-        return found
+                flights[name] = self.simulator(name).fly(runs, np.random.default_rng([20181009, number]))
+        return flights
 
     @cached_property
     def held_failures(self) -> tuple[int, int]:

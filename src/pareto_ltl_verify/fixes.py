@@ -27,7 +27,7 @@ def last_share(mark: Convex, start: FloatArray, end: FloatArray) -> FloatArray:
 
 @dataclass(slots=True)
 class Robots:
-    """What n robots know: ê at this step and the last, θ̂, and whether they have had a fix."""
+    """The knowledge of n robots: ê at this step and the last, θ̂, and whether they have had a fix."""
 
     now: FloatArray
     ago: FloatArray
@@ -43,7 +43,7 @@ class Filters:
     Attributes
     ----------
     law : Law
-        That of the flights; under the independent law fixes tell positions only.
+        The law of the flights; under the independent law fixes measure positions only.
     guide : Course
         The law linearised about the planned means.
     joint : dict of History to (4 + 2P, 4 + 2P) float
@@ -69,12 +69,12 @@ class Filters:
 
     def carry(self, t: int) -> None:
         """All covariances from step t - 1 to t."""
-        guide, dt, kept = self.guide, self.law.robot.dt, self._kept(t)
-        n = len(kept)
+        guide, dt, persistence = self.guide, self.law.robot.dt, self._kept(t)
+        n = len(persistence)
         M = np.zeros((4 + n, 4 + n))
         M[:2, :2], M[:2, 4:], M[2:4, :2] = guide.F[t - 1], dt * guide.psi[t - 1], np.eye(2)
-        M[4:, 4:] = np.diag(kept)
-        fresh = np.concatenate([dt**2 * guide.white[t - 1], np.zeros(2), 1.0 - kept**2])
+        M[4:, 4:] = np.diag(persistence)
+        fresh = np.concatenate([dt**2 * guide.white[t - 1], np.zeros(2), 1.0 - persistence**2])
         self.joint = {key: M @ joint @ M.T + np.diag(fresh) for key, joint in self.joint.items()}
 
     def observe(self, robots: Robots, t: int, x: FloatArray, rng: np.random.Generator) -> None:

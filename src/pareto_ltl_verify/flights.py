@@ -1,4 +1,4 @@
-"""Flights: those of the results are judged again, and new ones are simulated with other random numbers."""
+"""Flights of the results are judged again, and new ones are simulated with other random numbers."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Ground:
         return np.stack(found, axis=1)
 
     def after_step(self, state: IntArray, legs: Legs, slack: float = 0.0, holding: Label = NONE) -> IntArray:
-        """States (n,) after steps: harmful letters between the ends are read first, then that of the end.
+        """States (n,) after steps: harmful letters between the ends are read first, then the end's letter.
 
         Letters between the ends are read only if the letter of the start does not change the state: otherwise
         the formula counts steps. Windows ``holding`` are open between the ends.
@@ -177,9 +177,9 @@ class Verdicts:
     off_map: BoolArray
 
 
-def misjudged(ground: Ground, said: Verdicts, grain: float) -> int:
+def misjudged(ground: Ground, stated: Verdicts, grain: float) -> int:
     """Number of flights whose flags do not follow from their positions; near a face either flag is right."""
-    x, accepted, collided = said.x, said.accepted, said.collided
+    x, accepted, collided = stated.x, stated.accepted, stated.collided
     wrong = np.flatnonzero(ground.accepted(x) != accepted)
     near = [
         w
@@ -188,9 +188,11 @@ def misjudged(ground: Ground, said: Verdicts, grain: float) -> int:
     ]
     hit = np.flatnonzero(ground.collided(x) != collided)
     far = [h for h in hit if collided[h] not in {ground.collided(x[h, None], m)[0] for m in (-grain, grain)}]
-    gone = np.flatnonzero(ground.off_map(x) != said.off_map)
+    gone = np.flatnonzero(ground.off_map(x) != stated.off_map)
     out = [
-        g for g in gone if said.off_map[g] not in {ground.off_map(x[g, None], m)[0] for m in (-grain, grain)}
+        g
+        for g in gone
+        if stated.off_map[g] not in {ground.off_map(x[g, None], m)[0] for m in (-grain, grain)}
     ]
     return len({*near, *far, *out})
 
@@ -249,7 +251,7 @@ class Simulator:
         return self.law.robot.dt * np.array([power(speed) for speed in speeds.tolist()])[place]
 
     def _wind(self, x: FloatArray, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Wind that each flight meets at its own position, (n, 2) [m/s]."""
+        """Wind that each flight meets at its position, (n, 2) [m/s]."""
         law, wind = self.law, self.law.wind
         square = square_of(wind.x, wind.y, x)
         met = square.value(at_step(wind.mean, law.times, t))
@@ -280,7 +282,7 @@ class Simulator:
 
 
 def next_field(law: Coherent, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """θ (n, 2P) of step t from that of step t - 1: ρ θ + √(1 - ρ²) η, with ρ of the part of each mode."""
+    """θ (n, 2P) of step t from θ of step t - 1: ρ θ + √(1 - ρ²) η, with ρ of the part of each mode."""
     keep = law.kept(t)
     if (keep == 1).all():
         return theta

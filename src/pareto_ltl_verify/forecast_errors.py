@@ -88,13 +88,13 @@ class ErrorLaw:
         return min(max(0.5 * (s + t - apart) / math.sqrt(s * t), 0.0), 1.0) if s * t > 0 else 0.0
 
 
-def error_law(told: Mapping[str, Any]) -> ErrorLaw:
+def error_law(document: Mapping[str, Any]) -> ErrorLaw:
     """The law of a JSON document ``pareto_ltl.forecast_error/1``."""
-    forecast, change, scaled = told["forecast"], told["change"], told.get("variability")
+    forecast, change, scaled = document["forecast"], document["change"], document.get("variability")
     return ErrorLaw(
-        name=str(told["name"]),
-        level=str(told["level"]),
-        spread=float(told["spread"]),
+        name=str(document["name"]),
+        level=str(document["level"]),
+        spread=float(document["spread"]),
         leads=HOUR * np.array(forecast["lead_hours"], float),
         forecast_sd=np.array(forecast["sd"], float),
         forecast_length=float(forecast["length"]),
@@ -107,17 +107,17 @@ def error_law(told: Mapping[str, Any]) -> ErrorLaw:
     )
 
 
-def _scaled(told: Mapping[str, Any]) -> Scaled:
-    pairs = np.stack([np.array(told[name], float) for name in ("from_seconds", "to_seconds")], axis=1)
-    squares = np.array(told["mean_square"], float)
-    return Scaled(pairs, squares, float(told["freedom"]), float(told["factor"]))
+def _scaled(document: Mapping[str, Any]) -> Scaled:
+    pairs = np.stack([np.array(document[name], float) for name in ("from_seconds", "to_seconds")], axis=1)
+    squares = np.array(document["mean_square"], float)
+    return Scaled(pairs, squares, float(document["freedom"]), float(document["factor"]))
 
 
 def independent_changes(law: ErrorLaw, pairs: FloatArray, kinship: FloatArray) -> float:
     """Twice the squared mean over the variance of a mean of squares of equally distributed Gaussian changes.
 
-    Those of two components over ``pairs`` (P, 2) of times [s] at places with the correlations ``kinship``
-    (N, N).
+    The changes have two components over ``pairs`` (P, 2) of times [s] at places with the correlations
+    ``kinship`` (N, N).
     """
     total = 0.0
     for a, b in pairs:

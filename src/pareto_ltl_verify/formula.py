@@ -20,7 +20,7 @@ from pareto_ltl.support.names import QUOTED
 Node = tuple[Any, ...]  # (operator, argument, ...); a proposition is ("ap", name)
 Rest = frozenset[frozenset[Node]]  # alternatives of obligations
 
-MOST_RESTS = 50_000  # most different rests of a formula; a formula with more is an error
+MOST_RESTS = 50_000  # limit of the number of different rests of a formula; a formula with more is an error
 DONE: Rest = frozenset({frozenset()})
 NEVER: Rest = frozenset()
 

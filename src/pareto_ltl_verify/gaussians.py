@@ -147,7 +147,7 @@ def way_risks(
 def crossing(part: Convex, x: FloatArray, cov: FloatArray) -> float:
     """P(segment between the positions meets ``part``) ≤ least over lines of Σ P(an end not beyond it).
 
-    The lines are those of its faces and the two that touch it parallel to the segment of the means.
+    The lines are the lines of its faces, and two that touch it parallel to the segment of the means.
     ``x`` (2, 2) [m], or (1, 2) for a single place.
     """
     middle, along = part.corners.mean(axis=0), x[-1] - x[0]

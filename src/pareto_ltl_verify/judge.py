@@ -37,7 +37,7 @@ CLAIMS: tuple[Claim, ...] = (
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({
     "map: scene.json is the map of the settings",  # the start is the position of the fix
-    "mission: time windows are those of the map",  # clocks count from the first departure
+    "mission: time windows come from the map",  # clocks count from the first departure
     "wind: there are readings, or the air is calm",  # the wind was conditioned on the fix
     "wind: known until",
     "wind: law of forecast errors",

@@ -60,7 +60,7 @@ class Robot:
 
     @property
     def closed(self) -> FloatArray:
-        """A - K: the matrix (2, 2) that maps a deviation to that of the next step."""
+        """A - K: the matrix (2, 2) that maps a deviation to the deviation of the next step."""
         return self.a - self.feedback * np.eye(2)
 
     def speed_left(self, correction: FloatArray) -> float:
@@ -141,7 +141,7 @@ class Belief:
 
 @dataclass(frozen=True, slots=True)
 class Independent:
-    """The wind of every step is independent; Σ_w is that of largest trace in a ball around the mean."""
+    """The wind of every step is independent; Σ_w has the largest trace in a ball around the mean."""
 
     wind: WindFile
     times: Clock
@@ -172,11 +172,11 @@ class Landmark(NamedTuple):
     error: FloatArray
 
 
-def fix_error(told: dict[str, float] | None, usual: float) -> FloatArray:
+def fix_error(stated: dict[str, float] | None, usual: float) -> FloatArray:
     """Covariance (2, 2) [m²] of an entry of ``landmark_fixes``; without one, ``usual`` [m] each way."""
-    told = told or {"sd": usual}
-    along, across = (told.get(key, told.get("sd", math.nan)) for key in ("along", "across"))
-    angle = math.radians(90.0 - told.get("bearing", 0.0))  # anticlockwise from x
+    stated = stated or {"sd": usual}
+    along, across = (stated.get(key, stated.get("sd", math.nan)) for key in ("along", "across"))
+    angle = math.radians(90.0 - stated.get("bearing", 0.0))  # anticlockwise from x
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     return np.asarray(turn @ np.diag([along**2, across**2]) @ turn.T, float)
 
@@ -210,11 +210,11 @@ class Coherent:
         return np.tile(self.times.keep[t][self.wind.modes.part], 2)
 
     def modes_at(self, t: int) -> FloatArray:
-        """ψ of step t at the nodes, (MX, MY, 2, P): those of interpolation in time grow with its error."""
-        found = self.wind.modes
-        assert found is not None
-        grown = np.where(found.part == TIME, math.sqrt(self.times.between[t]), 1.0)
-        return np.asarray(found.psi[self.times.nearest[t]] * grown, float)
+        """ψ of step t at the nodes, (MX, MY, 2, P); modes of interpolation in time grow with its error."""
+        modes = self.wind.modes
+        assert modes is not None
+        grown = np.where(modes.part == TIME, math.sqrt(self.times.between[t]), 1.0)
+        return np.asarray(modes.psi[self.times.nearest[t]] * grown, float)
 
     def white_variance(self, t: int, latent: FloatArray, carried: FloatArray) -> FloatArray:
         """Variance (..., 2) of a step's mean of gusts and of the rest, ``latent`` minus ``carried``.
@@ -269,11 +269,11 @@ class Coherent:
         """ψ = blkdiag(ψ_x', ψ_y') (2, 2P) and ∂ψ : C (2,)."""
         psi = np.zeros((2, self.modes))
         swept = np.zeros(2)
-        found = self.wind.modes
-        if found is None:
+        modes = self.wind.modes
+        if modes is None:
             return psi, swept
         table = self.modes_at(t)
-        square = square_of(found.x, found.y, x[None])
+        square = square_of(modes.x, modes.y, x[None])
         value, slopes = square.value(table)[0], square.slopes(table)
         half = self.modes // 2
         for c in (0, 1):

@@ -51,7 +51,7 @@ def _refined(part: Convex, angle: float, x: FloatArray, cov: FloatArray) -> list
 
 def with_lines(part: Convex, x: FloatArray, cov: FloatArray) -> Convex:
     """``part`` with the best lines of its near segments as further half planes."""
-    if not len(part.corners):  # a wall has no line but its own
+    if not len(part.corners):  # a wall has only one line
         return part
     rows = best_lines(part, x, cov)
     rows = rows[(rows[:, 0] > 0.0) & (rows[:, 0] < NEAR)]

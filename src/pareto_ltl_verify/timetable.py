@@ -55,14 +55,14 @@ class Timetable:
 
 def windows_of(content: Mapping[str, Any] | None) -> dict[str, tuple[str | None, float, float]]:
     """The windows of scene.json or automaton.json by name; null in the file means no limit."""
-    found = {}
+    windows = {}
     for name, window in (content or {}).items():
         begin, end = window.get("begin"), window.get("end")
-        found[name] = (
+        windows[name] = (
             window.get("region"), -math.inf if begin is None else float(begin),
             math.inf if end is None else float(end),
         )  # fmt: skip
-    return found
+    return windows
 
 
 def clock_of(name: str) -> tuple[str | None, float, float] | None:

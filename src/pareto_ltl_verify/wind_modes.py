@@ -42,9 +42,9 @@ class PartCovariance:
         traces = np.array([np.trace(C) for C in self.matrices])
         return np.asarray(self.scale * traces[self.owner], float)
 
-    def leading(self, most: int) -> FloatArray:
-        """Variance of mode 1, 2, ... up to ``most``, summed over slots, components and nodes."""
-        rows = [values[:most] for values in self.eigenvalues]
+    def leading(self, limit: int) -> FloatArray:
+        """Variance of mode 1, 2, ... up to ``limit``, summed over slots, components and nodes."""
+        rows = [values[:limit] for values in self.eigenvalues]
         return np.asarray(2 * sum(s * rows[i] for s, i in zip(self.scale, self.owner, strict=True)), float)
 
     def over_slots(self) -> FloatArray:

@@ -32,7 +32,7 @@ class Source:
     ensemble : bool
         Whether members of an ensemble can be part of the wind's error.
     level : bool
-        Whether the level is that of the settings.
+        Whether the level is set in the settings.
     """
 
     law: str | None
@@ -57,7 +57,7 @@ HYPER = ("prior_mean", "prior_sd", "prior_length", "noise_sd")
 
 
 def source_of(name: str) -> Source:
-    """The row of a wind source; that of another package may have an ensemble."""
+    """The row of a wind source; a source of another package may have an ensemble."""
     return SOURCES.get(name, Source(None, ensemble=True, level=False))
 
 
@@ -239,10 +239,10 @@ def square_of(x: FloatArray, y: FloatArray, points: FloatArray) -> Square:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Where each step lies between the slots of the wind.
+    """The position of each step between the slots of the wind.
 
-    Step t lies between slots ``slot[t]`` and ``slot[t] + 1`` at ``weight[t]``; its modes are those of slot
-    ``nearest[t]``, and ``keep[t, g]`` is the correlation of θ of part g of the error with that of step t - 1.
+    Step t lies between slots ``slot[t]`` and ``slot[t] + 1`` at ``weight[t]``; its modes belong to slot
+    ``nearest[t]``, and ``keep[t, g]`` is the correlation of θ of part g of the error with θ of step t - 1.
     ``between`` [m²/s²] is the variance of interpolation in time; the wind is known for ``known`` steps.
     """
 
@@ -254,8 +254,8 @@ class Clock:
     known: int
 
 
-def clock(wind: WindFile, dt: float, steps: int, most: int) -> Clock:
-    """The slots of steps 0 to ``steps`` of at most ``most``; DataError if the wind is known for less."""
+def clock(wind: WindFile, dt: float, steps: int, limit: int) -> Clock:
+    """The slots of steps 0 to ``steps`` of at most ``limit``; DataError if the wind is known for less."""
     t: FloatArray = dt * np.arange(steps + 1, dtype=float)
     if steps and t[-2] > wind.until + 1e-6:
         raise DataError(
@@ -269,7 +269,7 @@ def clock(wind: WindFile, dt: float, steps: int, most: int) -> Clock:
     nearest = slot + (weight > 0.5)
     keep = np.array([_kept(wind, nearest, t, n) for n in range(len(t))])
     between = np.array([_between(wind, float(now)) for now in t])
-    known = int((dt * np.arange(most) <= wind.until + 1e-6).sum())
+    known = int((dt * np.arange(limit) <= wind.until + 1e-6).sum())
     return Clock(slot, weight, nearest, keep, between, known)
 
 
@@ -284,11 +284,11 @@ def _between(wind: WindFile, now: float) -> float:
 
 
 def _kept(wind: WindFile, nearest: IntArray, t: FloatArray, n: int) -> FloatArray:
-    """Correlation of θ of each part at step n with that at step n - 1.
+    """Correlation of θ of each part at step n with θ at step n - 1.
 
     Interpolation in space and forecasts: ρ to the power of the time between the slots. Interpolation in time:
     0 from one gap between fields to the next; of a held field, the correlation of its changes up to the
-    middles of two periods. Slots of a held field differ in the change since it, and in nothing else.
+    middles of two periods. Slots of a held field differ only in the change since it.
     """
     keep = np.ones(len(PARTS))
     if n == 0:

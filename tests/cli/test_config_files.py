@@ -40,7 +40,7 @@ def test_a_file_that_cannot_be_used_is_named(
 ) -> None:
     message = refusal(tmp_path, content, capsys)
     assert words in message
-    assert re.search("mine.yaml|check your own configuration files|write its value", message)
+    assert re.search("mine.yaml|check your configuration files|write its value", message)
 
 
 def test_aliases_that_multiply_are_refused_before_hydra_follows_them(

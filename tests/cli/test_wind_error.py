@@ -54,7 +54,7 @@ def test_the_command_writes_the_law_its_figure_and_a_table(
         assert low < sd < high
         assert f"{at:g} h" in out
         assert f"{sd:.2f}  {low:.2f} to {high:.2f}" in out
-    assert "kept from" not in out  # the data tell everything here
+    assert "taken from" not in out  # the data determine everything here
 
 
 def test_the_same_seed_gives_the_same_files(past: Path) -> None:
@@ -132,7 +132,7 @@ def test_the_shared_cycles_are_estimated_by_asymmetry_and_say_what_they_cannot_t
     assert len(told["files"]) == 22 + 5
     assert told["analysis_error"].startswith("the data do not suffice: station reports (1993-03-12")
     assert told["analysis_error"].endswith("have no time in common")
-    assert "persistence kept from gfs" in told["origin"]
+    assert "persistence taken from gfs" in told["origin"]
     usual = json.loads((LAWS_FOLDER / "gfs.json").read_text())
     columns = (told["change"][name] for name in ("lag_hours", "sd_low", "sd_high"))
     change = {lag: (low, high) for lag, low, high in zip(*columns, strict=True)}

@@ -1,4 +1,4 @@
-"""An autopilot that holds positions: the same flights as those of a robot with ``robot.feedback_time=60``."""
+"""An autopilot that holds positions: the same flights as a robot with ``robot.feedback_time=60``."""
 
 from __future__ import annotations
 

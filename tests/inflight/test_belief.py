@@ -80,7 +80,7 @@ def test_a_fix_at_a_step_is_that_of_the_planner() -> None:
 
 
 def test_the_truth_is_in_the_ellipses_as_often_as_they_say() -> None:
-    """Truths of the law, two fixes within steps: squared distances are those of two components.
+    """Truths of the law, two fixes within steps: squared distances have two components.
 
     Winds are not linear in the position, so 2 % of the coverage are left for that.
     """

@@ -1,4 +1,4 @@
-"""Every message that ``follow`` sends, read by MAVSDK, whose parser (libmav) is not that of pymavlink."""
+"""Every message that ``follow`` sends, read by MAVSDK, whose parser (libmav) is independent of pymavlink."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def by_kind(message: Any) -> tuple[str, int]:
 
 
 def compare(read: dict[str, Any], meant: dict[str, Any]) -> None:
-    """The fields that MAVSDK has read are those of the command."""
+    """The fields that MAVSDK has read agree with the command."""
     if meant.get("message") == SET_ORIGIN:
         assert (read["latitude"], read["longitude"]) == (meant["x"], meant["y"])
         assert read["altitude"] == round(1e3 * meant["z"])

@@ -111,7 +111,7 @@ def test_fixes_that_agree_with_each_other_are_believed_in_the_end() -> None:
 def test_silence_is_an_alarm_and_the_plan_is_assumed() -> None:
     readings = [r for r in as_planned() if not 800.0 < r.time < 2000.0]
     events = list(new_watch(alarm=1.0).events(readings))
-    assert "no telemetry for 1200 s: the plan's own controls are assumed" in alarms(events)["silence"]
+    assert "no telemetry for 1200 s: the controls of the plan are assumed" in alarms(events)["silence"]
     np.testing.assert_allclose([events[-1]["x"], events[-1]["y"]], PATH.x[-1], atol=2.5)
 
 
@@ -233,7 +233,7 @@ def test_a_damaged_journal_is_named(tmp_path) -> None:
 
 
 def test_a_flight_as_planned_is_in_its_corridor_within_steps() -> None:
-    """Half-way along a leg the planned position is half-way, not that of the next step."""
+    """Half-way along a leg the planned position is half-way, not at the next step."""
     events = list(new_watch(every=30.0, alarm=1.0).events(as_planned(every=10.0, until=6.0 * DT)))
     status = [event for event in events if event["event"] == "status"]
     assert len({event["time"] % DT for event in status}) > 2

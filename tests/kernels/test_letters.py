@@ -47,7 +47,7 @@ TASKS = {formula: task(formula) for formula in FORMULAS}
 
 
 def sampled_states(problem: Problem, x: FloatArray) -> IntArray:
-    """By dense samples of each step: cells seen between those of its ends."""
+    """States from dense samples of each step: the cells between the cells of its ends."""
     logic = problem.reading(0)
     cells = problem.locate(x)
     q = int(logic.delta[logic.initial, cells[0]])

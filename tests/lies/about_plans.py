@@ -274,7 +274,7 @@ PLAN_LIES = (
         "paper",
     ),
     Lie("a model is another", in_plan(lambda p: put(p, "models", "law", value="calm")), ("plan: models",)),
-    Lie("headings are those of the grid", in_plan(_turned), EARTH),
+    Lie("headings are relative to the grid", in_plan(_turned), EARTH),
     Lie(
         "a place on Earth is another",
         in_plan(lambda p: scaled(p, "lat", 4, factor=1.00001)),

@@ -209,12 +209,12 @@ ERROR_LIES = (
     ),
     Lie("the wind is known for longer", in_wind(_shorter("known_until", 2.0)), ("wind: known until",)),
     Lie(
-        "the wind is that of another level",
+        "the wind belongs to another level",
         in_wind(lambda file: file.attrs.update(level="100m")),
         ("wind: law of forecast errors",),
     ),
     Lie(
-        "the wind of the sample is that of another level",
+        "the wind of the sample belongs to another level",
         in_wind(lambda file: file.attrs.update(level="100m")),
         ("wind: level and leads",),
         only="paper",

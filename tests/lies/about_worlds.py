@@ -116,15 +116,17 @@ WORLD_LIES = (
     Lie(
         "a transition is another",
         in_json("automaton.json", _shortcut),
-        ("mission: automaton is that of the formula", "mission: automaton.hoa is automaton.json"),
+        ("mission: automaton follows from the formula", "mission: automaton.hoa is automaton.json"),
     ),
     Lie(
         "a state accepts",
         in_json("automaton.json", lambda a: put(a, "accepting", 1, value=True)),
-        ("mission: automaton is that of the formula",),
+        ("mission: automaton follows from the formula",),
     ),
     Lie("an edge of the HOA file is another", _hoa_edge, ("mission: automaton.hoa is automaton.json",)),
-    Lie("the formula is another everywhere", _other_formula, ("mission: automaton is that of the formula",)),
+    Lie(
+        "the formula is another everywhere", _other_formula, ("mission: automaton follows from the formula",)
+    ),
     Lie(
         "the formula of the plan is another",
         in_plan(lambda p: p.update(formula="F a")),

@@ -39,7 +39,7 @@ def test_aliases_that_double_are_worked_out_once_each() -> None:
     [
         (text(states="States: 1000000000"), "1000000000 states; 16777216 are the limit"),
         (text(states=f"States: {'9' * 5000}"), "line 2: a number of states has 5000 digits"),
-        (text(label="9" * 5000), "is no label"),
+        (text(label="9" * 5000), "is not a label"),
         (text(label="(" * 5000 + "0"), "line 9: a label nested deeper than 200 levels"),
         (text(label="!" * 5000 + "0"), "nested deeper than 200 levels"),
         (text("\n".join(["Alias: @a 0", *["Alias: @a !@a"] * 300]), "@a"), "nested deeper than 200 levels"),

@@ -40,7 +40,7 @@ def read_live_letter(
 def keep_live(
     logic: Reading, kind: IntArray, entries: Mapping[int, float], most: int, planned: int
 ) -> dict[int, float]:
-    """At most ``most`` entries, none dominated: that of V(``planned``), then by V + ``STEP_WORTH`` d_A."""
+    """At most ``most`` entries, none dominated: first V(``planned``), then by V + ``STEP_WORTH`` d_A."""
     if len(entries) <= most:
         return dict(entries)
     order = sorted(entries, key=lambda q: (entries[q] + STEP_WORTH * logic.distance[q], q))

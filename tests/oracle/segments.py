@@ -39,7 +39,7 @@ def cells_on_the_way(problem: Problem, start: FloatArray, end: FloatArray) -> In
 def state_on_the_way(problem: Problem, q: int, ends: FloatArray, cells: tuple[int, int], step: int) -> int:
     """State after the harmful letters between ``ends`` (2, 2) on the way to ``step``.
 
-    ``cells`` are those of the ends, whose labels are letters of steps.
+    ``cells`` are the cells of the ends, whose labels are letters of steps.
     """
     logic = problem.reading(step)
     if problem.reading(step - 1).delta[q, cells[0]] != q:  # the state depends on the number of steps

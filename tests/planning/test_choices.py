@@ -17,7 +17,7 @@ TESTS = Path(choices.__file__).parent
 
 
 def test_every_combination_of_models_prices_its_vertices_exactly(tmp_path):
-    """Uncompiled, in a process of its own: a combination would compile for half a minute."""
+    """Uncompiled, in a separate process: a combination would compile for half a minute."""
     assert len(choices.CHOICES) == 32
     environment = untraced(NUMBA_DISABLE_JIT="1", PYTHONPATH=os.pathsep.join([str(TESTS), *sys.path]))
     done = subprocess.run(

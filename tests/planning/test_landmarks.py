@@ -112,7 +112,7 @@ def test_settings_of_feedback_and_fixes_are_checked(settings, key):
 
 
 def test_fixes_tell_of_every_part_of_the_error():
-    """A part that does not change fades like any other: that of a held field is the last of them."""
+    """A part that does not change fades like any other: the part of a held field is the last of them."""
     p = landmark_problem(error=QUICK_ERROR)
     ends = []
     for part in (ENSEMBLE, HELD):

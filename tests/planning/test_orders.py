@@ -1,4 +1,4 @@
-"""Mission orders: all that the automaton allows, or those of the shortest way where there are too many."""
+"""Mission orders: all that the automaton allows, or with the shortest way where there are too many."""
 
 from __future__ import annotations
 

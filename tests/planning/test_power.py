@@ -66,7 +66,7 @@ def test_energy_is_the_sum_of_power_times_time(cfg: PowerConfig, u: np.ndarray, 
 
 
 def test_a_rotor_that_hovers_draws_profile_and_induced_power() -> None:
-    """The airspeeds of least power and of least power a metre are those of Zeng, Xu and Zhang, Fig. 3."""
+    """The airspeeds of least power and of least power per metre agree with Zeng, Xu and Zhang, Fig. 3."""
     robot: RobotConfig = section_of("robot", "multirotor")
     curve = model_of(replace(robot.power, base=0.0)).curve
     assert curve.watts(np.zeros(1))[0] == pytest.approx(79.86 + 88.63)

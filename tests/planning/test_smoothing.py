@@ -159,7 +159,7 @@ def test_a_convex_optimum_agrees_with_a_general_purpose_optimiser():
     [("phi1", "F(a & F b & F c)", 16.916), ("phi2", "F(a & F(b & F c)) | F(a & F(d & F c))", 14.04)],
 )
 def test_calm_missions_end_within_a_thousandth_of_the_exact_optimum(name, formula, optimum):
-    """The optimum is that of an exact visibility graph, in units of 100 km."""
+    """The optimum comes from an exact visibility graph, in units of 100 km."""
     import yaml
 
     from pareto_ltl.settings import SceneConfig

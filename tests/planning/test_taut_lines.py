@@ -64,7 +64,7 @@ def stops_of(problem, names):
 
 def shortfall(problem, line, deviations, z):
     """How much [m] the line comes too near to an obstacle: 0 if every step has a face that both its ends
-    keep z deviations from. Steps are those of still air."""
+    keep z deviations from. Steps are made in still air."""
     n = [max(1, math.ceil(math.dist(p, q) / problem.reach)) for p, q in itertools.pairwise(line)]
     points = np.vstack([
         p + np.arange(k)[:, None] / k * (q - p) for k, p, q in zip(n, line, line[1:], strict=False)

@@ -1,4 +1,4 @@
-"""The page of a result: its numbers are those of the files, it loads nothing, and no text in it is markup."""
+"""The page of a result: its numbers agree with the files, it loads nothing, and no text in it is markup."""
 
 from __future__ import annotations
 

@@ -206,7 +206,7 @@ def test_results_that_hold_no_front_are_refused(
 
 def test_a_choice_does_not_replace_its_source(made: dict[str, Path]) -> None:
     kept = (made["paper"] / "plan.json").read_bytes()
-    with pytest.raises(ConfigError, match="would overwrite its own source"):
+    with pytest.raises(ConfigError, match="would overwrite its source"):
         pareto_ltl.choose(made["paper"], knee=True, out=made["paper"].parent / "x" / ".." / "paper")
     assert (made["paper"] / "plan.json").read_bytes() == kept
 

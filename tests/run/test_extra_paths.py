@@ -1,4 +1,4 @@
-"""Paths from a file that are judged with those of a run."""
+"""Paths from a file that are judged with the paths of a run."""
 
 from __future__ import annotations
 

@@ -136,7 +136,7 @@ def test_a_folder_without_a_result_and_words_that_are_no_fix_are_refused(
 ) -> None:
     with pytest.raises(DataError):
         pareto_ltl.replan(tmp_path, "5h")
-    with pytest.raises(ConfigError, match="would overwrite its own source"):
+    with pytest.raises(ConfigError, match="would overwrite its source"):
         pareto_ltl.replan(made, "5h", out=made)
     with pytest.raises(ConfigError, match="LAT,LON,SD"):
         read_fix("37.5,-93.2")
@@ -161,7 +161,7 @@ def test_the_rule_of_the_rest_has_the_length_that_is_left(made: Path) -> None:
 
 
 def test_a_newer_forecast_is_the_wind_of_the_rest(made: Path, tmp_path: Path, caplog: Any) -> None:
-    """Here the forecast of the plan itself, which is not newer: the position is that of the plan."""
+    """Here the forecast of the plan itself, which is not newer: the position is taken from the plan."""
     old = Results(made)
     source = Path(pareto_ltl.__file__).parent / "support" / "data" / "gfs_conus_20181009.csv"
     place = tmp_path / "newer"

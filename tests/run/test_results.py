@@ -229,7 +229,7 @@ def test_files_that_hold_other_numbers_of_paths_are_no_front(tmp_path: Path) -> 
         ("path_001/x", np.zeros((5, 2)), "path_001/x must have shape"),
         ("path_000/u", np.zeros((5, 2)), "path_000/u must have shape"),
         ("failed", np.zeros((3, 2000), bool), "2 rates need flights as rows"),
-        ("fidelity", np.array(["best"]), "'best' is no label of a fidelity"),
+        ("fidelity", np.array(["best"]), "'best' is not a label of a fidelity"),
     ],
 )
 def test_an_archive_that_is_no_front_is_refused(name: str, array: Any, words: str, tmp_path: Path) -> None:

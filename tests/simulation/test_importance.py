@@ -423,7 +423,7 @@ def test_a_count_that_contradicts_the_weighted_rate_is_what_is_promised(caplog, 
     monkeypatch.setattr(promises, "count_failures", lambda *_: 4)
     rate = fresh_rate(*straight(4.0), 5000, SeedSequence(4))
     assert rate == counted_rate("independent", 4, 5000)
-    assert "is not that of 5000 fresh ones in independent winds" in caplog.text
+    assert "does not agree with 5000 fresh ones in independent winds" in caplog.text
 
 
 def test_without_half_spaces_the_count_is_what_is_promised(monkeypatch):

@@ -339,7 +339,7 @@ def test_a_threshold_holds_for_the_promise_and_not_for_the_claim_alone(
 
 @pytest.mark.statistical
 def test_a_rare_failure_is_promised_from_weighted_flights(task, wind, front, monkeypatch):
-    """With every failure called rare: the rate is that of plain flights to 5.3 standard errors."""
+    """With every failure called rare: the rate agrees with plain flights to 5.3 standard errors."""
     monkeypatch.setattr(promises, "RARE", 1.0)
     path, promise = promise_path(SelectionConfig(runs=4000), task, wind, front, SeedSequence(5))
     assert promise.rate.method == WEIGHTED

@@ -197,7 +197,7 @@ def test_of_starts_that_do_not_differ_the_earliest_is_recommended_whichever_seem
 
 
 def test_a_start_that_seems_worse_is_not_recommended_for_being_early() -> None:
-    """The first start may be as good, but its estimate is 1.4 times that of the second."""
+    """The first start may be as good, but its estimate is 1.4 times the estimate of the second."""
     few = {time: [flown_front(LENGTHS[:1], flags([k], 400))] for time, k in ((0.0, 28), (1.0, 20))}
     few[0.0][0] = flown_front(LENGTHS[:1], np.roll(few[0.0][0].failed, 20, axis=1))
     comparison = compare_fronts(few)

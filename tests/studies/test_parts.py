@@ -68,7 +68,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_does_so_with_the_same_bytes(
 
     with pytest.raises(KeyboardInterrupt):
         parts.work_parts(ONE, tmp_path / "a", weary, 0, some(4))
-    assert f"2 of 4 parts are kept; evaluation.resume={tmp_path / 'a'}" in capsys.readouterr().err
+    assert f"2 of 4 parts are stored; evaluation.resume={tmp_path / 'a'}" in capsys.readouterr().err
     parts.work_parts(ONE, tmp_path / "a", square, 0, some(4))
     assert CALLS == [0, 1, 2, 3]
     parts.work_parts(ONE, tmp_path / "b", square, 0, some(4))

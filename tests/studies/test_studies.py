@@ -317,7 +317,7 @@ def test_models_are_not_changed_unless_asked_for() -> None:
 
 @pytest.mark.no_cover  # coverage slows the compiler down, and other tests run the same lines
 def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records, tmp_path: Path) -> None:
-    """Parts of the default are shared; the flights of a level are those of its plan in the run's world."""
+    """Parts of the default are shared; the flights of a level fly its plan in the run's world."""
     wanted = AblationConfig(
         factors=["parents", "collision_bound", "refine"], parents=["dominance", "tchebycheff"]
     )

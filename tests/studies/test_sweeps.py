@@ -262,7 +262,7 @@ def test_a_figure_by_what_is_not_varied_stops_the_sweep_before_its_first_job(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert app.run_hydra(["-m", "+experiment=phi1", "seed=0,1", "sweep.by=planner.n_max"]) == 2
-    assert "sweep.by=planner.n_max is no setting that this sweep varies; there are seed" in (
+    assert "sweep.by=planner.n_max is not a setting that this sweep varies; there are seed" in (
         capsys.readouterr().err
     )
     assert list(here.iterdir()) == []

@@ -53,8 +53,8 @@ def test_a_header_that_claims_terabytes_is_refused_by_the_size_of_its_data(tmp_p
         (npy(np.array([{}])), "expected numbers or text"),
         (npy(np.zeros(1, "datetime64[s]")), "expected numbers or text"),
         (npy(np.zeros(3))[:20], "header that is not understood"),
-        (b"", "no array"),
-        (b"\x93NUMPY\x09\x00", "no array of NumPy's format"),
+        (b"", "not an array"),
+        (b"\x93NUMPY\x09\x00", "not an array of NumPy's format"),
         (npy(np.zeros(3)) + b"more", "is not the size of its data"),
     ],
 )

@@ -97,5 +97,5 @@ def test_a_server_that_is_not_there_is_named():
 
 @pytest.mark.parametrize("url", ["file:///etc/passwd", "ftp://x/y", "/etc/passwd", "data:,x"])
 def test_only_web_addresses_are_fetched(url):
-    with pytest.raises(DataError, match="is no web address"):
+    with pytest.raises(DataError, match="is not a web address"):
         fetch_bytes(url, 100)

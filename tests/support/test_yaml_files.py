@@ -30,7 +30,7 @@ def merging(levels: int) -> str:
         (doubling(30), "line 7: its aliases expand to more than 1,000,000 values"),
         (merging(30), "its aliases expand to more than 1,000,000 values"),
         ("a0: &a0 []\n" + "\n".join(f"a{i + 1}: &a{i + 1} [*a{i}]" for i in range(80)), "nested deeper than"),
-        ("a: &a [*a]", "line 1: an anchor holds its own alias"),
+        ("a: &a [*a]", "line 1: an anchor contains its alias"),
         ("[" * 100, "nested deeper than 64 levels"),
         ("[" * 70 + "]" * 70, "line 1: nested deeper than 64 levels"),
         ("[" * 100_000 + "]" * 100_000, "line 1: nested deeper than 64 levels"),

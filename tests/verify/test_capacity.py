@@ -1,4 +1,4 @@
-"""Flights that run out of energy: the checker's own flights against those of the planner."""
+"""Flights that run out of energy: flights of the checker against flights of the planner."""
 
 from __future__ import annotations
 

@@ -278,7 +278,7 @@ def test_a_time_step_that_was_left_to_the_planner_is_that_of_the_metrics(
 
 @pytest.mark.parametrize("runs", [20] if BY_DAY else [20, 300])
 def test_a_promise_of_few_flights_holds(runs: int, tmp_path: Path) -> None:
-    """Few flights with no failure among them: the promise is that of weighted ones, at any rate."""
+    """Few flights with no failure among them: the promise is computed from weighted ones in any case."""
     small = SMALL | {"selection": {"draws": 200, "runs": runs}, "deployment": {"runs": 100}}
     made = pareto_ltl.plan("phi1", "F a", fidelity="full", out=tmp_path / "few", **small)
     assert [finding.claim for finding in verify(tmp_path / "few") if not finding.holds] == []

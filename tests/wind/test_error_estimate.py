@@ -191,7 +191,7 @@ def test_without_forecasts_the_packaged_errors_are_kept_and_marked() -> None:
     law = estimated_law(found, "made", usual)
     assert law.forecast_sd.tolist() == usual.forecast_sd.tolist()
     origin = error_document(found, law, usual.name, [], "none")["origin"]
-    assert "error of forecasts kept from gfs, since no forecast can be compared with analyses" in origin
+    assert "error of forecasts taken from gfs, since no forecast can be compared with analyses" in origin
 
 
 def test_a_coarser_blocking_gives_the_same_estimate_and_more_blocks_a_narrower_stretch() -> None:

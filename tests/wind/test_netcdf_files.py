@@ -247,7 +247,7 @@ def test_the_level_is_picked_and_those_there_are_are_listed(tmp_path):
         read(path, "50m")
     with pytest.raises(DataError, match=r"no wind at 925 hPa; it has 10m, 80m, 100m"):
         read(path, "925hPa")
-    with pytest.raises(ConfigError, match="is no level"):
+    with pytest.raises(ConfigError, match="is not a level"):
         read(path, "high")
 
 
@@ -275,7 +275,7 @@ def test_members_are_snapshots_and_other_dimensions_are_refused(tmp_path):
     np.testing.assert_allclose(snapshots[1].winds[:, 0], 0.1 * snapshots[1].points[:, 0])
     dims = ("time", "colour", "lat", "lon")
     path = write(tmp_path / "b.nc", described(u=(dims, u, U), v=(dims, u, V)))
-    with pytest.raises(DataError, match="has 2 values along colour, which is no time, level, member"):
+    with pytest.raises(DataError, match="has 2 values along colour, which is not a time, level, member"):
         read(path)
 
 

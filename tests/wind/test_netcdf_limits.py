@@ -55,7 +55,7 @@ def test_a_variable_that_claims_more_than_the_file_has_is_not_read(
         (lambda file: file.pop("v"), "cannot be read"),
         (lambda file: file.attrs.update(spacing=0.0), "no spacing"),
         (lambda file: file.attrs.update(origin=5.0), "cannot be read"),
-        (lambda file: file.attrs.update(score="[1]"), "score is no JSON object"),
+        (lambda file: file.attrs.update(score="[1]"), "score is not a JSON object"),
         (lambda file: file.attrs.update(score="[" * 10**5), "cannot be read"),
         (lambda file: file.attrs.update(score='{"a": {}}'), "cannot be read"),
         (lambda file: file.attrs.pop("spacing"), "cannot be read"),

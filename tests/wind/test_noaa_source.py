@@ -109,7 +109,7 @@ def test_a_cycle_may_be_named_and_one_that_is_none_is_refused():
         files = noaa.noaa_files(cfg(server, cycle="2018-10-09T00:00:00Z"), START)
         assert files[0].name.startswith("gfs.t00z.pgrb2.0p25.f006")
         with pytest.raises(
-            ConfigError, match=r"wind.cycle=2018-10-09T05:00:00Z is no start of a gfs forecast"
+            ConfigError, match=r"wind.cycle=2018-10-09T05:00:00Z is not a start of a gfs forecast"
         ):
             noaa.noaa_files(cfg(server, cycle="2018-10-09T05:00:00Z"), START)
         with pytest.raises(
@@ -159,8 +159,8 @@ def test_a_fault_that_passes_changes_nothing(fault):
 @pytest.mark.parametrize(
     ("name", "fault", "words"),
     [
-        (".idx", 404, r"no cycle of gfs that covers .* is there \(.*\.idx is not there \(status 404"),
-        (".idx", 403, r"no cycle of gfs that covers .* is there \(.*\.idx is not there \(status 403"),
+        (".idx", 404, r"no cycle of gfs that covers .* is available \(.*\.idx is not there \(status 404"),
+        (".idx", 403, r"no cycle of gfs that covers .* is available \(.*\.idx is not there \(status 403"),
         (".idx", "html", r"\.idx is a web page, not an inventory"),
         (".idx", "drop", r"cannot be fetched"),
         ("", "html", r"the server sends other bytes|are no whole GRIB message|cannot be fetched"),
@@ -211,7 +211,7 @@ def test_a_cache_that_others_may_write_is_not_used(tmp_path, caplog):
     assert len(files) == 4
     assert all(file.read_bytes() and shared not in file.parents for file in files)
     assert list(shared.iterdir()) == []
-    assert "downloads are not kept in" in caplog.text
+    assert "downloads are not stored in" in caplog.text
 
 
 def test_a_full_cache_is_left_for_a_folder_of_the_run(monkeypatch, tmp_path, caplog):

@@ -159,7 +159,7 @@ def test_a_packed_table_is_read_as_the_table_it_holds(tmp_path):
         (lambda data: b"time,lat,lon,u,v", "cannot be read: Not a gzipped file"),
         (lambda data: data[:-20], "damaged or cut off"),
         (lambda data: data[:30] + b"\x00\xff" * 20 + data[70:], "damaged or cut off|cannot be read"),
-        (lambda data: gzip.compress(b"\xff\xfe\x00"), "is no CSV text"),
+        (lambda data: gzip.compress(b"\xff\xfe\x00"), "is not CSV text"),
     ],
 )
 def test_a_packed_table_that_is_damaged_is_refused(tmp_path, spoil, words):
@@ -334,7 +334,7 @@ BAD_TABLES = {
     "infinite": ([*GOOD, "2018-10-09T00:00:00Z,35,-90,inf,1"], r"row 38: expected finite"),
     "word": ([*GOOD, "2018-10-09T00:00:00Z,35,-90,strong,1"], r"row 38: u is 'strong'; expected a number"),
     "long word": ([*GOOD, f"{'9' * 5000},35,-90,1,1"], r"row 38: time is '9{20,80}\.\.\.9{20,80}'; expected"),
-    "open quote": ([*GOOD[:4], '"' + "x" * 200_000, *GOOD[4:]], r"no CSV text \(field larger than"),
+    "open quote": ([*GOOD[:4], '"' + "x" * 200_000, *GOOD[4:]], r"not CSV text \(field larger than"),
     "NUL": ([*GOOD, "2018-10-09T00:00:00Z,35,-90,1\0,1"], r"row 38: u is '1.x00'; expected a number"),
     "short row": ([*GOOD, "2018-10-09T00:00:00Z,35,-90"], r"row 38: u is ''"),
     "time": (["yesterday,35,-90,1,1", *GOOD], r"row 2: time is 'yesterday'; expected an ISO 8601 time"),
@@ -368,7 +368,7 @@ def test_rows_are_counted_as_an_editor_counts_them(tmp_path):
     [
         (b"", "is empty"),
         (b"time,lat,u,v\n", "missing column lon"),
-        (b"\x00\xff\xfe\x80GRIB", "no CSV text"),
+        (b"\x00\xff\xfe\x80GRIB", "not CSV text"),
     ],
 )
 def test_a_file_that_is_no_table_is_refused(content, words, tmp_path):

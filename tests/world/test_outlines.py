@@ -22,8 +22,8 @@ def blob(corners, radius=200.0, roughness=0.01, seed=0):
 
 
 def farthest(shape, other):
-    """Largest distance from a corner of ``shape`` to ``other``, which is that of all its points if it is
-    larger than ``other`` by little."""
+    """Largest distance from a corner of ``shape`` to ``other``, which is the distance of all its points if
+    ``shape`` is only slightly larger than ``other``."""
     return shapely.distance(shapely.points(shapely.get_coordinates(shape)), other).max()
 
 

@@ -89,8 +89,8 @@ def test_turning_a_quarter_makes_east_north():
     ("crs", "words"),
     [
         ("EPSG:4326", "degrees"),
-        ("+proj=nonsense", "no coordinate system"),
-        ("somewhere", "no coordinate system"),
+        ("+proj=nonsense", "PROJ does not know scene.crs"),
+        ("somewhere", "PROJ does not know scene.crs"),
     ],
 )
 def test_a_plane_that_is_none_is_refused(crs, words):

@@ -291,7 +291,7 @@ def test_no_sliver_is_left_between_a_border_and_the_bounds(tmp_path, turn):
             "the border has a hole or several parts",
         ),
         ((feature("landmark", [square(5.2, 60.2)], until="6h"),), "landmark 1 has times"),
-        ((feature("obstacle", [], "GeometryCollection"),), "no GeometryCollection as GeoJSON writes it"),
+        ((feature("obstacle", [], "GeometryCollection"),), "not a GeometryCollection of GeoJSON"),
         ((feature("obstacle", [[5.0], [6.0]], "LineString", buffer=5),), "a corner of obstacle 1 is [5.0]"),
         ((feature("obstacle", [[]], "LineString", buffer=5),), "a corner of obstacle 1"),
         ((feature("obstacle", 5, "MultiPoint", buffer=5),), "no MultiPoint as GeoJSON writes it"),
@@ -334,7 +334,7 @@ def test_a_start_and_a_region_outside_of_a_fence_are_named(tmp_path):
 
 def test_a_region_both_visited_and_avoided_has_no_careful_side(tmp_path):
     margin = feature("region", [square(5.3, 60.3, 0.05)], name="b", buffer=100)
-    with pytest.raises(DataError, match="both visits it and keeps out of it"):
+    with pytest.raises(DataError, match="both visits and avoids it"):
         scene_of(tmp_path, START, GOAL, margin, use=("ab", "b"))
 
 

@@ -78,7 +78,7 @@ def test_the_log_says_what_was_simplified(caplog):
         scene_of({"a": rough_disc(50, 4, 15, 2)}, [rough_disc(2431, 13, 13)], use=("a", "a"))
     assert "obstacle 1: 2,431 corners simplified to " in caplog.text
     assert ", at most 40.0 m outwards (scene.simplify)" in caplog.text
-    assert "region 'a' keeps its 50 corners: the mission visits it and keeps out of it" in caplog.text
+    assert "region 'a' keeps its 50 corners: the mission both visits and avoids it" in caplog.text
 
 
 @pytest.mark.parametrize("gap", [400.0, 40.0, 0.5])

@@ -1,7 +1,7 @@
 """The launcher of sweeps on an existing cluster of Dask: ``hydra/launcher=dask``.
 
-Hydra has none that begins on a cluster that is there. This module holds what needs Hydra; the connection is
-that of studies (``pareto_ltl.studies.cluster``).
+Hydra has no launcher for an existing cluster. This module holds what needs Hydra; studies use the same
+connection (``pareto_ltl.studies.cluster``).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class DaskLauncher(Launcher):
 
 
 def _run(row: tuple[int, tuple[str, ...]], shared: tuple[Any, ...]) -> JobReturn:
-    """One job in a worker, which is a process of its own."""
+    """One job in a worker, which is a separate process."""
     number, words = row
     context, task, config, state = shared
     setup_globals()

@@ -1,4 +1,4 @@
-"""The folders of the entry points ``pareto_ltl.conf`` on Hydra's search path, behind those of pareto_ltl."""
+"""The folders of the entry points ``pareto_ltl.conf`` on Hydra's search path, after the built-in folders."""
 
 from __future__ import annotations
 

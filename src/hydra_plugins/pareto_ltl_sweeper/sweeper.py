@@ -1,7 +1,7 @@
-"""The sweeper: a grid becomes points with names, and those without an answer go to a launcher.
+"""The sweeper: a grid becomes points with names, and points without a result go to a launcher.
 
-Hydra's own sweeper runs every point again. This one names each by the fingerprint of what it comes to, so
-that it knows which are done; it checks every point before it makes a directory, and goes on after jobs or
+Hydra's basic sweeper runs every point again. This one names each point by the fingerprint of its settings, so
+that it knows which are done; it checks every point before it makes a directory, and continues after jobs or
 launches that were killed (``pareto_ltl.studies.jobs``). This module holds what needs Hydra.
 """
 
@@ -41,13 +41,13 @@ class PointsSweeper(BasicSweeper):
         self.task_function = task_function
 
     def sweep(self, arguments: list[str]) -> Any:
-        """Check all points, run those without an answer, write the summary."""
+        """Check all points, run those without a result, write the summary."""
         from pareto_ltl.support.locks import claim_folder
 
         assert self.config is not None
         place = Path(str(self.config.hydra.sweep.dir))
         manifest, words, resume = self._points(arguments)
-        another = "give this one a folder of its own with hydra.sweep.dir=FOLDER"
+        another = "give this one another folder with hydra.sweep.dir=FOLDER"
         with claim_folder(place / SWEEP_LOCK, "a sweep", another):
             manifest.write_to(place)
             OmegaConf.save(self.config, place / "multirun.yaml")

@@ -1,4 +1,4 @@
-"""Tab completion: that of Hydra, extended by the commands."""
+"""Tab completion of Hydra, extended by the commands."""
 
 from __future__ import annotations
 

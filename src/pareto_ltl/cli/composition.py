@@ -1,6 +1,6 @@
 """Hydra composes ``conf/`` once for each command; the checks and the run use the same configuration.
 
-Errors of the user are found here, before Hydra makes a directory, and give one line.
+Errors of the user are detected here, before Hydra makes a directory, and give one line.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def register_schema() -> None:
     store.store(name="settings", node=Settings)
     for path in sorted(
         resource_folder("pipelines").glob("*.yaml")
-    ):  # those of other packages: their search path
+    ):  # pipelines of other packages are on their search path
         store.store(group="pipelines", name=path.stem, node=OmegaConf.load(path))
 
 
@@ -109,7 +109,7 @@ class ComposedHydra(Hydra):
 
 @contextmanager
 def opened_hydra(arguments: argparse.Namespace) -> Iterator[ComposedHydra]:
-    """Hydra with the shipped configuration folder and that of ``--config-dir``."""
+    """Hydra with the shipped configuration folder and the folder of ``--config-dir``."""
     register_schema()
     hydra_version.setbase(VERSION_BASE)
     place = str(arguments.config_path or resource_folder("conf"))
@@ -167,7 +167,7 @@ class PreparedRun:
 
 @dataclass(frozen=True, slots=True)
 class PreparedSweep:
-    """Many runs: each job makes its own settings."""
+    """Many runs: each job makes its settings."""
 
     config: DictConfig
     pipeline: None = None
@@ -232,7 +232,7 @@ def _prepare_sweep(
 
 
 def _pin(config: DictConfig, key: str, value: str, written: str | None = None) -> None:
-    """Set a value of Hydra's own in the composed configuration, and for the jobs of a sweep."""
+    """Set a value of Hydra in the composed configuration, and for the jobs of a sweep."""
     OmegaConf.update(config, key, value)
     config.hydra.overrides.hydra.append(f"{key}={written or value}")
 

@@ -50,5 +50,5 @@ def described_composition() -> Iterator[None]:
         raise ConfigError("the configuration is nested too deeply, or its defaults name each other") from None
     except Exception as error:
         raise ConfigError(
-            f"the configuration cannot be composed ({one_line(error)}); check your own configuration files"
+            f"the configuration cannot be composed ({one_line(error)}); check your configuration files"
         ) from error

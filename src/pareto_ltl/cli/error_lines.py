@@ -27,7 +27,7 @@ CONFIGURATION_ERRORS: tuple[type[Exception], ...] = (
     MemoryError,
 )
 OF_A_RESOLVER = "ConfigError raised while resolving interpolation: "  # what OmegaConf writes before it
-LINE_WIDTH = 300  # characters that are kept of a message of Hydra
+LINE_WIDTH = 300  # characters of a message of Hydra that are shown
 LETTERS = "letters beyond ASCII need two pairs of quotes: "
 SMALLER = "lower planner.n_max, planner.trees, deployment.runs or report.dpi"
 QUOTES = "a value with spaces or ( ) [ ] { } & | ! needs two pairs of quotes: "

@@ -25,12 +25,12 @@ def export_command(argv: Sequence[str]) -> Answer:
     )
     parser.add_result()
     parser.add_point()
-    parser.add_argument("--formats", metavar="A,B", help="default: those of the run")
+    parser.add_argument("--formats", metavar="A,B", help="default: the formats of the run")
     parser.add_argument(
         "--to", type=Path, metavar="DIR2", help="default: DIR/exports, or DIR/exports_point_N"
     )
     parser.add_argument(
-        "--altitude", metavar="M", help="height above the start [m]; default: that of the wind"
+        "--altitude", metavar="M", help="height above the start [m]; default: the height of the wind"
     )
     parser.add_argument(
         "--between",

@@ -110,8 +110,8 @@ def _add_sending(parser: CommandArguments) -> None:
         help="number of the vehicle; default: the first one heard",
     )
     parser.add_argument(
-        "--vehicle-clock", action="store_true", help="count time by the vehicle's own clock, as of a "
-        "simulated one that flies faster",
+        "--vehicle-clock", action="store_true", help="take the time from the vehicle's clock, for a "
+        "simulated vehicle that flies faster than real time",
     )  # fmt: skip
     parser.add_argument(
         "--signing-key", type=Path, metavar="FILE", help="key of MAVLink 2: 64 hexadecimal digits, or a "

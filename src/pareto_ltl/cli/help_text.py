@@ -32,7 +32,7 @@ EXAMPLES = """\
   pareto-ltl +experiment=phi1 seed=1,2 -m                  the Hydra form: plan, with every combination"""
 FLAGS = """\
   -m, --multirun  run every combination of key=value1,value2 or key=range(first,beyond)
-  --config-dir    a folder with your own choices; --hydra-help: Hydra's own flags
+  --config-dir    a folder with your own choices; --hydra-help: flags of Hydra
   --cfg job       show the settings of a command line, and run nothing
   --help          this text; --help=all: every choice and every setting; --version: the version
   --json          one JSON document on stdout; --quiet: paths alone; --verbose: a longer summary"""
@@ -66,7 +66,7 @@ def full_help(settings: Settings, groups: Groups) -> str:
         ("Commands (plan, where none is given)", _command_lines()),
         ("Examples", EXAMPLES),
         ("Choices (group=choice; +experiment=choice, +sweep=choice)", _group_lines(groups, plus=False)),
-        ("Settings (key=value; values are those of this command line)", _section_lines(settings)),
+        ("Settings (key=value; values as set by this command line)", _section_lines(settings)),
         ("Flags", FLAGS),
         ("More", MORE),
     )

@@ -128,11 +128,11 @@ class HydraJob:
     argv, overrides : tuple of str
         The command line as typed, and the settings that all jobs share.
     pipeline : Pipeline or None
-        The checked pipeline of a single run; None if each job makes its own from its configuration.
+        The checked pipeline of a single run; None if each job makes one from its configuration.
     output : Output
         What is printed.
     answer : Answer
-        That of a single run, or of all jobs of a sweep once they have ended.
+        The result of a single run, or of all jobs of a sweep once they have ended.
     codes : list of int
         Exit codes of the jobs so far.
     process : int
@@ -224,7 +224,7 @@ def _chosen_directory() -> bool:
 
 
 def _task_overrides() -> list[str]:
-    """The overrides of this run, without those of Hydra."""
+    """The overrides of this run, without the overrides of Hydra."""
     return [str(word) for word in HydraConfig.get().overrides.task]
 
 

@@ -27,7 +27,7 @@ class Output(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a command found.
+    """The result of a command.
 
     Attributes
     ----------

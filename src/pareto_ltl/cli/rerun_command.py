@@ -1,4 +1,4 @@
-"""``pareto-ltl rerun DIR``: make a result again from its own settings, and compare byte by byte."""
+"""``pareto-ltl rerun DIR``: make a result again from its settings, and compare byte by byte."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def rerun_command(argv: Sequence[str]) -> Answer:
     """Make a result again; the exit code is 0 if it is the same, 1 if it differs."""
     parser = CommandArguments(
         prog="pareto-ltl rerun",
-        description="Make a result again from its own settings and compare both, byte by byte. Nothing is "
+        description="Make a result again from its settings and compare both, byte by byte. Nothing is "
         "written outside the second folder.",
     )
     parser.add_argument("directory", type=Path, help="for example multirun/phi2/04b3a3fb44baa8a5")
@@ -175,7 +175,7 @@ def _file_difference(one: Path, two: Path) -> str | None:
 
 
 def _key_of(path: Path, lines: list[bytes]) -> str:
-    """The key of a line of JSON or YAML, in brackets; nothing of other files is quoted."""
+    """The key of a line of JSON or YAML, in brackets; other files are not quoted."""
     keyed = path.suffix in (".json", ".yaml") and lines
     found = re.match(rb'\s*"?([a-z_][a-z0-9_.]{0,39})"?:', lines[0]) if keyed else None
     return f" ({found[1].decode()})" if found else ""

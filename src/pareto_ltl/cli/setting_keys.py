@@ -1,4 +1,4 @@
-"""From a composed configuration to :class:`Settings`; raises ConfigError for keys that do not exist."""
+"""Turns a composed configuration into :class:`Settings`; raises ConfigError for keys that do not exist."""
 
 from __future__ import annotations
 

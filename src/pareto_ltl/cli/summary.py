@@ -87,7 +87,7 @@ def choice_paragraphs(settings: Settings, directory: Path) -> Iterator[str]:
 
 
 def detour_paragraphs(directory: Path) -> Iterator[str]:
-    """What detours through landmarks buy, for a plan with a front."""
+    """How much detours through landmarks reduce the failure rate, for a plan with a front."""
     if not all((directory / name).is_file() for name in ("front.csv", "plan.json", "scene.json")):
         return
     from pareto_ltl.run.results import Results

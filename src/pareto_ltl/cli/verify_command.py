@@ -11,7 +11,7 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.judge import Finding, judge_evidence, unchecked_claims
 
-CLAIM_FAILS = 3  # exit code: 1 is that of a crash, 2 of an input that cannot be read
+CLAIM_FAILS = 3  # exit code; 1 is for a crash, 2 for an input that cannot be read
 
 
 def verify_command(argv: Sequence[str]) -> Answer:

@@ -172,7 +172,7 @@ def estimate_lines(estimate: ErrorEstimate, law: ForecastError, usual: ForecastE
     step = law.persistence_time / HOUR
     yield f"{'persistence':<22}{law.persistence:.2f} over {step:g} h {_interval(found, 1.0, 2)}"
     for what, why in unknown_parts(estimate).items():
-        yield f"note: {what}: {why}; kept from {usual.name}"
+        yield f"note: {what}: {why}; taken from {usual.name}"
     for note in estimate.notes:
         yield f"note: {note}"
 
@@ -183,7 +183,7 @@ def analysis_text(told: Mapping[str, float] | str) -> str:
         return told
     return (
         f"{told['sd']:.2f} m/s (95 %: {told['sd_low']:.2f} to {told['sd_high']:.2f}) from "
-        f"{told['reports']:,} reports at {told['times']} times; a station's own noise "
+        f"{told['reports']:,} reports at {told['times']} times; noise of a station "
         f"{told['station_noise']:.2f} m/s"
     )
 
@@ -217,7 +217,7 @@ def _wind_error_arguments() -> CommandArguments:
     parser.add_argument("--stations", type=Path, nargs="+", default=(), metavar="FILE",
                         help="METAR tables of the same times, for the error of analyses")  # fmt: skip
     parser.add_argument(
-        "--name", type=_short, help="name of the law in reports (default: that of the folder)"
+        "--name", type=_short, help="name of the law in reports (default: name of the folder)"
     )
     parser.add_argument("--max-lag", type=_positive, default=48.0, metavar="HOURS",
                         help="longest change of the wind (default 48)")  # fmt: skip

@@ -1,6 +1,6 @@
 """Corridors that hold the position at a time, or whole flights, with a given probability.
 
-Both are ellipses around the expected positions. Their shape is that of the plan's covariance, and their size
+Both are ellipses around the expected positions. Their shape follows the plan's covariance, and their size
 comes from simulated flights. Of n flights, the k-th smallest size with k = ceil((n + 1) p) holds a fresh
 flight with a probability of at least p (order statistics of exchangeable draws; Vovk, Gammerman and Shafer,
 2005).

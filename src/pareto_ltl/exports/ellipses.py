@@ -47,7 +47,7 @@ def circle_radius(major: FloatArray, minor: FloatArray, share: float) -> FloatAr
 def ellipse_outlines(mean: FloatArray, cov: FloatArray, scale: FloatArray, corners: int) -> FloatArray:
     """Polygons (..., corners, 2) [m], counter-clockwise, that circumscribe ellipses around ``mean`` (..., 2).
 
-    The ellipses are those of ``scale`` (...) standard deviations of ``cov`` (..., 2, 2).
+    The ellipses lie at ``scale`` (...) standard deviations of ``cov`` (..., 2, 2).
     """
     angle = np.arange(corners) * (2.0 * np.pi / corners)
     circle = np.stack([np.cos(angle), np.sin(angle)]) / np.cos(np.pi / corners)  # around the unit circle

@@ -122,7 +122,7 @@ def _rate_sentence(rate: FailureRate, how: str) -> str:
 def exported_plan(
     cfg: ExportsConfig, name: str, level: str, problem: Problem, plan: Plan, seed: SeedSequence
 ) -> ExportedPlan:
-    """The data to export of ``plan``; its map must have a place on Earth. ``level`` is that of the flight."""
+    """The data to export of ``plan``; its map must have a place on Earth. ``level``: of the flight."""
     corridor_seed, held_seed = unspawned(seed).spawn(2)
     lower, upper = cfg.altitude_lower, cfg.altitude_upper
     height = height_of(level) if cfg.altitude is None else Height(cfg.altitude, above_sea=False)
@@ -159,7 +159,7 @@ def feedback_time(problem: Problem) -> float | None:
 
 
 def flown_level(settings: Settings) -> str:
-    """The level of the flight: that of the robot, or that of the wind if the robot has none."""
+    """The level of the flight: the level of the robot, or of the wind if the robot has none."""
     return settings.robot.level or settings.wind.level
 
 

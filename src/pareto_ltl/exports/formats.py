@@ -47,7 +47,7 @@ POLE_MARGIN = 0.2  # of the size of the map: corridors may reach beyond it
 
 
 def writable_formats(formats: Sequence[str], scene: Scene, t: FloatArray) -> tuple[tuple[str, ...], str]:
-    """Those of ``formats`` that can be written for a plan with times ``t`` (T+1,) [s]; why not the others.
+    """The ``formats`` that can be written for a plan with times ``t`` (T+1,) [s]; why not the others.
 
     The reason is empty if all of them can be written.
     """

@@ -83,7 +83,7 @@ def _map_features(exported: ExportedPlan) -> list[Feature]:
 
 
 def true_fix(scene: Scene, number: int) -> dict[str, Any]:
-    """The property ``fix`` of a landmark, with its bearing from true north; none if it has no own error."""
+    """The property ``fix`` of a landmark, with its bearing from true north; none with robot.fix_sd."""
     fix = scene.landmark_fixes[number - 1]
     if fix is None or math.isnan(fix.bearing):
         return {} if fix is None else {"fix": fix_document(fix)}

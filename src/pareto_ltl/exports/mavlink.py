@@ -53,7 +53,7 @@ def mavlink_script(exported: ExportedPlan) -> bytes:
 
 
 def start_sd(exported: ExportedPlan) -> float:
-    """Standard deviation of the position at the start [m], at least that of a good survey."""
+    """Standard deviation of the position at the start [m], at least the one of a good survey."""
     log = exported.log
     return max(math.hypot(log.major[0], log.minor[0]) / math.sqrt(2.0), LEAST_SD)
 

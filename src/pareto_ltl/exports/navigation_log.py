@@ -102,8 +102,8 @@ class NavigationLog:
 def navigation_log(problem: Problem, path: PlannedPath) -> NavigationLog:
     """The log of ``path`` on a map with a place on Earth.
 
-    The expected wind of a leg is that of the plan: with it, x' = A x + dt B u + dt w leads from one expected
-    position to the next. For an aircraft that banks, headings, times and durations are those of
+    The expected wind of a leg is the plan's: with it, x' = A x + dt B u + dt w leads from one expected
+    position to the next. For an aircraft that banks, headings, times and durations come from
     :mod:`pareto_ltl.planning.turns`: legs last longer by the time that their turn takes. Raises ValueError
     for a map without a place on Earth.
     """

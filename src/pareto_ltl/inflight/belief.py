@@ -6,11 +6,11 @@ after the displacement a through the air (measured headings and airspeeds),
 
     x_s = (I + s (A - I)) x_t + a + s dt (μ(x_t) + ψ(x_t)' θ + w),    y = x_s + ν,    ν ~ N(0, R),
 
-linear about the estimate; at the end of a step θ fades as in (M15), and w is drawn anew. So the filter is
-that of the law of the plan, whatever the robot has really flown, and a fix may come at any time.
+linear about the estimate; at the end of a step θ fades as in (M15), and w is drawn anew. So the filter
+follows the law of the plan, whatever the robot has really flown, and a fix may come at any time.
 
 The members are simulated flights of the same law. They fly what the robot has flown, a fix moves them with
-the gains of the filter and errors of their own (perturbed observations, as in the ensemble Kalman filter,
+the gains of the filter and independent errors (perturbed observations, as in the ensemble Kalman filter,
 Evensen 2003, doi:10.1007/s10236-003-0036-9), and the rest of the plan is flown from where they are.
 """
 
@@ -35,7 +35,7 @@ ROUNDING = 1e-9  # of a step
 class Estimate:
     """Position and wind as they are believed: ``mean`` (2,) [m], ``cov`` (2, 2) [m²], and of the wind [m/s].
 
-    The wind is that of this step without its white part.
+    The wind is the wind of this step without its white part.
     """
 
     mean: FloatArray
@@ -50,11 +50,11 @@ class Belief:
     Parameters
     ----------
     problem : Problem
-        That of the plan.
+        The problem of the plan.
     members : int
         Number of simulated flights.
     seed : SeedSequence
-        Of their winds; the same seed and the same readings give the same members.
+        Seed of their winds; the same seed and the same readings give the same members.
     """
 
     def __init__(self, problem: Problem, members: int, seed: SeedSequence) -> None:
@@ -99,7 +99,7 @@ class Belief:
                 self._end_step()
 
     def _local(self) -> LocalWind:
-        """The law at the members at the beginning of this step; that of the last one after the wind's end."""
+        """The law at the members at the beginning of this step; after the wind's end, of its last step."""
         return local_wind(self.law, self._known_step, self.flown[:, -1])
 
     @property

@@ -112,11 +112,11 @@ def _noted(event: Event, watch: Watch, journal: Journal | None, listener: Listen
 
 
 def _same_flight(begin: Event, earlier: Sequence[Event]) -> None:
-    """ConfigError if a journal is that of another plan, or of other settings, or ends with a switch."""
+    """ConfigError if a journal belongs to another plan or to other settings, or ends with a switch."""
     for key in ("schema", "plan", "formula", "departure", "members"):
         if earlier[0].get(key) != begin[key]:
             raise ConfigError(
-                f"the journal is that of another watch: {key} is {earlier[0].get(key)!r} there and "
+                f"the journal belongs to another watch: {key} is {earlier[0].get(key)!r} there and "
                 f"{begin[key]!r} here; give --out for a new one"
             )
     if earlier[-1]["event"] == "switched":

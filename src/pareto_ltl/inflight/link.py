@@ -124,18 +124,18 @@ class LinkSettings:
     Attributes
     ----------
     departure : str or None
-        ``now``, or an ISO 8601 time; None: that of the plan.
+        ``now``, or an ISO 8601 time; None: the departure of the plan.
     sends : tuple of str
         Which of :data:`~pareto_ltl.inflight.sends.KINDS` are sent; nothing by default.
     system : int
         Number of the vehicle; 0: the first autopilot that is heard.
     key : bytes
-        Of signatures; without one nothing is signed, and signatures are not checked.
+        Key of the signatures; without a key messages are not signed, and signatures are not checked.
     prologue : tuple of mapping
         Messages before the departure, with their heights.
     own_clock : bool
-        Whether time is that of the vehicle since it was heard first, as of a simulated one that flies faster
-        than the clock, and not that of the arrival of its messages.
+        Whether time is taken from the vehicle, since its first message, and not from the arrival of its
+        messages: for a simulated vehicle that flies faster than real time.
     """
 
     departure: str | None = None
@@ -185,7 +185,7 @@ class Link:
     Parameters
     ----------
     address : str
-        As pymavlink writes it, e.g. ``udpin:127.0.0.1:14550``, ``tcp:127.0.0.1:5760`` or
+        In pymavlink's form, e.g. ``udpin:127.0.0.1:14550``, ``tcp:127.0.0.1:5760`` or
         ``/dev/ttyUSB0,57600``.
     time_zero : str or None
         Departure of the plan.

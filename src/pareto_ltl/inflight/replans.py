@@ -62,9 +62,9 @@ class Replans:
     settings : ReplanSettings
         When.
     typed : Typed, optional
-        Where the pilot answers.
+        Reads the answers of the pilot.
     earlier : iterable of Event
-        Of the journal that is continued.
+        Events of the journal that is continued.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Replans:
         self.offered: Event | None = None
 
     def answers(self, watch: Watch, event: Event) -> Iterator[Event]:
-        """Start a process where there is news; yields what a finished one found, and the switch to it."""
+        """Start a process where there is news; yields the result of a finished one, and the switch to it."""
         ended = event["event"] == "end"
         if _learnt(event):
             self.fixes.append(_row(event))
@@ -104,7 +104,7 @@ class Replans:
     # --- reasons ---
 
     def _news(self, watch: Watch, event: Event) -> list[str]:
-        """The options of ``pareto-ltl replan`` that tell it the news; none without news."""
+        """The options of ``pareto-ltl replan`` that contain the news; none without news."""
         if watch.over and event["event"] != "end":
             return []
         on_earth, dt = watch.problem.scene.crs is not None, watch.problem.motion.dt

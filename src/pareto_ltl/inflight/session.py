@@ -23,14 +23,14 @@ FOLDER = "follow"  # of a result, for its journal
 
 @dataclass(slots=True)
 class Session:
-    """What follows a flight; :meth:`events` are those of all its plans.
+    """What follows a flight; :meth:`events` yields the events of all its plans.
 
     Attributes
     ----------
     results, folder : Results, Path
         The plan that is followed, and the folder of its journal.
     listeners : sequence of Listener
-        Called with each event; those of new plans come last.
+        Called with each event; events of new plans come last.
     opened : callable, optional
         Called with each result before it is followed.
     """
@@ -89,7 +89,7 @@ class Session:
 
 
 def _later(stream: Iterator[Reading], late: float) -> Iterator[Reading]:
-    """The readings with times after a departure that is ``late`` [s] after that of the stream."""
+    """The readings with times after a departure that is ``late`` [s] after the one of the stream."""
     return stream if late == 0.0 else (replace(one, time=one.time - late) for one in stream)
 
 

@@ -1,8 +1,8 @@
-"""What MAVLink messages and ArduPilot's logs say of one vehicle.
+"""What MAVLink messages and ArduPilot's logs report about one vehicle.
 
 A position is trusted from a satellite receiver that reports a fix in three dimensions, from odometry of a
 camera or lidar with its covariance, and from an external estimate that somebody else sends to the vehicle.
-What an autopilot without satellites believes of its own position is no measurement.
+The position that an autopilot estimates without satellites is not a measurement.
 """
 
 from __future__ import annotations
@@ -84,13 +84,13 @@ class Vehicle:
     Attributes
     ----------
     system, component : int
-        Of the vehicle; ``system`` 0: the first autopilot that is ``heard``.
+        Numbers of the vehicle; ``system`` 0: the first autopilot that is ``heard``.
     guided, armed, plane : bool
-        By the heartbeat at ``beaten`` [Unix time, s].
+        As reported by the heartbeat at ``beaten`` [Unix time, s].
     satellites : bool or None
-        Whether its receiver has a fix; None: it has not said so yet.
+        Whether its receiver has a fix; None: it has not reported this yet.
     boot : float
-        Its own time [s], by its last message with one.
+        Time of the vehicle [s], from its last message with a time.
     strangers : set of int
         Other vehicles on the same link, which are ignored.
     """

@@ -27,7 +27,7 @@ AGREEING = 3  # such fixes in a row that agree with each other are believed
 DRIFT = 3.0  # [m/s] by which the drift between two fixes may differ from the believed one
 APART = 10.0  # [s] between two fixes that are used: the errors of closer ones are not independent
 RESERVE = 0.1  # share of a battery below which the end of the plan is an alarm
-DRAWN = 60  # flights of the rest that are kept for a picture
+DRAWN = 60  # flights of the rest that are drawn
 CORRIDOR = -2.0 * math.log(0.01)  # squared distance of two components that 99 % keep
 USES = {
     "refused": "it is not used",
@@ -50,7 +50,7 @@ class WatchSettings:
     members : int
         Simulated flights of the rest of the plan.
     silence : float
-        Seconds without telemetry after which the plan's own controls are assumed.
+        Seconds without telemetry after which the controls of the plan are assumed.
     wind_age : float
         Age of the forecast [s] above which an alarm is raised.
     """
@@ -97,7 +97,7 @@ class Watch:
 
     @property
     def over(self) -> bool:
-        """Whether the time of the plan is over, or that of the wind."""
+        """Whether the plan or the wind has ended."""
         return self.belief.ended or self.belief.step >= len(self.plan.path.u)
 
     # --- readings ---
@@ -136,7 +136,7 @@ class Watch:
         """Fly on with the last known airspeed, or as planned if nothing was heard for long."""
         elapsed, velocity, silent = time - self.time, self.velocity, time - self.heard
         if silent > self.settings.silence:
-            text = f"no telemetry for {silent:.0f} s: the plan's own controls are assumed"
+            text = f"no telemetry for {silent:.0f} s: the controls of the plan are assumed"
             yield from self._alarm("silence", text)
             velocity = None
         while elapsed > 0.0 and not self.over:
@@ -253,7 +253,7 @@ class Watch:
         self.suspects = [*(self.suspects if all(near) else []), (self.time, place, mean)]
         return len(self.suspects) >= AGREEING
 
-    # --- what is said ---
+    # --- what is reported ---
 
     def _alarm(self, kind: str, text: str) -> Iterator[Event]:
         """An alarm of a kind, once until it ends."""
@@ -305,7 +305,7 @@ class Watch:
         return left < RESERVE, text
 
     def status(self) -> Event:
-        """Where the robot is believed to be, and how often the rest of the plan fails from there."""
+        """The estimated position of the robot, and the failure rate of the rest of the plan from there."""
         now, path = self.belief.estimate(), self.plan.path
         step = min(round(self.time / self.problem.motion.dt), len(path.u))
         planned, spread = self._planned_place()

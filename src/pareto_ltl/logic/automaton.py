@@ -119,8 +119,8 @@ class Automaton(Displayed):
 
     def harm(self) -> tuple[int, int] | None:
         """A state and a letter that leads to a state which does not cover it; None if there is none."""
-        kept = self.preorder[self.delta, np.arange(self.n_states)[:, None]]
-        bad = np.argwhere(~kept)
+        preserved = self.preorder[self.delta, np.arange(self.n_states)[:, None]]
+        bad = np.argwhere(~preserved)
         return (int(bad[0][0]), int(bad[0][1])) if len(bad) else None
 
     def letter_index(self, letter: Iterable[str]) -> int:
@@ -201,8 +201,8 @@ def translate(
     formula : str or Formula
         Text, or a tree of :func:`pareto_ltl.logic.parse_formula`.
     letters : iterable of sets of names, optional
-        The labels that can occur; default: all subsets of the propositions. Fewer letters give smaller
-        automata, e.g. those of disjoint regions.
+        The labels that can occur; default: all subsets of the propositions. Fewer letters, e.g. of
+        disjoint regions, give smaller automata.
     max_states : int
         Limit of the number of states, also of intermediate automata.
 

@@ -41,10 +41,10 @@ def end_clock(span: Span) -> str:
 
 def clock_windows(atoms: Iterable[str]) -> dict[str, Window]:
     """The windows of those ``atoms`` that are clocks."""
-    found = {atom: _CLOCK.fullmatch(atom) for atom in atoms}
+    matches = {atom: _CLOCK.fullmatch(atom) for atom in atoms}
     return {
         atom: Window(None, _seconds(match[1]), math.inf if match[2] == "on" else _seconds(match[2]))
-        for atom, match in found.items() if match is not None
+        for atom, match in matches.items() if match is not None
     }  # fmt: skip
 
 

@@ -148,7 +148,7 @@ def acceptance_distances(delta: TransitionArray, accepting: BoolArray) -> FloatA
 
 
 def _states_leading_into(goal: BoolArray, delta: TransitionArray, states: IntArray) -> IntArray:
-    """Those of ``states`` from which some letter leads into ``goal`` (Q,) bool.
+    """The ``states`` from which some letter leads into ``goal`` (Q,) bool.
 
     Large letters, which lead there most often, are tested first.
     """

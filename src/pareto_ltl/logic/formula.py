@@ -38,7 +38,7 @@ UNARY_OPERATORS = ("!", "X", "F", "G")
 BINARY_STRENGTH = {"<->": 1, "xor": 1, "->": 2, "|": 3, "&": 4, "U": 5, "R": 5, "W": 5, "M": 5}
 RIGHT_ASSOCIATIVE = ("->", "U", "R", "W", "M")
 FOREVER_OPERATORS = ("G", "R", "W")
-_UNARY_STRENGTH = 6  # binding strength of unary operators; that of atoms is higher
+_UNARY_STRENGTH = 6  # binding strength of unary operators; atoms bind more strongly
 
 _SPELLINGS = {
     **{"~": "!", "not": "!", "next": "X", "eventually": "F", "<>": "F", "[]": "G", "until": "U"},
@@ -274,11 +274,11 @@ class FormulaParser:
         """The time span after ``F`` or ``G``; None if there is none."""
         if not self.here.word.startswith("[") or self.here.op == "G":
             return None
-        found = read_span(self.here.word)
-        if found is None:
+        times = read_span(self.here.word)
+        if times is None:
             raise self.error("expected a time span such as [0,6h] or [90min,2h], units s, min, h or d")
         self.take()
-        return found
+        return times
 
     def deeper(self, token: _FormulaToken) -> None:
         """Enter an operand of ``token``."""
@@ -433,16 +433,16 @@ def flat_chain(op: str, args: list[Formula]) -> Formula:
 
 def _not_co_safe(node: Formula, negation: Formula | None) -> FormulaError:
     why = "promises something for ever; no finite flight can complete it"
-    said = _elided_text(_formula_text(node, node.word))
+    shown = _elided_text(_formula_text(node, node.word))
     if negation is None:
         advice = {"R": "; 'M' in its place comes to an end", "W": "; 'U' in its place comes to an end"}
-        message = f"operator '{node.word}': '{said}' {why}{advice.get(node.op, '')}"
+        message = f"operator '{node.word}': '{shown}' {why}{advice.get(node.op, '')}"
     else:
         where = f"'{negation.word}' of column {negation.column + 1}"
         means = _elided_text(
             str(Formula(_DUAL_OPERATORS[node.op], tuple(Formula("!", (arg,)) for arg in node.args)))
         )
-        message = f"operator '{node.word}': '{said}' is negated by {where}; that is '{means}', which {why}"
+        message = f"operator '{node.word}': '{shown}' is negated by {where}; that is '{means}', which {why}"
     return FormulaError(f"{message} (column {node.column + 1})", node.column)
 
 

@@ -74,7 +74,7 @@ def write_hoa(automaton: Automaton, path: str | Path) -> None:
 def read_hoa(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -> Automaton:
     """The minimal automaton of a HOA file over ``letters``.
 
-    By default, ``letters`` are those of the header ``letters`` of the file, else all subsets of its
+    By default, ``letters`` come from the header ``letters`` of the file, else they are all subsets of its
     propositions. Raises a DataError if the file cannot be read or is not an automaton of a finite mission.
     """
     return parse_hoa(read_text(Path(path), HOA_FILES, MAX_HOA_BYTES), letters, str(path))
@@ -88,7 +88,7 @@ def read_atoms(path: str | Path) -> tuple[str, ...]:
 def parse_hoa(
     text: str, letters: Iterable[Iterable[str]] | None = None, source: str = "HOA text"
 ) -> Automaton:
-    """As :func:`read_hoa`, from text; ``source`` names it in errors."""
+    """Like :func:`read_hoa`, from text; ``source`` names it in errors."""
     file = _HoaReader(text, source).file()
     atoms = tuple(sorted(file.atoms))
     if letters is None and file.letters is not None:
@@ -436,7 +436,8 @@ class _HoaReader:
         if token.kind == "int" and len(token.text) <= MAX_DIGITS and int(token.text) < len(self.result.atoms):
             return LabelExpression("ap", place=int(token.text))
         return self.refuse(
-            f"{token.text[:SHOWN]} is no label; expected t, f, a proposition's number or an alias", token.line
+            f"{token.text[:SHOWN]} is not a label; expected t, f, a proposition's number or an alias",
+            token.line,
         )
 
 

@@ -75,7 +75,7 @@ class LabelExpression:
 def letters_of(
     label: LabelExpression, codes: IntArray, known: dict[int, BoolArray], repeated: dict[int, BoolArray]
 ) -> BoolArray:
-    """As :meth:`LabelExpression.on`; ``repeated`` holds the results of labels that several edges have."""
+    """Like :meth:`LabelExpression.on`; ``repeated`` holds the results of labels that several edges have."""
     if not label.repeated:
         return label.on(codes, known)
     if id(label) not in repeated:

@@ -81,10 +81,10 @@ def without_comments(text: str) -> str:
     """``text`` without (nested) comments; line breaks are kept for the line numbers of errors."""
     if "/*" not in text:
         return text
-    kept, depth = [], 0
+    outside, depth = [], 0
     for part in COMMENT_PARTS.findall(text):
         depth += part == "/*"
         if depth == 0 or part == "\n":
-            kept.append(part)
+            outside.append(part)
         depth = max(0, depth - (part == "*/"))
-    return "".join(kept)
+    return "".join(outside)

@@ -1,6 +1,6 @@
 """Sets of letters as short Boolean expressions, e.g. ``b & !c`` instead of 64 letters.
 
-A cube (care, value) is the set of letters whose bits in ``care`` are those of ``value``. Letters that cannot
+A cube (care, value) is the set of letters whose bits in ``care`` agree with ``value``. Letters that cannot
 occur are don't-cares, which keeps labels short for disjoint regions.
 """
 
@@ -20,7 +20,7 @@ DecisionTree = int | tuple[int, "DecisionTree", "DecisionTree"]
 def disjoint_cubes(codes: IntArray, targets: IntArray) -> Iterator[tuple[Cube, int]]:
     """Disjoint cubes that cover all letters, each with a target.
 
-    ``targets`` (L,) are those of the letters ``codes`` (L,). The cubes are the leaves of a decision tree, so
+    ``targets`` (L,) belong to the letters ``codes`` (L,). The cubes are the leaves of a decision tree, so
     that a table written with them is complete and deterministic.
     """
     stack = [(0, 0, _decision_tree(codes, targets))]
@@ -96,11 +96,11 @@ def edge_labels(automaton: Automaton) -> dict[tuple[int, int], str]:
 
 
 def _shorter_label(inside: IntArray, outside: IntArray, names: tuple[str, ...]) -> str:
-    said = cubes_text(covering_cubes(inside, outside, len(names)), names)
-    if not len(outside) or "|" not in said:
-        return said
+    label = cubes_text(covering_cubes(inside, outside, len(names)), names)
+    if not len(outside) or "|" not in label:
+        return label
     denied = f"!({cubes_text(covering_cubes(outside, inside, len(names)), names)})"
-    return denied if len(denied) < len(said) else said
+    return denied if len(denied) < len(label) else label
 
 
 def quoted_text(text: str) -> str:

@@ -136,8 +136,8 @@ def drawn_edges(place: FloatArray, texts: dict[tuple[int, int], str]) -> Iterato
     taken = _OccupiedBoxes(place)
     for (p, q), text in texts.items():
         curve = _loop_edge(place[p]) if p == q else _bent_edge(place, p, q, (q, p) in texts)
-        said = _wrapped_formula(text, 22)
-        yield DrawnEdge(p, q, curve, said, taken.spot(curve, said, p == q))
+        label = _wrapped_formula(text, 22)
+        yield DrawnEdge(p, q, curve, label, taken.spot(curve, label, p == q))
 
 
 def state_positions(automaton: Automaton) -> FloatArray:

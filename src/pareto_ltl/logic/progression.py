@@ -120,7 +120,7 @@ class Progression:
         return node(tree)
 
     def build(self, tree: Formula, node: Callable[[Formula], ProgressionNode]) -> ProgressionNode:
-        """The node of the root of ``tree``; ``node`` gives those of its arguments."""
+        """The node of the root of ``tree``; ``node`` gives the nodes of its arguments."""
         if tree.op == "true":
             return self.true
         if tree.op == "false":
@@ -197,14 +197,14 @@ class Progression:
         return bool(plus & minus)
 
     def strongest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
-        """Those of ``parts`` that no other part implies."""
+        """The ``parts`` that no other part implies."""
         for part in list(parts):
             if part in parts:
                 parts = [other for other in parts if other is part or not self.implies(part, other)]
         return parts
 
     def weakest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
-        """Those of ``parts`` that imply no other part."""
+        """The ``parts`` that imply no other part."""
         for part in list(parts):
             if part in parts:
                 parts = [other for other in parts if other is part or not self.implies(other, part)]
@@ -324,11 +324,11 @@ class Progression:
             return DONE_STATE
         if len(clauses) > self.max_states:
             raise tables.too_many_states(self.max_states)
-        kept = sorted(clauses)
-        for clause in kept[:]:
-            if clause in kept:
-                kept = [other for other in kept if other == clause or clause & ~self.closure(other)]
-        return tuple(kept)
+        remaining = sorted(clauses)
+        for clause in remaining[:]:
+            if clause in remaining:
+                remaining = [other for other in remaining if other == clause or clause & ~self.closure(other)]
+        return tuple(remaining)
 
     def core(self, clause: int) -> int:
         """``clause`` without obligations that its other obligations imply."""

@@ -1,1 +1,1 @@
-"""From a problem to a plan: search trees, evaluation of paths, refinement, front, selection."""
+"""The way from a problem to a plan: search trees, evaluation of paths, refinement, front, selection."""

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight
 
 
-ROUNDING = 1e-12  # share of a variance below which that of a fix is lost in its rounding
+ROUNDING = 1e-12  # share of a variance below which the variance of a fix is lost by rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Fix:
     Attributes
     ----------
     place : (2,) float
-        In the plane [m].
+        Position in the plane [m].
     sd : float
         Standard deviation of its error in each direction [m].
     step : int
@@ -55,7 +55,7 @@ class Joint:
     Attributes
     ----------
     mean : (2,) float, cov : (2, 2) float
-        Of the position at the time of the plan before the fixes [m, m²].
+        Law of the position at the time of the plan before the fixes [m, m²].
     among : (2n, 2n) float, to : (2, 2n) float
         Covariances of the deviations at the fixes, and of the one at the time of the plan with them [m²].
     cross : (2n, 2, P) float
@@ -116,11 +116,12 @@ def learn(prior: Joint, means: FloatArray, fixes: Sequence[Fix]) -> Learnt:
     L = np.linalg.cholesky(S)
     d = (np.array([fix.place for fix in fixes]) - means).ravel()
     z = np.linalg.solve(L, d)
-    told = np.linalg.solve(L, prior.cross.reshape(len(d), -1)).reshape(prior.cross.shape)
+    factor = np.linalg.solve(L, prior.cross.reshape(len(d), -1)).reshape(prior.cross.shape)
     half = np.linalg.solve(L, prior.to.T)  # (2n, 2)
     after = prior.cov - half.T @ half
     return Learnt(
-        prior.mean + half.T @ z, 0.5 * (after + after.T), prior.cov, np.einsum("rcm,r->cm", told, z), told,
+        prior.mean + half.T @ z, 0.5 * (after + after.T), prior.cov, np.einsum("rcm,r->cm", factor, z),
+        factor,
         np.linalg.norm(z.reshape(-1, 2), axis=1),
     )  # fmt: skip
 
@@ -131,7 +132,7 @@ def learn_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -
 
 
 def expected_at(problem: Problem, x: FloatArray, step: int) -> Learnt:
-    """Position at ``step`` of the means ``x`` (T+1, 2) [m] without any fix: nothing is learnt."""
+    """Position at ``step`` of the means ``x`` (T+1, 2) [m] without any fix: the law is not conditioned."""
     cov = square_matrices(propagate(problem, x[: step + 1]).cov)[step]
     modes = problem.modes.psi.shape[-1]
     return Learnt(x[step], cov, cov, np.zeros((2, modes)), np.zeros((0, 2, modes)), np.zeros(0))
@@ -142,7 +143,7 @@ def joint_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -
 
     If the plan counted on fixes at landmarks, the positions that they measured are not known here: the prior
     of θ stays N(0, I). One fix at ``step`` itself uses the covariance that the plan expects; more fixes, or
-    earlier ones, use that of a flight without landmarks.
+    earlier ones, use the covariance of a flight without landmarks.
     """
     at = [fix.step for fix in fixes]
     alone = at == [step]

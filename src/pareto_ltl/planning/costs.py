@@ -1,7 +1,7 @@
 """Costs of a path that are not probabilities: one row each. Paths are compared by risk and by these.
 
 The length is a cost of every path, the energy of every robot with a power curve. ``selection.costs`` adds
-others; those of other packages are entry points in the group ``pareto_ltl.costs``.
+others; costs of other packages are entry points in the group ``pareto_ltl.costs``.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ STILL = 1e-9  # [m] shorter steps have no course
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """A cost that a path should have little of.
+    """A cost of a path; a lower one is better.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ ALWAYS = (COSTS["length"], COSTS["energy"])
 
 
 def cost_named(name: str) -> Cost:
-    """The cost ``name``, of this package or of another; the errors are those of ``known_kind``."""
+    """The cost ``name``, of this package or of another; errors as in ``known_kind``."""
     return known_kind(COST_GROUP, COSTS, name, lambda loaded: isinstance(loaded, Cost))
 
 
@@ -104,7 +104,7 @@ def costs_with(names: Iterable[str]) -> tuple[Cost, ...]:
 
 
 def known_costs() -> tuple[Cost, ...]:
-    """All costs, with those of other packages."""
+    """All costs, also of other packages."""
     return tuple(map(cost_named, (*COSTS, *extension_names(COST_GROUP, COSTS))))
 
 

@@ -81,12 +81,12 @@ COLLISION_MEMORY: dict[type, Callable[[Any, int], kd.CollisionMemory]] = {
 
 
 def law_memory(law: kd.Law, rows: int) -> kd.Memory:
-    """Arrays for what a wind law keeps of ``rows`` vertices or steps; None for the independent law."""
+    """Arrays of a wind law for ``rows`` vertices or steps; None for the independent law."""
     return LAW_MEMORY[type(law)](law, rows)
 
 
 def collision_memory(bound: kd.CollisionBound, rows: int) -> kd.CollisionMemory:
-    """Arrays for what a collision bound keeps of ``rows`` vertices or steps; None for the step bound."""
+    """Arrays of a collision bound for ``rows`` vertices or steps; None for the step bound."""
     return COLLISION_MEMORY[type(bound)](bound, rows)
 
 
@@ -94,7 +94,7 @@ def collision_memory(bound: kd.CollisionBound, rows: int) -> kd.CollisionMemory:
 
 
 def propagate(problem: Problem, x: FloatArray, law: kd.Law | None = None) -> Flight:
-    """Propagate along the means ``x`` (T+1, 2) [m]: covariances, controls, airspeed left; nothing is checked.
+    """Propagate along the means ``x`` (T+1, 2) [m]: covariances, controls, airspeed left; without checks.
 
     ``law`` is by default the one that the problem is planned in.
     """
@@ -301,7 +301,7 @@ def with_supporting_lines(problem: Problem, flight: Flight) -> kd.Faces:
     normals, offsets, counts = [np.empty((0, 2))], [np.empty(0)], [0]
     for j, (first, last) in enumerate(pairwise(faces.ptr.tolist())):
         rows = line[(line[:, j, 3] > 0.0) & (line[:, j, 3] < FAR), j]
-        if j >= len(problem.decomposition.obstacles):  # a wall has no line but its own
+        if j >= len(problem.decomposition.obstacles):  # a wall has only one line
             rows = rows[:0]
         normals += [faces.normal[first:last], rows[:, :2]]
         offsets += [faces.offset[first:last], rows[:, 2]]
@@ -352,7 +352,7 @@ def completing_path(problem: Problem, x: FloatArray, origin: str, *, tight: bool
 
 
 def _unfinished(problem: Problem, path: PlannedPath) -> str:
-    """What is left of the mission at the end of ``path``, or when and where it was lost."""
+    """The remaining mission at the end of ``path``, or when and where the mission failed."""
     distance = problem.automaton.distance[path.q]
     if np.isfinite(distance[-1]):
         nearer = problem.logic.distance[helpful_delta(problem.logic)[path.q[-1], :-1]] < distance[-1]

@@ -1,7 +1,7 @@
 """Trees of one run: Algorithm 1, ten times in parallel with different slack (Section IV-C).
 
 The first tree has beta = 0, so that a parent is only exchanged for one that dominates it (Theorem 4); the
-others draw beta at random. Each tree has its own child of the root seed, so the forest is the same whatever
+others draw beta at random. Each tree has a separate child of the root seed, so the forest does not depend on
 the number of threads.
 """
 
@@ -89,7 +89,7 @@ class GrowingTree:
 
 @dataclass(frozen=True, slots=True)
 class GrowthTask:
-    """What all trees of a run share."""
+    """The data that all trees of a run share."""
 
     cfg: PlannerConfig
     problem: Problem
@@ -149,7 +149,7 @@ def _slack(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Gen
 
 
 def mission_columns(problem: Problem) -> int:
-    """Columns of ``Tree.risk`` that hold mission risk: one a proposition (f_o), or V alone."""
+    """Columns of ``Tree.risk`` that hold mission risk: one per proposition (f_o), or only V."""
     return {kd.Theorem2: len(problem.atoms), kd.Ordered: 1}[type(problem.world.mission)]
 
 
@@ -171,8 +171,8 @@ def _mission_scratch(problem: Problem) -> kd.OrderedMemory | None:
 def _for_trees(problem: Problem) -> Problem:
     """The problem as trees use it: the path bound limits single steps, and R is an objective without limit.
 
-    A path of a tree is not straight, so its R, a sum over steps, is several times that of the same path after
-    smoothing. Only finished paths are held to planner.delta.
+    A path of a tree is not straight, so its R, a sum over steps, is several times the R of the same path
+    after smoothing. Only finished paths are held to planner.delta.
     """
     bound = problem.world.collision
     if not isinstance(bound, kd.PathBound):
@@ -274,7 +274,7 @@ def _end_growth(growing: Iterable[GrowingTree]) -> None:
 
 
 def plant_tree(task: GrowthTask, seed: SeedSequence, number: int, options: GrowthOptions) -> GrowingTree:
-    """A tree of one vertex, that of the start, with its own random stream."""
+    """A tree with one vertex, the start, and a separate random stream."""
     cfg, problem = task.cfg, task.problem
     rng = np.random.Generator(np.random.PCG64(seed))
     rule = RULE_MAKERS[problem.fidelity.parents](cfg, problem, number, rng)
@@ -292,7 +292,7 @@ def plant_tree(task: GrowthTask, seed: SeedSequence, number: int, options: Growt
 
 
 def _start_too_close(problem: Problem) -> str:
-    """The error for a start that breaks the chance constraint already."""
+    """The error for a start that itself breaks the chance constraint."""
     walled = problem.scene.walled
     barrier = "an obstacle or the wall around the map" if walled else "an obstacle"
     cure = ", raise planner.epsilon or set scene.border=open" if walled else " or raise planner.epsilon"

@@ -1,4 +1,4 @@
-"""What limits a plan: the chance constraint of each segment, and the prices of its limits."""
+"""The limits of a plan: the chance constraint of each segment, and the prices of its limits."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class SegmentLimits:
     price: FloatArray
 
     def after(self, step: int) -> SegmentLimits:
-        """Those of the segments from ``step`` on."""
+        """The limits of the segments from ``step`` on."""
         return SegmentLimits(
             self.nearest[step:], self.deviations[step:], self.probability[step:], self.price[step:]
         )
@@ -46,7 +46,7 @@ class SegmentLimits:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """What a small change of one limit would save.
+    """The failures that a small change of one limit would save.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Price:
     name : str
         The obstacle, border, region or limit.
     step : int or None
-        The step at which most of it is saved.
+        The step at which the saving is largest.
     saving : float
         Fall of the failure rate per metre, and per m/s of airspeed.
     """

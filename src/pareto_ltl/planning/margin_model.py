@@ -197,13 +197,13 @@ def _needed_claims(better: BoolArray, allowed: BoolArray) -> list[int]:
 
     ``better[i, k]``: claim i is at least as strong as k. Of equal claims the first is kept.
     """
-    kept = []
+    needed = []
     number = np.arange(len(better))
     for k, on in enumerate(allowed):
         stronger = better[:, k] & (~better[k] | (number < k))
         if on.any() and not (stronger & (allowed >= on).all(axis=1)).any():
-            kept.append(k)
-    return kept
+            needed.append(k)
+    return needed
 
 
 def _barrier_corners(problem: Problem) -> kd.Corners:

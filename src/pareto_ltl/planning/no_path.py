@@ -80,7 +80,7 @@ def with_limits(problem: Problem, epsilon: float, delta: float) -> Problem:
 def explain_no_path(
     cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: SeedSequence | None = None
 ) -> str:
-    """Text that says why no path completes the mission: how far the trees came, and which setting to change.
+    """The reason why no path completes the mission: how far the trees came, and which setting to change.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def explain_refused(cfg: PlannerConfig, problem: Problem, fault: str) -> str:
 
 
 def explain_no_safe_path(cfg: PlannerConfig, problem: Problem, seeds: SeedSequence) -> str:
-    """Text for paths that complete the mission but all exceed planner.delta; empty if no advice is found."""
+    """Text for paths that complete the mission but all exceed planner.delta; empty if there is no advice."""
     trials = _Trials(cfg, problem, seeds)
     paths, open_border = trials.paths(problem.epsilon, LARGEST_DELTA, cfg.n_max), _open_border_advice(trials)
     if paths:
@@ -165,7 +165,7 @@ def _longer_advice(trials: _Trials, forest: Forest) -> str:
 
 
 def _tried_advice(cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: SeedSequence) -> str:
-    """The advice that a growth under other limits has confirmed; empty where none is found."""
+    """The advice that a growth under other limits has confirmed; empty if there is none."""
     trials = _Trials(cfg, problem, seeds)
     blocked = sum(tree.reach["blocked"] for tree in forest.trees) > 0
     for n_max in (cfg.n_max, *(times * cfg.n_max for times in MORE_VERTICES)):
@@ -183,7 +183,7 @@ def _tried_advice(cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: S
 
 
 def _step_bound_advice(trials: _Trials) -> str:
-    """The advice where R of every path is above 1: the step bound limits the risk of single steps alone."""
+    """The advice where R of every path is above 1: the step bound limits only the risk of single steps."""
     problem = trials.problem
     models = replace(problem.fidelity, collision_bound="step")
     stepwise = with_limits(replace(problem, fidelity=models), EPSILONS[0], trials.cfg.delta)
@@ -250,7 +250,7 @@ def _delta_settings(trials: _Trials, epsilon: float, paths: tuple[PlannedPath, .
 
 
 def _step_advice(cfg: PlannerConfig, problem: Problem, times: float) -> str:
-    """What is wrong with a step longer than ``times`` the narrowest place of the map."""
+    """Text on a step longer than ``times`` the narrowest place of the map."""
     robot = RobotConfig(dt=problem.motion.dt, u_max=problem.motion.u_max)
     return too_long(robot, problem.scene, cfg.max_steps, times)
 
@@ -281,7 +281,7 @@ def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
 
 
 def _lost_mission(automaton: Automaton) -> str:
-    """What made the mission fail: a forbidden region, or the end of a time span of the formula or the map."""
+    """The cause of a failed mission: a forbidden region, or the end of a time span of the formula or map."""
     ends = [
         f"{name if window.region else 'the time span'} {window}"
         for name, window in automaton.windows.items()

@@ -1,4 +1,4 @@
-"""Scene, wind, automaton and robot as the named tuples of arrays that kernels read, made once a run."""
+"""Scene, wind, automaton and robot as the named tuples of arrays that kernels read, made once per run."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def pack_faces(polygons: Sequence[FloatArray]) -> kd.Faces:
 
 
 def pack_barriers(scene: Scene, obstacles: kd.Faces) -> kd.Faces:
-    """What a path must not touch: the obstacles and, where the border is a wall, its sides.
+    """The polygons that a path must not touch: obstacles and, where the border is a wall, its sides.
 
     A side is a polygon with one face: the half plane beyond it, which the normal points away from.
     """
@@ -132,7 +132,7 @@ def pack_modes(field: WindField, wind: kd.Wind, dt: float, speed: float) -> kd.M
     """The coherent law: each step uses the modes of the nearest slot, and each part of the error persists.
 
     The error outside the modes is correlated over ``rest_length`` [m]. For it 2 rest_length / ``speed`` [s]
-    takes the place of ``gust_time``, but at most the whole flight; ``speed`` [m/s] is that of the robot.
+    takes the place of ``gust_time``, but at most the whole flight; ``speed`` [m/s]: of the robot.
 
     Eq. (M19) of docs/mathematics.md.
     """
@@ -154,12 +154,12 @@ def pack_modes(field: WindField, wind: kd.Wind, dt: float, speed: float) -> kd.M
 
 
 def part_persistence(field: WindField, wind: kd.Wind, slot: IntArray, dt: float) -> FloatArray:
-    """Correlation (S + 1, parts) of θ with that of the step before, for each part of the error.
+    """Correlation (S + 1, parts) of θ with θ of the step before, for each part of the error.
 
-    The errors of interpolation in space and of the forecast change from slot to slot. That of interpolation
-    in time is independent in every gap between fields; for a held field it changes every ``HELD_EPOCH``, with
-    the correlation of the wind's changes since the time of the field; for one that was conditioned on a fix,
-    it changes from slot to slot. Members of an ensemble do not change.
+    The errors of interpolation in space and of the forecast change from slot to slot. The error of
+    interpolation in time is independent in every gap between fields; for a held field it changes every
+    ``HELD_EPOCH``, with the correlation of the wind's changes since the time of the field; for one that was
+    conditioned on a fix, it changes from slot to slot. Members of an ensemble do not change.
 
     Eq. (M14) of docs/mathematics.md.
     """
@@ -196,7 +196,7 @@ def mean_derivatives(mean: FloatArray, spacing: float) -> tuple[FloatArray, Floa
 
 
 def pack_motion(robot: RobotConfig, ball: float, judge: str = "bound") -> kd.Motion:
-    """Matrices, feedback and bounds of the robot; ``ball`` is that of the maximum-trace rule.
+    """Matrices, feedback and bounds of the robot; ``ball`` is the ball of the maximum-trace rule.
 
     No airspeed is reserved for feedback where flights judge: they show what a robot at its limits cannot
     correct.
@@ -245,7 +245,7 @@ def pack_landmarks(
 ) -> kd.Landmarks:
     """Landmarks, the errors of their fixes, and the share of a known deviation corrected in one step.
 
-    ``fixes`` are the errors of the first landmarks; None, and missing ones, are those of ``robot.fix_sd``.
+    ``fixes`` are the errors of the first landmarks; None, and missing ones, mean ``robot.fix_sd``.
     """
     middle = np.array([polygon.mean(axis=0) for polygon in marks])
     radius = [np.linalg.norm(polygon - own, axis=1).max() for polygon, own in zip(marks, middle, strict=True)]
@@ -359,7 +359,7 @@ def build_problem(
 
 
 def used_landmarks(scene: Scene, robot: RobotConfig, fidelity: FidelityConfig) -> kd.Landmarks | None:
-    """The landmarks at which the robot of these settings measures; a warning says why there are none."""
+    """The landmarks at which the robot of these settings measures; a warning states why there are none."""
     missing = missing_for_fixes(robot, fidelity)
     if scene.landmarks and missing:
         LOG.warning("scene.landmarks are not used: position fixes need %s", missing)
@@ -368,10 +368,10 @@ def used_landmarks(scene: Scene, robot: RobotConfig, fidelity: FidelityConfig) -
 
 
 def missing_for_fixes(robot: RobotConfig, fidelity: FidelityConfig) -> str:
-    """The settings that position fixes need and these are not; empty if the robot takes fixes."""
+    """The settings that position fixes need and that are not set; empty if the robot takes fixes."""
     needs = {
         "fidelity.law=coherent": fidelity.law == "coherent",
-        "fidelity.judge=flights (a bound cannot tell who misses a landmark)": fidelity.judge == "flights",
+        "fidelity.judge=flights (a bound does not show who misses a landmark)": fidelity.judge == "flights",
         "robot.feedback_time=null (a robot that always knows its position)": robot.feedback_time is None,
     }
     return " and ".join(need for need, met in needs.items() if not met)

@@ -13,8 +13,8 @@ from pareto_ltl.planning.epochs import Epoch, letter_columns
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition
 
-LIVE = 64  # entries of V kept for a vertex; V is exact for automata with at most so many states
-PATH_LIVE = 256  # entries kept while a path is evaluated by itself
+LIVE = 64  # entries of V retained for a vertex; V is exact for automata with at most so many states
+PATH_LIVE = 256  # entries retained while a single path is evaluated
 
 
 def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corners:
@@ -47,7 +47,7 @@ def pack_logic(
 
 
 def _stacked(rows: Sequence[Any]) -> Any:
-    """The tables of all epochs as one array; that of a single epoch is not copied."""
+    """The tables of all epochs as one array; the table of a single epoch is not copied."""
     return np.ascontiguousarray(rows[0])[None] if len(rows) == 1 else np.stack(rows)
 
 
@@ -90,7 +90,7 @@ def helpful_delta(logic: kd.Logic) -> IntArray:
 
 
 def harmful_letters(automaton: Automaton, nothing: int) -> tuple[BoolArray, BoolArray]:
-    """Which letters are harmful in q, so read between steps, and which lose q; both (Q, letters).
+    """Letters that are harmful in q, so read between steps, and letters that lose q; both (Q, letters).
 
     A letter is harmful in q if it leads to the trap, or if the state it leads to does not accept all that is
     accepted after the empty letter, which has the index ``nothing``. It loses q if it is harmful in some
@@ -150,20 +150,20 @@ def needed_states(better: BoolArray, reach: BoolArray) -> IntArray:
 
 
 def live_rows(bound: kd.Ordered, rows: int, live: int = LIVE) -> kd.LiveRows:
-    """Scratch rows, each for twice as many entries of V as are kept; at most ``live`` are kept."""
-    most = min(len(bound.logic.distance), live)
+    """Scratch rows, each for twice as many entries of V as are retained; at most ``live`` are retained."""
+    limit = min(len(bound.logic.distance), live)
     return kd.LiveRows(
-        2 * most * np.arange(rows, dtype=np.int64), np.zeros(rows, np.int32),
-        np.zeros(2 * most * rows, np.int32), np.zeros(2 * most * rows), np.zeros(1, np.int64), most,
+        2 * limit * np.arange(rows, dtype=np.int64), np.zeros(rows, np.int32),
+        np.zeros(2 * limit * rows, np.int32), np.zeros(2 * limit * rows), np.zeros(1, np.int64), limit,
     )  # fmt: skip
 
 
 def tree_rows(bound: kd.Ordered, rows: int) -> kd.LiveRows:
     """Rows of a tree, each of the length that it needs; memory that is never written is never allocated."""
-    most = min(len(bound.logic.distance), LIVE)
+    limit = min(len(bound.logic.distance), LIVE)
     return kd.LiveRows(
-        np.full(rows, -1, np.int64), np.zeros(rows, np.int32), np.empty(rows * most, np.int32),
-        np.empty(rows * most), np.zeros(1, np.int64), most,
+        np.full(rows, -1, np.int64), np.zeros(rows, np.int32), np.empty(rows * limit, np.int32),
+        np.empty(rows * limit), np.zeros(1, np.int64), limit,
     )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """Power that a robot draws at an airspeed, and the energy of a path: one type for each ``robot.power.kind``.
 
-The power is that of level flight at constant speed, without climbs, turns and gusts (``docs/vehicles.md``
-says what that leaves out).
+The power is for level flight at constant speed, without climbs, turns and gusts (``docs/vehicles.md``
+lists what this leaves out).
 """
 
 from __future__ import annotations

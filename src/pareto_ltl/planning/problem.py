@@ -37,7 +37,7 @@ class Problem(Displayed):
     obstacles : Faces
         Convex parts of the obstacles; the collision bound also has the walls (:attr:`barriers`).
     start_variance : float
-        Of the start position, in each direction [m²].
+        Variance of the start position, in each direction [m²].
     epsilon : float
         Collision probability allowed at a step (Eq. 4).
     max_steps : int

@@ -75,12 +75,12 @@ def _cost_ahead(graph: Product, distance: FloatArray, places: IntArray) -> Float
 def empty_heap(graph: Product) -> Heap:
     """Memory for one search at a time; memory that is never written is never allocated."""
     cells, states = len(graph.volume), len(graph.goal)
-    most = int(np.diff(graph.ptr).max())
+    degree = int(np.diff(graph.ptr).max())
     pushes = len(graph.beyond) * states + 1
     return Heap(
         np.empty(pushes), np.empty(pushes, np.int32), np.empty(states * cells),
         np.empty(states * cells, np.int32), np.zeros(states * cells, np.int32), np.zeros(1, np.int64),
-        np.empty(most, np.int64), np.empty(most),
+        np.empty(degree, np.int64), np.empty(degree),
     )  # fmt: skip
 
 

@@ -115,10 +115,10 @@ class Forest(Displayed):
 
 @dataclass(frozen=True, slots=True)
 class Objectives:
-    """What paths are compared by: costs and probabilities.
+    """The costs and probabilities by which paths are compared.
 
     ``costs`` are by name (``planning/costs.py``): length [m], energy [J] of a robot with a power curve, and
-    those of ``selection.costs``; all paths of a front have the same ones.
+    the costs of ``selection.costs``; all paths of a front have the same ones.
     ``mission_risk`` is the bound that ``fidelity.mission_bound`` names; plans are judged by it.
     ``collision_risk`` is R. Two bounds are reported in every case: ``mission_risk_paper``, the f_o of Theorem
     2 with the paper's covariance, and ``mission_risk_ordered``, the ordered bound V.
@@ -353,7 +353,7 @@ class Plan(Displayed):
     u_min, u_max : float
         Least and largest airspeed of the robot [m/s].
     rule : str
-        Rule of selection; ``weights`` are those of rule ``weighted``.
+        Rule of selection; ``weights`` belong to rule ``weighted``.
     rule_settings : mapping of str
         The other settings that the rule read, if any, e.g. ``{"alpha": 0.02}``.
     promise : Promise or None

@@ -20,7 +20,7 @@ MOST = 64  # paths of a tree front with three objectives that are evaluated, the
 
 
 def non_dominated(rows: FloatArray) -> BoolArray:
-    """Which rows (P, f) no other row dominates; of equal rows the first is kept. Minimisation."""
+    """Which rows (P, f) no other row dominates; of equal rows the first counts. Minimisation."""
     import moocore
 
     return np.asarray(moocore.is_nondominated(rows, keep_weakly=False), bool)
@@ -184,8 +184,8 @@ def build_front(
             "no path completes the mission within planner.delta; raise it, or planner.n_max"
         )
     rows = np.array([objective_row(p.objectives) for p in paths])
-    kept = [p for p, keep in zip(paths, non_dominated(rows), strict=True) if keep]
-    kept.sort(key=lambda p: tuple(objective_row(p.objectives)))
+    remaining = [p for p, keep in zip(paths, non_dominated(rows), strict=True) if keep]
+    remaining.sort(key=lambda p: tuple(objective_row(p.objectives)))
     reference = np.array([1.0, 1.0, *(2.0 * rows[:, 2:].max(axis=0))])
-    volume = hypervolume(np.array([objective_row(p.objectives) for p in kept]), reference)
-    return Front(tuple(kept), tuple(p.objectives for p in raw), volume, reference, models=models)
+    volume = hypervolume(np.array([objective_row(p.objectives) for p in remaining]), reference)
+    return Front(tuple(remaining), tuple(p.objectives for p in raw), volume, reference, models=models)

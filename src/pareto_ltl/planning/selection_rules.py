@@ -60,7 +60,7 @@ class SelectionRule:
         return {name: getattr(cfg, name) for name in self.reads}
 
     def in_words(self, cfg: SelectionConfig) -> str:
-        """What the rule picks with the settings ``cfg``; empty for a rule that another package adds."""
+        """The choice of the rule with the settings ``cfg``, in words; empty for a rule of another package."""
         return self.meaning.format(**self.settings_read(cfg))
 
 
@@ -99,7 +99,7 @@ def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
     number: object = selection_rule(cfg).pick(cfg, front)
     if not isinstance(number, int | np.integer) or not 0 <= number < len(front.paths):
         raise ConfigError(
-            f"selection.rule={cfg.rule} returned {shown_value(number)}, which is no path of the front; "
+            f"selection.rule={cfg.rule} returned {shown_value(number)}, which is not a path of the front; "
             f"expected a number from 0 to {len(front.paths) - 1}: correct the rule, or take another one"
         )
     return front.paths[int(number)]
@@ -140,7 +140,7 @@ def by_priority(_cfg: SelectionConfig, front: Front) -> int:
 
 
 def by_worth(cfg: SelectionConfig, front: Front) -> int:
-    """The shortest path whose failure rate is not worth more length; with bounds, that of ``priority``.
+    """The shortest path whose failure rate is not worth more length; with bounds, the path of ``priority``.
 
     It has the least (p + ``SMALL``) l^s, p the failure rate, l the length and s = ``cfg.saving``: where the
     front is smooth, one per cent more length would save less than s per cent of the failures. The safest end
@@ -158,8 +158,8 @@ def by_worth(cfg: SelectionConfig, front: Front) -> int:
 def by_weights(cfg: SelectionConfig, front: Front) -> int:
     """The least g_w(ξ, λ) = Σ_j λ_j f_j, with length in units of the shortest path of the front.
 
-    Further weights are those of the further costs, each in units of the least one of the front.
-    Where flights judge, the failure rate takes the place of both risks, with the sum of their weights.
+    Further weights belong to the further costs, each in units of the least one of the front.
+    Where flights judge, the failure rate replaces both risks, with the sum of their weights.
 
     Eq. (M47) of docs/mathematics_methods.md.
     """
@@ -360,23 +360,23 @@ def within_capacity(cfg: SelectionConfig, front: Front, problem: Problem) -> Fro
     if model is None or model.capacity is None:
         return front
     energies = np.array([path.objectives.costs["energy"] for path in front.paths])
-    kept = np.flatnonzero(energies <= model.capacity)
+    possible = np.flatnonzero(energies <= model.capacity)
     if selection_rule(cfg).names_one:
-        if len(kept) < len(energies):
+        if len(possible) < len(energies):
             LOG.warning(
                 "%d of %d paths of the front need more than robot.power.capacity = %s; selection.rule=%s "
                 "selects its path in any case",
-                len(energies) - len(kept), len(energies), energy_text(model.capacity), cfg.rule,
+                len(energies) - len(possible), len(energies), energy_text(model.capacity), cfg.rule,
             )  # fmt: skip
         return front
-    if len(kept) == 0:
+    if len(possible) == 0:
         from pareto_ltl.planning.endurance import capacity_advice
 
         raise InfeasibleError(
             f"every path of the front needs more than robot.power.capacity = {energy_text(model.capacity)}; "
             f"the least is {energy_text(energies.min())}: {capacity_advice(problem, front)}"
         )
-    return front if len(kept) == len(energies) else part_of_front(front, kept.tolist())
+    return front if len(possible) == len(energies) else part_of_front(front, possible.tolist())
 
 
 def part_of_front(front: Front, kept: Sequence[int]) -> Front:

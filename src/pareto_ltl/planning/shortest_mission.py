@@ -1,4 +1,4 @@
-"""What excludes even the shortest line that completes the mission, flown in the expected wind.
+"""Reasons that exclude even the shortest line that completes the mission, flown in the expected wind.
 
 The line keeps 2 m from obstacles, the border and the regions that the mission forbids at that moment; errors
 of the wind and chance constraints do not matter here. Tested are, in this order: whether there is a line at
@@ -28,9 +28,7 @@ from pareto_ltl.planning.wind_lookup import interpolate
 from pareto_ltl.support.arrays import FloatArray
 
 MOST_ORDERS = 24  # mission orders that are tried
-SLACK = (
-    1.15  # plans are longer than the shortest line: the time that a cure must leave, over that of the line
-)
+SLACK = 1.15  # plans are longer than the shortest line: needed time, over the time of the line
 TIMES_LONGER = 2  # that many times the steps tell whether the time is too short
 LONGER = 32  # a flight this many times as long as the wind is known counts as stopped by the wind
 FASTEST = 16.0  # largest factor of robot.u_max that is tried
@@ -46,7 +44,7 @@ class _AtStart:
 
 
 def mission_fault(problem: Problem) -> str:
-    """Text on what excludes the shortest line, and what would allow it; empty if it can be flown."""
+    """Text on the reason that excludes the shortest line, and on the cure; empty if it can be flown."""
     lines = _mission_lines(problem)
     if not lines:
         why = closed_way(problem)

@@ -66,7 +66,7 @@ class Turns(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TurnsOnTheSpot:
-    """Turns take neither time nor distance: the orders are the controls of the plan."""
+    """Turns need no time and no distance: the orders are the controls of the plan."""
 
     @property
     def acceleration(self) -> None:
@@ -146,7 +146,7 @@ class Leg:
     airspeed : float
         [m/s]
     angle : float
-        Of its turn, positive to the left.
+        Angle of its turn, positive to the left.
     wind : complex
         [m/s]
     duration : float
@@ -172,7 +172,7 @@ class Leg:
 
     @property
     def displacement(self) -> complex:
-        """Place after the turn less that of an aircraft that had the new heading at once [m], D of (M71)."""
+        """Place after the turn minus the place with the new heading at once [m], D of (M71)."""
         return self._turning(self.busy) - self.busy * cmath.rect(self.airspeed, self.order)
 
     def heading(self, time: float) -> float:
@@ -211,8 +211,8 @@ class Leg:
 def _solved(leg: Leg, way: complex, side: float) -> Leg | None:
     """``leg`` with the turn to ``side`` (1: left) and the duration that lead over ``way`` [m].
 
-    A leg of T seconds leads to D(ψ) + T (V e^iψ + w): T and ψ are those of the wind triangle over way - D(ψ),
-    found as a fixed point. Eqs. (M71), (M72) of docs/mathematics_methods.md.
+    A leg of T seconds leads to D(ψ) + T (V e^iψ + w): T and ψ solve the wind triangle over way - D(ψ),
+    computed as a fixed point. Eqs. (M71), (M72) of docs/mathematics_methods.md.
     """
     for _ in range(ITERATIONS):
         rest = way - leg.displacement

@@ -1,4 +1,4 @@
-"""What a detour through a landmark buys: points of the front that cross it, and points that do not."""
+"""How much a detour through a landmark helps: points of the front that cross it, and points that do not."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from pareto_ltl.world.scene import Scene
 def detour_lines(scene: Scene, front: Front, plan: Plan) -> list[str]:
     """A sentence for each landmark that some points of the front cross and others do not.
 
-    The plan is compared with the safest of the other kind: of those that are no longer than the plan if the
-    plan crosses the landmark, else of those that are longer. Both rates are those of the front, in the same
-    winds. No sentence where the longer path is not the safer one.
+    The plan is compared with the safest path of the other kind: if the plan crosses the landmark, among the
+    paths that are no longer than the plan, else among the longer ones. Both rates are taken from the front,
+    in the same winds. There is no sentence where the longer path is not the safer one.
     """
     chosen = chosen_number(front, plan)
     if chosen is None or not front.rates:

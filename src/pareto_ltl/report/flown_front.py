@@ -96,8 +96,8 @@ def order_looks(orders: Sequence[str]) -> dict[str, tuple[str, str]]:
 def _draw_point(ax: Axes, x: float, row: FloatArray, look: tuple[str, str], low: float) -> None:
     """A rate with its interval; values below ``low`` are drawn at ``low``."""
     colour, mark = look
-    rate, least, most = np.maximum(row, low)
-    ax.plot([x, x], [least, most], color=colour, lw=0.9, zorder=4, clip_on=False)
+    rate, least, upper = np.maximum(row, low)
+    ax.plot([x, x], [least, upper], color=colour, lw=0.9, zorder=4, clip_on=False)
     ax.plot(x, rate, mark, ms=3.8, mfc=colour, mec="white", mew=0.4, zorder=5, clip_on=False)
 
 

@@ -55,7 +55,7 @@ def frames_figure(scene: Scene, deployment: Deployment, times: FloatArray, frame
 
 
 def _draw_moment(chart: MapAxes, deployment: Deployment, step: int, count: int) -> None:
-    """Tails and positions of the flights at ``step``; those of failing flights dark, with a cross."""
+    """Tails and positions of the flights at ``step``; failing flights are dark, with a cross."""
     x, failed = deployment.x[:count, : step + 1], deployment.failed[:count]
     for lost, colour, mark, size in (
         (False, style.law_colour(deployment.law), "o", 1.0),

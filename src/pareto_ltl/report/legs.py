@@ -93,11 +93,11 @@ class Leg:
     number : int
         The step, from 0.
     begin, end : str
-        In UTC, or in hours since departure.
+        Times in UTC, or in hours since departure.
     heading_true, wind_from : float
-        In degrees; NaN where the robot drifts, and on a map without a place on Earth.
+        Directions in degrees; NaN where the robot drifts, and on a map without a place on Earth.
     airspeed, wind, wind_sd : float
-        In m/s: of the robot, of the expected wind, and the standard deviation of a component of the wind.
+        Speeds of the robot and of the expected wind, standard deviation of a component of the wind [m/s].
     closest : Clearance or None
         The nearest barrier; None without barriers.
     failed : float
@@ -133,11 +133,11 @@ def plan_legs(problem: Problem, plan: Plan, flown: Deployment) -> list[Leg]:
 def plan_lines(
     problem: Problem, plan: Plan, flown: Deployment, legs: Sequence[Leg], *, each: bool = False
 ) -> Iterator[str]:
-    """Lines of text: mission, the legs towards each goal, what is promised and what is not covered.
+    """Lines of text: mission, the legs towards each goal, the promise and the errors that it does not cover.
 
-    ``flown`` are simulated flights of the plan, ``legs`` those of :func:`plan_legs`; every probability is
-    given with its wind law. Successive legs of one heading and airspeed have one line, or with ``each`` their
-    own.
+    ``flown`` are simulated flights of the plan, ``legs`` come from :func:`plan_legs`; every probability is
+    given with its wind law. Successive legs of one heading and airspeed share a line, or with ``each`` have
+    one line each.
     """
     path, scene = plan.path, problem.scene
     words = mission_in_words(plan.formula)
@@ -182,12 +182,12 @@ def _legs_line(legs: Sequence[Leg]) -> str:
     """The line of one or several legs of one heading: mean course and wind, and what is closest."""
     first, last = legs[0], legs[-1]
     number = f"{first.number}" if len(legs) == 1 else f"{first.number}-{last.number}"
-    told = [f"{number:>7}  {first.begin} - {last.end}", _course_text(legs)]
+    words = [f"{number:>7}  {first.begin} - {last.end}", _course_text(legs)]
     near = [leg.closest for leg in legs if leg.closest is not None]
-    told += [str(min(near, key=lambda one: one.deviations))] if near else []
-    told += [f"failed {probability_text(last.failed)}"]
-    told += ["position fix at its end"] if last.fix else []
-    return "; ".join(told)
+    words += [str(min(near, key=lambda one: one.deviations))] if near else []
+    words += [f"failed {probability_text(last.failed)}"]
+    words += ["position fix at its end"] if last.fix else []
+    return "; ".join(words)
 
 
 def _course_text(legs: Sequence[Leg]) -> str:

@@ -1,4 +1,4 @@
-"""What limits a plan: rows on its segments and on the prices of its limits, for text, page and figure."""
+"""The limits of a plan: rows on its segments and on the prices of its limits, for text, page and figure."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class PriceRow:
     limit, change : str
         For example ``obstacle 6`` and ``1 km smaller on every side``.
     time : str
-        When most of it is saved; empty for the whole flight.
+        When the saving is largest; empty for the whole flight.
     saving : float
         Fall of the failure rate by the change.
     """
@@ -169,10 +169,10 @@ def tight_places(scene: Scene, plan: Plan) -> list[tuple[int, list[str]]]:
     priced = limits.price > TIGHT_PRICE * largest
     places = []
     for k in np.flatnonzero(priced | (limits.probability > TIGHT_RISK * plan.epsilon)).tolist():
-        most = "" if plan.epsilon >= 1.0 else f" of at most {epsilon_text(plan)}"
+        limit = "" if plan.epsilon >= 1.0 else f" of at most {epsilon_text(plan)}"
         risk = probability_text(float(limits.probability[k]))
         barrier = scene.barrier_title(limits.nearest[k])
-        lines = [f"{barrier}, {times[k]} to {times[k + 1]}", f"collides {risk}{most}, {law} winds"]
+        lines = [f"{barrier}, {times[k]} to {times[k + 1]}", f"collides {risk}{limit}, {law} winds"]
         if priced[k]:
             saved = points_text(float(limits.price[k]) * unit)
             lines.append(f"all barriers {metres_text(unit)} farther: {saved} points fewer failures")

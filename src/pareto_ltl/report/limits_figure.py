@@ -105,15 +105,15 @@ def _parts_on_map(scene: Scene, outline: FloatArray) -> Sequence[FloatArray]:
 
 def _colour_path(chart: MapAxes, plan: Plan, limits: SegmentLimits) -> LineCollection:
     """Segments in the colour of their collision probability, from ``DECADES`` below epsilon to epsilon."""
-    most = min(plan.epsilon, 1.0)
-    least = most * 10.0**-DECADES
+    limit = min(plan.epsilon, 1.0)
+    least = limit * 10.0**-DECADES
     x = plan.path.x * chart.per_metre
     order = np.argsort(limits.probability, kind="stable")  # the largest on top
     lines = np.stack([x[:-1], x[1:]], axis=1)[order]
     look: dict[str, Any] = {"linewidths": 2.4, "capstyle": "round", "zorder": 6.2}
     casing = LineCollection(list(lines), colors=style.BLACK, **{**look, "linewidths": 3.6, "zorder": 6.1})
-    segments = LineCollection(list(lines), cmap="viridis", norm=LogNorm(least, most), **look)
-    segments.set_array(np.clip(limits.probability[order], least, most))
+    segments = LineCollection(list(lines), cmap="viridis", norm=LogNorm(least, limit), **look)
+    segments.set_array(np.clip(limits.probability[order], least, limit))
     for layer in (casing, segments):
         chart.ax.add_collection(layer, autolim=False)
     return segments

@@ -196,8 +196,8 @@ def promise_lines(promise: Promise | None) -> list[str]:
     if promise is None:
         return []
     rate = promise.rate
-    fails, most = shown_probability(rate.failure), shown_probability(rate.high)
-    return [f"fails {fails}, at most {most} (95 %), {rate.law} winds, {rate.sample}"]
+    fails, upper = shown_probability(rate.failure), shown_probability(rate.high)
+    return [f"fails {fails}, at most {upper} (95 %), {rate.law} winds, {rate.sample}"]
 
 
 def _failure_heading(forest: Forest | None) -> list[str]:
@@ -224,15 +224,15 @@ def flight_text(run: DrawnRun, law: str, count: int) -> str:
     """Text on the simulated flights under ``law``, and V + R there; at most ``count`` flights are drawn."""
     deployment = run.deployments[law]
     failed, runs = int(deployment.failed.sum()), len(deployment.x)
-    told = f"{law} winds: {failed:,} of {runs:,} flights failed ({shown_probability(failed / runs)})"
-    told += f", {min(count, runs)} drawn"
+    text = f"{law} winds: {failed:,} of {runs:,} flights failed ({shown_probability(failed / runs)})"
+    text += f", {min(count, runs)} drawn"
     if gone := int(deployment.off_map.sum()):
-        told += f"\n{shown_probability(gone / runs)} left the map"
-        told += ", which is a failure" if deployment.walled else ", which is no failure"
+        text += f"\n{shown_probability(gone / runs)} left the map"
+        text += ", which is a failure" if deployment.walled else ", which is no failure"
     if law not in run.forecasts:
-        return told
+        return text
     bound = run.forecasts[law].mission_risk + run.forecasts[law].collision_risk
-    return f"{told}\nbound V + R of the controls {shown_probability(bound)}"
+    return f"{text}\nbound V + R of the controls {shown_probability(bound)}"
 
 
 # --- legends ------------------------------------------------------------------------------------

@@ -161,7 +161,7 @@ def _label_place(
 ) -> FloatArray:
     """Centre (2,) [m] of ``lines``: inside the region, or with only the first line inside, or beside it.
 
-    ``scale`` is that of the map [m/in].
+    ``scale`` is the scale of the map [m/in].
     """
     whole, first = label_half_size(lines, scale), label_half_size(lines[:1], scale)
     if len(lines) > 1 and not fits_inside(parts, whole) and fits_inside(parts, first):

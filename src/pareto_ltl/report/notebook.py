@@ -133,7 +133,7 @@ def _plan_chart(plan: Plan, scene: Scene | None) -> Figure:
 def _path_chart(path: PlannedPath, scene: Scene | None) -> Figure:
     """The expected positions without ellipses: a path has no record of the wind law of its covariances."""
     ground = scene or _ground_around(path.x)
-    figure = _map_chart([", ".join(f"{name} {told}" for name, told in path.facts().items())], ground)
+    figure = _map_chart([", ".join(f"{name} {value}" for name, value in path.facts().items())], ground)
     chart = _chart_of(figure, ground)
     draw_mean_path(chart, path.x)
     chart.ax.plot(*(path.x[-1] * chart.per_metre), "s", mfc="white", mec="black", ms=4, mew=0.9, zorder=9.5)
@@ -146,9 +146,9 @@ def _front_chart(front: Front, scene: Scene | None, plan: Plan | None = None) ->
 
 
 def _forest_chart(forest: Forest, scene: Scene | None) -> Figure:
-    told = f"{len(forest.trees)} trees, {len(forest.accepted):,} vertices complete the mission"
+    title = f"{len(forest.trees)} trees, {len(forest.accepted):,} vertices complete the mission"
     ground = scene or _ground_around(*(tree.x for tree in forest.trees))
-    return _map_chart([told], ground, forest=forest)
+    return _map_chart([title], ground, forest=forest)
 
 
 def _tree_chart(tree: Tree, scene: Scene | None) -> Figure:
@@ -181,8 +181,8 @@ def _scene_chart(scene: Scene, _: Scene | None) -> Figure:
 
 def _cells_chart(decomposition: Decomposition, scene: Scene | None) -> Figure:
     ground = scene or _ground_around(*decomposition.cells)
-    told = f"{len(decomposition.cells):,} convex cells"
-    return _map_chart([told], ground, decomposition=decomposition)
+    title = f"{len(decomposition.cells):,} convex cells"
+    return _map_chart([title], ground, decomposition=decomposition)
 
 
 def _wind_chart(wind: WindField, scene: Scene | None, time: float | str = 0.0) -> Figure:

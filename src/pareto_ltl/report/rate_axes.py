@@ -46,7 +46,7 @@ def rate_ticks(low: float, high: float) -> list[float]:
 def rate_tick_text(value: float, low: float = 0.0) -> str:
     """``value`` in per cent; with ``≤`` at the end ``low`` of the axis."""
     percent = 100.0 * value
-    told = f"{percent:g}"
+    text = f"{percent:g}"
     if percent < 0.999e-3:
-        told = "10" + str(round(math.log10(percent))).translate(SUPERSCRIPTS)
-    return ("≤ " if value <= low * 1.01 else "") + told
+        text = "10" + str(round(math.log10(percent))).translate(SUPERSCRIPTS)
+    return ("≤ " if value <= low * 1.01 else "") + text

@@ -24,7 +24,7 @@ class DrawnRun:
     decomposition, wind : or None
         None in the figure of a single record, which shows neither cells nor wind.
     forest, front, plan : or None
-        None if the run did not make it; the map then says that there is no plan.
+        None if the run did not make it; the map then states that there is no plan.
     deployments : mapping of wind law to Deployment
         Simulated flights; the first ``report.paths`` of each law are drawn.
     forecasts : mapping of wind law to Forecast

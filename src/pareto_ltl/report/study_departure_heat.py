@@ -88,7 +88,7 @@ def _percent(rate: float) -> str:
 
 
 def _mark_starts(ax: Axes, rows: Sequence[FigureRow], edges: FloatArray) -> None:
-    """A frame around the recommended start, marks above it and those as good, and why columns are empty."""
+    """A frame around the recommended start, marks above it and equal ones, reasons for empty columns."""
     low, high, cells = float(edges[0]), float(edges[-1]), len(edges) - 1
     for k, row in enumerate(rows):
         if row["recommended"]:

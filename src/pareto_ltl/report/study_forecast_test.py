@@ -202,7 +202,7 @@ def _explain_marks(ax: Axes) -> None:
 
 
 def _prediction_label(name: str, rows: Sequence[FigureRow]) -> str:
-    """Title of a panel: the prediction and its wind law; R of a plan is that of the law it was planned in."""
+    """Title of a panel: the prediction and its wind law; R of a plan is in the law it was planned in."""
     law = preset(rows[0].get("fidelity", "paper")).law
     if name == "bound_paper" and law != "independent":
         return f"f_o, independent, + R, {law} winds"

@@ -1,7 +1,7 @@
 """Colours, sizes, fonts and ticks of all figures, and files with reproducible bytes.
 
 Figures have the width of a column (3.5 in) or a page (7.16 in), so that 7 pt in the file is 7 pt in print.
-The colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish; the colour maps
+The colours are taken from Okabe and Ito (2008), which colour-blind readers can distinguish; the colour maps
 ``cividis`` and ``viridis`` are chosen for the same reason.
 """
 

@@ -17,7 +17,7 @@ def timed_obstacles(scene: Scene) -> tuple[FloatArray, ...]:
 
 
 def visited_outlines(scene: Scene) -> tuple[FloatArray, ...]:
-    """Outlines of the regions that a mission can visit: not those that are forbidden for a limited time."""
+    """Outlines of the regions that a mission can visit: all that are not forbidden for a limited time."""
     return tuple(
         outline
         for name, outlines in scene.regions.items()
@@ -35,8 +35,8 @@ def time_lines(scene: Scene, region: str) -> list[str]:
     lines = []
     for name, window in scene.windows.items():
         if window.region == region:
-            told = "forbidden" if name in scene.forbidden else name if name != region else ""
-            lines.append(f"{told} {short_span(window)}".strip())
+            use = "forbidden" if name in scene.forbidden else name if name != region else ""
+            lines.append(f"{use} {short_span(window)}".strip())
     return lines
 
 

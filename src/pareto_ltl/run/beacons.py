@@ -30,7 +30,7 @@ def beacons(
     planned: PlanningResult | Results | str | Path, *, radius: float | None = None, number: int = 1,
     flights: int = 2000,
 ) -> BeaconMap:  # fmt: skip
-    """Where a beacon would reduce the failure of a plan most.
+    """The places where a beacon would reduce the failure of a plan most.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Another path of a front as the plan, without planning again.
 
-The records of a run (map, wind, cells, automaton, trees, front) are kept; the stages from the plan on run
-with another selection. Their files are identical to those of a whole run with that selection.
+The records of a run (map, wind, cells, automaton, trees, front) are reused; the stages from the plan on run
+with another selection. Their files are identical to the files of a whole run with that selection.
 """
 
 from __future__ import annotations
@@ -83,10 +83,10 @@ class Choice:
     def settings(self, cfg: SelectionConfig) -> SelectionConfig:
         """``cfg`` with the rule for this criterion; raises ConfigError for a value out of range."""
         changes = self._changes()
-        kept = {field.name: getattr(cfg, field.name) for field in fields(cfg)}
+        values = {field.name: getattr(cfg, field.name) for field in fields(cfg)}
         if changes["rule"] != cfg.rule:
-            kept["options"] = {}  # they are those of one rule
-        changed = section_of("selection", kept | changes)
+            values["options"] = {}  # options belong to one rule
+        changed = section_of("selection", values | changes)
         assert isinstance(changed, SelectionConfig)
         return changed
 
@@ -168,7 +168,7 @@ def choose_from_results(
     """
     require_plan(results)
     if place.resolve() == results.directory.resolve():
-        raise ConfigError(f"{place}: the result would overwrite its own source; name another folder")
+        raise ConfigError(f"{place}: the result would overwrite its source; name another folder")
     settings = chosen_settings(results.settings, choice)
     records = kept_records(results)
     require_choice(choice, records[FRONT], str(results.directory))
@@ -216,7 +216,7 @@ def kept_records(results: Results) -> Records:
 
 
 def later_stages(settings: Settings, table: StageTable) -> list[Stage[Any]]:
-    """The stages of ``settings`` whose record is not kept; those of ``RAW`` only if another needs them."""
+    """The stages of ``settings`` that must run; stages of ``RAW`` only if another one needs their record."""
     stages = [table[name] for name in settings.pipelines.stages]
     left = [stage for stage in stages if stage.makes not in KEPT]
     wanted = {need for stage in left for need in (*stage.needs, *stage.uses) if stage.makes not in RAW}

@@ -2,7 +2,7 @@
 
 Growth takes about half of the time. When a run is about to compile it, the second process plans a small
 mission of the same kind with a given path (:func:`pareto_ltl.run.warmup.warm_up`); the machine code that it
-writes is then found on disk. If it fails, or code for other types is needed, this process compiles as usual.
+writes is then on disk. If it fails, or code for other types is needed, this process compiles as usual.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def kind_of(settings: Settings) -> str | None:
 
 
 def _may_start() -> bool:
-    """Whether a second process has a core, and this one is no worker of a sweep or of a study."""
+    """Whether there is a core for a second process, and this one is not a worker of a sweep or study."""
     return cores() > 1 and multiprocessing.parent_process() is None and not getattr(sys, "frozen", False)
 
 
@@ -99,7 +99,7 @@ def _process(kind: str, folder: str) -> subprocess.Popen[bytes]:
 
 
 def second_process(kind: str, first: str) -> None:
-    """Compile the kernels of ``kind`` but for growth; end when the process ``first`` has ended."""
+    """Compile the kernels of ``kind`` except growth; end when the process ``first`` has ended."""
     from pareto_ltl.run.warmup import warm_up
 
     def watch() -> None:

@@ -62,7 +62,7 @@ def claimed_directory(directory: Path, written: Iterable[str] = ()) -> Iterator[
         clear_results(directory, written)
         try:
             yield
-        except OSError as error:  # that of Hydra for a full disk names no file
+        except OSError as error:  # Hydra's error for a full disk names no file
             if error.errno not in FULL_DISK or error.filename:
                 raise
             raise OSError(error.errno, error.strerror, str(directory)) from error

@@ -34,7 +34,7 @@ def export(
     planned : PlanningResult, Results or path
         What :func:`pareto_ltl.plan` returned, or a results directory.
     formats : sequence of str, optional
-        Some of the formats of ``exports.formats``; default those of the run.
+        Some of the formats of ``exports.formats``; default the formats of the run.
     point : int, optional
         The path of that number in ``front.csv``; default the plan.
     settings

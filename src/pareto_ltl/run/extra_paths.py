@@ -1,4 +1,4 @@
-"""Further paths that are judged with those of a run (``selection.extra_paths``), and their file.
+"""Further paths that are judged with the paths of a run (``selection.extra_paths``), and their file.
 
 The file is a ``front.npz``, of which only the positions are read, or one that :func:`write_extra_paths` made.
 """

@@ -23,7 +23,7 @@ NO_TREE_PATH = (
 
 
 def make_front(inputs: StageInputs) -> Front:
-    """The non-dominated paths, refined and judged as ``fidelity`` says."""
+    """The non-dominated paths, refined and judged as set in ``fidelity``."""
     inputs.budget.heeded = True
     front = FRONT_MAKERS[inputs.settings.fidelity.judge](inputs)
     inputs.budget.heeded = False
@@ -66,7 +66,7 @@ def _flown_front(inputs: StageInputs) -> Front:
 
 
 def _no_path(inputs: StageInputs) -> str:
-    """Text that says why the trees have no path that completes the mission."""
+    """Text with the reason why the trees have no path that completes the mission."""
     from pareto_ltl.planning import no_path
 
     settings = inputs.settings
@@ -78,7 +78,7 @@ FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_fro
 
 
 def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
-    """Refined paths, and those of ``selection.extra_paths`` and of ``CANDIDATES``; why none is refined."""
+    """Refined paths, with the paths of ``selection.extra_paths`` and ``CANDIDATES``; why none is refined."""
     from pareto_ltl.planning.refine.epsilon import keeps_epsilon, within_limits
     from pareto_ltl.run.extra_paths import extra_paths
 

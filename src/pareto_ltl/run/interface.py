@@ -313,7 +313,7 @@ def replan(
         run, source = _run_of(results), str(results.directory)
         run.records[DECOMPOSITION], run.records[AUTOMATON] = results.decomposition, results.automaton
         if out is not None and Path(out).resolve() == results.directory.resolve():
-            raise ConfigError(f"{out}: the result would overwrite its own source; name another folder")
+            raise ConfigError(f"{out}: the result would overwrite its source; name another folder")
     done = replanned(run, time, fixes_from(run, time, fix, fixes), wind=wind, quick=quick)
     if out is not None:
         write_replanned(done, run, Path(out), source)
@@ -334,7 +334,7 @@ def simulate(
     planned : PlanningResult, Results or path
         What :func:`plan` returned, or a results directory.
     seed : int, optional
-        Seed of the winds; default that of the plan. One seed gives the same winds to every plan.
+        Seed of the winds; default the seed of the plan. One seed gives the same winds to every plan.
     """
     run = planned.run if isinstance(planned, PlanningResult) else _run_of(load_results(planned))
     settings = replace(

@@ -95,15 +95,15 @@ def _readings(settings: Settings, cfg: WindConfig, wind: NewWind, scene: Scene) 
 
 
 def warn_of_use(old: WindField, new: WindField, moment: float, rest: float) -> None:
-    """Log what is doubtful about a newer forecast: its age, and an end before that of the old plan.
+    """Log what is doubtful about a newer forecast: its age, and an end before the end of the old plan.
 
-    The times of ``old`` count from the first departure, those of ``new`` from ``moment`` [s]; ``rest`` [s] is
+    The times of ``old`` count from the first departure, times of ``new`` from ``moment`` [s]; ``rest`` [s] is
     the time that the rest of the old plan takes.
     """
     before, now = issued(old), issued(new) + moment
     if now < before - 60.0:  # not if one of them is NaN
         LOG.warning(
-            "the newer forecast is older than that of the plan: it begins %.3g h before it; it is used "
+            "the newer forecast is older than the one of the plan: it begins %.3g h before it; it is used "
             "in any case",
             (before - now) / HOUR,
         )  # fmt: skip

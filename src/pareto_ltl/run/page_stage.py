@@ -40,7 +40,7 @@ USED: tuple[RecordKey[Any], ...] = (AUTOMATON, PROBLEM, FOREST, FRONT, PLAN, DEP
 
 
 def make_page(inputs: StageInputs) -> tuple[Path, ...]:
-    """``report.html`` from the records that exist; without a plan the page says why."""
+    """``report.html`` from the records that exist; without a plan the page states the reason."""
     settings = inputs.settings
     if not settings.report.page:
         return ()
@@ -69,7 +69,7 @@ def write_page(path: Path, shown: ShownRun) -> Path:
 def shown_run(
     settings: Settings, records: Records, origin: Origin, seeds: SeedSequence, why: str = ""
 ) -> ShownRun:
-    """The records for the page, of those in ``records``; ``seeds`` are those of the deployment."""
+    """The records for the page, selected from ``records``; ``seeds`` are the seeds of the deployment."""
     from pareto_ltl.exports.exported import Height, flown_level, height_of
     from pareto_ltl.report.page.shown_run import ShownRun
 

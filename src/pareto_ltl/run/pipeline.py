@@ -314,7 +314,7 @@ def _save_given(run: Run, place: Path) -> None:
 def _close(
     run: Run, place: Path, record: dict[str, Any], status: str, error: BaseException | None = None
 ) -> dict[str, float]:
-    """Write how the run ended. A failed run has no metrics; an infeasible one has if it grew trees."""
+    """Write how the run ended. A failed run has no metrics, an infeasible one has them if it grew trees."""
     from pareto_ltl.run.metrics import run_metrics
     from pareto_ltl.support.files import write_json
 
@@ -356,7 +356,7 @@ def logging_to(path: Path) -> Iterator[None]:
     for logger in heard:
         logger.addHandler(handler)
         logger.setLevel(logging.INFO)
-        logger.propagate = False  # a sweep's own log goes to the screen
+        logger.propagate = False  # the log of a sweep goes to the screen
     logging.captureWarnings(True)
     try:
         yield

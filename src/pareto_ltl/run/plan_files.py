@@ -150,7 +150,7 @@ def _promise(content: Mapping[str, Any] | None) -> Promise | None:
         return None
     names = [field.name for field in fields(FailureRate)]
     rate, claimed = (
-        FailureRate(**{name: told[name] for name in names}) for told in (content, content["claimed"])
+        FailureRate(**{name: stated[name] for name in names}) for stated in (content, content["claimed"])
     )
     return Promise(rate, claimed, _number(content["bound"]), _number(content["linearity"]), content["passed"])
 
@@ -184,8 +184,8 @@ def _number(value: float | None) -> float:
 
 
 def _flight(content: Mapping[str, Any]) -> PlannedPath:
-    told = content["objectives"]  # files of schema 1 may lack mission_risk_ordered
-    costs = {"mission_risk_ordered": told["mission_risk"]} | told
+    objectives = content["objectives"]  # files of schema 1 may lack mission_risk_ordered
+    costs = {"mission_risk_ordered": objectives["mission_risk"]} | objectives
     risks = {name: _number(costs.pop(name)) for name in RISKS}
     flight = PlannedPath(
         t=np.array(content["t"], float),

@@ -1,7 +1,7 @@
 """Position fixes as users give them: read, placed on the map, and tested against the law of the plan.
 
 A fix to which the law gives a probability below :data:`UNLIKELY` is an alarm: the plan is made, because the
-robot needs one, but it promises nothing.
+robot needs one, but it has no promise.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def placed_fix(
 ) -> Fix:
     """The fix in the plane, at the nearest step; raises ConfigError if it cannot be used.
 
-    A fix between two steps is moved by what the plan flies from its time to that of the step.
+    A fix between two steps is moved by what the plan flies between its time and the time of the step.
     """
     place = place_of(problem, numbers, what)
     step = step_at(problem, plan, time, "time" if what == "fix" else f"{what}: time")
@@ -110,7 +110,7 @@ def place_of(problem: Problem, numbers: Sequence[float], what: str = "fix") -> F
 
 
 def in_plane(problem: Problem, a: float, b: float) -> FloatArray | None:
-    """Latitude and longitude [deg], or x and y [m], as a position (2,) [m]; None if it is no latitude."""
+    """Latitude and longitude [deg], or x and y [m], as a position (2,) [m]; None if it is not a latitude."""
     from pareto_ltl.world.projection import to_plane
 
     if problem.scene.crs is None:
@@ -172,9 +172,9 @@ def _numbers(cells: dict[str, str], columns: Sequence[str], what: str) -> list[f
     try:
         return [float(cells[name]) for name in columns[1:]]
     except ValueError:
-        said = ",".join(cells[name] for name in columns[1:])
+        text = ",".join(cells[name] for name in columns[1:])
         raise DataError(
-            f"{what}: {shown_value(said)} are not three numbers; expected {','.join(columns)}"
+            f"{what}: {shown_value(text)} are not three numbers; expected {','.join(columns)}"
         ) from None
 
 
@@ -224,7 +224,7 @@ def chance(far: float) -> float:
 
 
 def causes(problem: Problem, path: PlannedPath, fix: Fix) -> list[str]:
-    """What may explain an unlikely fix, the most specific first."""
+    """Possible causes of an unlikely fix, the most specific first."""
     found, dt = [], problem.motion.dt
     off = _distances(path, fix.place, fix.sd)
     nearest = int(np.argmin(off))

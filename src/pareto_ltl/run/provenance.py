@@ -39,8 +39,8 @@ def config_hash(settings: Settings) -> str:
     content = as_dict(settings)
     del content["sweep"], content["planner"]["threads"]
     # The fingerprint of the source counts too: the version does not change during development.
-    told = {"version": __version__, "code": code_fingerprint(), "settings": content}
-    return data_fingerprint(told)
+    hashed = {"version": __version__, "code": code_fingerprint(), "settings": content}
+    return data_fingerprint(hashed)
 
 
 def begin(settings: Settings, argv: Sequence[str], overrides: Sequence[str] = ()) -> dict[str, Any]:
@@ -139,8 +139,8 @@ def git_state(root: Path | None) -> dict[str, Any] | None:
     """Commit of the git checkout at ``root`` and whether files differ from it; None outside a checkout."""
     if root is None or not (root / ".git").exists():
         return None
-    told = _git(root, "status", "--porcelain=v2", "--branch")
-    lines = [] if told is None else told.splitlines()
+    status = _git(root, "status", "--porcelain=v2", "--branch")
+    lines = [] if status is None else status.splitlines()
     oid = next((line.split()[-1] for line in lines if line.startswith("# branch.oid ")), NO_COMMIT)
     changed = any(not line.startswith("#") for line in lines)
     return None if oid == NO_COMMIT else {"commit": oid, "changed": changed}

@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class RecordKey(Generic[T]):
-    """The key of a record of type ``T``; ``name`` is that of the stage that makes it."""
+    """The key of a record of type ``T``; ``name`` is the name of the stage that makes it."""
 
     name: str
 

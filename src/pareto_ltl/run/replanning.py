@@ -2,7 +2,7 @@
 
 Without fixes and without a newer forecast there is no new information, and the rest of the old plan is
 unchanged. Position and wind are conditioned on fixes (``planning/conditioning.py``, ``wind/conditioned.py``),
-or the wind is that of a newer forecast (``run/newer_wind.py``). The automaton continues from its most likely
+or the wind is a newer forecast (``run/newer_wind.py``). The automaton continues from its most likely
 state, and the stages from the trees on run with these records. The rest of the old plan is one of the paths
 of the new front. The new plan and the rest of the old one are then simulated in the same winds; a plan that
 fails significantly more often than the rest is replaced by a path of the front that does not.
@@ -73,9 +73,10 @@ class Replanned(Displayed):
     plan : Plan
         The new plan; without new information, the rest of the old one.
     old, new : FailureRate
-        Of the rest of the old plan and of the new one, in the same fresh winds given the fixes. Without new
-        information both are that of the whole old plan. Worthless if there are ``situation.alarms``. ``old``
-        is None if the newer forecast ends before the rest of the old plan would arrive.
+        Failure of the rest of the old plan and of the new one, in the same fresh winds given the fixes.
+        Without new information, both are the rate of the whole old plan. Not valid if there are
+        ``situation.alarms``. ``old`` is None if the newer forecast ends before the rest of the old plan
+        would arrive.
     difference : (float, float, float)
         New less old failure rate, and the ends of its 95 % interval; NaN without ``old``.
     rest : PlannedPath
@@ -110,7 +111,7 @@ class Replanned(Displayed):
         return "new" if high < 0.0 else "old" if low > 0.0 else "either"
 
     def facts(self) -> Mapping[str, str]:
-        """When, the failure rates of both plans and their difference, and which of them to fly."""
+        """Time of the new plan, failure rates of both plans with their difference, and which one to fly."""
         at, (middle, *ends) = self.situation, self.difference
         facts = {
             "time": f"{at.time / 3600:.1f} h after departure, step {at.step}",
@@ -200,7 +201,7 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
 
     If the rule's choice does, the shortest path of the front is taken that fails no more often than the rest,
     which was judged with it; of the paths tried, the one with the fewest failures. A rest that outlasts the
-    wind cannot be flown: then the flights are those of the plan alone.
+    wind cannot be flown: then only the plan is flown.
     """
     from pareto_ltl.simulation.judging import which_fail_each
 
@@ -220,9 +221,9 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     row = held[0] if held else int(np.argmin(failed.sum(axis=1)))
     LOG.info("the choice of selection.rule=%s fails more often than the rest of the old plan", cfg.rule)
     selection = replace(cfg, rule="point", point=tried[row])
-    kept: dict[RecordKey[Any], Any] = {key: other.make(key) for key in KEPT}
+    records: dict[RecordKey[Any], Any] = {key: other.make(key) for key in KEPT}
     settings = replace(other.settings, selection=selection)
-    safer = Run(settings, other.table, Records(kept), dict(other.seconds))
+    safer = Run(settings, other.table, Records(records), dict(other.seconds))
     safer.make(PLAN)
     return safer, [failed[row], old]
 
@@ -250,7 +251,7 @@ def _carried_on(
     scene = scene_from(problem.scene, rest.x[0], situation.time)
     flown = len(plan.path.u) - len(rest.u)
     limits = plan.limits and plan.limits.after(flown)
-    # Prices are those of the whole flight, at steps of its path.
+    # Prices belong to the whole flight, at steps of its path.
     plan = replace(
         plan, path=rest, limits=limits, prices=(), navigation=navigate(scene, rest.t, rest.x, rest.u)
     )

@@ -56,7 +56,7 @@ def run_of_the_rest(
     """A run of the rest of the flight, and the alarms about a newer forecast.
 
     It starts where the robot is expected to be, with the remaining mission, in the conditioned wind or in
-    that of a newer forecast, and has the rest of the old plan as a candidate.
+    a newer forecast, and has the rest of the old plan as a candidate.
     """
     other = conditioned_run(run, situation, quick=quick)
     alarms: list[str] = []
@@ -95,7 +95,7 @@ def candidates_of(problem: Problem, rest: PlannedPath) -> tuple[PlannedPath, ...
 
 
 def _ways_back(problem: Problem, rest: PlannedPath) -> list[tuple[str, FloatArray]]:
-    """Positions (T+1, 2) [m] from the start of the problem to those of ``rest``, in more and more steps."""
+    """Positions (T+1, 2) [m] from the start of the problem to the path ``rest``, in more and more steps."""
     off = problem.scene.start - rest.x[0]
     steps = np.arange(len(rest.x))
     return [

@@ -266,7 +266,7 @@ def save_record(directory: Path, key: RecordKey[T], record: T) -> None:
 
 
 class RecordView(Displayed):
-    """The records of a run as attributes, or as ``view[KEY]``; a subclass says where they come from."""
+    """The records of a run as attributes, or as ``view[KEY]``; a subclass defines where they come from."""
 
     __slots__ = ()
 
@@ -328,7 +328,7 @@ class Results(RecordView):
         return record
 
     def records(self, keys: Iterable[RecordKey[Any]] = tuple(RECORD_FILES)) -> Records:
-        """Those records of ``keys`` whose files exist."""
+        """The records of ``keys`` whose files exist."""
         return Records(
             {
                 key: self[key]

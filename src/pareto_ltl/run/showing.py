@@ -1,4 +1,4 @@
-"""What a result shows people: its page, from a results directory, opened in a browser; text on each leg."""
+"""Display of a result: its page, from a results directory, opened in a browser; text on each leg."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def open_page(path: Path) -> bool:
 def show(planned: PlanningResult | Results | str | Path) -> Path:
     """Open the page of a plan in the default browser; return its path, also if there is no browser.
 
-    The page of a results directory is its ``report.html``; that of a plan in memory is written to a new
+    The page of a results directory is its ``report.html``; the page of a plan in memory is written to a new
     temporary folder.
     """
     place = planned.run.directory if isinstance(planned, PlanningResult) else planned

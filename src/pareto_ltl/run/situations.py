@@ -1,4 +1,4 @@
-"""Where a flight is: the step and the fixes that a user gives, the position, the state of the mission."""
+"""State of a flight: the step and the fixes that a user gives, the position, the state of the mission."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Situation:
     state : int
         Most likely automaton state, of probability ``certainty``.
     alarms : tuple of str
-        Fixes and fields that the law makes very unlikely: then nothing is promised.
+        Fixes and fields that the law makes very unlikely: then the plan has no promise.
     """
 
     step: int
@@ -97,7 +97,7 @@ def fixes_from(
 
 
 def planned_step(problem: Problem, plan: Plan, time: float | str | None, fixes: Sequence[Fix]) -> int:
-    """The step at which the new plan begins: that of ``time``, or of the last fix."""
+    """The step at which the new plan begins: the step of ``time``, or of the last fix."""
     last = fixes[-1].step if fixes else None
     if time is None:
         if last is None:
@@ -127,8 +127,8 @@ def situation_at(run: Run, step: int, fixes: tuple[Fix, ...], *, ahead: bool = F
     learnt = learn_at(problem, plan.path.x, step, fixes) if fixes else expected_at(problem, plan.path.x, step)
     if fixes and fixes[-1].sd > VAGUE * learnt.sd_before:
         LOG.warning(
-            "the standard deviation of the fix, %s, is close to that of the planned position, %s: the "
-            "covariance of position and wind after the fix is neglected",
+            "the standard deviation of the fix, %s, is close to the standard deviation of the planned "
+            "position, %s: the covariance of position and wind after the fix is neglected",
             distance_text(fixes[-1].sd), distance_text(learnt.sd_before),
         )  # fmt: skip
     state, certainty = likely_state(run, problem, plan, step, fixes)

@@ -1,7 +1,7 @@
 """Definition of a stage: a function, the records it needs, the record it makes, the settings it reads.
 
-``run/stages.py`` holds the stages of a plan. ``studies/stages.py`` holds those of the studies, and joins
-both and those of other packages into the table of the application.
+``run/stages.py`` holds the stages of a plan. ``studies/stages.py`` holds the stages of the studies, and
+joins both with the stages of other packages into the table of the application.
 """
 
 from __future__ import annotations
@@ -117,8 +117,8 @@ class Stage(Generic[T]):
     Attributes
     ----------
     makes : RecordKey
-        Key of the record that ``make`` returns. Its name is that of the stage, in ``pipelines/*.yaml`` and in
-        the log.
+        Key of the record that ``make`` returns. Its name is the name of the stage in ``pipelines/*.yaml`` and
+        in the log.
     make : callable
         Function from :class:`StageInputs` to the record. It imports slow packages in its body.
     needs : tuple of RecordKey
@@ -144,7 +144,7 @@ class Stage(Generic[T]):
 
     @property
     def name(self) -> str:
-        """The name of the stage: that of its record."""
+        """The name of the stage and of its record."""
         return self.makes.name
 
 

@@ -156,7 +156,7 @@ def make_problem(inputs: StageInputs) -> Problem:
 
 
 def _check_level(robot: RobotConfig, wind: WindField) -> None:
-    """Warn if the wind is that of another level than the robot's; calm air has no level."""
+    """Warn if the level of the wind is not the robot's; calm air has no level."""
     from pareto_ltl.wind.levels import level_mismatch
 
     if robot.level and wind.evidence is not None and (gap := level_mismatch(robot.level, wind.level)):
@@ -212,7 +212,7 @@ def make_plan(inputs: StageInputs) -> Plan:
 
     settings, problem = inputs.settings, inputs[PROBLEM]
     front = within_capacity(settings.selection, inputs[FRONT], problem)
-    said = coverage_of(
+    coverage = coverage_of(
         inputs[WIND],
         problem.scene.time_zero,
         settings.robot.level or "",
@@ -243,8 +243,8 @@ def make_plan(inputs: StageInputs) -> Plan:
         rule_settings=selection_rule(settings.selection).settings_read(settings.selection),
         promise=promise,
         navigation=navigate(problem.scene, path.t, path.x, path.u),
-        covered=said.covered,
-        not_covered=said.not_covered,
+        covered=coverage.covered,
+        not_covered=coverage.not_covered,
         limits=limits,
         prices=prices,
     )
@@ -266,7 +266,7 @@ def make_deployments(inputs: StageInputs) -> Mapping[str, Deployment]:
 
 
 def make_export(inputs: StageInputs) -> tuple[Path, ...]:
-    """Files of the plan in those of ``exports.formats`` that the map and its departure allow."""
+    """Files of the plan, in the formats of ``exports.formats`` that the map and its departure allow."""
     settings, problem, plan = inputs.settings, inputs[PROBLEM], inputs[PLAN]
     if not settings.exports.files:
         return ()

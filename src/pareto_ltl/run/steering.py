@@ -32,7 +32,7 @@ def steer(
     """The path from ``start`` to ``end`` on the map and in the wind of a plan, from its departure on.
 
     One convex programme bends lines past the obstacles; each segment keeps ``planner.epsilon``. Obstacles,
-    border, forbidden regions and robot are those of the plan; its mission has no effect.
+    border, forbidden regions and robot are taken from the plan; its mission has no effect.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Compiling before it is needed: small missions whose kernels have the types of those of real runs.
+"""Compiling before it is needed: small missions whose kernels have the types of real runs.
 
 Each entry of :data:`KINDS` is a mission that is planned, flown and exported in some seconds once its kernels
 are compiled. Kernels depend on the models and on what a map has (landmarks, windows), not on sizes.
@@ -59,7 +59,7 @@ class Kind:
     formula : str
         The mission.
     sections : dict
-        Sections of the settings besides those of :data:`SMALL`, and keys of ``scene`` and ``robot``.
+        Sections of the settings besides :data:`SMALL`, and keys of ``scene`` and ``robot``.
     replanned : bool
         Whether the rest of the flight is also planned again after a position fix.
     """
@@ -71,7 +71,7 @@ class Kind:
 
 
 def _changed(name: str) -> dict[str, Kind]:
-    """The kinds of runs with one model of the preset ``name`` replaced by that of the other preset."""
+    """The kinds of runs with one model of the preset ``name`` replaced by the model of the other preset."""
     (other,) = (values for preset, values in PRESETS.items() if preset != name)
     models = ("law", "mission_bound", "collision_bound", "parents", "refine")
     return {
@@ -120,7 +120,7 @@ DEFAULT = ("full",)
 
 @dataclass(frozen=True, slots=True)
 class Warmed:
-    """What a kind took: its name, the kernels that were compiled, and the time [s].
+    """The cost of a kind: its name, the kernels that were compiled, and the time [s].
 
     ``complete`` is False if the small mission found no path: kernels of later stages may be missing.
     """
@@ -202,7 +202,7 @@ def path_forest(problem: Problem) -> Forest:
 
 
 def warm_up_all(names: Sequence[str], jobs: int, told: Told) -> Iterator[Warmed]:
-    """Compile the kernels of ``names`` in at most ``jobs`` processes; yields what each took, as they end.
+    """Compile the kernels of ``names`` in at most ``jobs`` processes; yields the cost of each, as they end.
 
     ``told`` is called with the number of kinds that are done, their total, and what is compiled now.
     """
@@ -219,5 +219,5 @@ def warm_up_all(names: Sequence[str], jobs: int, told: Told) -> Iterator[Warmed]
             yield ended.result()
 
 
-def _tell(told: Told, done: int, total: int, name: str, kernel: str) -> None:
-    told(done, total, f"{name}: {kernel}")
+def _tell(report: Told, done: int, total: int, name: str, kernel: str) -> None:
+    report(done, total, f"{name}: {kernel}")

@@ -17,7 +17,7 @@ Found = Sequence[tuple[float, "FloatArray"]]  # failure rates on the flights of 
 
 
 class Watcher(Protocol):
-    """What is called while a run works."""
+    """The calls that a run makes while it works."""
 
     def stage(self, name: str) -> None:
         """The stage ``name`` begins."""

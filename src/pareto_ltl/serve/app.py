@@ -170,7 +170,7 @@ async def replan(desk: Desk, request: Request) -> Answer:
 
 
 async def explain(_desk: Desk, request: Request) -> Answer:
-    """A formula, or that of a pattern, in words."""
+    """A formula, or the formula of a pattern, in words."""
     asked = await _fields(request, ("formula", "pattern", "goals", "avoid", "order"))
     return await run_in_threadpool(missions.explained_formula, asked)
 
@@ -352,13 +352,13 @@ def _number(value: Any) -> int:
 
 
 async def _body(request: Request) -> Any:
-    """The JSON of a request; ConfigError if it is none, or not said to be."""
+    """The JSON of a request; ConfigError if it is not JSON, or if its header does not declare JSON."""
     if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
         raise ConfigError("send JSON, with Content-Type: application/json")
     try:
         return json.loads(await request.body())
     except (ValueError, RecursionError):
-        raise ConfigError("the body of the request is no JSON") from None
+        raise ConfigError("the body of the request is not JSON") from None
 
 
 async def _fields(request: Request, known: tuple[str, ...]) -> Mapping[str, Any]:

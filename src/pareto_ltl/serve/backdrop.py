@@ -1,4 +1,4 @@
-"""A map of one's own under the drawing: areas, lines and points, or an image."""
+"""A map of the user under the drawing: areas, lines and points, or an image."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KEYS = {"Polygon": "area", "LineString": "line", "LinearRing": "line", "Point": 
 
 
 def keep_backdrop(folder: DeskFolder, name: str, content: bytes) -> dict[str, Any]:
-    """Copy a file into the folder; :func:`backdrop` of it; DataError if it has nothing to show."""
+    """Copy a file into the folder; :func:`backdrop` of it; DataError if it is empty."""
     suffix = Path(name).suffix.lower()
     known = (*SUFFIXES, *geotiff.SUFFIXES, *pmtiles.SUFFIXES)
     return backdrop(folder, Path(folder.keep_map(content, suffix if suffix in known else ".geojson")).name)

@@ -1,4 +1,4 @@
-"""The folder of a desk: maps, winds and results, and nothing outside of it."""
+"""The folder of a desk: maps, winds and results; files outside of it cannot be accessed."""
 
 from __future__ import annotations
 
@@ -56,9 +56,7 @@ class DeskFolder:
     def keep_wind(self, name: str, content: bytes) -> str:
         """Write a file of winds; return the path relative to the folder."""
         if not FILE_NAME.fullmatch(name):
-            raise DataError(
-                f"{shown_value(name)} is no name of a file; use letters, digits, '.', '_' and '-'"
-            )
+            raise DataError(f"{shown_value(name)} is not a file name; use letters, digits, '.', '_' and '-'")
         self._keep(f"{WINDS}/{name}", content)
         return f"{WINDS}/{name}"
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pareto_ltl.run.results import Results
 
 PAGE = "pareto_ltl.serve.live_page"
-MOST = 5000  # events that the page is told, the newest
+MOST = 5000  # the newest events, which are sent to the page
 SHOWN = (
     "event", "time", "failure", "low", "high", "flights", "promised", "corridor", "goal", "goal_time", "end",
     "wind", "wind_from", "wind_sd", "law", "energy", "energy_needed", "battery", "kind", "text", "use",
@@ -45,7 +45,7 @@ class LivePage:
     def __init__(self) -> None:
         self.plan: dict[str, Any] = {}
         self.events: list[dict[str, Any]] = []
-        self.told = 0  # events ever; the first of ``events`` has the number told - len(events)
+        self.told = 0  # all events so far; the first of ``events`` has the number told - len(events)
         self.rest: dict[str, Any] = {"at": [], "failed": []}
         self.lock = threading.Lock()
 
@@ -61,7 +61,7 @@ class LivePage:
             self.plan, self.rest = shown | {"number": self.told}, {"at": [], "failed": []}
 
     def heard(self, watch: Watch, event: Event) -> tuple[Event, ...]:
-        """Keep what the page shows of ``event``; answers nothing."""
+        """Keep what the page shows of ``event``; returns no events."""
         if event["event"] == "flown":
             return ()
         scene = watch.problem.scene
@@ -110,7 +110,7 @@ class LivePage:
 
 
 def _believed(scene: Scene, event: Event) -> dict[str, Any]:
-    """Where the robot is believed to be, on the map: place, and half axes [m] with their azimuth [deg]."""
+    """The estimated position of the robot on the map: place, and half axes [m] with their azimuth [deg]."""
     x = np.array([[event["x"], event["y"]]])
     azimuth = 90.0 - math.degrees(event["angle"]) + math.degrees(float(north_turn(scene, x)[0]))
     return {"at": map_places(scene, x[0]), "ellipse": [event["major"], event["minor"], azimuth]}

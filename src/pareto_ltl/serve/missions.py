@@ -65,7 +65,7 @@ def map_bytes(drawn: Mapping[str, Any]) -> bytes:
 def quoted(text: str) -> str:
     """``text`` as a value that Hydra reads as text."""
     if "${" in text:
-        raise ConfigError(f"{shown_value(text)} is no formula")
+        raise ConfigError(f"{shown_value(text)} is not a formula")
     return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
 
 

@@ -56,7 +56,7 @@ class Job:
         self.changed = asyncio.Event()
 
     def end(self, status: str, error: str = "") -> None:
-        """Set the last status and tell it."""
+        """Set and report the last status."""
         self.status, self.error = status, error
         self.tell({"event": "status", "status": status, "error": error})
 

@@ -1,4 +1,4 @@
-"""PMTiles below a drawing: the zoom that shows most within what a page draws, as shapes or as one image."""
+"""PMTiles below a drawing: the highest zoom that a page can draw, as shapes or as one image."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOST_SIDE = 8  # tiles along a side of an image: 2,048 pixels
 LARGEST_TILE = 20_000_000  # bytes, unpacked
 MOST_CORNERS = 150_000  # of a zoom of vector tiles
 FORMS = {"Polygon": "area", "LineString": "line", "Point": "point"}
-KINDS = ("kind", "class", "type")  # properties that tell areas of one layer apart
+KINDS = ("kind", "class", "type")  # properties that distinguish areas of one layer
 
 
 class Tiles(NamedTuple):
@@ -51,7 +51,7 @@ class Tiles(NamedTuple):
 
 
 def shown_tiles(path: Path) -> dict[str, Any]:
-    """``shapes`` [deg] of vector tiles, or the ``image`` of raster tiles, as those of a backdrop.
+    """``shapes`` [deg] of vector tiles, or the ``image`` of raster tiles, as for a backdrop.
 
     Raises
     ------
@@ -95,7 +95,7 @@ class _Archive(NamedTuple):
         )
 
     def _shapes_of(self, tiles: Tiles) -> list[dict[str, Any]]:
-        """Areas, lines and points; those of one name, number or kind are joined across tiles."""
+        """Areas, lines and points; shapes of one name, number or kind are joined across tiles."""
         from mapbox_vector_tile import decode
         from shapely import get_parts, make_valid
         from shapely.geometry import shape

@@ -59,7 +59,7 @@ class Reporter:
         self.send("stage", stage=name)
 
     def progress(self, done: int, total: int, state: str, found: Found) -> None:
-        """Report the progress of the present stage, and the paths that refinement has found so far."""
+        """Report the progress of the present stage, and the paths of refinement so far."""
         if found:
             lengths = [float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()) for _, x in found]
             paths = [(failed, length, x) for (failed, x), length in zip(found, lengths, strict=True)]

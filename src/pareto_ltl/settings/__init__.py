@@ -56,9 +56,7 @@ class Settings(CheckedSettings):
     """All settings of a run, one section for each part of the program."""
 
     name: str = setting("plan", "name of the run, and of the folder of its results")
-    seed: int = setting(
-        0, "seed of all random numbers except those of random maps", least=0, most=LARGEST_SEED
-    )
+    seed: int = setting(0, "seed of all random numbers except in random maps", least=0, most=LARGEST_SEED)
     fidelity: FidelityConfig = field(default_factory=FidelityConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
     mission: MissionConfig = field(default_factory=MissionConfig)

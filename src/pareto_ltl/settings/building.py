@@ -52,7 +52,7 @@ def section_of(section: str, value: Any) -> Any:
 
 
 def _value(section: str, value: Any) -> Any:
-    """The keys and values of a choice or a mapping; those of ``fidelity`` override those of its preset."""
+    """The keys and values of a choice or a mapping; values of ``fidelity`` override its preset."""
     schema = field_kinds(Settings).get(section)
     if isinstance(value, str) and is_dataclass(schema):
         return _yaml(choice_file(section, value))

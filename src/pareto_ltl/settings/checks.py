@@ -229,7 +229,7 @@ def check_time(key: str, text: str | None) -> None:
     try:
         stamp = datetime.fromisoformat(text.strip())
     except ValueError:
-        raise ConfigError(f"{key} {shown_value(text)} is no ISO 8601 time; {expected}") from None
+        raise ConfigError(f"{key} {shown_value(text)} is not an ISO 8601 time; {expected}") from None
     if not FIRST_YEAR <= stamp.year <= LAST_YEAR:
         raise ConfigError(
             f"{key} {shown_value(text)} is not between {FIRST_YEAR} and {LAST_YEAR}; {expected}"

@@ -46,7 +46,7 @@ class DepartureConfig(CheckedSettings):
         "whether starts are compared with a coarser refinement; the recommended start is then planned "
         "in full",
     )
-    keep: str = setting("all", "starts whose results directories are kept in starts/", choices=KEEP)
+    keep: str = setting("all", "starts whose results directories are written to starts/", choices=KEEP)
 
     def check_combinations(self) -> None:
         """Refuse values that are not times, and starts that are given both as a list and as a range."""

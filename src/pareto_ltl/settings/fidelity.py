@@ -83,7 +83,9 @@ def models_of(label: str) -> FidelityConfig:
     try:
         return replace(preset(name), **dict(word.split("=") for word in changed.split(", ") if word))
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{label!r} is no label of a fidelity, e.g. 'full with parents=scaled'") from error
+        raise ValueError(
+            f"{label!r} is not a label of a fidelity, e.g. 'full with parents=scaled'"
+        ) from error
 
 
 PAPER = preset("paper")

@@ -73,7 +73,7 @@ class ExportsConfig(CheckedSettings):
         most=1e6,
     )
     altitude: float | None = setting(
-        None, "height above the start; null: that of robot.level, else of wind.level", unit="m"
+        None, "height above the start; null: height of robot.level, else of wind.level", unit="m"
     )
     altitude_lower: float | None = setting(
         None, "lowest height above the WGS 84 ellipsoid, for f3548", unit="m"

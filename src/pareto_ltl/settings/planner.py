@@ -158,7 +158,7 @@ class SelectionConfig(CheckedSettings):
         5, "largest number of paths that are tested until fresh flights confirm one", least=1, most=1000
     )
     extra_paths: str | None = setting(
-        None, "front.npz, or a results directory with one, whose paths are judged with those of the run"
+        None, "front.npz, or a results directory with one, whose paths are judged with the paths of the run"
     )
 
     def check_combinations(self) -> None:

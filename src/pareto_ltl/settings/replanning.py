@@ -19,8 +19,9 @@ class ReplanningConfig(CheckedSettings):
         distinct=True,
     )  # fmt: skip
     every: float | None = setting(
-        None, "time between two fixes, for one row instead of those of replanning.fixes; null: those, and "
-        "one with fixes at the landmarks that the plan relies on", unit="h", above=0, most=1e4,
+        None, "time between two fixes, for one row instead of replanning.fixes; null: the rows of "
+        "replanning.fixes, and one with fixes at the landmarks that the plan relies on", unit="h",
+        above=0, most=1e4,
     )  # fmt: skip
     fix_sd: float = setting(
         500.0, "standard deviation of a fix in each direction", unit="m", above=0, most=1e6

@@ -99,7 +99,7 @@ class ConvergenceConfig(CheckedSettings):
 class AblationConfig(CheckedSettings):
     """The factors that pipelines=ablation varies, one at a time, and their values.
 
-    Factors of ``SETTING_FACTORS`` are varied by default, those of ``MODEL_FACTORS`` only if they are listed.
+    Factors of ``SETTING_FACTORS`` are varied by default, ``MODEL_FACTORS`` only if they are listed.
     """
 
     section: ClassVar[str] = "ablation"

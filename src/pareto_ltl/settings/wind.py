@@ -12,7 +12,7 @@ from pareto_ltl.support.messages import shown_value
 
 
 class SourceKind(NamedTuple):
-    """What a value of ``wind.source`` implies: whether it reads ``wind.path``, and forecast_error=auto."""
+    """Properties of a value of ``wind.source``: whether it reads ``wind.path``, and forecast_error=auto."""
 
     reads_path: bool
     forecast_error: str

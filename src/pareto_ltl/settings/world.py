@@ -112,7 +112,7 @@ class SceneConfig(CheckedSettings):
 
 @dataclass
 class MissionConfig(CheckedSettings):
-    """What the robot must do, as a formula, a pattern or an automaton."""
+    """The mission of the robot, as a formula, a pattern or an automaton."""
 
     section: ClassVar[str] = "mission"
     formula: str = setting("", "co-safe temporal-logic formula over the regions, e.g. F(a & F b)")

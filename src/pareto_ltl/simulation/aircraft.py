@@ -1,4 +1,4 @@
-"""An independent simulator: the Cessna 172 of JSBSim flies a dead-reckoning table with its own autopilot.
+"""An independent simulator: the Cessna 172 of JSBSim, with its autopilot, flies a dead-reckoning table.
 
 JSBSim (Berndt, AIAA 2004-4923, doi:10.2514/6.2004-4923) integrates six degrees of freedom over the WGS 84
 ellipsoid. The autopilot of its model ``c172x`` holds heading and height; here a proportional-integral law of
@@ -198,7 +198,7 @@ def fly_orders(orders: Orders, air: Air, height: float, rate: float) -> Track:
     Raises
     ------
     DataError
-        If the aircraft cannot hold the airspeeds of the table: they are not those of a Cessna 172.
+        If the aircraft cannot hold the airspeeds of the table: a Cessna 172 does not fly them.
     """
     cessna = _departing(orders, air, height, rate)
     every = max(1, round(WIND_SECONDS / cessna.tick))
@@ -231,7 +231,7 @@ def _departing(orders: Orders, air: Air, height: float, rate: float) -> Cessna:
 
 
 def require_held(orders: Orders, flown: FloatArray, legs: int) -> None:
-    """Raise DataError if the mean airspeed differs from that of the table by more than ``LOST``."""
+    """Raise DataError if the mean airspeed differs from the table by more than ``LOST``."""
     weights = orders.duration / orders.duration.sum()
     wanted, found = float(orders.airspeed @ weights), float(flown @ weights)
     if not abs(found - wanted) <= LOST * wanted:
@@ -242,5 +242,5 @@ def require_held(orders: Orders, flown: FloatArray, legs: int) -> None:
 
 
 def airspeed_errors(orders: Orders, tracks: Sequence[Track]) -> FloatArray:
-    """Mean airspeed of each leg less that of the table, (flights, T) [m/s]."""
+    """Mean airspeed of each leg minus its airspeed in the table, (flights, T) [m/s]."""
     return np.array([track.airspeed - orders.airspeed for track in tracks])

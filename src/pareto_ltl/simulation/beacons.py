@@ -55,9 +55,9 @@ class BeaconSite:
     Attributes
     ----------
     number : int
-        Of the place.
+        Number of the place.
     rate : FailureRate
-        With this beacon and those before it, in fresh flights.
+        Failure rate with this beacon and the ones before it, in fresh flights.
     saved : (float, float, float)
         Failures more (negative: fewer) than with those before it only, and the ends of its 95 % interval.
     """
@@ -74,9 +74,9 @@ class BeaconMap:
     Attributes
     ----------
     radius : float
-        Of the beacons [m].
+        Radius of the beacons [m].
     without : FailureRate
-        Of the plan as it is, in the fresh flights.
+        Failure rate of the plan without new beacons, in the fresh flights.
     failure : (N,) float
         Failure rate with one beacon at each of ``places``, and ``flights`` common flights.
     sites : tuple of BeaconSite

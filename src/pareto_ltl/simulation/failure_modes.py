@@ -10,7 +10,7 @@ point of the flight lies on the wrong side of a line. All deviations for which i
    replaced by the half-space that contains the intersection of both and touches it at its point nearest to
    the origin. This ends at a half-space whose centre fails: it touches failures near their most likely point,
    the dominating point of Sadowsky and Bucklew, IEEE Trans. Inf. Theory 36 (1990), doi:10.1109/18.54903.
-3. Of half-spaces that are nearly parallel, the most likely one is kept.
+3. Of half-spaces that are nearly parallel, the most likely one is retained.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MOST_EVENTS = 200  # events that are examined
 FAR = 9.0  # standard deviations: a half-space farther away is left out, its probability is 1e-19
 MOST_STEPS = 8  # replacements of one half-space
 ALIKE = 0.95  # correlation of half-spaces that count as parallel
-KEPT = 1.0 - 1e-6  # share of the sum of probabilities that is kept
+KEPT = 1.0 - 1e-6  # share of the sum of probabilities that is retained
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class FailureModes:
     weight : (J, T+1, 2) float
         Scaled so that the sum has the variance 1 [1/m].
     threshold : (J,) float
-        In standard deviations, positive.
+        Distances in standard deviations, positive.
     """
 
     weight: FloatArray
@@ -81,13 +81,13 @@ def find_failure_modes(problem: Problem, mean: FloatArray, spread: FloatArray) -
     if not spaces:
         return none
     weight = np.array([space.weight for space in spaces])
-    alike, kept = weight @ cov @ weight.T > ALIKE, np.zeros(len(spaces), bool)
+    alike, retained = weight @ cov @ weight.T > ALIKE, np.zeros(len(spaces), bool)
     for j in range(len(spaces)):
-        kept[j] = not (alike[j] & kept).any()
-    threshold = np.array([space.threshold for space in spaces])[kept]
+        retained[j] = not (alike[j] & retained).any()
+    threshold = np.array([space.threshold for space in spaces])[retained]
     chance = np.cumsum(ndtr(-threshold))
     count = int(np.searchsorted(chance, KEPT * chance[-1])) + 1
-    return FailureModes(weight[kept][:count].reshape(-1, *mean.shape), threshold[:count])
+    return FailureModes(weight[retained][:count].reshape(-1, *mean.shape), threshold[:count])
 
 
 class Margins:
@@ -152,7 +152,7 @@ def nearest_failures(margins: Margins, cov: FloatArray, e: FloatArray) -> HalfSp
 def touching(first: HalfSpace, second: HalfSpace, cov: FloatArray) -> HalfSpace:
     """The half-space that contains the intersection of two and touches it at its point nearest to the origin.
 
-    With c = ω₀' ω_k, the nearest point is that of one half-space alone if it lies in the other, c τ₀ >= τ_k
+    With c = ω₀' ω_k, the nearest point is the one of a single half-space if it lies in the other, c τ₀ >= τ_k
     or c τ_k >= τ₀; else both are tight, and
 
         z* = [(τ₀ - c τ_k) ω₀ + (τ_k - c τ₀) ω_k] / (1 - c²).

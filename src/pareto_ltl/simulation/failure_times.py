@@ -44,7 +44,7 @@ class FailureTimes:
 
 
 def failure_times(problem: Problem, flown: Deployment) -> FailureTimes:
-    """When each flight of ``flown`` fails first; the flights that fail are those of ``flown.failed``."""
+    """When each flight of ``flown`` fails first; ``flown.failed`` names the flights that fail."""
     n, steps = len(flown.x), flown.x.shape[1] - 1
     step, cause = np.full(n, steps + 1), np.full(n, NO_FAILURE)
 

@@ -65,19 +65,19 @@ def draw_coherent(problem: Problem, runs: int, steps: int, rng: Generator) -> ke
     law = problem.laws["coherent"]
     assert not isinstance(law, kd.IndependentLaw)
     fields, gusts = rng.spawn(2)
-    kept = kept_by_epoch(problem.modes, steps)
-    theta = draw_innovations(kept, runs, fields)
-    kernel.link_fields(kept, theta)
+    persistence = kept_by_epoch(problem.modes, steps)
+    theta = draw_innovations(persistence, runs, fields)
+    kernel.link_fields(persistence, theta)
     return kernel.CoherentDraws(law, gusts.standard_normal((steps, runs, 2)), theta)
 
 
 def kept_by_epoch(modes: kd.Modes, steps: int) -> Float32Array:
     """ρ (epochs, P), the correlation of θ of each mode with the epoch before; 0 in the first epoch."""
     epoch = modes.epoch[:steps]
-    kept = np.zeros((int(epoch.max(initial=0)) + 1, modes.psi.shape[-1]), np.float32)
+    persistence = np.zeros((int(epoch.max(initial=0)) + 1, modes.psi.shape[-1]), np.float32)
     changes = np.flatnonzero(np.diff(epoch)) + 1
-    kept[epoch[changes]] = modes.kept[changes]
-    return kept
+    persistence[epoch[changes]] = modes.kept[changes]
+    return persistence
 
 
 def draw_innovations(kept: Float32Array, runs: int, rng: Generator) -> Float32Array:
@@ -103,7 +103,7 @@ def deploy_plan(
 ) -> dict[str, Deployment]:
     """Fly ``plan`` ``cfg.runs`` times under every law of ``cfg.laws``.
 
-    Each law has its own child of ``seeds``, in the order of :data:`DRAWS`, so that adding a law does not
+    Each law has a separate child of ``seeds``, in the order of :data:`DRAWS`, so that adding a law does not
     change the winds of the others.
     """
     each = FLIGHT_COPIES * len(cfg.laws) * plan.path.x.nbytes
@@ -247,7 +247,7 @@ def judge_flights(problem: Problem, law: str, x: FloatArray) -> Deployment:
 def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: str) -> PilotMaker:
     """The maker of the pilot: an autopilot, or a navigator that takes fixes along ``mean`` (T+1, 2) [m].
 
-    Under the independent law the wind of one step does not predict the next: fixes tell positions only.
+    Under the independent law the wind of one step does not predict the next: fixes measure positions only.
     """
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
     autopilot, planned = Autopilot(u, held), problem.laws["coherent"]
@@ -257,24 +257,24 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
     flight, marks = propagate(problem, held, model), planned.landmarks
     if not within_reach(marks, flight):
         return lambda _noise: autopilot
-    kept = model.modes.kept if isinstance(model, kd.CoherentLaw) else np.ones((len(held) + 1, 0), np.float32)
-    linear = FilterLaw(held, u, flight.F, flight.psi, flight.white, kept, problem.start_variance)
+    rho = model.modes.kept if isinstance(model, kd.CoherentLaw) else np.ones((len(held) + 1, 0), np.float32)
+    linear = FilterLaw(held, u, flight.F, flight.psi, flight.white, rho, problem.start_variance)
     root: FloatArray = np.asarray(np.linalg.cholesky(marks.cov[:, [0, 1, 1, 2]].reshape(-1, 2, 2)), float)
 
     def navigator(noise: FloatArray) -> Navigator:
         runs = noise.shape[1]
         return Navigator(
             linear, marks, root, noise, np.empty((runs, 4)),
-            np.empty((runs, 2 * kept.shape[1]), np.float32), np.empty(runs, np.int64), np.empty(runs, bool),
-            empty_beliefs(2 * runs + 1, len(root), kept.shape[1]),
-            empty_moves(len(held), kept.shape[1]),
+            np.empty((runs, 2 * rho.shape[1]), np.float32), np.empty(runs, np.int64), np.empty(runs, bool),
+            empty_beliefs(2 * runs + 1, len(root), rho.shape[1]),
+            empty_moves(len(held), rho.shape[1]),
         )  # fmt: skip
 
     return navigator
 
 
 def within_reach(marks: kd.Landmarks, flight: Flight) -> bool:
-    """Whether a flight may come into a landmark, within ``FARTHEST`` deviations of its path."""
+    """Whether a flight may enter a landmark, within ``FARTHEST`` deviations of its path."""
     import shapely
 
     reach = FARTHEST * float(np.sqrt(flight.cov[:, [0, 2]].sum(axis=1).max()))

@@ -20,7 +20,7 @@ taken with thresholds lowered to s_l τ_j, s_l <= 1, and a share α of the fligh
     P(fail)     = E_φ[1{z fails}] = E_q[1{z fails} φ(z) / q(z)].
 
 The mean of 1{z_i fails} φ(z_i) / q(z_i) over draws from q is unbiased whatever the half-spaces are, and for
-the law in which the simulator says whether z fails: that of nonlinear winds. No weight exceeds 1 / α. The
+the law in which the simulator decides whether z fails: nonlinear winds. No weight exceeds 1 / α. The
 half-spaces only decide how many draws are needed.
 """
 
@@ -163,8 +163,8 @@ def weighted_interval(weights: FloatArray, plain: float, confidence: float = 0.9
     for a confidence of 1 - 2 a. The upper end allows for one more flight of weight n m: twice the largest
     weight drawn, or 1 / ``plain``, the largest there is, where no flight fails. With once the largest, 9 % of
     the intervals lay below the rate of a plan with feedback, whose weights are skew; with twice, 4 % of
-    those of 200 draws and 2 % of those of 2,000. In all, 1 to 5 % of the intervals missed the rates of five
-    plans.
+    the intervals of 200 draws and 2 % of the intervals of 2,000. In all, 1 to 5 % of the intervals missed
+    the rates of five plans.
 
     Eq. (M66) of docs/mathematics_methods.md.
     """
@@ -246,10 +246,10 @@ def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Direction
         white[:, t] = law.dt * law.white[t] * p
         fields[:, law.epoch[t]] += law.dt * p[:, :, None] * law.psi[t]
         p = p @ law.F[t] + weight[:, t]
-    kept = law.kept.astype(float)
-    for k in range(len(kept) - 1, 0, -1):
-        fields[:, k - 1] += kept[k] * fields[:, k]
-        fields[:, k] *= np.sqrt(1.0 - kept[k] ** 2)
+    persistence = law.kept.astype(float)
+    for k in range(len(persistence) - 1, 0, -1):
+        fields[:, k - 1] += persistence[k] * fields[:, k]
+        fields[:, k] *= np.sqrt(1.0 - persistence[k] ** 2)
     return kernel.Directions(law.start_sd * p, white, fields)
 
 

@@ -42,7 +42,7 @@ from pareto_ltl.support.memory import require_memory
 
 RAW_DRAWS = 500  # flights of each path in the race among the trees' paths
 LAST_LOOK = 1000  # flights for the message if every flight of every path fails
-CROWD = 40  # paths of trees kept after each comparison, for each cost other than the failure rate
+CROWD = 40  # paths of trees retained after each comparison, for each cost other than the failure rate
 DROP_CHANCE = (
     1e-4  # probability, in one comparison, of dropping a path that is not worse than the shorter one
 )
@@ -58,7 +58,7 @@ def judge_front(
     """The paths of ``raw`` and ``refined`` that are non-dominated in failure rate and costs.
 
     The trees' paths race among themselves first, in fewer flights: the remaining ones are the front before
-    refinement, and those of them that keep ``planner.epsilon`` compete with the refined ones.
+    refinement, and those that satisfy ``planner.epsilon`` compete with the refined ones.
 
     Parameters
     ----------
@@ -88,8 +88,8 @@ def judge_front(
         for paths in (trees, judged)
     )
     law = problem.fidelity.law
-    most = np.array([list(path.objectives.costs.values()) for path in (*refined, *raw)]).max(axis=0)
-    reference = np.array([1.0, *(2.0 * most)])
+    largest = np.array([list(path.objectives.costs.values()) for path in (*refined, *raw)]).max(axis=0)
+    reference = np.array([1.0, *(2.0 * largest)])
     return Front(
         paths=tuple(flown.path for flown in after),
         raw=tuple(flown.path.objectives for flown in before),
@@ -103,7 +103,7 @@ def judge_front(
 
 
 def _require_success(problem: Problem, judged: Sequence[Flown]) -> None:
-    """Raise InfeasibleError if no flight of any path succeeds; the message says how the best path fails."""
+    """Raise InfeasibleError if no flight of any path succeeds; the message states how the best path fails."""
     if any(not flown.failed.all() for flown in judged):
         return
     seed = SeedSequence(0)  # a text says the same about the same paths
@@ -154,8 +154,10 @@ def unbeaten(paths: Sequence[Flown]) -> list[Flown]:
     """The paths that are non-dominated in failure rate and costs, the safest first."""
     if not paths:
         return []
-    kept = non_dominated(np.array([flown.row for flown in paths]))
-    return sorted((flown for flown, keep in zip(paths, kept, strict=True) if keep), key=lambda f: f.row)
+    undominated = non_dominated(np.array([flown.row for flown in paths]))
+    return sorted(
+        (flown for flown, keep in zip(paths, undominated, strict=True) if keep), key=lambda f: f.row
+    )
 
 
 # --- the race ---------------------------------------------------------------------------------
@@ -196,7 +198,7 @@ class Race:
 
 
 def race_of(problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: SeedSequence) -> Race:
-    """The race of ``paths`` through ``runs`` flights; those of ``simulate_flights`` with the same seed."""
+    """The race of ``paths`` through ``runs`` flights, as in ``simulate_flights`` with the same seed."""
     for path in paths:
         require_known_wind(problem, path.u, path.x)
     blocks = block_rows(runs)
@@ -261,8 +263,8 @@ def looks(blocks: int) -> list[range]:
 def outermost(rates: FloatArray, costs: FloatArray, crowd: float) -> BoolArray:
     """Which paths stay: whole fronts in their order, while they are at most ``crowd`` paths for each cost.
 
-    The first front is that of all paths, the second that of all others, and so on (Goldberg, Genetic
-    Algorithms in Search, Optimization and Machine Learning, 1989). The first front always stays.
+    The first front is the front of all paths, the second the front of all others, and so on (Goldberg,
+    Genetic Algorithms in Search, Optimization and Machine Learning, 1989). The first front always stays.
     """
     import moocore
 

@@ -33,7 +33,7 @@ from pareto_ltl.wind.records import WindField
 
 LOG = logging.getLogger(__name__)
 LINEAR = 0.35  # standard deviation over length scale: beyond it the linearised law is unreliable
-RARE = 1e-3  # lower rates are found with weighted flights: too few plain ones fail
+RARE = 1e-3  # lower rates are estimated with weighted flights: too few plain ones fail
 WEIGHTED_CHILD = 2**17  # child of the seed that weighted flights draw from
 DOUBT = 1e-3  # significance level: probability of rejecting a claim that is true
 
@@ -84,12 +84,12 @@ def holds(cfg: SelectionConfig, promise: Promise) -> bool:
 def why_not(cfg: SelectionConfig, path: PlannedPath, promise: Promise) -> str:
     """Why a choice is rejected, for the log."""
     rate = promise.rate
-    said = f"{path.origin}: {_rate_words(rate)} of {rate.sample} in {rate.law} winds fail"
+    begin = f"{path.origin}: {_rate_words(rate)} of {rate.sample} in {rate.law} winds fail"
     over = f"more than the {_rate_words(promise.claimed)} of {promise.claimed.sample} that judged the front"
     if promise.passed:
         over = f"and the upper end is above selection.alpha = {cfg.alpha:g}"
     following = "the plan keeps it" if selection_rule(cfg).names_one else "the rule's next choice is tried"
-    return f"{said}, {over}; {following}"
+    return f"{begin}, {over}; {following}"
 
 
 def _rate_words(rate: FailureRate) -> str:
@@ -127,7 +127,7 @@ def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequenc
     if count_agrees(counted, weighted):
         return weighted
     LOG.warning(
-        "%s: the rate of weighted flights, %s, is not that of %d fresh ones in %s winds, %s; the "
+        "%s: the rate of weighted flights, %s, does not agree with %d fresh ones in %s winds, %s; the "
         "latter is reported",
         path.origin, _rate_words(weighted), runs, counted.law, _rate_words(counted),
     )  # fmt: skip
@@ -137,8 +137,8 @@ def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequenc
 def count_agrees(counted: FailureRate, weighted: FailureRate) -> bool:
     """Whether the count is consistent with a rate within the interval of ``weighted``.
 
-    The probability of so many failures or more at its upper end, and that of so few or fewer at its lower
-    end, must both be at least ``DOUBT``.
+    The probability of so many failures or more at its upper end, and the probability of so few or fewer at
+    its lower end, must both be at least ``DOUBT``.
     """
     more = binomial_tail(counted.failures, counted.runs, weighted.high)
     fewer = binomial_tail(counted.runs - counted.failures, counted.runs, 1.0 - weighted.low)

@@ -3,12 +3,12 @@
     trees, n_max   size of the forest
     beta           slack of Eq. (11): 0 (no parent that is worse in any objective), random (default), large
     epsilon        collision probability allowed at a step
-    kernel         covariance of the wind's regression for planning; flights use that of the run
+    kernel         covariance of the wind's regression for planning; flights use the kernel of the run
     ball           radius of the maximum-trace ball
     dt             the default plan flown with every step divided into shorter ones of equal control
     law, mission_bound, collision_bound, parents, refine
                    one model of ``fidelity`` for planning; flights use the models of the run.
-                   With ``planner.epsilon=null`` each collision bound has its own default ε.
+                   With ``planner.epsilon=null`` each collision bound has another default ε.
 
 Plans are paths of the trees without refinement (``refine=none``), except at other levels of ``refine``.
 

@@ -2,7 +2,7 @@
 
 A row is a plan: its mission, its kind, the promised probabilities (columns ``bound_*`` and ``simulated_*``)
 and the share of flights that failed (``failure``). Flights of one mission share one wind, and its plans one
-map: a mission is one trial. Its plans in a group are averaged, and the interval is that of as many trials as
+map: a mission is one trial. Its plans in a group are averaged, and the interval counts as many trials as
 there are missions.
 """
 
@@ -46,9 +46,9 @@ def reliability(rows: Rows, bins: int, keys: Sequence[str] = KEYS) -> list[Colum
 def scorecard(rows: Rows, keys: Sequence[str] = KEYS) -> list[Columns]:
     """Mean promise, mean realised rate and scores of all plans that agree in ``keys``.
 
-    With p promised and f realised, the Brier score is the mean of f (1 - p)² + (1 - f) p², the log score that
-    of -f ln p - (1 - f) ln(1 - p); both are least where p = f. ``promised_sd`` is the sharpness. The other
-    columns are those of ``studies/skill.py``, where rows name their departure and situation.
+    With p promised and f realised, the Brier score is the mean of f (1 - p)² + (1 - f) p², the log score the
+    mean of -f ln p - (1 - f) ln(1 - p); both are least where p = f. ``promised_sd`` is the sharpness. The
+    other columns are explained in ``studies/skill.py``, where rows name their departure and situation.
     """
     table = []
     for head, name, known in _promised(rows, keys):
@@ -142,7 +142,7 @@ def score_table(title: str, cards: Rows, keys: Sequence[str] = KEYS) -> str:
 
 
 def situations_text(card: Columns) -> str:
-    """How many weather situations a card is from, and what that allows to claim; empty if it is not known."""
+    """Number of weather situations of a card, and the lowest rate that it can claim; empty if not known."""
     if "situations" not in card:
         return ""
     n, between = card["situations"], interval_text(card["by_situation_low"], card["by_situation_high"])
@@ -154,8 +154,8 @@ def situations_text(card: Columns) -> str:
 
 
 def _skill_text(card: Columns) -> str:
-    told = (card.get(f"skill_{name}", math.nan) for name in ("climatology", "persistence"))
-    return ", ".join("-" if math.isnan(value) else f"{value:.2f}" for value in told)
+    skills = (card.get(f"skill_{name}", math.nan) for name in ("climatology", "persistence"))
+    return ", ".join("-" if math.isnan(value) else f"{value:.2f}" for value in skills)
 
 
 def bin_table(title: str, groups: Rows) -> str:

@@ -1,7 +1,7 @@
 """Parts of a study, and jobs of a sweep, on an existing cluster of Dask (the extra ``dask``).
 
 Workers need the package and the folder of the results under the same path. Each has one thread, because a job
-has its own.
+starts its threads itself.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def connected(address: str) -> Iterator[Client]:
         if threads != {1}:
             raise ConfigError(
                 f"{address}: workers have {', '.join(map(str, sorted(threads)))} threads, and a job needs a "
-                "process of its own; start them with --nthreads 1"
+                "separate process; start them with --nthreads 1"
             )
         yield client
 
@@ -109,7 +109,7 @@ def _next_of(ended: SimpleQueue[Any], client: Client) -> Any:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sent:
-    """What each worker gets once."""
+    """The data that each worker gets once."""
 
     work: Callable[[Any, Any], Any]
     shared: Any

@@ -167,7 +167,7 @@ def _flight_row(name: str, seed: int, law: str, result: Result) -> Columns:
 
 
 def _difference(first: str, other: str, law: str, found: Results, seeds: Sequence[int]) -> Columns:
-    """Failure of ``other`` minus that of ``first``, flight by flight in the same winds."""
+    """Failure of ``other`` minus failure of ``first``, flight by flight in the same winds."""
     both = [s for s in seeds if found[first, s]["planned"] and found[other, s]["planned"]]
     pairs = [(flags(found[first, s], law), flags(found[other, s], law)) for s in both]
     gaps = np.array([b.mean() - a.mean() for a, b in pairs])
@@ -241,8 +241,9 @@ def _comparison_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
     )
     if not pairs:
         return first
+    reference = TITLES[pairs[0]["against"]]
     second = markdown_table(
-        f"Failure minus that of {TITLES[pairs[0]['against']]}, in the same winds (95 % interval over seeds)",
+        f"Failure minus failure of {reference}, in the same winds (95 % interval over seeds)",
         {
             "method": lambda row: TITLES[row["method"]],
             "winds": lambda row: row["law"],

@@ -196,7 +196,7 @@ def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
     """(seeds, sizes): volume that each front dominates, in risk (decades) and length.
 
     Both are scaled to [0, 1]: risk as 1 + log10(max(f, 1e-9)) / 9, length against ``FAR`` times the shortest
-    path that any seed found. The logarithm does not change which path dominates which, and makes a decrease
+    path of any seed. The logarithm does not change which path dominates which, and makes a decrease
     from 1e-2 to 1e-4 visible.
     """
     from pareto_ltl.planning.selection import hypervolume

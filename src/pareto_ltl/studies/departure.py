@@ -5,7 +5,7 @@ start the wind is fitted from its departure on, and trees, front and plan are ma
 ``mission.start_time``; with ``departure.quick`` by a coarser refinement (``run/quick.py``). Starts that may
 be the best are planned with further seeds. The paths of all fronts are compared by fresh flights that
 planning has not used; flights of the same number have the same draws at every start. The recommended start is
-then planned in full, with all files of a run; its compared paths are judged with those of the full plan.
+then planned in full, with all files of a run; its compared paths are judged with the paths of the full plan.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ METRICS = ("energy_j",)  # metrics of a plan that become columns if a run has th
 
 @dataclass(frozen=True, slots=True)
 class DepartureContext:
-    """Data for all starts; ``folder`` is for the results directories of starts, None if they are not kept."""
+    """Data for all starts; ``folder``: for the results directories of starts, None to write none."""
 
     settings: Settings
     world: Records
@@ -205,9 +205,9 @@ def _path_columns(path: PlannedPath, failed: BoolArray) -> Columns:
 
 
 def world_at(settings: Settings, world: Records) -> Run:
-    """A run of one start, with the readings and, if its map is that of ``world``, cells and automaton.
+    """A run of one start, with the readings and, if its map is the map of ``world``, cells and automaton.
 
-    A map can depend on the time, for example by windows in UTC; then each start has its own.
+    A map can depend on the time, for example by windows in UTC; then each start has another map.
     """
     run = study_run(settings, Records({READINGS: world[READINGS]}))
     if same_map(run.make(SCENE), world[SCENE]):

@@ -1,6 +1,6 @@
 """Comparison of fronts at common lengths: which starts fail least, and which of them do not differ.
 
-A start is planned with several seeds; its front is that of all these plans together. All paths fly in the
+A start is planned with several seeds; its front is computed from all these plans. All paths fly in the
 same winds. Two sources of chance separate a start from its rival: the winds of the flights, known from the
 pairs, and the seed of the planner, known from the scores of single plans of one start.
 """
@@ -54,9 +54,9 @@ def flown_front(length: FloatArray, failed: BoolArray) -> FlownFront:
     """The front of paths with these lengths (P,) [m] and flights (P, n)."""
     length, failed = np.asarray(length, float), np.asarray(failed, bool)
     if len(length):
-        kept = np.flatnonzero(non_dominated(np.column_stack([length, failed.sum(axis=1)])))
-        kept = kept[np.argsort(length[kept])]
-        length, failed = length[kept], failed[kept]
+        front = np.flatnonzero(non_dominated(np.column_stack([length, failed.sum(axis=1)])))
+        front = front[np.argsort(length[front])]
+        length, failed = length[front], failed[front]
     return FlownFront(length, failed)
 
 
@@ -227,9 +227,9 @@ def compare_fronts(fronts: Fronts) -> Comparison:
     """Compare the starts at common lengths; at least one must have a path."""
     limits = common_lengths(fronts)
     spread = seed_spread(fronts, limits)
-    most = max(len(own) for own in fronts.values())
+    longest = max(len(own) for own in fronts.values())
     best = min(
-        (time for time, own in fronts.items() if len(own) == most),
+        (time for time, own in fronts.items() if len(own) == longest),
         key=lambda time: (score(pooled_front(fronts[time]), limits), time),
     )
     ratios = {

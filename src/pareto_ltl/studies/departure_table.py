@@ -109,8 +109,8 @@ def _front_of(paths: Sequence[Mapping[str, Any]], flights: int) -> FlownFront:
 def compared_paths(cfg: DepartureConfig, time: float, found: Found) -> list[ExtraPath]:
     """The paths of the front of a start, of all its seeds together, for the full plan."""
     paths = [path for result in found[time] for path in _paths_in_time(cfg, time, result)]
-    kept = set(_front_of(paths, cfg.flights).length.tolist())
-    chosen = {path["length_m"]: path for path in reversed(paths) if path["length_m"] in kept}
+    lengths = set(_front_of(paths, cfg.flights).length.tolist())
+    chosen = {path["length_m"]: path for path in reversed(paths) if path["length_m"] in lengths}
     return [
         (f"compared start, {chosen[length]['origin']}", np.array(chosen[length]["x"], float))
         for length in sorted(chosen)
@@ -177,10 +177,10 @@ def verdict(row: Columns, best: Columns, cfg: DepartureConfig) -> str:
     begin = "recommended: " if row["recommended"] else ""
     if row is best:
         return f"{begin}fails least at equal length"
-    said = f"{begin}fails {_ratio_text(row)} times as often at equal length"
+    text = f"{begin}fails {_ratio_text(row)} times as often at equal length"
     if row["as_good"]:
-        return f"{said}: no difference beyond the noise"
-    return "; ".join([said, *_reasons(row, best)])
+        return f"{text}: no difference beyond the noise"
+    return "; ".join([text, *_reasons(row, best)])
 
 
 def _ratio_text(row: Columns) -> str:
@@ -194,21 +194,21 @@ def _number(ratio: float) -> str:
 
 def _reasons(row: Columns, best: Columns) -> list[str]:
     """Differences along the routes of the plans, with numbers, if they are large enough."""
-    said = []
+    reasons = []
     here, there = row["tail_wind"], best["tail_wind"]
     if here < there - WINDIER:
-        said.append(f"{_along_text(here)} instead of {_along_text(there)}")
+        reasons.append(f"{_along_text(here)} instead of {_along_text(there)}")
     if row["wind_sd"] > VAGUER * best["wind_sd"]:
-        said.append(
+        reasons.append(
             f"the wind along the route is less certain (sd {row['wind_sd']:.2f} instead of "
             f"{best['wind_sd']:.2f} m/s)"
         )
     if row["end_sd_m"] > VAGUER * best["end_sd_m"]:
-        said.append(
+        reasons.append(
             f"positions spread wider at the end (sd {row['end_sd_m'] / 1e3:.0f} instead of "
             f"{best['end_sd_m'] / 1e3:.0f} km)"
         )
-    return said
+    return reasons
 
 
 def _along_text(tail: float) -> str:
@@ -376,7 +376,7 @@ def recommendation_text(rows: Sequence[Columns], comparison: Comparison) -> str:
 
 
 def noise_text(cfg: DepartureConfig, comparison: Comparison) -> str:
-    """What the intervals contain."""
+    """The sources of chance that the intervals contain."""
     spread = comparison.spread
     if not spread.freedom:
         return (
@@ -391,7 +391,7 @@ def noise_text(cfg: DepartureConfig, comparison: Comparison) -> str:
 
 
 def delivered_text(cfg: DepartureConfig, time: float, delivered: Delivered) -> str:
-    """The full plan of the start ``time`` against what was compared."""
+    """The full plan of the start ``time`` against the compared plans."""
     ratio, low, high = delivered.ratio
     rate, *ends = delivered.compared_rate
     promise, length = delivered.plan.promise, delivered.plan.path.objectives.length

@@ -56,7 +56,7 @@ class Planner:
 
 @dataclass(frozen=True, slots=True)
 class FlownPlanners:
-    """Data for all parts; ``plans`` are those that several parts use."""
+    """Data for all parts; ``plans`` are the plans that several parts use."""
 
     planners: Mapping[Any, Planner]
     runs: int
@@ -116,14 +116,14 @@ def planner_part(flown: FlownPlanners, name: Any, seed: int) -> Columns:
 
 
 def plan_columns(plan: Plan, laws: Mapping[str, Columns]) -> Columns:
-    """What tables need of a plan and of the outcomes of its flights."""
+    """The columns of a plan and of the outcomes of its flights."""
     return {"planned": True, "objectives": plan.path.objectives.as_dict(), "laws": laws}
 
 
 def outcomes(
     problem: Problem, u: FloatArray, x: FloatArray, runs: int, laws: Sequence[str], seed: int
 ) -> dict[str, Columns]:
-    """For each law, which flights completed the mission, met an obstacle, left the map and failed.
+    """For each law, the flights that completed the mission, met an obstacle, left the map and failed.
 
     ``bound`` is V + R under the law.
     """

@@ -59,7 +59,7 @@ from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
 REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}  # eastern ends [deg]
 REGION_KEYS = ("fidelity", "region")
 ENOUGH = 20  # least number of missions of a bin that counts in the numbers
-RIM = 4.0  # [deg] around the area of the missions in which readings are kept, for scenes at its edge
+RIM = 4.0  # [deg] around the area of the missions in which readings are used, for scenes at its edge
 HALF_HOUR = 1800.0  # time step of robot.dt=auto here [s]
 UNIMPORTANT = ("truth", "missions", "bins")  # settings that do not change a single mission
 PLACE = (
@@ -129,7 +129,7 @@ def known_winds(
     settings: Settings, cfg: ForecastTestConfig, folder: Path, snapshots: tuple[Snapshot, ...],
     files: tuple[Path, ...],
 ) -> KnownWinds:  # fmt: skip
-    """The winds of all missions, from those of all cycles."""
+    """The winds of all missions, from the winds of all cycles."""
     truth = latest_readings(snapshots, files)
     spells = tuple(true_fields.spells(truth, cfg))
     nodes = {}
@@ -237,7 +237,7 @@ def region_of(longitude: float) -> str:
 
 
 def plan_rows(cfg: ForecastTestConfig, results: Sequence[Mapping[str, Any]]) -> list[Columns]:
-    """One row for each plan: its mission, its promises, what was realised."""
+    """One row for each plan: its mission, its promises, the realised failures."""
     unknown = dict.fromkeys(sorted({n for r in results for p in r["plans"] for n in p["promised"]}), math.nan)
     rows = []
     for k, result in enumerate(results):
@@ -295,7 +295,7 @@ def _fit_numbers(results: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 
 
 def _score_numbers(cfg: ForecastTestConfig, tables: Mapping[str, Sequence[Columns]]) -> dict[str, float]:
-    """The scores of each planner; those of its own promise have no other name.
+    """The scores of each planner; scores of its promise carry only the planner's name.
 
     Where paths along the front are flown too (``plans``), ``_chosen`` names those that selection picks.
     """
@@ -320,7 +320,7 @@ def _score_numbers(cfg: ForecastTestConfig, tables: Mapping[str, Sequence[Column
 
 
 def _is_own(entry: Mapping[str, Any]) -> bool:
-    """Whether the entry is about what a plan promises: its simulated failure under its own law."""
+    """Whether the entry is about the promise of a plan: its simulated failure under the law of the plan."""
     return bool(entry["promise"] == f"simulated_{preset(entry['fidelity']).law}")
 
 
@@ -352,7 +352,7 @@ def _test_text(
 
 
 def _verdict(cfg: ForecastTestConfig, numbers: Mapping[str, float]) -> str:
-    """How many bins keep their promise."""
+    """The number of bins that keep their promise."""
     names = {name: f"{name}_chosen" if cfg.plans else name for name in cfg.fidelities}
     bins = [
         f"{numbers[f'{name}_bins_kept']:.0f} of {numbers[f'{name}_bins']:.0f} bins of at least {ENOUGH} "

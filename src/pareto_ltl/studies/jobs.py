@@ -213,7 +213,7 @@ class JobQueue(Generic[AnyJob]):
         return False
 
     def _give_up(self, job: AnyJob, error: str, killed: bool) -> None:
-        """Note, on disk if possible, that this job was given up; a failure that it reported is kept."""
+        """Note, on disk if possible, that this job was given up; a failure that it reported is retained."""
         state = job.look()
         if state.answered or (state.status == "failed" and not killed):
             return

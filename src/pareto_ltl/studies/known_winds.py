@@ -1,4 +1,4 @@
-"""What planning knows of the winds in ``forecast_test``: a class for each value of the setting ``known``."""
+"""The winds that planning knows in ``forecast_test``: a class for each value of the setting ``known``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NORMAL_90 = 1.6448536269514722  # P(|z| <= this) = 0.9 for a standard normal z
 
 @dataclass(frozen=True)
 class KnownWinds:
-    """The winds of all missions, and what planning knows of them.
+    """The winds of all missions, and the part of them that planning knows.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class KnownWinds:
         raise NotImplementedError
 
     def explanation(self, numbers: Mapping[str, float]) -> str:
-        """What the test covers and what it does not, in one paragraph."""
+        """The errors that the test covers and does not cover, in one paragraph."""
         raise NotImplementedError
 
     def thinned(self, readings: Readings, k: int, spell: true_fields.Spell) -> tuple[FloatArray, FloatArray]:
@@ -95,7 +95,7 @@ class KnownWinds:
 
 
 class DepartureWinds(KnownWinds):
-    """``known=departure``: forecasts that are ``delay`` old at departure; a plan promises in its own law."""
+    """``known=departure``: forecasts that are ``delay`` old at departure; each plan promises in its law."""
 
     def readings(self, task: Mission, after: float = 0.0) -> Readings:
         """The readings known ``after`` [s] departure: in its period, the newest of each time, thinned."""
@@ -113,7 +113,7 @@ class DepartureWinds(KnownWinds):
         held = (seconds(str(task.scene.time_zero)) - float(readings.times[-1])) / HOUR + self.cfg.hours
         folder, longest = str(readings.files[0].parent), max(mine.wind.max_gap, held)
         wind = replace(mine.wind, source="grib", path=folder, hold_last=True, max_gap=longest)
-        scene = replace(task.scene, border=mine.border)  # that of the fidelity, where scene.border is auto
+        scene = replace(task.scene, border=mine.border)  # set by the fidelity where scene.border is auto
         return study_run(replace(mine, wind=wind), Records({SCENE: scene, READINGS: readings}))
 
     def promised(self, run: Run, paths: Iterable[PlannedPath], seed: int) -> list[dict[str, float]]:
@@ -131,7 +131,7 @@ class DepartureWinds(KnownWinds):
         return {"known_hours": float(run.make(READINGS).times[-1] - departure) / HOUR}
 
     def title(self, numbers: Mapping[str, float]) -> str:
-        """What was known, and how many missions there were."""
+        """The known winds, and the number of missions."""
         seen = "every node" if self.cfg.points is None else f"{self.cfg.points} readings a time"
         return (
             f"A forecast test: the chosen plans of {numbers['missions_planned']:.0f} of "
@@ -144,7 +144,7 @@ class DepartureWinds(KnownWinds):
         """Errors that the later fields show, and those that they do not."""
         wind, planned = self.settings.wind, numbers["missions_planned"] / numbers["missions"]
         return (
-            f"Tested: the promise of a plan under its own law, wind.forecast_error={wind.forecast_error}, in "
+            f"Tested: the promise of a plan under its law, wind.forecast_error={wind.forecast_error}, in "
             f"the winds that came within {self.cfg.hours:g} h of departure; {probability_text(planned)} of "
             "the missions have a plan. Covered: errors of forecasts and of the last known field, of "
             f"interpolation in space and time, level {wind.level}. Not covered: what the fields themselves "
@@ -208,7 +208,7 @@ class AllWinds(KnownWinds):
         )
 
     def explanation(self, numbers: Mapping[str, float]) -> str:
-        """What the readings tell, and how well the fit agrees with the full fields."""
+        """What is known from the readings, and how well the fit agrees with the full fields."""
         return (
             "Planning knew thinned readings of the whole flight, also of times after departure: this tests "
             "interpolation in space, not forecasts (pipelines=forecast_test tests those). 'front' are plans "

@@ -1,4 +1,4 @@
-"""Newer forecasts of a simulated true wind: what a later cycle of the same model would say.
+"""Newer forecasts of a simulated true wind, as a later cycle of the same model would predict it.
 
 Under the law of a field, the error of forecasts in slot k is ψ_k' θ_k with the variance e²(L_k). A cycle that
 begins T later has the variance e²(L_k - T) there. With s = 1 - e²(L_k - T) / e²(L_k), the new field is
@@ -31,9 +31,8 @@ def require_cycles(field: WindField) -> None:
     known = bool(np.isfinite(field.leads).any())
     if law is None or modes is None or not known or not (modes.part == FORECAST).any():
         raise ConfigError(
-            "replanning.forecasts: the wind of this run is no forecast with known leads, so that a later "
-            "cycle "
-            "has nothing to improve: take such a source, e.g. wind=noaa, or leave it null"
+            "replanning.forecasts: the wind of this run is not a forecast with known leads, so that a later "
+            "cycle cannot improve it: take such a source, e.g. wind=noaa, or leave it null"
         )
 
 
@@ -54,16 +53,16 @@ def newer_forecast(
     xi = rng.standard_normal((2, int(own.sum())))
     for k, share in enumerate(shares.tolist()):
         if k:
-            kept = law.persistence ** float((field.times[k] - field.times[k - 1]) / law.persistence_time)
-            xi = kept * xi + math.sqrt(1.0 - kept * kept) * rng.standard_normal(xi.shape)
+            rho = law.persistence ** float((field.times[k] - field.times[k - 1]) / law.persistence_time)
+            xi = rho * xi + math.sqrt(1.0 - rho * rho) * rng.standard_normal(xi.shape)
         steps = np.flatnonzero(modes.slot == k)
         if share <= 0.0 or not len(steps):
             continue
         known = theta[modes.epoch[steps[0]]][:, own].astype(float)
-        said = share * known + math.sqrt(share * (1.0 - share)) * xi
+        observed = share * known + math.sqrt(share * (1.0 - share)) * xi
         for c in (0, 1):
             here = lattice_values(found, psi[k, :, :, c][..., own].astype(float), nodes)
-            mean[k, ..., c] += (here @ said[c]).reshape(shape)
+            mean[k, ..., c] += (here @ observed[c]).reshape(shape)
             lost = share * (here**2).sum(axis=1).reshape(shape)
             latent[k, ..., c] = np.maximum(latent[k, ..., c] - lost, 0.0)
         psi[k][..., own] *= np.float32(math.sqrt(1.0 - share))

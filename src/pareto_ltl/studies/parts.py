@@ -62,18 +62,18 @@ class Part:
 
 def part_key(settings: Settings, *more: Any) -> str:
     """Fingerprint of the settings that matter to a plan, of ``more``, of the wind files and of the code."""
-    kept = {name: value for name, value in as_dict(settings).items() if name not in OTHER_SECTIONS}
-    kept["planner"].pop("threads")
+    relevant = {name: value for name, value in as_dict(settings).items() if name not in OTHER_SECTIONS}
+    relevant["planner"].pop("threads")
     inputs = [file_fingerprint(file) for file in sorted(input_files(settings))]
     code = code_fingerprint(without=OTHER_CODE)
-    return data_fingerprint([kept, plain_data(list(more)), inputs, code])
+    return data_fingerprint([relevant, plain_data(list(more)), inputs, code])
 
 
 # --- the folder ------------------------------------------------------------------------------
 
 
 def parts_folder(cfg: EvaluationConfig, directory: Path) -> Path:
-    """The folder of parts: in the results directory, or in that of the run to resume.
+    """The folder of parts: in the results directory, or in the directory of the run to resume.
 
     Raises
     ------
@@ -142,7 +142,7 @@ class PartJob(StoredJob):
             return JobState("ok", record=content["result"])
         if mine and isinstance(content.get("error"), str):
             return JobState("failed", f"was given up ({content['error']})")
-        reason = f"expected the result of {self.name}, found something else"
+        reason = f"expected the result of {self.name}, got something else"
         return JobState("failed", f"is damaged ({reason})")
 
     def settled(self) -> bool:
@@ -186,7 +186,7 @@ def work_parts(
     Raises
     ------
     DataError
-        If parts were given up because they were killed each time; all others are kept.
+        If parts were given up because they were killed each time; the results of all others are stored.
     """
     place = parts_folder(cfg, directory)
     remove_dead_drafts(place)
@@ -201,8 +201,8 @@ def work_parts(
     try:
         queue.run(todo)
     except KeyboardInterrupt:
-        kept = f"{tally.done} of {tally.total} parts are kept"
-        print(f"pareto-ltl: {kept}; evaluation.resume={place.parent} continues with them", file=sys.stderr)
+        stored = f"{tally.done} of {tally.total} parts are stored"
+        print(f"pareto-ltl: {stored}; evaluation.resume={place.parent} continues with them", file=sys.stderr)
         raise
     _refuse_given_up(place, [jobs[key] for key in queue.given_up], len(jobs))
     results = {key: _result_of(job) for key, job in jobs.items()}

@@ -1,7 +1,7 @@
 """Planners and flights for studies, by runs of ``run/pipeline.py`` without a results directory.
 
-A plan made here is that of the command line with the same settings: the stages and their random streams are
-the same.
+A plan made here is identical to the plan of the command line with the same settings: the stages and their
+random streams are the same.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Random missions at real places: a place, a departure, three regions, a few obstacles, a formula.
 
-Each has its own random generator, so that mission 17 does not depend on the number of missions.
+Each has a separate random generator, so that mission 17 does not depend on the number of missions.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The benefit of replanning in winds that really came: random missions flown through later analyses.
+"""The benefit of replanning in real winds: random missions flown through later analyses.
 
-The missions and what planning knows at departure are those of ``pipelines=forecast_test``. Each is flown once
+The missions and what planning knows at departure are as in ``pipelines=forecast_test``. Each is flown once
 in each way of ``studies/replanning.py``, through the later fields; a newer forecast is what has become
 available ``forecast_test.delay`` after the start of its cycle. A mission is one trial.
 """

@@ -1,4 +1,4 @@
-"""Software in the loop: an independent aircraft flies the exported table in the winds of our own flights.
+"""Software in the loop: an independent aircraft flies the exported table in the winds of our flights.
 
 Each flight of JSBSim meets the wind field of one of our flights: the same θ and the same white part,
 evaluated at the position of the aircraft. The aircraft differs: six degrees of freedom, turns, an autopilot
@@ -217,8 +217,8 @@ def sitl_text(numbers: dict[str, float], law: str) -> str:
         return rate_text(*(numbers[f"{name}_failure{end}"] for end in ("", "_low", "_high")))
 
     def km(name: str) -> str:
-        middle, most = numbers[f"sitl_{name}_median_m"] / 1e3, numbers[f"sitl_{name}_95_m"] / 1e3
-        return f"{middle:.2f} km, 95 % within {most:.2f} km"
+        middle, upper = numbers[f"sitl_{name}_median_m"] / 1e3, numbers[f"sitl_{name}_95_m"] / 1e3
+        return f"{middle:.2f} km, 95 % within {upper:.2f} km"
 
     alone = f"{numbers['sitl_fails_alone']:.0f} and {numbers['sitl_steps_fail_alone']:.0f} flights"
     lines = [
@@ -229,7 +229,7 @@ def sitl_text(numbers: dict[str, float], law: str) -> str:
         f"| only one of them fails: JSBSim, our steps | {alone}, chance {numbers['sitl_same_chance']:.2g} |",
         f"| apart at the ends of legs, median | {km('apart')} |",
         f"| apart at the end of the flight, median | {km('apart_end')} |",
-        f"| airspeed of a leg less that of the table | {numbers['sitl_airspeed_error']:+.2f} m/s, "
+        f"| airspeed of a leg minus airspeed in the table | {numbers['sitl_airspeed_error']:+.2f} m/s, "
         f"sd {numbers['sitl_airspeed_error_sd']:.2f} m/s |",
     ]
     return "\n".join(lines) + "\n"

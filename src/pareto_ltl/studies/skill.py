@@ -1,4 +1,4 @@
-"""What a score of promises is made of, and what it is worth: calibration, skill, weather situations.
+"""Parts of a score of promises, and its value: calibration, skill, weather situations.
 
 Missions that depart in one weather situation (a period of successive fields) share its weather. Intervals by
 situations count a situation as one trial, not a mission.
@@ -66,9 +66,9 @@ def skill(promised: FloatArray, realised: FloatArray, reference: FloatArray) -> 
 def situation_columns(realised: FloatArray, situations: Sequence[str]) -> Columns:
     """The number n of situations, the 95 % interval of the mean rate by them, and ``floor`` = 1 / (n + 1).
 
-    The interval is that of the mean of clusters, with Student's t of n - 1 degrees of freedom; one situation
-    says nothing. No rate that is calibrated on n situations can be claimed to be below the floor: the next
-    situation is the worst of n + 1 with that probability.
+    The interval is for the mean of clusters, with Student's t of n - 1 degrees of freedom; one situation
+    gives no interval. No rate that is calibrated on n situations can be claimed to be below the floor: the
+    next situation is the worst of n + 1 with that probability.
     """
     from scipy.stats import t
 

@@ -96,8 +96,8 @@ def real_wind(
 ) -> WindField:
     """The full fields over ``scene`` from departure on, with the white part of ``believed`` as gusts.
 
-    There is no other uncertainty. Fields are interpolated bilinearly between the nodes of their own grid and
-    rotated by the meridian convergence. Gusts at a field's time are those of the nearest slot of
+    There is no other uncertainty. Fields are interpolated bilinearly between the nodes of their grid and
+    rotated by the meridian convergence. Gusts at a field's time are taken from the nearest slot of
     ``believed``.
     """
     import dataclasses
@@ -137,7 +137,7 @@ def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatA
     for t in times:
         k = int(np.argmin(np.abs(readings.times - (zero + t))))
         if abs(readings.times[k] - (zero + t)) > 1.0:
-            raise DataError(f"the full fields hold nothing at {iso(zero + float(t))}")
+            raise DataError(f"the full fields have no value at {iso(zero + float(t))}")
         earth = interpolated(readings.points[k], readings.winds[k], lon, lat, middle)
         if not np.isfinite(earth).all():
             raise DataError(

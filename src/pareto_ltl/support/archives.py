@@ -32,7 +32,7 @@ DAMAGE = (
 
 
 class _ForeignError(ValueError):
-    """An archive that this package cannot have written; the text says why."""
+    """An archive that this package cannot have written; the text gives the reason."""
 
 
 def read_npz(path: Path, advice: Advice = RESULTS) -> dict[str, NDArray[Any]]:
@@ -70,7 +70,7 @@ def _check_size(entries: list[zipfile.ZipInfo], size: int) -> None:
 
 
 def _read_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
-    """Read one array; raise if the size in its header differs from that of the entry."""
+    """Read one array; raise if the size in its header differs from the size of the entry."""
     if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise _ForeignError(f"{entry.filename} is packed in an unknown way")
     with archive.open(entry) as stream:
@@ -88,10 +88,10 @@ def _read_header(name: str, stream: IO[bytes]) -> tuple[tuple[int, ...], bool, n
     """Shape, whether in Fortran order, and type of an array, from a header of NumPy's format 1.0."""
     start = stream.read(len(MAGIC) + 2)
     if not start.startswith(MAGIC) or len(start) < len(MAGIC) + 2:
-        raise _ForeignError(f"{name} is no array of NumPy's format 1.0")
+        raise _ForeignError(f"{name} is not an array of NumPy's format 1.0")
     (length,) = struct.unpack("<H", start[len(MAGIC) :])
-    told = HEADER.fullmatch(stream.read(length).decode("latin1"))
-    if told is None:
+    match = HEADER.fullmatch(stream.read(length).decode("latin1"))
+    if match is None:
         raise _ForeignError(f"{name} has a header that is not understood; expected numbers or text")
-    shape = tuple(int(side) for side in re.findall(r"\d+", told["shape"]))
-    return shape, told["fortran"] == "True", np.dtype(told["type"])
+    shape = tuple(int(side) for side in re.findall(r"\d+", match["shape"]))
+    return shape, match["fortran"] == "True", np.dtype(match["type"])

@@ -58,7 +58,7 @@ class Budget:
         self.asked = True
 
     def until(self, share: float) -> Budget:
-        """The part of this limit until ``share`` (0 to 1) of it is used; shares of the part are its own."""
+        """The part of this limit until ``share`` (0 to 1) of it is used; shares of the part count from 0."""
         return _Part(self, share)
 
     @contextmanager
@@ -76,7 +76,7 @@ class Budget:
         def end_early(_number: int, _frame: FrameType | None) -> None:
             if not self.heeded or self.asked:
                 raise KeyboardInterrupt
-            LOG.warning("stopping: the front is made from the paths found so far; Ctrl-C again ends the run")
+            LOG.warning("stopping: the front is made from the paths so far; Ctrl-C again ends the run")
             self.end()
 
         signal.signal(signal.SIGINT, end_early)

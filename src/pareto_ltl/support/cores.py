@@ -8,7 +8,7 @@ GIVEN = ("OMP_NUM_THREADS", "SLURM_CPUS_PER_TASK")  # set by launchers of sweeps
 
 
 def cores() -> int:
-    """Number of cores from the first variable of :data:`GIVEN` that is set, else those of this process."""
+    """Number of cores from the first variable of :data:`GIVEN` that is set, else of this process."""
     for name in GIVEN:
         value = os.environ.get(name, "")
         if value.isdecimal() and int(value) > 0:

@@ -14,7 +14,7 @@ def binomial_tail(least: IntArray | int, runs: IntArray | int, chance: float) ->
     """P(X ≥ k) of a binomial X, with k = ``least``, n = ``runs`` and p = ``chance``.
 
     It is I_p(k, n - k + 1), the regularised incomplete beta function, and 1 for k ≤ 0. ``least`` and
-    ``runs`` have one shape, which is that of the result.
+    ``runs`` have one shape, which is the shape of the result.
     """
     from scipy.special import betainc
 
@@ -52,7 +52,7 @@ def hypergeometric_tail(least: int, total: int, marked: int, drawn: int) -> floa
 
 
 def paired_difference(first: BoolArray, second: BoolArray) -> tuple[float, float, float]:
-    """Failure rate of ``second`` minus that of ``first`` (N,), with its 95 % interval (low, high).
+    """Failure rate of ``second`` minus rate of ``first`` (N,), with its 95 % interval (low, high).
 
     Entry i of both is whether flight i, with the same random draws, fails. With b flights that fail only in
     ``second`` and c only in ``first``, this is the interval of Bonett and Price

@@ -78,7 +78,7 @@ def fetch_bytes(url: str, most: int, part: ByteRange | None = None, retries: int
         or time run out.
     """
     if urlsplit(url).scheme not in SCHEMES:
-        raise DataError(f"{shown_text(url)} is no web address; expected https://...")
+        raise DataError(f"{shown_text(url)} is not a web address; expected https://...")
     got = bytearray()
     end = time.monotonic() + LONGEST
     failures = 0
@@ -98,7 +98,7 @@ def fetch_bytes(url: str, most: int, part: ByteRange | None = None, retries: int
             time.sleep(pause)
 
 
-def _fetch_rest(url: str, part: ByteRange | None, got: bytearray, most: int, end: float) -> None:
+def _fetch_rest(url: str, part: ByteRange | None, got: bytearray, limit: int, end: float) -> None:
     """Append the missing content to ``got``."""
     before = len(got)
     request = urllib.request.Request(url, headers={"User-Agent": "pareto_ltl", "Accept-Encoding": "identity"})
@@ -109,8 +109,8 @@ def _fetch_rest(url: str, part: ByteRange | None, got: bytearray, most: int, end
         request.add_header("Range", rest.header)
     try:
         with urllib.request.build_opener(_SameSchemeRedirects()).open(request, timeout=TIMEOUT) as answer:
-            length = _checked_length(url, answer, rest, most - len(got))
-            _read_answer(url, answer, got, most, end)
+            length = _checked_length(url, answer, rest, limit - len(got))
+            _read_answer(url, answer, got, limit, end)
     except urllib.error.HTTPError as error:
         error.close()
         _refuse_status(url, error.code, str(error.reason))
@@ -123,8 +123,8 @@ def _fetch_rest(url: str, part: ByteRange | None, got: bytearray, most: int, end
         raise _BrokenError(f"ended after {len(got)} of {before + length} bytes")
 
 
-def _checked_length(url: str, answer: Any, rest: ByteRange | None, most: int) -> int | None:
-    """Bytes from the start of the request to the end of the file; None if the answer does not say."""
+def _checked_length(url: str, answer: Any, rest: ByteRange | None, limit: int) -> int | None:
+    """Bytes from the start of the request to the end of the file; None if the answer does not state it."""
     announced = answer.headers.get("Content-Length", "")
     length = int(announced) if announced.isdecimal() and len(announced) < 20 else None
     total = None
@@ -134,28 +134,28 @@ def _checked_length(url: str, answer: Any, rest: ByteRange | None, most: int) ->
                 f"{url}: the server ignores byte ranges (status {answer.status}; expected 206) and would "
                 "send the whole file; use another server (wind.base_url), or wind.source=grib with the file"
             )
-        told = re.match(r"bytes (\d{1,19})-\d{1,19}/(\d{1,19})?", answer.headers.get("Content-Range", ""))
-        if told is None or int(told[1]) != rest.first:
+        match = re.match(r"bytes (\d{1,19})-\d{1,19}/(\d{1,19})?", answer.headers.get("Content-Range", ""))
+        if match is None or int(match[1]) != rest.first:
             raise DataError(f"{url}: the server sends other bytes than requested; use another server")
-        total = int(told[2]) - rest.first if told[2] else None
-    if length is not None and length > most:
-        raise DataError(f"{url} has {length:,} bytes, more than the limit of {most:,}")
+        total = int(match[2]) - rest.first if match[2] else None
+    if length is not None and length > limit:
+        raise DataError(f"{url} has {length:,} bytes, more than the limit of {limit:,}")
     return length if rest is None else total
 
 
-def _read_answer(url: str, answer: Any, got: bytearray, most: int, end: float) -> None:
+def _read_answer(url: str, answer: Any, got: bytearray, limit: int, end: float) -> None:
     while block := answer.read1(BLOCK):
         got += block
-        if len(got) > most:
-            raise DataError(f"{url} has more than {most:,} bytes, which is the limit")
+        if len(got) > limit:
+            raise DataError(f"{url} has more than {limit:,} bytes, which is the limit")
         if time.monotonic() > end:
             raise DataError(f"{url} takes longer than {LONGEST:g} s; try again later")
 
 
 def _refuse_status(url: str, status: int, reason: str) -> None:
-    told = f"status {status} {shown_text(reason)}".strip()
+    answer = f"status {status} {shown_text(reason)}".strip()
     if status in GONE:
-        raise NotThereError(f"{url} is not there ({told})")
+        raise NotThereError(f"{url} is not there ({answer})")
     if status in BUSY or status >= 500:
-        raise _BrokenError(told)
-    raise DataError(f"{url} cannot be fetched ({told})")
+        raise _BrokenError(answer)
+    raise DataError(f"{url} cannot be fetched ({answer})")

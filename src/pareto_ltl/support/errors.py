@@ -1,4 +1,4 @@
-"""Errors that a user can correct, each with one line that says how.
+"""Errors that a user can correct; the one line of each states how.
 
 The command line prints the text of these classes and ends with exit code 2. A ``ValueError`` that is none
 of them means that a caller in Python passed a wrong argument.
@@ -20,7 +20,7 @@ class DataError(ParetoLtlError):
 
 
 class InfeasibleError(ParetoLtlError):
-    """There is no answer with the given settings; the message says which setting to change."""
+    """There is no answer with the given settings; the message names the setting to change."""
 
 
 class FormulaError(ParetoLtlError, ValueError):

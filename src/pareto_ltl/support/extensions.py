@@ -77,7 +77,7 @@ def known_kind(group: str, own: Mapping[str, Kind], name: str, expected: Callabl
 
 
 def load_extension(group: str, name: str, expected: Callable[[Any], bool]) -> Any:
-    """The object of entry point ``name``; the errors are those of :func:`known_kind`."""
+    """The object of entry point ``name``; errors as in :func:`known_kind`."""
     entry = installed_entries(group)[name]
     try:
         loaded = entry.load()

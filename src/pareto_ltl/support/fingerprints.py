@@ -1,4 +1,4 @@
-"""Fingerprints: SHA-256 of data, of files and of the package's own source, as 64 hexadecimal digits.
+"""Fingerprints: SHA-256 of data, of files and of the source of the package, as 64 hexadecimal digits.
 
 A result is made again when a fingerprint of what it depends on has changed.
 """
@@ -30,7 +30,7 @@ def text_fingerprint(text: str) -> str:
 
 
 def file_fingerprint(path: Path) -> str:
-    """Fingerprint of the bytes of ``path``; OSError if it cannot be read, DataError if it is no file.
+    """Fingerprint of the bytes of ``path``; OSError if it cannot be read, DataError if it is not a file.
 
     A file is read once per process, and again when its date or size changes. A file that was written less
     than :data:`FRESH` seconds ago is read every time, as it can change again without a new date.
@@ -55,7 +55,7 @@ def code_fingerprint(*names: str, without: tuple[str, ...] = ()) -> str:
     Parameters
     ----------
     names : str
-        For example ``"kernels"`` (a package with all its modules) or ``"wind.gp"`` (a module).
+        Names such as ``"kernels"`` (a package with all its modules) or ``"wind.gp"`` (a module).
     without : tuple of str
         Modules and packages to leave out, named in the same way.
 

@@ -35,7 +35,7 @@ class TakenError(Exception):
 
 @contextmanager
 def hold_lock(path: Path, *, wait: bool = True, note: str = "") -> Iterator[str]:
-    """Hold the lock ``path`` in the block, and yield the note of its previous holder; the file is kept.
+    """Hold the lock ``path`` in the block, and yield the note of its previous holder; the file remains.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def hold_lock(path: Path, *, wait: bool = True, note: str = "") -> Iterator[str]
 
 @contextmanager
 def hold_passing_lock(path: Path, *, wait: bool = True, note: str = "") -> Iterator[str]:
-    """As :func:`hold_lock`, but the file is removed when the block ends.
+    """Like :func:`hold_lock`, but the file is removed when the block ends.
 
     A note that is yielded then means that the previous holder was killed.
     """

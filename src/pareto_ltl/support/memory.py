@@ -45,8 +45,8 @@ def require_memory(each: float, setting: str, count: int, what: str, also: str =
     needed = each * count
     if needed < SMALL or needed <= (free := available_memory()):
         return
-    most = int(free / each)
-    fits = f"at most {most} fits" if most else "no value fits"
+    largest = int(free / each)
+    fits = f"at most {largest} fits" if largest else "no value fits"
     other = f", or lower {also}" if also else ""
     raise ConfigError(
         f"{setting}={count} needs {needed / GIGABYTE:.3g} GB of memory for {what}, and "
@@ -55,7 +55,7 @@ def require_memory(each: float, setting: str, count: int, what: str, also: str =
 
 
 def container_room() -> Iterator[float]:
-    """Memory that is free under each limit of the container [bytes]; nothing if there is no limit."""
+    """Memory that is free under each limit of the container [bytes]; no values without a limit."""
     for limit, used in CGROUPS:
         try:
             numbers = [int((CGROUP_FOLDER / name).read_text()) for name in (limit, used)]
@@ -65,7 +65,7 @@ def container_room() -> Iterator[float]:
 
 
 def _own_room() -> Iterator[float]:
-    """Memory that is free under ``ulimit -v`` [bytes]; nothing if there is no such limit."""
+    """Memory that is free under ``ulimit -v`` [bytes]; no values without such a limit."""
     import psutil
 
     try:

@@ -1,4 +1,4 @@
-"""``File`` of h5netcdf; a file that fails to open prints nothing when it is discarded."""
+"""``File`` of h5netcdf; a file that fails to open is discarded without a message."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Imports that a library makes and this package never needs, postponed to the first use."""
+"""Imports of a library that this package never needs, postponed to the first use."""
 
 from __future__ import annotations
 

@@ -34,9 +34,9 @@ class Advice:
     Attributes
     ----------
     missing : str
-        For a file that cannot be opened.
+        Advice for a file that cannot be opened.
     damaged : str
-        For a file with the wrong content.
+        Advice for a file with the wrong content.
     """
 
     missing: str = "is this a results directory?"
@@ -112,7 +112,7 @@ def read_json_value(path: Path, advice: Advice = RESULTS) -> Any:
 
 
 def parse_json(data: bytes, where: str, advice: Advice = RESULTS) -> Any:
-    """As :func:`read_json_value`, from bytes; error messages begin with ``where``."""
+    """Like :func:`read_json_value`, from bytes; error messages begin with ``where``."""
     text = decoded_text(data, where, advice)
     if sum(data.count(sign) for sign in (b",", b"[", b"{")) > MAX_ELEMENTS:
         raise DataError(f"{where}: has more than {MAX_ELEMENTS:,} values; {advice.damaged}")

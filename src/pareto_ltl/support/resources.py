@@ -52,7 +52,7 @@ def added_folders() -> tuple[Path, ...]:
 
 
 def choice_folders(group: str) -> list[Path]:
-    """Folders with the YAML files of ``group``: the built-in one first, then those of other packages."""
+    """Folders with the YAML files of ``group``: first the built-in one, then folders of other packages."""
     own = resource_folder("pipelines") if group == "pipelines" else resource_folder("conf") / group
     return [own, *(place / group for place in added_folders())]
 

@@ -1,4 +1,4 @@
-"""How a run ended, in words: ``run.json`` of a killed run still says that it is running."""
+"""How a run ended, in words: ``run.json`` of a killed run still has the status ``running``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ RUN_LOCK = "run.lock"
 
 
 def ending_text(directory: Path, status: Any) -> str:
-    """``its run was killed`` or the like, with what to do; ``status`` is that of ``run.json``."""
+    """``its run was killed`` or the like, with what to do; ``status`` is the status in ``run.json``."""
     if status == "running" and is_held(directory / RUN_LOCK):
         return "its run is still at work; wait for its end"
     texts = {

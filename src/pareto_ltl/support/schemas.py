@@ -64,18 +64,18 @@ def read_document(
     Raises
     ------
     DataError
-        If the file does not fit; the message has the place (a JSON pointer), what was expected and found.
+        If the file does not fit; the message has the place (a JSON pointer), what was expected and the value.
     """
     content = read_json(path, advice)
     if version is not None or isinstance(name, Mapping):
         known = name if isinstance(name, Mapping) else {str(version): name}
-        said = content.get("schema")
-        if not isinstance(said, str) or said not in known:
+        stated = content.get("schema")
+        if not isinstance(stated, str) or stated not in known:
             raise DataError(
-                f"{path}: expected schema {' or '.join(map(repr, known))}, found {shown_json(said)}; "
+                f"{path}: expected schema {' or '.join(map(repr, known))}, found {shown_json(stated)}; "
                 "read it with the version of pareto-ltl that wrote it"
             )
-        name = known[said]
+        name = known[stated]
     check_document(content, name, str(path), advice)
     return content
 
@@ -94,7 +94,7 @@ def check_document(content: Any, name: str, where: str, advice: Advice = RESULTS
 
 
 def _misfit(error: JsonSchemaValueException) -> str:
-    """The end of an error message: what was expected and what was found."""
+    """The end of an error message: what was expected, and the value in the file."""
     schema: Mapping[str, Any] = error.definition
     found = error.value
     if error.rule == "required":

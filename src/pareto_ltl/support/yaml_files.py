@@ -19,7 +19,7 @@ MAX_YAML_DEPTH = 64
 
 
 class _UnboundedError(ValueError):
-    """A document that is too large, too deep, or ambiguous; the text says where."""
+    """A document that is too large, too deep, or ambiguous; the text names the place."""
 
 
 def read_yaml(path: Path, advice: Advice = RESULTS) -> Any:
@@ -81,7 +81,7 @@ def _check_node(node: Any, known: dict[int, tuple[int, int]]) -> tuple[int, int]
     if id(node) in known:
         size, levels = known[id(node)]
         if levels == 0:
-            raise _UnboundedError(f"{place}: an anchor holds its own alias")
+            raise _UnboundedError(f"{place}: an anchor contains its alias")
         return size, levels
     known[id(node)] = 0, 0  # 0 levels: its children are not counted yet
     parts = [_check_node(child, known) for child in _children(node, place)]

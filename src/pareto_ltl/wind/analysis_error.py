@@ -59,7 +59,7 @@ class AnalysisError:
 def analysis_error(
     snapshots: Sequence[Snapshot], stations: Readings, draws: Resampling
 ) -> AnalysisError | str:
-    """Estimate the error of the analyses among ``snapshots``; a text says why, if it cannot be estimated."""
+    """Estimate the error of the analyses among ``snapshots``; a text with the reason if it is impossible."""
     analyses = sorted((snap for snap in snapshots if snap.lead == 0), key=lambda snap: snap.time)
     rows = []
     for snap in analyses:

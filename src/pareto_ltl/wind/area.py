@@ -14,7 +14,7 @@ from pareto_ltl.support.errors import DataError
 DEGREE = 111_195.0  # [m] of latitude
 POLAR = 85.0  # [deg] a box that extends beyond this latitude contains all longitudes
 MARGIN = 1e6  # [m] around a scene, twice the distance up to which readings are used
-NEAR = 150e3  # [m] around a scene, where nodes of a fine grid are kept most densely
+NEAR = 150e3  # [m] around a scene, where most nodes of a fine grid are used
 MOST_NODES = 40_000  # of one grid; the fit uses some hundreds of them
 SAMPLES = 21  # positions along each side of a scene that are converted to degrees
 
@@ -106,13 +106,13 @@ class Wanted:
 ALL_WIND = Wanted()
 
 
-def _one_a_cell(lonlat: FloatArray, rows: IntArray, most: int) -> IntArray:
-    """The first of ``rows`` in each cell of a lattice of about ``most`` cells; all if they are not more."""
-    if len(rows) <= most:
+def _one_a_cell(lonlat: FloatArray, rows: IntArray, limit: int) -> IntArray:
+    """The first of ``rows`` in each cell of a lattice of about ``limit`` cells; all if they are not more."""
+    if len(rows) <= limit:
         return rows
     lon, lat = lonlat[rows].T
     cells = np.stack([(lon - lon.min()) * np.cos(np.deg2rad(lat.mean())), lat - lat.min()], axis=1)
-    side = float(np.sqrt(max(np.prod(np.ptp(cells, axis=0)), 1e-12) / most))
+    side = float(np.sqrt(max(np.prod(np.ptp(cells, axis=0)), 1e-12) / limit))
     across, up = np.floor(cells / side).astype(np.int64).T
     return rows[np.unique(up * (int(across.max()) + 1) + across, return_index=True)[1]]
 

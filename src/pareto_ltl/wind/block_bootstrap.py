@@ -74,10 +74,10 @@ class Resampling:
         n = len(np.unique(cycles))
         freedom = max(1.0, n / self.length(n) - 1.0)
         stretch = float(t.ppf((1 + LEVEL) / 2, freedom)) / NORMAL_QUANTILE
-        kept = drawn[np.isfinite(drawn) & ((drawn > 0) | (not ratio))]
-        if not len(kept) or not np.isfinite(value) or (ratio and value <= 0):
+        finite = drawn[np.isfinite(drawn) & ((drawn > 0) | (not ratio))]
+        if not len(finite) or not np.isfinite(value) or (ratio and value <= 0):
             return Interval(value, np.nan, np.nan)
-        low, high = np.quantile(kept, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+        low, high = np.quantile(finite, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
         low, high = min(float(low), value), max(float(high), value)
         if ratio:
             return Interval(value, value * (low / value) ** stretch, value * (high / value) ** stretch)

@@ -11,7 +11,7 @@ one component of the wind is exact; the one between the components, which the fi
 From slot to slot the modes keep their persistence, although the directions that the fixes determine are
 renewed faster: this overestimates the spread of positions slightly.
 
-A field that is held after its time changes by an error that grows. It gets slots of its own after the fix,
+A field that is held after its time changes by an error that grows. It gets additional slots after the fix,
 and the modes of its change become a part of the error, ``HELD``, whose persistence is the correlation of the
 changes since the field (M17). The error of interpolation between two fields ends with the next field;
 information on it is not used.
@@ -91,19 +91,19 @@ def with_held_slots(field: WindField) -> WindField:
 
 
 def persistence(field: WindField, since: float) -> FloatArray:
-    """ρ (K, P): share of θ of each mode that is kept from ``since`` [s], the time of a slot, to each slot."""
+    """ρ (K, P): share of θ of each mode that remains from ``since`` [s], the time of a slot, to each slot."""
     modes, times = field.modes, field.times
     if modes is None:
         return np.zeros((len(times), 0))
     last = field.last_field
     apart = np.abs(np.minimum(times, last) - min(since, last))[:, None]
-    kept = np.zeros((len(times), len(modes.part)))
-    kept[:, modes.part == SPACE] = modes.rho ** (apart / modes.gap)
-    kept[:, modes.part == ENSEMBLE] = 1.0
+    rho = np.zeros((len(times), len(modes.part)))
+    rho[:, modes.part == SPACE] = modes.rho ** (apart / modes.gap)
+    rho[:, modes.part == ENSEMBLE] = 1.0
     if field.error is not None:
-        kept[:, modes.part == FORECAST] = field.error.persistence ** (apart / field.error.persistence_time)
-        kept[:, modes.part == HELD] = _kept_change(field, since)[:, None]
-    return kept
+        rho[:, modes.part == FORECAST] = field.error.persistence ** (apart / field.error.persistence_time)
+        rho[:, modes.part == HELD] = _kept_change(field, since)[:, None]
+    return rho
 
 
 def _kept_change(field: WindField, since: float) -> FloatArray:
@@ -133,15 +133,15 @@ def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> 
     modes = field.modes
     if modes is None or not len(modes.part):
         return field
-    slot = int(np.argmin(np.abs(field.times)))  # that of the modes at the time of the plan
-    kept = persistence(field, float(field.times[slot]))
+    slot = int(np.argmin(np.abs(field.times)))  # slot of the modes at the time of the plan
+    rho = persistence(field, float(field.times[slot]))
     mean, latent, psi = field.mean.copy(), field.latent_var.copy(), modes.psi.copy()
     nodes, shape = field.lattice.nodes(), mean.shape[1:3]
     for k in range(len(field.times)):
         for c in (0, 1):
-            B = told[:, c] * kept[k]
+            B = told[:, c] * rho[k]
             own = psi[k, :, :, c].astype(float)
-            columns = own @ np.column_stack([kept[k] * theta[c], B.T])  # the shift, and roots of what is lost
+            columns = own @ np.column_stack([rho[k] * theta[c], B.T])  # the shift, and roots of what is lost
             here = lattice_values(modes, columns, nodes)
             mean[k, ..., c] += here[:, 0].reshape(shape)
             lost = (here[:, 1:] ** 2).sum(axis=1).reshape(shape)

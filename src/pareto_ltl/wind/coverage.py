@@ -1,4 +1,4 @@
-"""Texts that say which errors of the wind a failure probability covers, and which it does not."""
+"""Texts on the errors of the wind that a failure probability covers, and those that it does not cover."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ def _forecast_part(field: WindField, covered: list[str]) -> list[str]:
     """Add the covered errors of forecasts to ``covered``; return those that are not covered."""
     leads = field.leads[np.isfinite(field.leads)] / HOUR
     if field.error is None or not field.error.forecast_sd.any():
-        told = f" (leads {_range(leads.tolist(), 'h')})" if len(leads) else ""
-        return [f"errors of the fields themselves: analyses and forecasts{told} are taken as true"]
+        leads_text = f" (leads {_range(leads.tolist(), 'h')})" if len(leads) else ""
+        return [f"errors of the fields themselves: analyses and forecasts{leads_text} are taken as true"]
     if not len(leads):
         return ["forecast error: the readings do not say how old their forecast is (lead_hours)"]
     sd = np.sqrt(field.error.forecast_variance(leads * HOUR))
@@ -99,7 +99,7 @@ def _time_part(field: WindField, time_zero: str | None, covered: list[str], left
 
 
 def held_warning(field: WindField, end: float, time_zero: str | None = None) -> str | None:
-    """The warning for a flight that ends at ``end`` [s], after the last field: what forecasts would give.
+    """The warning for a flight that ends at ``end`` [s], after the last field, with errors of forecasts.
 
     Halfway through the held part of the flight and at its end, it compares the standard deviations of one
     component: √(D(τ) + e²(L)) of the last field, whose lead is L, and e(L + τ) of a forecast. None if the

@@ -90,7 +90,7 @@ def ensemble_readings(
 
 
 def _by_time(snapshots: Sequence[Snapshot]) -> dict[float, dict[str, Snapshot]]:
-    """The members of each valid time [s since 1970] by name: that in the file, else the folder, and cycle."""
+    """The members of each valid time [s since 1970] by name (in the file, else the folder) and cycle."""
     groups: dict[float, dict[str, Snapshot]] = {}
     for snap in snapshots:
         name = f"{snap.member or snap.files[0].parent.name} of {iso(snap.cycle)}"

@@ -50,33 +50,33 @@ def error_document(
     usual : str
         Name of the law whose values are used where the data do not suffice.
     """
-    told = law.document()
-    forecast, change = told["forecast"], told["change"]
+    document = law.document()
+    forecast, change = document["forecast"], document["change"]
     if estimate.forecast is not None:
         forecast |= _columns(estimate.forecast, zero=True)
     forecast |= _ends("length", estimate.forecast_length.length)
     forecast |= _ends("persistence", estimate.persistence.value)
     change |= _columns(estimate.change, zero=False) | _ends("length", estimate.change_length.length)
-    head = {key: told[key] for key in ("schema", "name")} | {"origin": origin_text(estimate, usual)}
+    head = {key: document[key] for key in ("schema", "name")} | {"origin": origin_text(estimate, usual)}
     return (
         head
-        | {key: value for key, value in told.items() if key not in head}
+        | {key: value for key, value in document.items() if key not in head}
         | {"analysis_error": analysis_error, "files": {file.name: file_fingerprint(file) for file in files}}
     )
 
 
 def origin_text(estimate: ErrorEstimate, usual: str) -> str:
-    """Text on the origin of the numbers, and on those that are not from the data."""
+    """Text on the origin of the numbers, and on the numbers that are not from the data."""
     first, last = (iso(moment) for moment in estimate.period)
-    told = [
-        f"{estimate.cycles} cycles from {first} to {last}, {estimate.nodes} nodes; errors are those against "
-        "analyses; 95 % intervals by a block bootstrap over cycles"
+    sentences = [
+        f"{estimate.cycles} cycles from {first} to {last}, {estimate.nodes} nodes; errors are differences "
+        "from analyses; 95 % intervals by a block bootstrap over cycles"
     ]
     if (table := estimate.forecast) is not None:
         ways = "; ".join(f"e({at / HOUR:g} h) by {way}" for at, way in zip(table.at, table.ways, strict=True))
-        told.append(ways)
-    kept = [f"{what} kept from {usual}, since {why}" for what, why in unknown_parts(estimate).items()]
-    return ". ".join([*told, *kept, *estimate.notes])
+        sentences.append(ways)
+    assumed = [f"{what} taken from {usual}, since {why}" for what, why in unknown_parts(estimate).items()]
+    return ". ".join([*sentences, *assumed, *estimate.notes])
 
 
 def unknown_parts(estimate: ErrorEstimate) -> dict[str, str]:

@@ -17,8 +17,8 @@ included.
 For a lag that no two analyses have, a forecast and an analysis are used. An analysis at or before the start
 of the forecast gives D by (1); one after its valid time gives D + e²(L), from which e²(L) is subtracted.
 
-Lengths are those of a Matern-3/2 correlation, fitted by least squares, over bins of distance, to the mean
-products of the differences at two nodes. Intervals are from a block bootstrap over cycles.
+Lengths are the lengths of a Matern-3/2 correlation, fitted by least squares, over bins of distance, to the
+mean products of the differences at two nodes. Intervals are from a block bootstrap over cycles.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ def estimate_errors(
     Parameters
     ----------
     snapshots : sequence of Snapshot
-        Fields of one level and one grid, with analyses (lead 0). Those of unknown lead are left out.
+        Fields of one level and one grid, with analyses (lead 0). Fields of unknown lead are left out.
     area : (C, 2) float or None
         Corners of the outline within which nodes are used [deg]; None: all nodes.
     draws : Resampling
@@ -239,8 +239,8 @@ def _forecast_entries(fields: MatchedFields) -> tuple[list[_Entry], str]:
         one, two = fields.moments(later[lead]), fields.moments(own[lead])
         moments = PairMoments(one.cycles, one.square - two.square, one.products - two.products)
         entries.append(_Entry(lead, ASYMMETRY, moments))
-    kept = sorted((e for e in entries if len(e.moments) >= FEWEST_PAIRS), key=lambda entry: entry.at)
-    return kept, "" if kept else "no forecast can be compared with analyses"
+    used = sorted((e for e in entries if len(e.moments) >= FEWEST_PAIRS), key=lambda entry: entry.at)
+    return used, "" if used else "no forecast can be compared with analyses"
 
 
 def _change_entries(
@@ -264,10 +264,10 @@ def _change_entries(
                 replace(moments, square=moments.square - error[0], products=moments.products - error[1:])
             )
     entries += [_Entry(lag, MIXED, _joined(found)) for lag, found in mixed.items()]
-    kept = [e for e in entries if len(e.moments) >= FEWEST_PAIRS and e.moments.square.mean() > 0]
-    rare = [f"{at / HOUR:g}" for at in sorted({entry.at for entry in entries} - {entry.at for entry in kept})]
+    used = [e for e in entries if len(e.moments) >= FEWEST_PAIRS and e.moments.square.mean() > 0]
+    rare = [f"{at / HOUR:g}" for at in sorted({entry.at for entry in entries} - {entry.at for entry in used})]
     note = [f"lags of {', '.join(rare)} h have fewer than {FEWEST_PAIRS} pairs and were left out"]
-    return sorted(kept, key=lambda entry: entry.at), note if rare else []
+    return sorted(used, key=lambda entry: entry.at), note if rare else []
 
 
 def _mixed_pairs(

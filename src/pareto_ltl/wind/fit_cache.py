@@ -37,7 +37,7 @@ def cache_folder() -> Path:
 
 
 def cached_wind_table(task: WindTask) -> WindTable:
-    """:func:`tabulate_wind` of ``task``, read from the cache if it is there.
+    """:func:`tabulate_wind` of ``task``, read from the cache if it has an entry.
 
     If the cache cannot be used, the table is computed and a warning logged.
     """
@@ -100,16 +100,16 @@ def _kept_table(folder: Path, key: str, task: WindTask) -> WindTable | None:
 
 
 def _read_table(arrays: Path, numbers: Path) -> WindTable:
-    told = read_json(numbers)
-    if told.get("schema") != TABLE_SCHEMA or told.get("sha256") != file_fingerprint(arrays):
+    table = read_json(numbers)
+    if table.get("schema") != TABLE_SCHEMA or table.get("sha256") != file_fingerprint(arrays):
         raise DataError(f"{numbers.name} does not belong to it")
-    if not isinstance(told.get("score"), dict):
+    if not isinstance(table.get("score"), dict):
         raise DataError(f"{numbers.name} has no scores")
-    score = {str(name): math.nan if value is None else float(value) for name, value in told["score"].items()}
+    score = {str(name): math.nan if value is None else float(value) for name, value in table["score"].items()}
     content = read_npz(arrays)
     return WindTable(
-        rho=float(told["rho"]),
-        rest_length=float(told["rest_length"]),
+        rho=float(table["rho"]),
+        rest_length=float(table["rest_length"]),
         score=score,
         **{name: content[name] for name in ARRAYS},
     )

@@ -221,9 +221,9 @@ class ForecastError:
 
 def read_forecast_error(path: Path) -> ForecastError:
     """The law in a file of `pareto-ltl wind-error`; DataError if the file is not valid."""
-    told = read_document(path, "forecast_error", LAW_FILE, FORECAST_ERROR_SCHEMA)
+    document = read_document(path, "forecast_error", LAW_FILE, FORECAST_ERROR_SCHEMA)
     try:
-        return forecast_error_of(told)
+        return forecast_error_of(document)
     except ValueError as error:
         raise DataError(f"{path}: {error}; {LAW_FILE.damaged}") from None
 
@@ -247,13 +247,13 @@ def forecast_error_of(told: Mapping[str, Any]) -> ForecastError:
     )
 
 
-def _variability(told: Mapping[str, Any]) -> Variability:
+def _variability(document: Mapping[str, Any]) -> Variability:
     starts, ends, squares = (
-        np.array(told[name], float) for name in ("from_seconds", "to_seconds", "mean_square")
+        np.array(document[name], float) for name in ("from_seconds", "to_seconds", "mean_square")
     )
     require_shape("to_seconds", ends, len(starts))
     require_shape("mean_square", squares, len(starts))
-    return Variability(starts, ends, squares, float(told["freedom"]), float(told["factor"]))
+    return Variability(starts, ends, squares, float(document["freedom"]), float(document["factor"]))
 
 
 def forecast_error_law(setting: str, usual: str) -> ForecastError:

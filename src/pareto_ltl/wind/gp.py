@@ -114,7 +114,7 @@ class WindPosterior:
         return np.stack(found)
 
     def variance_factor(self, points: FloatArray) -> FloatArray:
-        """s² at ``points`` (P, 2) [m], shape (P,): local error variance relative to that of the kernel::
+        """s² at ``points`` (P, 2) [m], shape (P,): local error variance relative to the kernel::
 
             s²(x) = (Σ_a g_a(x) z_a² + n z̄²) / (Σ_a g_a(x) + n),    g_a(x) = exp(-‖x - x_a‖² / 2 (250 km)²)
 
@@ -139,7 +139,7 @@ def fit_posterior(
 
     m is the mean of the readings of a time and component. α, ℓ and σ >= ``cfg.noise_min`` are common to all
     times and components and maximise the product of the likelihoods; fitted to single times, they vary by a
-    factor of 4. The score is that of a first fit without a share ``cfg.holdout`` of the places
+    factor of 4. The score comes from a first fit without a share ``cfg.holdout`` of the places
     (:func:`held_out`).
 
     Negative log predictive density per value, on withheld nodes of GFS fields
@@ -249,7 +249,7 @@ def _fit_group(
 
 
 def _likelihood_model(kernel: str, x: FloatArray, y: FloatArray) -> Any:
-    """The process of scikit-learn with its data; its likelihood is that of all columns of ``y`` together."""
+    """The process of scikit-learn with its data; its likelihood is the product over the columns of ``y``."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern, WhiteKernel
 

@@ -37,11 +37,11 @@ def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, 
         raise DataError(f"wind.source={cfg.source} holds no readings; ingest needs wind files (wind=grib)")
     if not readings.geographic:
         raise DataError(f"{readings.name} has x,y columns; ingest expects latitude and longitude")
-    kept = _times_between(readings, ingest)
-    nodes = common_nodes(readings, kept, ingest)
-    winds = np.stack([winds_at(readings, k, nodes) for k in kept])
-    write_csv_table(out, readings.times[kept], nodes, winds, leads=readings.leads[kept])
-    text = json.dumps(_table_provenance(cfg, ingest, readings, kept, nodes), indent=1, ensure_ascii=False)
+    selected = _times_between(readings, ingest)
+    nodes = common_nodes(readings, selected, ingest)
+    winds = np.stack([winds_at(readings, k, nodes) for k in selected])
+    write_csv_table(out, readings.times[selected], nodes, winds, leads=readings.leads[selected])
+    text = json.dumps(_table_provenance(cfg, ingest, readings, selected, nodes), indent=1, ensure_ascii=False)
     write_text(out.with_suffix(".json"), text + "\n")
     return out
 
@@ -67,13 +67,13 @@ def _times_between(readings: Readings, ingest: IngestConfig) -> IntArray:
             limits.append(default if text is None else seconds(text))
         except ValueError:
             raise ConfigError(
-                f"ingest.{key} {text!r} is no ISO 8601 time; expected e.g. 2018-10-09T00:00:00Z"
+                f"ingest.{key} {text!r} is not an ISO 8601 time; expected e.g. 2018-10-09T00:00:00Z"
             ) from None
-    kept = np.flatnonzero((readings.times >= limits[0]) & (readings.times <= limits[1]))
-    if not len(kept):
-        spell = f"{iso(readings.times[0])} .. {iso(readings.times[-1])}"
-        raise DataError(f"no wind time between ingest.first and ingest.last; the source has {spell}")
-    return kept
+    selected = np.flatnonzero((readings.times >= limits[0]) & (readings.times <= limits[1]))
+    if not len(selected):
+        period = f"{iso(readings.times[0])} .. {iso(readings.times[-1])}"
+        raise DataError(f"no wind time between ingest.first and ingest.last; the source has {period}")
+    return selected
 
 
 def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> FloatArray:

@@ -59,7 +59,7 @@ def parse_level(text: str) -> Level:
     pressure = found is not None and found[2] not in ("m", "km")
     if found is None or not value <= 1e6 or (pressure and (value == 0 or found[3])):
         raise ConfigError(
-            f"wind.level {shown_value(text)} is no level; expected a height above ground (10m, 80m), "
+            f"wind.level {shown_value(text)} is not a level; expected a height above ground (10m, 80m), "
             "a pressure (925hPa), or for currents a depth (0m, 50m)"
         )
     return Level(PRESSURE if pressure else DEPTH if found[3] else HEIGHT, value)
@@ -91,7 +91,7 @@ def level_mismatch(flown: str, known: str) -> str:
 
 
 def level_list(levels: Iterable[Level]) -> str:
-    """Levels found in a file, for messages: ``10m, 80m, 1000hPa and 3 more``."""
+    """Levels of a file, for messages: ``10m, 80m, 1000hPa and 3 more``."""
     texts = [level.text for level in sorted(set(levels))]
     more = f" and {len(texts) - SHOWN_LEVELS} more" if len(texts) > SHOWN_LEVELS else ""
     return ", ".join(texts[:SHOWN_LEVELS]) + more

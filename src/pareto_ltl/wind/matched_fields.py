@@ -73,9 +73,9 @@ class MatchedFields:
         for snap in snapshots:
             key = (snap.time, snap.lead)
             if key in self.winds:
-                told = f"{iso(snap.time)} with a lead of {snap.lead / 3600:g} h"
+                moment = f"{iso(snap.time)} with a lead of {snap.lead / 3600:g} h"
                 raise DataError(
-                    f"{', '.join(file.name for file in snap.files)}: the wind at {told} occurs twice; "
+                    f"{', '.join(file.name for file in snap.files)}: the wind at {moment} occurs twice; "
                     "keep one member"
                 )
             if not np.array_equal(points, snap.points):

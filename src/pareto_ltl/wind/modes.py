@@ -1,14 +1,14 @@
 """Karhunen-Loeve modes of the error of a wind field, and the persistence of its parts.
 
-Under the coherent law a flight meets one wind field. Its error is a sum of independent parts, each with its
-own modes ψ and its own persistence ρ; together they are modes of the sum of the covariances::
+Under the coherent law a flight meets one wind field. Its error is a sum of independent parts, each with
+modes ψ and a persistence ρ; together they are modes of the sum of the covariances::
 
     w(x, t)   = μ(x, t) + Σ_parts ψ(x, t)' θ,      θ ~ N(0, I)
     θ_{k+1}   = ρ θ_k + √(1 - ρ²) η,               η ~ N(0, I)
 
     space      covariance C of the Gaussian process given the readings of a slot, C = U Λ U', ψ = U √Λ
     forecast   the modes of a Matern-3/2 process times e(L) of the slot's lead
-    time       those of another, scaled at each step by the error of interpolation in time
+    time       the modes of another process, scaled at each step by the error of interpolation in time
     ensemble   deviations of the members of an ensemble
 
 The variance that the modes do not carry is added to the white part; ``rest_length`` is its correlation
@@ -46,7 +46,7 @@ ERROR_KERNEL = "matern32"  # of the parts that are not fitted to readings
 
 
 class ErrorParts(NamedTuple):
-    """The parts of the error other than that of interpolation in space.
+    """The parts of the error except interpolation in space.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class ErrorParts(NamedTuple):
 class ModeTable(NamedTuple):
     """The modes at N nodes and K slots.
 
-    ``psi`` (K, N, 2, P) float32 [m/s], those of the part ``TIME`` for a variance of 1; ``part`` (P,): the
+    ``psi`` (K, N, 2, P) float32 [m/s], for the part ``TIME`` with a variance of 1; ``part`` (P,): the
     part of each mode, -1 for columns of zeros; ``energy`` (K, 2): share of the variance that the modes carry;
     ``rest_length``: correlation length of the remainder [m].
     """
@@ -102,7 +102,7 @@ def error_modes(
 ) -> ModeTable:  # fmt: skip
     """The modes of the error at ``nodes`` (N, 2) [m] of a lattice of ``shape``, for every slot and component.
 
-    Of all parts together, the modes with the largest variance over all slots are kept, until they carry the
+    Of all parts together, the modes with the largest variance over all slots are used, until they carry the
     share ``energy`` of the variance or their number is ``most``.
 
     Eq. (M14) of docs/mathematics.md.
@@ -118,16 +118,16 @@ def error_modes(
     if parts.members.shape[-1]:
         spectra[ENSEMBLE] = _member_spectrum(parts.members, shape)
     counts = _mode_counts(spectra, energy, most)
-    kept = {part: found.psi[..., : counts[part]] for part, found in spectra.items()}
-    kept[SPACE] = _aligned(kept[SPACE])
-    carried = sum((psi**2).sum(axis=(1, 3)) for psi in kept.values())
+    leading = {part: found.psi[..., : counts[part]] for part, found in spectra.items()}
+    leading[SPACE] = _aligned(leading[SPACE])
+    carried = sum((psi**2).sum(axis=(1, 3)) for psi in leading.values())
     total = sum(found.total for found in spectra.values())
-    rest = sum(spectra[part].lags - _mode_lags(psi, shape) for part, psi in kept.items())
-    if TIME in kept:
+    rest = sum(spectra[part].lags - _mode_lags(psi, shape) for part, psi in leading.items())
+    if TIME in leading:
         unit = np.sqrt(np.where(parts.time_var > 0, parts.time_var, 1.0))[:, None, None, None]
-        one = (kept[TIME] / unit)[np.flatnonzero(parts.time_var > 0)[:1]]
-        kept[TIME] = np.broadcast_to(one, kept[TIME].shape)
-    psi, owner = _stacked(kept)
+        one = (leading[TIME] / unit)[np.flatnonzero(parts.time_var > 0)[:1]]
+        leading[TIME] = np.broadcast_to(one, leading[TIME].shape)
+    psi, owner = _stacked(leading)
     share = np.where(total > 0, carried / np.maximum(total, 1e-300), 1.0)
     return ModeTable(psi, owner, np.minimum(share, 1.0), _correlation_length(nodes, np.asarray(rest)))
 
@@ -227,7 +227,7 @@ def leading_modes(C: FloatArray, most: int) -> FloatArray:
 # --- how many modes, and in which order -------------------------------------------------------
 
 
-def _mode_counts(spectra: Mapping[int, _Spectrum], energy: float, most: int) -> dict[int, int]:
+def _mode_counts(spectra: Mapping[int, _Spectrum], energy: float, limit: int) -> dict[int, int]:
     """Number of modes of each part among the largest of all, by their variance over all slots."""
     values = {part: (found.psi**2).sum(axis=(0, 1, 2)) for part, found in spectra.items()}
     owner = np.concatenate([np.full(len(v), part) for part, v in values.items()])
@@ -237,12 +237,12 @@ def _mode_counts(spectra: Mapping[int, _Spectrum], energy: float, most: int) -> 
     if total <= 0.0:
         return dict.fromkeys(spectra, 0)
     wanted = int(np.searchsorted(np.cumsum(joined[order]), energy * total)) + 1
-    kept = owner[order[: min(wanted, most)]]
-    return {part: int((kept == part).sum()) for part in spectra}
+    leading = owner[order[: min(wanted, limit)]]
+    return {part: int((leading == part).sum()) for part in spectra}
 
 
 def _aligned(psi: FloatArray) -> FloatArray:
-    """ψ (K, N, 2, p) with the modes of every slot rotated to match those of the previous slot."""
+    """ψ (K, N, 2, p) with the modes of every slot rotated to match the modes of the previous slot."""
     result = psi.copy()
     for k in range(1, len(psi)):
         for c in (0, 1):
@@ -265,12 +265,12 @@ def align_modes(psi: FloatArray, before: FloatArray) -> FloatArray:
     return np.asarray(psi @ (U @ Vt), float)
 
 
-def _stacked(kept: Mapping[int, FloatArray]) -> tuple[Float32Array, IntArray]:
+def _stacked(modes: Mapping[int, FloatArray]) -> tuple[Float32Array, IntArray]:
     """The modes of all parts side by side, with columns of zeros up to a multiple of ``MODE_LANES``."""
-    part = np.concatenate([np.full(psi.shape[-1], name, np.int64) for name, psi in kept.items()])
+    part = np.concatenate([np.full(psi.shape[-1], name, np.int64) for name, psi in modes.items()])
     missing = -len(part) % MODE_LANES
-    slots, nodes = next(iter(kept.values())).shape[:2]
-    columns = [*kept.values(), np.zeros((slots, nodes, 2, missing))]
+    slots, nodes = next(iter(modes.values())).shape[:2]
+    columns = [*modes.values(), np.zeros((slots, nodes, 2, missing))]
     psi = np.concatenate(columns, axis=-1).astype(np.float32)
     return psi, np.concatenate([part, np.full(missing, -1, np.int64)])
 

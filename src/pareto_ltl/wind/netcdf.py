@@ -39,7 +39,7 @@ DAMAGE = (  # errors of h5netcdf and h5py for a damaged file or one of another f
 )
 FREE_BYTES = 16 * 2**20  # size of a variable that is allowed for a file of any size
 LARGEST = 1e18  # limit of all numbers of a field; its square is finite
-MAX_RATIO = 20  # largest ratio of the bytes of a variable to those of the file, beyond FREE_BYTES
+MAX_RATIO = 20  # largest ratio of the bytes of a variable to the bytes of the file, beyond FREE_BYTES
 GRID_DIMENSIONS = ("time", "y", "x")
 MODE_DIMENSIONS = ("time", "mode_y", "mode_x", "mode")
 HYPERPARAMETERS = {
@@ -258,15 +258,15 @@ def _values(file: h5netcdf.File, name: str, kind: type = float) -> NDArray[Any]:
 
 
 def _read_error(text: str) -> ForecastError:
-    told = json.loads(text)
-    check_document(told, "forecast_error", "forecast_error")
-    return forecast_error_of(told)
+    document = json.loads(text)
+    check_document(document, "forecast_error", "forecast_error")
+    return forecast_error_of(document)
 
 
 def _read_score(text: str) -> dict[str, float]:
     score = json.loads(text)  # NaN is allowed here: a score that could not be computed
     if not isinstance(score, dict):
-        raise ValueError("the attribute score is no JSON object")
+        raise ValueError("the attribute score is not a JSON object")
     return {name: float(value) for name, value in score.items()}
 
 

@@ -67,8 +67,8 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
         return WindObservations(np.zeros(1), (nothing,), (nothing,), cfg.source, until=np.inf)
     _refuse_other_frame(readings, scene)
     zero = _departure_time(scene, readings)
-    kept, until, ends = _slots_from_departure(cfg, readings, zero)
-    placed = {int(k): _readings_in_plane(cfg, scene, readings, k) for k in kept}
+    slots, until, ends = _slots_from_departure(cfg, readings, zero)
+    placed = {int(k): _readings_in_plane(cfg, scene, readings, k) for k in slots}
     _log_thinning(cfg, readings, [each.counts for each in placed.values()])
     winds = tuple(each.winds for each in placed.values())
     law = forecast_error_law(cfg.forecast_error, wind_source(cfg).forecast_error)
@@ -76,12 +76,12 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
     law = law.for_winds(readings.level, _spread(winds)).shared(readings.forecast_share)
     law = law.varying(_variability(cfg, scene, readings, law, placed))
     return WindObservations(
-        times=readings.times[kept] - zero,
+        times=readings.times[slots] - zero,
         points=tuple(each.points for each in placed.values()),
         winds=winds,
         source=f"{cfg.source}: {', '.join(file.name for file in readings.files[:8])}"
         + (f" and {len(readings.files) - 8} more" if len(readings.files) > 8 else ""),
-        leads=leads[kept],
+        leads=leads[slots],
         level=readings.level,
         until=until - zero,
         ends=ends,
@@ -141,8 +141,8 @@ def _variability(
     found = variability_of(law, since, placed[first].points, winds)
     if found is not None:
         LOG.info(
-            "%s: the mean square change of the wind in time is taken as %.2f times that of the law %s, as "
-            "%d pairs of analyses near the map suggest", readings.name, found.factor, law.name,
+            "%s: the mean square change of the wind in time is taken as %.2f times its value in the law %s, "
+            "as %d pairs of analyses near the map suggest", readings.name, found.factor, law.name,
             len(found.starts),
         )  # fmt: skip
     return found
@@ -157,14 +157,14 @@ def _refuse_other_frame(readings: Readings, scene: Scene) -> None:
 
 
 def _departure_time(scene: Scene, readings: Readings) -> float:
-    """Departure [s since 1970]: that of the scene, else the first time of the readings."""
+    """Departure [s since 1970]: of the scene, else the first time of the readings."""
     if scene.time_zero is None:
         return float(readings.times[0])
     try:
         return seconds(scene.time_zero)
     except ValueError:
         raise ConfigError(
-            f"mission.start_time {scene.time_zero!r} is no ISO 8601 time; expected e.g. 2018-10-09T18:00:00Z"
+            f"mission.start_time {scene.time_zero!r} is not an ISO 8601 time; e.g. 2018-10-09T18:00:00Z"
         ) from None
 
 
@@ -174,7 +174,7 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> t
     Also returns the end of the time for which they can be used [s since 1970], and the reason for this end.
     """
     times, name, held = readings.times, readings.name, cfg.max_gap * HOUR if cfg.hold_last else 0.0
-    spell = f"{iso(times[0])} .. {iso(times[-1])}"
+    period = f"{iso(times[0])} .. {iso(times[-1])}"
     if len(times) == 1 and not cfg.hold_last:
         raise DataError(
             f"{name} holds one wind time only ({iso(times[0])}), which covers no flight; add later "
@@ -182,7 +182,7 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> t
         )
     if zero < times[0]:
         raise DataError(
-            f"departure {iso(zero)} is not covered by the wind of {name} ({spell}); "
+            f"departure {iso(zero)} is not covered by the wind of {name} ({period}); "
             "choose mission.start_time inside, or add wind files"
         )
     start = int(np.searchsorted(times, zero, side="right")) - 1
@@ -201,7 +201,7 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> t
     if until <= zero:
         more = "add wind files" if len(wide) else "choose mission.start_time inside, or add wind files"
         raise DataError(
-            f"departure {iso(zero)} is not covered by the wind of {name} ({spell}): {ends}; {more}"
+            f"departure {iso(zero)} is not covered by the wind of {name} ({period}): {ends}; {more}"
             f"{_holding_advice(cfg, zero - times[last])}"
         )
     return np.arange(start, last + 1), until, ends
@@ -258,9 +258,9 @@ def _readings_for_fit(gap: FloatArray, near: float) -> IntArray:
     return close
 
 
-def _half_way(gap: FloatArray, most: int) -> float:
-    """Distance to the scene [m] within which there are ``most`` / 2 of the readings at ``gap`` (N,) [m]."""
-    return float(np.sort(gap)[min(most // 2, len(gap)) - 1])
+def _half_way(gap: FloatArray, limit: int) -> float:
+    """Distance to the scene [m] within which there are ``limit`` / 2 of the readings at ``gap`` (N,) [m]."""
+    return float(np.sort(gap)[min(limit // 2, len(gap)) - 1])
 
 
 def thinned(points: FloatArray, beside: BoolArray, centre: FloatArray, most: int) -> IntArray:

@@ -174,7 +174,7 @@ def check_readings(
         bad = _first_true((np.abs(lat) > 90) | (lon < -180) | (lon > 360))
         if bad is not None:
             raise DataError(
-                f"{where(bad)}: latitude {lat[bad]:g}, longitude {lon[bad]:g} is no place on Earth; "
+                f"{where(bad)}: latitude {lat[bad]:g}, longitude {lon[bad]:g} is not on Earth; "
                 "expected -90..90 and -180..360 [deg]"
             )
     speed = np.hypot(winds[:, 0], winds[:, 1])

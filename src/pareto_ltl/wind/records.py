@@ -78,14 +78,14 @@ class WindModes:
         w(x)    = μ(x) + ψ(x)' θ,            θ ~ N(0, I)
         θ_{k+1} = ρ θ_k + √(1 - ρ²) η,       η ~ N(0, I)
 
-    Every mode belongs to a part of the error, and each part has its own ρ (``planning/pack.py``).
+    Every mode belongs to a part of the error, and each part has one ρ (``planning/pack.py``).
 
     Attributes
     ----------
     origin : (2,) float
         South-west node of the lattice of the modes [m]; neighbours are ``spacing`` [m] apart.
     psi : (K, MX, MY, 2, P) float32
-        U √Λ [m/s], those of the part ``TIME`` for a variance of 1; unused modes are 0.
+        U √Λ [m/s], for the part ``TIME`` with a variance of 1; unused modes are 0.
     part : (P,) int
         Index into ``PARTS`` of each mode, -1 for unused ones.
     rho : float

@@ -26,7 +26,7 @@ class WindTask(NamedTuple):
     forecast_var, time_var : (K,) float
         As in :class:`~pareto_ltl.wind.modes.ErrorParts`.
     forecast_length, time_length : float
-        As there.
+        As in :class:`~pareto_ltl.wind.modes.ErrorParts`.
     lattice, mode_lattice : NodeLattice
         Nodes of the field, and the coarser nodes of its modes.
     """

@@ -16,7 +16,7 @@ LOG = logging.getLogger(__name__)
 def sketch_at_altitude(sketch: SceneSketch, rules: DrawingRules) -> SceneSketch:
     """``sketch`` with only the places that are active at ``rules.altitude``.
 
-    A region that is not active is kept without polygons, so that its proposition never holds. Without an
+    A region that is not active remains without polygons, so that its proposition never holds. Without an
     altitude, all places are active.
 
     Raises

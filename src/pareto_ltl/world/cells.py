@@ -1,7 +1,7 @@
 """Decomposition of the free space of a scene into convex cells, and location of points in it.
 
 All outlines are snapped to a grid with a step of 1e-12 of the map (1 µm on 1000 km), and their arrangement is
-computed once on the grid. Neighbours then share corners exactly, and shared edges are found by comparing
+computed once on the grid. Neighbours then share corners exactly, and shared edges are identified by comparing
 integers.
 """
 

@@ -1,4 +1,4 @@
-"""What a position fix at a landmark shows: standard deviations along a direction and across it.
+"""The error of a position fix at a landmark: standard deviations along a direction and across it.
 
 A beacon with range and bearing shows both, a coast or a depth contour only the distance across its line.
 """
@@ -28,7 +28,7 @@ EXPECTED = "expected {sd: M}, or {along: M, across: M} with bearing: DEG if the 
 class FixShape(NamedTuple):
     """Standard deviations of a fix [m] along a direction and across it.
 
-    ``bearing`` is that direction, clockwise from the y axis of the plane [deg]; NaN: that of the longer side
+    ``bearing`` is that direction, clockwise from the y axis of the plane [deg]; NaN: along the longer side
     of the landmark.
     """
 
@@ -81,12 +81,12 @@ def read_fix(where: str, what: str, value: Any) -> FixShape | None:
             raise DataError(f"{begin} is {shown_text(repr(value))}; {EXPECTED}") from None
     if not isinstance(value, Mapping) or not value or not set(value) <= set(KEYS):
         raise DataError(f"{begin} is {shown_text(str(value))}; {EXPECTED}")
-    numbers = {key: _number(begin, key, told) for key, told in value.items()}
+    numbers = {key: _number(begin, key, given) for key, given in value.items()}
     sd, bearing = numbers.get("sd", math.nan), numbers.get("bearing", math.nan)
     along, across = numbers.get("along", sd), numbers.get("across", sd)
     if math.isnan(along) or math.isnan(across) or len({"sd", "along", "across"} & set(numbers)) == 3:
-        told = shown_text(str(dict(value)))
-        raise DataError(f"{begin} is {told}: give along and across, or sd for one of them")
+        given = shown_text(str(dict(value)))
+        raise DataError(f"{begin} is {given}: give along and across, or sd for one of them")
     return FixShape(along, across, bearing)
 
 

@@ -81,7 +81,7 @@ def narrowed_polygon(polygon: shapely.Polygon, tolerance: float) -> shapely.Geom
 
 
 def without_pools(polygon: shapely.Polygon, size: float) -> shapely.Polygon:
-    """``polygon`` without the holes whose area is at most that of a circle with radius ``size`` [m]."""
+    """``polygon`` without the holes whose area is at most the area of a circle with radius ``size`` [m]."""
     import shapely
 
     holes = [ring for ring in polygon.interiors if shapely.Polygon(ring).area > math.pi * size**2]
@@ -96,9 +96,9 @@ def _moved(polygon: shapely.Polygon, distance: float) -> Any:
     """
     import shapely
 
-    moved, most = shapely.buffer(polygon, distance, quad_segs=ARC), WITHIN * abs(distance)
-    found = shapely.simplify(moved, most)
+    moved, limit = shapely.buffer(polygon, distance, quad_segs=ARC), WITHIN * abs(distance)
+    found = shapely.simplify(moved, limit)
     outer, inner = (found, polygon) if distance > 0.0 else (polygon, found)
-    if outer.covers(inner) and not shapely.hausdorff_distance(moved, found) > most:
+    if outer.covers(inner) and not shapely.hausdorff_distance(moved, found) > limit:
         return found
-    return shapely.simplify(moved, most / 2)
+    return shapely.simplify(moved, limit / 2)

@@ -65,14 +65,14 @@ def convex_parts(outline: GridRing, holes: Sequence[GridRing] = ()) -> list[Grid
 def drop_flat(ring: GridRing) -> GridRing:
     """``ring`` without corners at which it goes straight on; empty if its area is 0."""
     ring = list(ring)
-    i, kept = 0, 0  # kept: number of consecutive corners that turn left
-    while len(ring) > 2 and kept < len(ring):
+    i, turns = 0, 0  # turns: number of consecutive corners that turn left
+    while len(ring) > 2 and turns < len(ring):
         i %= len(ring)
         if signed_turn(ring[i - 1], ring[i], ring[(i + 1) % len(ring)]) > 0:
-            i, kept = i + 1, kept + 1
+            i, turns = i + 1, turns + 1
         else:
             ring.pop(i)
-            i, kept = i - 1, max(0, kept - 2)
+            i, turns = i - 1, max(0, turns - 2)
     return ring if len(ring) > 2 else []
 
 

@@ -28,7 +28,7 @@ def local_plane(lat: float, lon: float) -> str:
     """PROJ string of the stereographic plane centred at ``lat``, ``lon`` [deg]; DataError if out of range."""
     if not -90 <= lat <= 90 or not -180 <= lon <= 360:
         raise DataError(
-            f"latitude {lat:g}, longitude {lon:g} is no place on Earth: expected -90..90 and -180..180"
+            f"latitude {lat:g}, longitude {lon:g} is not on Earth: expected -90..90 and -180..180"
         )
     lon = (lon + 180) % 360 - 180
     return f"+proj=stere +lat_0={lat:.10g} +lon_0={lon:.10g} +k=1 +datum=WGS84 +units=m +no_defs"
@@ -76,7 +76,7 @@ def degrees_of(where: str, crs: str, points: FloatArray) -> FloatArray:
         change = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
     except pyproj.exceptions.ProjError:
         raise DataError(
-            f"{where}: crs {shown_value(crs)} is no coordinate system that PROJ knows; convert the map to "
+            f"{where}: PROJ does not know the crs {shown_value(crs)}; convert the map to "
             "longitude and latitude and leave crs out"
         ) from None
     lonlat = np.column_stack(change.transform(points[:, 0], points[:, 1]))
@@ -134,9 +134,7 @@ def _cached_projection(crs: str) -> pyproj.Proj:
         proj = pyproj.Proj(crs)
     except pyproj.exceptions.CRSError as error:
         reason = str(error).splitlines()[0]
-        raise DataError(
-            f"scene.crs {shown_value(crs)} is no coordinate system that PROJ knows: {shown_text(reason)}"
-        ) from None
+        raise DataError(f"PROJ does not know scene.crs {shown_value(crs)}: {shown_text(reason)}") from None
     if proj.crs.is_geographic:
         raise DataError(f"scene.crs {shown_value(crs)} is in degrees; expected a plane in metres")
     return proj

@@ -51,7 +51,7 @@ class Scene(Displayed):
     obstacle_names : tuple of str
         The name that the map gives to each obstacle, empty for those without one; () if none has a name.
     landmark_fixes : tuple of FixShape or None
-        The error of fixes at each landmark, None for that of ``robot.fix_sd``; () if none has its own.
+        The error of fixes at each landmark, None for ``robot.fix_sd``; () if it is None for all.
     """
 
     bounds: FloatArray
@@ -90,7 +90,7 @@ class Scene(Displayed):
             raise ValueError(f"{len(self.landmark_fixes)} landmark_fixes for {len(self.landmarks)} landmarks")
         for name, window in self.windows.items():
             if window.region not in self.regions:
-                raise ValueError(f"window {name!r} is of {window.region!r}, which is no region of the map")
+                raise ValueError(f"window {name!r} is of {window.region!r}, which is not a region of the map")
         if missing := set(self.forbidden) - set(self.windows):
             raise ValueError(f"forbidden: {sorted(missing)} have no window")
 

@@ -98,7 +98,7 @@ def _obstacle_names(called: list[str]) -> tuple[str, ...]:
 
 
 def _check_window(sketch: SceneSketch, window: TimedPlace) -> None:
-    """Raise a DataError for a window with the name of another region than its own."""
+    """Raise a DataError for a window with the name of another region."""
     _check_region_name(sketch, window.name)
     if window.name != window.region and any(place.name == window.name for place in sketch.regions):
         raise DataError(
@@ -183,14 +183,14 @@ def _use_of_regions(sketch: SceneSketch, rules: DrawingRules) -> MissionUse | No
 def _with_margin(
     sketch: SceneSketch, place: Place, shape: shapely.Geometry, use: MissionUse | None, kept_out: bool
 ) -> shapely.Geometry:
-    """A region with its buffer: enlarged if the mission only keeps out of it, else reduced."""
+    """A region with its buffer: enlarged if the mission only avoids it, else reduced."""
     import shapely
 
     if not place.buffer:
         return shape
     if place.polygons and use and place.name in use.visited & use.forbidden:
         raise DataError(
-            f"{sketch.where}: {place.what} has a buffer, and the mission both visits it and keeps out of it; "
+            f"{sketch.where}: {place.what} has a buffer, and the mission both visits and avoids it; "
             "draw two regions, one for each, or leave the buffer out"
         )
     found = with_buffer(sketch, place, shape, outwards=kept_out)
@@ -291,14 +291,14 @@ def _check_distortion(sketch: SceneSketch) -> None:
         return
     error = projection.scale_error(sketch.crs, sketch.bounds)
     sides = " x ".join(distance_text(float(side)) for side in sketch.bounds[1] - sketch.bounds[0])
-    told = f"the map is {sides}, and lengths in its plane are up to {100 * error:.1f} % wrong at its corners"
+    text = f"the map is {sides}, and lengths in its plane are up to {100 * error:.1f} % wrong at its corners"
     if error > LARGEST_ERROR:
         raise DataError(
-            f"{sketch.where}: {told}; at most {100 * LARGEST_ERROR:g} % are allowed: plan on a smaller map "
+            f"{sketch.where}: {text}; at most {100 * LARGEST_ERROR:g} % are allowed: plan on a smaller map "
             "or in parts (if it should be small: are longitude and latitude swapped somewhere?)"
         )
     if error > LARGE_ERROR:
-        LOG.warning("%s: %s", sketch.where, told)
+        LOG.warning("%s: %s", sketch.where, text)
 
 
 def _check_region_name(sketch: SceneSketch, name: str) -> None:

@@ -17,7 +17,7 @@ Made = TypeVar("Made")
 
 
 class MapFaults:
-    """Faults of a map whose messages begin with ``where``; ``texts`` are those of earlier steps."""
+    """Faults of a map whose messages begin with ``where``; ``texts`` are the faults of earlier steps."""
 
     def __init__(self, where: str, texts: Iterable[str] = ()) -> None:
         self.where, self.texts = where, list(texts)
@@ -36,7 +36,7 @@ class MapFaults:
             self.add(str(error))
 
     def each(self, items: Iterable[Item], make: Callable[[Item], Made]) -> list[tuple[Item, Made]]:
-        """Those of ``items`` for which ``make`` raises no DataError, with its results."""
+        """The ``items`` for which ``make`` raises no DataError, with its results."""
         found: list[tuple[Item, Made]] = []
         for item in items:
             with self.noted():

@@ -195,7 +195,7 @@ class _FeatureReader:
 def _with_times(
     where: str, role: str, number: int, place: Place, properties: Mapping[str, Any]
 ) -> tuple[str, Place, TimedPlace | None]:
-    """Role, place and window; an obstacle with a window becomes a region with a name of its own."""
+    """Role, place and window; an obstacle with a window becomes a region with a new name."""
     begin, end = (None if properties.get(key) in (None, "") else properties[key] for key in ("from", "until"))
     if begin is None and end is None:
         return role, place, None
@@ -210,12 +210,12 @@ def _with_times(
 
 
 def _role(where: str, number: int, properties: Mapping[str, Any]) -> str:
-    said = properties.get("role")
-    role = said.strip().lower() if isinstance(said, str) else said
+    stated = properties.get("role")
+    role = stated.strip().lower() if isinstance(stated, str) else stated
     role = SYNONYMS.get(role, role) if isinstance(role, str) else role
     if role not in FEATURE_ROLES:
         raise DataError(
-            f"{where}: feature {number} has role {shown_text(repr(said))}; "
+            f"{where}: feature {number} has role {shown_text(repr(stated))}; "
             f"expected {', '.join(FEATURE_ROLES)}"
         )
     return str(role)
@@ -301,7 +301,7 @@ def _parts(where: str, what: str, geometry: Mapping[str, Any], depth: int = 0) -
         return
     inner = geometry.get("geometries")
     if not isinstance(inner, list) or depth > MOST_NESTED or not all(isinstance(g, dict) for g in inner):
-        raise DataError(f"{where}: {what} is no GeometryCollection as GeoJSON writes it")
+        raise DataError(f"{where}: {what} is not a GeometryCollection of GeoJSON")
     for part in inner:
         yield from _parts(where, what, part, depth + 1)
 

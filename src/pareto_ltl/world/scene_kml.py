@@ -1,7 +1,7 @@
 """KML (OGC 12-007r2) and KMZ as the features of a GeoJSON map.
 
 The role of a Placemark is its ExtendedData ``role``, else the name of a folder around it (Regions, Obstacles,
-Landmarks, Border, Start), else its own name if that is start or border. Other ExtendedData are the properties
+Landmarks, Border, Start), else its name if that is start or border. Other ExtendedData are the properties
 of GeoJSON; a TimeSpan gives ``from`` and ``until``. A document type declaration is refused, since entities
 can expand a small file to fill the memory.
 """
@@ -66,7 +66,7 @@ class Element:
 def kml_features(path: Path, advice: Advice, faults: MapFaults, role: str = "") -> list[dict[str, Any]]:
     """The Placemarks of a KML or KMZ file as GeoJSON features; others are ``faults``.
 
-    ``role`` is that of Placemarks without one. DataError if the file is neither KML nor KMZ.
+    ``role`` is used for Placemarks without a role. DataError if the file is neither KML nor KMZ.
     """
     where = f"scene file {path}"
     data = _kmz_content(path, advice) if path.suffix.lower() == ".kmz" else read_bounded(path, advice)
@@ -153,24 +153,24 @@ def _named_role(name: str) -> str:
 def _feature(where: str, place: Element, role: str) -> dict[str, Any]:
     name = place.said("name")
     span = place.first("TimeSpan")
-    told: dict[str, Any] = {"from": span.said("begin"), "until": span.said("end")} if span else {}
+    properties: dict[str, Any] = {"from": span.said("begin"), "until": span.said("end")} if span else {}
     for data in place.all("Data"):
-        told[data.attributes.get("name", "").strip().lower()] = data.said("value")
+        properties[data.attributes.get("name", "").strip().lower()] = data.said("value")
     for data in place.all("SimpleData"):
-        told[data.attributes.get("name", "").strip().lower()] = data.text.strip()
+        properties[data.attributes.get("name", "").strip().lower()] = data.text.strip()
     own = _named_role(name)
-    told["role"] = told.get("role") or role or (own if own in ("start", "border") else None)
-    if told["role"] is None:
+    properties["role"] = properties.get("role") or role or (own if own in ("start", "border") else None)
+    if properties["role"] is None:
         raise DataError(
             f"{where}: Placemark {shown_text(name)!r} has no role; put it into a folder named Regions, "
             "Obstacles, Landmarks, Border or Start, or give it the ExtendedData role"
         )
-    told["name"] = told.get("name") or name or None
+    properties["name"] = properties.get("name") or name or None
     shape = place.first(*GEOMETRIES)
     if shape is None:
         raise DataError(f"{where}: Placemark {shown_text(name)!r} has no {', '.join(GEOMETRIES[:-1])}")
     geometry = _geometry(f"{where}: Placemark {shown_text(name)!r}", shape)
-    return {"type": "Feature", "properties": told, "geometry": geometry}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 
 def _geometry(what: str, shape: Element) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""From the settings of section ``scene`` to a checked scene in metres."""
+"""Turns the settings of section ``scene`` into a checked scene in metres."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def scene_from_settings(
     Parameters
     ----------
     cfg : SceneConfig
-        If ``file`` is set, the scene is that of the file. Otherwise positions are
+        If ``file`` is set, the scene is read from the file. Otherwise positions are
 
             x = (coordinate - c) * unit
 
         with c the middle of the bounds if ``centre`` is set, else 0.
     time_zero : str or None
-        Departure, ISO 8601 UTC; None keeps that of the file.
+        Departure, ISO 8601 UTC; None keeps the departure of the file.
     border : str
         The value of ``cfg.border = auto`` if the map file has none.
     use : callable

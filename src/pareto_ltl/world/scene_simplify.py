@@ -1,8 +1,8 @@
 """Conservative simplification of polygons with very many corners, before planning.
 
-Obstacles and regions that the mission only keeps out of are enlarged, regions that it only visits are
+Obstacles and regions that the mission only avoids are enlarged, regions that it only visits are
 reduced: a path that completes the mission on the simplified map also completes it on the original map. A
-region that the mission both visits and keeps out of is not changed.
+region that the mission both visits and avoids is not changed.
 """
 
 from __future__ import annotations
@@ -81,12 +81,12 @@ class _Simplifier:
         shapes = [*drawn.regions.values(), *(shape for _, shape in (*drawn.obstacles, *drawn.landmarks))]
         parts = [part for shape in shapes for part in shapely.get_parts(shape).tolist()]
         spared = [shape for name, shape in drawn.regions.items() if name not in drawn.kept_out]
-        most = MAP_SHARE * size if isinstance(rules.simplify, str) else float(rules.simplify)
+        limit = MAP_SHARE * size if isinstance(rules.simplify, str) else float(rules.simplify)
         room = Room.of([*parts, start, border], size)
-        return cls(sketch, room, most, start, [*spared, *(shape for _, shape in drawn.landmarks)])
+        return cls(sketch, room, limit, start, [*spared, *(shape for _, shape in drawn.landmarks)])
 
     def region(self, drawn: DrawnMap, name: str, shape: shapely.Geometry) -> shapely.Geometry:
-        """A region enlarged, reduced, or unchanged if the mission both visits it and keeps out of it."""
+        """A region enlarged, reduced, or unchanged if the mission both visits and avoids it."""
         import shapely
 
         what = f"region {name!r}"
@@ -96,7 +96,7 @@ class _Simplifier:
         if name in drawn.visited:
             return self.narrowed(what, shape)
         if _has_many_corners(shape):
-            LOG.info("%s keeps its %s corners: the mission visits it and keeps out of it", what,
+            LOG.info("%s keeps its %s corners: the mission both visits and avoids it", what,
                      f"{corner_count(shape):,}")  # fmt: skip
         return shape
 

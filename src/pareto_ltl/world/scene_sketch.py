@@ -45,7 +45,7 @@ class Place:
     solid : bool
         Whether a region is an obstacle that is active for a limited time.
     fix : FixShape or None
-        The error of fixes at a landmark; None: that of ``robot.fix_sd``.
+        The error of fixes at a landmark; None: ``robot.fix_sd``.
     """
 
     name: str
@@ -134,7 +134,7 @@ class SceneSketch:
 
 
 class MissionUse(NamedTuple):
-    """Names of the regions that the mission visits, and of those that it keeps out of; both can be true."""
+    """Names of the regions that the mission visits, and of the regions that it avoids; both can be true."""
 
     visited: frozenset[str]
     forbidden: frozenset[str]
@@ -232,7 +232,7 @@ def read_landmarks(
 ) -> tuple[Place, ...]:
     """The landmarks of ``items``, each with the error of its fixes: corners, or {corners: ..., fix: ...}.
 
-    ``fixes`` are the errors of landmarks that are given as corners; empty if none has its own.
+    ``fixes`` are the errors of landmarks that are given as corners; empty if all are ``robot.fix_sd``.
     """
 
     def read(item: tuple[int, Any]) -> Place:

@@ -41,7 +41,7 @@ class Narrowest:
 
 
 def with_time_step(robot: RobotConfig, scene: Scene, max_steps: int) -> RobotConfig:
-    """``robot`` with a number for ``dt`` [s]: that of the settings, or for ``auto`` one that fits the map.
+    """``robot`` with a number for ``dt`` [s]: from the settings, or for ``auto`` one that fits the map.
 
     Logs the value of ``auto``, and a warning for a step that is longer than a region or a passage.
     """
@@ -59,7 +59,7 @@ def fitting_step(robot: RobotConfig, scene: Scene, max_steps: int) -> float:
 
         u_max dt <= min(side / 18, 0.6 width),    dt >= 1.5 tour / (0.6 u_max max_steps)
 
-    where side is the longer side of the map, width that of the narrowest region or passage, and tour the
+    where side is the longer side of the map, width the width of the narrowest region or passage, and tour the
     length of a tour of all regions. If both limits cannot be met, the second one has priority.
 
     Eq. (M70) of docs/mathematics_methods.md.

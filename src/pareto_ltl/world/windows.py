@@ -123,10 +123,10 @@ def duration_seconds(text: str, unit: str | None = None) -> float | None:
 
     Without ``unit``, a number alone is allowed only if it is 0.
     """
-    found = _DURATION.fullmatch(text.strip())
-    if found is None:
+    match = _DURATION.fullmatch(text.strip())
+    if match is None:
         return None
-    number, own = float(found[1]), found[2] or unit
+    number, own = float(match[1]), match[2] or unit
     if own is None:
         return 0.0 if number == 0.0 else None
     return number * UNITS[own]

@@ -29,14 +29,14 @@ def texts(result: Evidence) -> Verdict | None:
         wanted = CALM
     else:
         wanted = "; ".join(_covered(result)) + ".", "; ".join(_not_covered(result)) + "."
-    told = (result.plan["covered"], result.plan["not_covered"])
-    full = [_with_assumed(*texts) for texts in zip(told, wanted, _assumed(result), strict=True)]
+    stated = (result.plan["covered"], result.plan["not_covered"])
+    full = [_with_assumed(*texts) for texts in zip(stated, wanted, _assumed(result), strict=True)]
     faults = [
         f"{name}: {' '.join(words)}"
-        for name, a, b in zip(("covered", "not covered"), told, full, strict=True)
+        for name, a, b in zip(("covered", "not covered"), stated, full, strict=True)
         if (words := [part for part in a.split("; ") if part not in b.split("; ")] or [b] * (a != b))
     ]
-    return no_fault(f"{len(told[1].split('; '))} errors not covered", faults)
+    return no_fault(f"{len(stated[1].split('; '))} errors not covered", faults)
 
 
 def _assumed(result: Evidence) -> tuple[str, str]:
@@ -54,11 +54,11 @@ def _assumed(result: Evidence) -> tuple[str, str]:
     return departure, "" if alike else f"the robot flies {robot} (robot.level), and the wind is that {wind}"
 
 
-def _with_assumed(told: str, wanted: str, assumed: str) -> str:
+def _with_assumed(stated: str, wanted: str, assumed: str) -> str:
     """``wanted`` with the part ``assumed``, which files of earlier versions do not have, in its place."""
-    if not assumed or assumed not in told.split("; "):
+    if not assumed or assumed not in stated.split("; "):
         return wanted
-    parts, place = wanted.split("; "), told.split("; ").index(assumed)
+    parts, place = wanted.split("; "), stated.split("; ").index(assumed)
     return "; ".join([*parts[:place], assumed, *parts[place:]])
 
 
@@ -127,8 +127,8 @@ def _not_covered(result: Evidence) -> Iterator[str]:
     wind, law = result.wind, result.wind.error
     leads = wind.leads[np.isfinite(wind.leads)] / HOUR
     if law is None or not law.forecast_sd.any():
-        told = f" (leads {_range(leads, 'h')})" if len(leads) else ""
-        yield f"errors of the fields themselves: analyses and forecasts{told} are taken as true"
+        leads_text = f" (leads {_range(leads, 'h')})" if len(leads) else ""
+        yield f"errors of the fields themselves: analyses and forecasts{leads_text} are taken as true"
     elif not len(leads):
         yield "forecast error: the readings do not say how old their forecast is (lead_hours)"
     elif law.forecast_sd[0] <= 0:
@@ -146,7 +146,7 @@ def _range(values: Sequence[float] | FloatArray, unit: str) -> str:
 
 
 def source(result: Evidence) -> Verdict | None:
-    """The source of the wind is that of the settings, and the files that it names are inputs of the run."""
+    """The source of the wind is set in the settings, and the files that it names are inputs of the run."""
     wanted = result.settings["wind"]["source"]
     if wanted == "given":  # from Python, with any text
         return None

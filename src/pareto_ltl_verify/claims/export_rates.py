@@ -31,15 +31,15 @@ RATE = re.compile(
 
 
 def mission_failure(result: Evidence) -> Verdict:
-    """The failure by heading is the promise; that by position is the rate of new flights with feedback."""
-    told = json_file(result, "mission.plan")["pareto_ltl"]
-    promise, by_heading = result.plan["promise"], told["failure_by_heading"]
+    """The failure by heading is the promise; by position, it is the rate of new flights with feedback."""
+    stated = json_file(result, "mission.plan")["pareto_ltl"]
+    promise, by_heading = result.plan["promise"], stated["failure_by_heading"]
     faults = []
     if (promise is None) != (by_heading is None):
         faults.append(f"by heading {by_heading}")
     if promise and by_heading:
         faults += [f"by heading: {key}" for key, value in by_heading.items() if promise[key] != value]
-    rate = told["failure_by_position"]
+    rate = stated["failure_by_position"]
     if rate is None:  # after an alarm of replanning
         return no_fault("no rates", [*faults, *["alone by heading"] * (by_heading is not None)])
     count, runs = round(rate["failure"] * rate["runs"]), int(rate["runs"])
@@ -56,19 +56,19 @@ def mission_failure(result: Evidence) -> Verdict:
 def stated_rates(name: str, result: Evidence) -> Verdict:
     """Sentences of a file: the promise, the rate of new flights with known positions, errors not covered."""
     text, promise = TEXTS[name](result), result.plan["promise"]
-    found = [RATE.fullmatch(sentence) for sentence in SENTENCE.findall(text)]
-    said = {("feedback_time=60)" in part["how"]): part for part in found if part is not None}
+    matches = [RATE.fullmatch(sentence) for sentence in SENTENCE.findall(text)]
+    by_course = {("feedback_time=60)" in part["how"]): part for part in matches if part is not None}
     rates = 0 if result.plan["objectives"]["mission_risk"] is None else 1 + (promise is not None)
-    faults = [f"{len(said)} rates"] * (len(said) != len(found) or len(said) != rates)
-    for part in said.values():
+    faults = [f"{len(by_course)} rates"] * (len(by_course) != len(matches) or len(by_course) != rates)
+    for part in by_course.values():
         faults += [f"{part['law']} winds"] * (part["law"] != result.planned_law)
-    if promise is not None and False in said:
-        part, ends = said[False], interval_text(promise["low"], promise["high"])
+    if promise is not None and False in by_course:
+        part, ends = by_course[False], interval_text(promise["low"], promise["high"])
         same = part["fails"] == f"{probability_text(promise['failure'])} (95 %: {ends})"
         if not same or _count(part) != promise["runs"]:
             faults.append(f"{part['fails']} of {part['runs']} by heading")
-    if True in said:
-        part = said[True]
+    if True in by_course:
+        part = by_course[True]
         runs, share = (
             int(part["runs"].replace(",", "")),
             float(part["fails"].partition(" %")[0].lstrip("< ")) / 100,
@@ -77,7 +77,7 @@ def stated_rates(name: str, result: Evidence) -> Verdict:
         faults += [f"by position {part['fails']}, chance {chance:.1g}"] * (chance < RARE)
     left = result.plan["not_covered"].rstrip(".")
     faults += ["errors not covered"] * (bool(left) and f"Not covered: {left}." not in text)
-    return no_fault(f"{len(said)} rates", faults)
+    return no_fault(f"{len(by_course)} rates", faults)
 
 
 def _count(part: re.Match[str]) -> int:
@@ -100,7 +100,7 @@ def _trajectory_text(result: Evidence) -> str:
 
 
 def corridor_sizes(result: Evidence) -> Verdict | None:
-    """Share p of new flights is inside the ellipses that say so: at each time, and at all times."""
+    """The stated share p of new flights is inside the ellipses: at each time, and at all times."""
     features = features_of(result, "corridor.geojson")
     laws = {feature["properties"]["wind_law"] for feature in features}
     if laws != {result.planned_law}:
@@ -115,13 +115,13 @@ def corridor_sizes(result: Evidence) -> Verdict | None:
 
 
 def _missing(features: Sequence[dict[str, Any]], steps: int) -> list[str]:
-    told = sorted((f["properties"]["probability"], f["properties"].get("step", -1)) for f in features)
+    written = sorted((f["properties"]["probability"], f["properties"].get("step", -1)) for f in features)
     wanted = sorted((share, step) for share in SHARES for step in range(-1, steps))
-    return [] if told == wanted else [f"{len(told)} areas, not {len(wanted)}"]
+    return [] if written == wanted else [f"{len(written)} areas, not {len(wanted)}"]
 
 
 def _unheld(about: dict[str, Any], sizes: FloatArray) -> str:
-    """What is wrong with the size of one area; an empty text if nothing is."""
+    """The fault of the size of one area; an empty text if it is right."""
     whole = about["meaning"] == "whole_flight"
     step, share, runs = about.get("step", -1), about["probability"], about["flights"]
     if whole != (step < 0):

@@ -1,4 +1,4 @@
-"""Claims about the exported files: places, times, legs and fences are those of plan.json and the map."""
+"""Claims about the exported files: places, times, legs and fences agree with plan.json and the map."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ def place_faults(result: Evidence, lat: Iterable[Any], lon: Iterable[Any], first
 
     if result.plan["lat"] is None:
         return ["the plan has no place on Earth"]
-    said = np.array([list(map(float, lon)), list(map(float, lat))])
+    stated = np.array([list(map(float, lon)), list(map(float, lat))])
     if _banks(result):
         rows = result.table(TABLE)[first:]
         true = np.array([_column(rows, "lon_deg"), _column(rows, "lat_deg")])
     else:
         true = np.array([result.plan["lon"][first:], result.plan["lat"][first:]], float)
-    if said.shape != true.shape:
-        return [f"{said.shape[1]} places, not {true.shape[1]}"]
-    gap = np.asarray(Geod(ellps="WGS84").inv(*said, *true)[2])
+    if stated.shape != true.shape:
+        return [f"{stated.shape[1]} places, not {true.shape[1]}"]
+    gap = np.asarray(Geod(ellps="WGS84").inv(*stated, *true)[2])
     return [f"step {first + t}: {gap[t]:.3g} m off" for t in np.flatnonzero(~(gap <= METRE))]
 
 
@@ -65,24 +65,24 @@ def _banks(result: Evidence) -> bool:
 
 def time_faults(result: Evidence, times: Iterable[str | None]) -> list[str]:
     """Steps whose time differs from plan.json; if the plan has no times, its files must have none."""
-    told, plan = list(times), result.plan["time_utc"]
+    stated, plan = list(times), result.plan["time_utc"]
     if plan is None:
-        return [] if not any(told) else ["times, and the plan has none"]
+        return [] if not any(stated) else ["times, and the plan has none"]
     if _banks(result):
         plan = [row["time_utc"] for row in result.table(TABLE)]
     elif result.robot.bank > 0.0:
         return []  # turns make them later than in the plan; without the table the delay is unknown
-    if len(told) != len(plan):
-        return [f"{len(told)} times, not {len(plan)}"]
+    if len(stated) != len(plan):
+        return [f"{len(stated)} times, not {len(plan)}"]
     pairs = [
-        (datetime.fromisoformat(str(a)), datetime.fromisoformat(b)) for a, b in zip(told, plan, strict=True)
+        (datetime.fromisoformat(str(a)), datetime.fromisoformat(b)) for a, b in zip(stated, plan, strict=True)
     ]
     gaps = [abs((a - b).total_seconds()) for a, b in pairs]
     return [f"step {t}: {gap:.3g} s off" for t, gap in enumerate(gaps) if not gap <= SECOND]
 
 
 class Route(NamedTuple):
-    """What a file says of each position (latitude, longitude [deg], time) and the airspeed [m/s] of each leg.
+    """Positions (latitude, longitude [deg], time) in a file, and the airspeed [m/s] of each leg.
 
     ``times`` and ``airspeed`` are None in files that do not have them.
     """
@@ -124,9 +124,9 @@ def _kml(result: Evidence) -> Route:
 
 
 def _geojson(result: Evidence) -> Route:
-    found = [f for f in features_of(result, "plan.geojson") if f["properties"]["role"] == "position"]
-    places = [f["geometry"]["coordinates"] for f in found]
-    times = [f["properties"]["time_utc"] for f in found]
+    positions = [f for f in features_of(result, "plan.geojson") if f["properties"]["role"] == "position"]
+    places = [f["geometry"]["coordinates"] for f in positions]
+    times = [f["properties"]["time_utc"] for f in positions]
     return Route([p[1] for p in places], [p[0] for p in places], times)
 
 
@@ -171,11 +171,11 @@ Rows = Sequence[dict[str, str]]
 
 
 def xml_root(result: Evidence, name: str) -> ElementTree.Element:
-    """The root of an XML file; ValueError if it is none."""
+    """The root of an XML file; ValueError if the file is not XML."""
     try:
         return ElementTree.fromstring(read_text(result.directory / name))
     except ElementTree.ParseError as error:
-        raise ValueError(f"{name} is no XML: {error}") from None
+        raise ValueError(f"{name} is not XML: {error}") from None
 
 
 def json_file(result: Evidence, name: str) -> dict[str, Any]:
@@ -247,8 +247,9 @@ def _flown_with_turns(result: Evidence, rows: Rows, wind: FloatArray) -> list[st
     t = result.plan["t"][0] + np.concatenate([[0.0], np.cumsum(duration)])
     faults += [f"step {k}: t_s" for k in _unlike(_column(rows, "t_s"), t, 1e-3)]
     if (plan := result.plan["time_utc"]) is not None:
-        told = [(datetime.fromisoformat(row["time_utc"]) - datetime.fromisoformat(plan[0])) for row in rows]
-        gaps = np.abs(np.array([gap.total_seconds() for gap in told]) - (t - t[0]))
+        begin = datetime.fromisoformat(plan[0])
+        elapsed = [datetime.fromisoformat(row["time_utc"]) - begin for row in rows]
+        gaps = np.abs(np.array([gap.total_seconds() for gap in elapsed]) - (t - t[0]))
         faults += [f"step {k}: {gaps[k]:.3g} s off" for k in np.flatnonzero(~(gaps <= SECOND))]
     return faults
 
@@ -278,7 +279,7 @@ def azimuths(result: Evidence, x: FloatArray, toward: FloatArray) -> FloatArray:
 
 
 def spreads(result: Evidence) -> Verdict:
-    """Ellipses and radii of the table are those of the covariances of plan.json."""
+    """Ellipses and radii of the table follow from the covariances of plan.json."""
     rows, cov = result.table(TABLE), np.array(result.plan["cov"], float)
     values = np.sqrt(np.maximum(np.linalg.eigvalsh(cov), 0.0))
     faults = [f"row {k}: major axis" for k in _unlike(_column(rows, "ellipse_major_m"), values[:, 1], 1e-3)]
@@ -310,15 +311,16 @@ def held_within(radius: float, major: float, minor: float) -> float:
 
 
 def messages(result: Evidence) -> Verdict:
-    """Headings, airspeeds and times of the MAVLink script are those of the table."""
+    """Headings, airspeeds and times of the MAVLink script agree with the table."""
     script = json_file(result, "mavlink_script.json")
     rows = result.table(TABLE)[:-1]
     faults = [f"{script['wind_law']} winds"] * (script["wind_law"] != result.planned_law)
     for command, key in ((AIRSPEED, "airspeed_m_s"), (HEADING, "heading_true_deg")):
         sent = {float(m["t"]): float(m["params"][1]) for m in script["messages"] if m["command"] == command}
-        told = {float(row["t_s"]): float(row[key]) for row in rows if row[key]}
-        faults += [f"{key} at {t:g} s" for t in told if not close(sent.get(t, math.nan), told[t], 1e-9, 1e-9)]
-        faults += [f"{key} at {t:g} s, where no leg begins" for t in sent if t not in told]
+        stated = {float(row["t_s"]): float(row[key]) for row in rows if row[key]}
+        wrong = [t for t in stated if not close(sent.get(t, math.nan), stated[t], 1e-9, 1e-9)]
+        faults += [f"{key} at {t:g} s" for t in wrong]
+        faults += [f"{key} at {t:g} s, where no leg begins" for t in sent if t not in stated]
     return no_fault(f"{len(script['messages'])} messages", faults)
 
 
@@ -328,8 +330,9 @@ def messages(result: Evidence) -> Verdict:
 def _mission_faults(result: Evidence) -> list[str]:
     """Fences are the obstacles and, if border=wall, the border; cruise speeds are the largest of the plan."""
     content, scene = json_file(result, "mission.plan"), result.scene
-    speeds, most = [content["mission"][key] for key in ("cruiseSpeed", "hoverSpeed")], np.hypot(*result.u.T)
-    faults = ["cruise speed"] * bool(_unlike(speeds, [most.max(initial=0.0)] * 2))
+    speeds = [content["mission"][key] for key in ("cruiseSpeed", "hoverSpeed")]
+    fastest = np.hypot(*result.u.T).max(initial=0.0)
+    faults = ["cruise speed"] * bool(_unlike(speeds, [fastest] * 2))
     fences = content["geoFence"]["polygons"]
     (west, south), (east, north) = scene["bounds"]
     areas = [(False, np.array(corners)) for corners in scene["obstacles"]]
@@ -393,18 +396,18 @@ def flight_card(result: Evidence) -> Verdict:
         own = legs[int(first) : int(last or first) + 1]
         heading, airspeed = ({form(leg) for leg in own} for form in (_whole_heading, _rounded_airspeed))
         sums = [sum(float(leg[key]) for leg in own) for key in ("duration_s", "distance_m")]
-        said = [float(row["duration_s"]), 1e3 * float(row["distance_km"])]
+        stated = [float(row["duration_s"]), 1e3 * float(row["distance_km"])]
         agrees = (
             int(first) == after
             and heading == {row["heading_true_deg"]}
             and airspeed == {row["airspeed_m_s"]}
-            and all(abs(a - b) <= half for a, b, half in zip(said, sums, (0.51, 51.0), strict=True))
+            and all(abs(a - b) <= half for a, b, half in zip(stated, sums, (0.51, 51.0), strict=True))
         )
         faults += [] if agrees else [f"legs {row['legs']}"]
         after += len(own)
     for row in rows:
         leg = legs[int(row["legs"].partition("-")[0])]
-        unlike = [a for a, b, unit, most in ROUNDED if abs(unit * float(row[a]) - float(leg[b])) > most]
+        unlike = [a for a, b, unit, limit in ROUNDED if abs(unit * float(row[a]) - float(leg[b])) > limit]
         unlike += ["time_utc"] if row["time_utc"] != leg["time_utc"] else []
         faults += [f"{what} of leg {row['legs']}" for what in unlike]
     faults += [] if after == len(legs) - 1 else [f"{after} of {len(legs) - 1} legs"]
@@ -426,9 +429,9 @@ def _column(rows: Sequence[dict[str, str]], key: str) -> FloatArray:
     return np.array([float(row[key]) if row[key] else math.nan for row in rows])
 
 
-def _unlike(said: Iterable[Any], wanted: Iterable[Any], least: float = 1e-6) -> list[int]:
+def _unlike(stated: Iterable[Any], wanted: Iterable[Any], least: float = 1e-6) -> list[int]:
     """Indices of entries that differ by more than 10⁻⁴ of their value and by more than ``least``."""
-    a, b = np.array(list(said), float), np.array(list(wanted), float)
+    a, b = np.array(list(stated), float), np.array(list(wanted), float)
     if a.shape != b.shape:
         return [min(len(a), len(b))]
     return [int(k) for k in np.flatnonzero(~(np.abs(a - b) <= np.maximum(1e-4 * np.abs(b), least)))]

@@ -37,23 +37,23 @@ def flown(law: str, judge: Callable[[Evidence, str], Verdict | None], result: Ev
 
 def flown_laws(result: Evidence) -> Verdict:
     """There are deployment.runs flights under every law of deployment.laws, each as long as the plan."""
-    told = result.settings["deployment"]
-    shape = (told["runs"], len(result.u) + 1, 2)
-    faults = [f"no flights under {law}" for law in told["laws"] if f"{law}/x" not in result.flights]
-    found = {name: array.shape for name, array in result.flights.items()}
-    faults += [f"{name} {found[name]}" for name in found if name.endswith("/x") and found[name] != shape]
+    settings = result.settings["deployment"]
+    shape = (settings["runs"], len(result.u) + 1, 2)
+    faults = [f"no flights under {law}" for law in settings["laws"] if f"{law}/x" not in result.flights]
+    shapes = {name: array.shape for name, array in result.flights.items()}
+    faults += [f"{name} {shapes[name]}" for name in shapes if name.endswith("/x") and shapes[name] != shape]
     faults += [
-        f"{name} {found[name]}"
-        for name in found
-        if not name.endswith("/x") and found[name] != ((1,) if name.endswith("/walled") else shape[:1])
+        f"{name} {shapes[name]}"
+        for name in shapes
+        if not name.endswith("/x") and shapes[name] != ((1,) if name.endswith("/walled") else shape[:1])
     ]
     faults += [
         name
-        for name in found
+        for name in shapes
         if name.endswith("/walled") and bool(result.flights[name].all()) != result.ground.walled
     ]
-    faults += [name for name in found if name.partition("/")[0] not in told["laws"]]
-    return no_fault(f"{told['runs']} flights, {', '.join(told['laws'])}", faults)
+    faults += [name for name in shapes if name.partition("/")[0] not in settings["laws"]]
+    return no_fault(f"{settings['runs']} flights, {', '.join(settings['laws'])}", faults)
 
 
 def _flags(result: Evidence, law: str) -> tuple[BoolArray, BoolArray, BoolArray]:
@@ -65,22 +65,22 @@ def _flags(result: Evidence, law: str) -> tuple[BoolArray, BoolArray, BoolArray]
 
 
 def counts(result: Evidence, law: str) -> Verdict:
-    """The rates and the interval in the metrics are those of the flights."""
-    found = rates(*_flags(result, law), result.ground.walled)
-    told = {key: float(result.metrics[name.format(law)]) for key, name in METRICS.items()}
+    """The rates and the interval in the metrics follow from the flights."""
+    computed = rates(*_flags(result, law), result.ground.walled)
+    stated = {key: float(result.metrics[name.format(law)]) for key, name in METRICS.items()}
     faults = [
-        f"{key} {told[key]} is {found[key]:.6g}"
-        for key in found
-        if not close(told[key], found[key], 1e-9, 1e-12)
+        f"{key} {stated[key]} is {computed[key]:.6g}"
+        for key in computed
+        if not close(stated[key], computed[key], 1e-9, 1e-12)
     ]
-    return no_fault(f"{found['failure']:.4g} of {found['runs']:.0f} fail", faults)
+    return no_fault(f"{computed['failure']:.4g} of {computed['runs']:.0f} fail", faults)
 
 
 def judged_again(result: Evidence, law: str) -> Verdict:
     """Every flight's verdict follows from its positions: labels, obstacles on segments, the border."""
-    said = Verdicts(result.flights[f"{law}/x"], *_flags(result, law))
-    wrong = misjudged(result.ground, said, 1e-3 * result.grain)
-    return Verdict(f"{len(said.x)} flights", f"{wrong} judged otherwise", wrong == 0)
+    stated = Verdicts(result.flights[f"{law}/x"], *_flags(result, law))
+    wrong = misjudged(result.ground, stated, 1e-3 * result.grain)
+    return Verdict(f"{len(stated.x)} flights", f"{wrong} judged otherwise", wrong == 0)
 
 
 def starts(result: Evidence, law: str) -> Verdict:
@@ -99,7 +99,7 @@ def drawn_winds(result: Evidence, law: str) -> Verdict | None:
 
 
 def new_positions(result: Evidence, law: str) -> Verdict:
-    """Positions are distributed like those of new flights."""
+    """Positions are distributed like the positions of new flights."""
     old, new = result.flights[f"{law}/x"], result.new_flights[law]
     steps = np.unique(np.linspace(1, old.shape[1] - 1, LOOKS).astype(int))
     return likely(
@@ -108,7 +108,7 @@ def new_positions(result: Evidence, law: str) -> Verdict:
 
 
 def new_rate(result: Evidence, law: str) -> Verdict:
-    """The failure rate is that of new flights with other random numbers."""
+    """The failure rate agrees with new flights with other random numbers."""
     failed = failures(*_flags(result, law), result.ground.walled)
     again = result.ground.failed(result.new_flights[law])
     chance = same_rate(int(failed.sum()), len(failed), int(again.sum()), len(again))
@@ -119,8 +119,8 @@ def new_rate(result: Evidence, law: str) -> Verdict:
 
 def reported_laws(result: Evidence) -> Verdict:
     """The metrics have rates for the wind laws that were simulated and for no other."""
-    said = sorted(law for law in LAWS if f"failure_{law}" in result.metrics)
-    return same(said, sorted({name.partition("/")[0] for name in result.flights}))
+    reported = sorted(law for law in LAWS if f"failure_{law}" in result.metrics)
+    return same(reported, sorted({name.partition("/")[0] for name in result.flights}))
 
 
 FILES = ("deployments.npz", "plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc")

@@ -92,17 +92,17 @@ def front_rows(result: Evidence) -> Verdict:
 
 def front_numbers(result: Evidence) -> Verdict:
     """Size, shortest length and least risk of the front agree with the metrics."""
-    rows, told = _rows(result), result.metrics
+    rows, metrics = _rows(result), result.metrics
     pairs = {"front_size": len(rows), "shortest_m": rows[:, 2].min(), "safest": rows[:, 0].min()}
     if flights_judge(result):
         pairs |= {"least_failure": min(float(row["failure"]) for row in result.front)}
         pairs |= {"front_runs": int(result.front[0]["runs"])}
     faults = [
-        f"{name} {told[name]} is {value:g}"
+        f"{name} {metrics[name]} is {value:g}"
         for name, value in pairs.items()
-        if name in told and not close(told[name], float(value), 1e-12)
+        if name in metrics and not close(metrics[name], float(value), 1e-12)
     ]
-    return no_fault(f"{int(told['front_size'])} paths", faults)
+    return no_fault(f"{int(metrics['front_size'])} paths", faults)
 
 
 def hypervolume(result: Evidence) -> Verdict:
@@ -146,11 +146,11 @@ def front_paths(result: Evidence) -> Verdict:
         for fault in _path_faults(result, row, result.front_x(k))
     ]
     if result.robot.power is not None:
-        found = [result.energy_of(result.front_u(k)) for k in range(len(result.front))]
+        energies = [result.energy_of(result.front_u(k)) for k in range(len(result.front))]
         faults += [
-            f"path {k}: energy {row['energy_j']} is {found[k]:.9g}"
+            f"path {k}: energy {row['energy_j']} is {energies[k]:.9g}"
             for k, row in enumerate(result.front)
-            if not close(float(row["energy_j"]), found[k], 1e-9)
+            if not close(float(row["energy_j"]), energies[k], 1e-9)
         ]
     for name in result.settings["selection"].get("costs", ()):
         if name in FURTHER_COSTS:
@@ -165,9 +165,9 @@ def front_paths(result: Evidence) -> Verdict:
 
 
 def _path_faults(result: Evidence, row: Mapping[str, str], x: FloatArray) -> Iterator[str]:
-    found = float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
-    if not close(float(row["length_m"]), found, 1e-9):
-        yield f"length {row['length_m']} is {found:.9g}"
+    computed = float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+    if not close(float(row["length_m"]), computed, 1e-9):
+        yield f"length {row['length_m']} is {computed:.9g}"
     if len(x) - 1 != int(row["steps"]):
         yield f"{row['steps']} steps are {len(x) - 1}"
     if np.abs(x[0] - result.start).max() > result.grain:
@@ -180,7 +180,7 @@ def _path_faults(result: Evidence, row: Mapping[str, str], x: FloatArray) -> Ite
     if tree and result.has("trees.npz"):
         grown = vertex_path(result, int(tree[1]), int(tree[2]))
         if grown.shape != x.shape or (grown != x).any():
-            yield f"it is not that of {row['origin']}"
+            yield f"it is not the path of {row['origin']}"
 
 
 def front_costs(result: Evidence) -> Verdict:
@@ -190,23 +190,23 @@ def front_costs(result: Evidence) -> Verdict:
     return no_fault(f"{len(chosen)} of {len(result.front)} paths", faults)
 
 
-def _spread(size: int, most: int) -> list[int]:
-    """At most ``most`` numbers from 0 to ``size`` - 1, both ends among them."""
-    return [int(k) for k in np.unique(np.linspace(0, size - 1, min(size, most)).round())]
+def _spread(size: int, limit: int) -> list[int]:
+    """At most ``limit`` numbers from 0 to ``size`` - 1, both ends among them."""
+    return [int(k) for k in np.unique(np.linspace(0, size - 1, min(size, limit)).round())]
 
 
 def _cost_faults(result: Evidence, row: Mapping[str, str], x: FloatArray) -> Iterator[str]:
     law = result.law(result.planned_law, len(x) - 1)
     course = laws.fly_means(law, x)
     low, high = result.collision_bounds(law, course)
-    found = {
+    computed = {
         "mission_risk_ordered": result.mission_bound(course),
         "collision_risk": min(max(float(row["collision_risk"]), low), high),
     }
     gap = np.abs(course.u - result.front_u(int(row["path"]))).max(initial=0.0)
     if gap > 1e-4 * result.robot.u_max:
         yield f"path {row['path']}: its controls do not fly it"
-    for name, value in found.items():
+    for name, value in computed.items():
         if not close(float(row[name]), value, RISK, LEAST_RISK):
             yield f"path {row['path']}: {name} {row[name]} is {value:.6g}"
 
@@ -243,25 +243,25 @@ RATE_COLUMNS = ("failure", "failure_low", "failure_high", "law", "runs")
 
 
 def front_rates(result: Evidence) -> Verdict:
-    """Rates and intervals follow from the flights in front.npz; wind law and number are those of settings."""
+    """Rates and intervals follow from the flights in front.npz; wind law and number agree with settings."""
     if not flights_judge(result):
-        told = [row["path"] for row in result.front if any(row[name] for name in RATE_COLUMNS)]
-        return no_fault("no rates", [f"path {name} has a rate" for name in told])
+        rated = [row["path"] for row in result.front if any(row[name] for name in RATE_COLUMNS)]
+        return no_fault("no rates", [f"path {name} has a rate" for name in rated])
     failed = result.front_arrays["failed"]
     law, runs = result.planned_law, int(result.settings["selection"]["draws"])
     faults = [] if failed.shape == (len(result.front), runs) else [f"flights of shape {failed.shape}"]
     for row, flights in zip(result.front, failed, strict=False):
         count = int(flights.sum())
         wanted = (count / runs, *clopper_pearson(count, runs))
-        said = tuple(float(row[name]) for name in RATE_COLUMNS[:3])
-        near = all(close(a, b, 1e-9, 1e-12) for a, b in zip(said, wanted, strict=True))
+        stated = tuple(float(row[name]) for name in RATE_COLUMNS[:3])
+        near = all(close(a, b, 1e-9, 1e-12) for a, b in zip(stated, wanted, strict=True))
         if not near or (row["law"], row["runs"]) != (law, str(runs)):
             faults.append(f"path {row['path']}: {count} of {runs} flights fail")
     return no_fault(f"{runs} flights each, {law} winds", faults)
 
 
 def new_front_rates(result: Evidence) -> Verdict | None:
-    """Failure rates of paths of the front are those of new flights with other random numbers."""
+    """Failure rates of paths of the front agree with new flights with other random numbers."""
     if not flights_judge(result):
         return None
     chosen, faults = _spread(len(result.front), FLOWN_PATHS), []
@@ -314,20 +314,20 @@ def added_rule(result: Evidence) -> str | None:
 
 def choice(result: Evidence) -> Verdict | None:
     """The plan is the first path in the selection rule's order; with judge=flights one of the first."""
-    told = result.settings["selection"]
+    settings = result.settings["selection"]
     if added_rule(result) is not None:
         return None
-    tried = told["examined"] if flights_judge(result) else 1
-    left, place = _affordable(result, told["rule"]), -1
+    tried = settings["examined"] if flights_judge(result) else 1
+    left, place = _affordable(result, settings["rule"]), -1
     for k in range(min(tried, len(left))):
-        ranked = RANKINGS[told["rule"]](result, told, left)
+        ranked = RANKINGS[settings["rule"]](result, settings, left)
         if not ranked:
             break
         if np.array_equal(result.front_x(ranked[0]), result.x):
             place = k
             break
         left.remove(ranked[0])
-    return Verdict(f"rule {told['rule']}", f"choice {place + 1} of the rule", place >= 0)
+    return Verdict(f"rule {settings['rule']}", f"choice {place + 1} of the rule", place >= 0)
 
 
 def _affordable(result: Evidence, rule: str) -> list[int]:
@@ -349,12 +349,12 @@ def _by_priority(result: Evidence, _told: Mapping[str, Any], left: list[int]) ->
     return [left[i] for i in as_safe[np.argsort(rows[as_safe, 2], kind="stable")]]
 
 
-def _by_worth(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+def _by_worth(result: Evidence, settings: Mapping[str, Any], left: list[int]) -> list[int]:
     """Paths by (failure rate + 0.001) times length to the power of the setting, the least first."""
     if not flights_judge(result):
-        return _by_priority(result, told, left)
+        return _by_priority(result, settings, left)
     length = _rows(result)[left, 2]
-    score = np.log((_risks(result, left) + SMALL) * (length / length.min()) ** told["saving"])
+    score = np.log((_risks(result, left) + SMALL) * (length / length.min()) ** settings["saving"])
     return [left[i] for i in np.lexsort((length, score.round(9)))]
 
 
@@ -365,8 +365,8 @@ def _risks(result: Evidence, left: list[int]) -> FloatArray:
     return np.asarray(_rows(result)[left, :2].sum(axis=1), float)
 
 
-def _by_weights(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
-    weights, rows = np.array(told["weights"], float), _rows(result)[left]
+def _by_weights(result: Evidence, settings: Mapping[str, Any], left: list[int]) -> list[int]:
+    weights, rows = np.array(settings["weights"], float), _rows(result)[left]
     risk = rows[:, 0] * weights[0] + rows[:, 1] * weights[1]
     if flights_judge(result):
         risk = _risks(result, left) * (weights[0] + weights[1])
@@ -376,20 +376,19 @@ def _by_weights(result: Evidence, told: Mapping[str, Any], left: list[int]) -> l
     return [left[i] for i in np.argsort(score.round(12), kind="stable")]
 
 
-def _by_threshold(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+def _by_threshold(result: Evidence, settings: Mapping[str, Any], left: list[int]) -> list[int]:
     rows, limits = _rows(result)[left], _risks(result, left)
     if flights_judge(result):
         limits = np.array([float(result.front[k]["failure_high"]) for k in left])
-    safe = np.flatnonzero(limits <= told["alpha"])
+    safe = np.flatnonzero(limits <= settings["alpha"])
     return [left[i] for i in safe[np.argsort(rows[safe, 2], kind="stable")]]
 
 
-def _by_least(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
-    column = {"length": "length_m", "energy": "energy_j"}.get(told["least"]) or FURTHER_COSTS[told["least"]][
-        0
-    ]
-    cost = {k: float(result.front[k][column]) for k in left}
-    return sorted(_by_threshold(result, told, left), key=cost.__getitem__)
+def _by_least(result: Evidence, settings: Mapping[str, Any], left: list[int]) -> list[int]:
+    cost, columns = settings["least"], {"length": "length_m", "energy": "energy_j"}
+    column = columns[cost] if cost in columns else FURTHER_COSTS[cost][0]
+    costs = {k: float(result.front[k][column]) for k in left}
+    return sorted(_by_threshold(result, settings, left), key=costs.__getitem__)
 
 
 def _by_knee(result: Evidence, _told: Mapping[str, Any], left: list[int]) -> list[int]:
@@ -400,14 +399,14 @@ def _by_knee(result: Evidence, _told: Mapping[str, Any], left: list[int]) -> lis
     return [left[i] for i in np.lexsort((length, risk, -(area / (across * up)).round(12)))]
 
 
-def _by_length(result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
+def _by_length(result: Evidence, settings: Mapping[str, Any], left: list[int]) -> list[int]:
     length = _rows(result)[left, 2]
-    short = np.flatnonzero(length <= told["length"])
+    short = np.flatnonzero(length <= settings["length"])
     return [left[i] for i in short[np.lexsort((length[short], _risks(result, left)[short]))]]
 
 
-def _by_number(_result: Evidence, told: Mapping[str, Any], left: list[int]) -> list[int]:
-    return [k for k in left if k == told["point"]]
+def _by_number(_result: Evidence, settings: Mapping[str, Any], left: list[int]) -> list[int]:
+    return [k for k in left if k == settings["point"]]
 
 
 RANKINGS: dict[str, Callable[[Evidence, Mapping[str, Any], list[int]], list[int]]] = {

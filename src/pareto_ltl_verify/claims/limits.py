@@ -1,4 +1,4 @@
-"""Claims about what limits a plan: the chance constraint of each segment, and the prices of limits.
+"""Claims about the limits of a plan: the chance constraint of each segment, and the prices.
 
 A price is judged by what it means: flights of the path as it is are judged again on a map whose limit is
 moved outwards and inwards. The share of multipliers is not in those counts, so that a price may exceed them
@@ -90,18 +90,18 @@ def prices(result: Evidence) -> Verdict | None:
 
 
 def _segment_price_faults(result: Evidence, rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The prices of all segments add up to those of obstacles and borders, but for the smallest of these."""
+    """The prices of all segments add up to the prices of obstacles and borders, except the smallest."""
     of_segments = sum(row.get("price", 0.0) for row in result.plan.get("segments", ()))
     listed = [row["saving"] for row in rows if row["kind"] in ("obstacle", "border")]
     small = LEAST_SHARE * max((row["saving"] for row in rows if row["kind"] in CHANGED), default=0.0)
-    most = sum(listed) + small * len(result.barriers)
-    if (1.0 - RISK) * sum(listed) <= of_segments <= (1.0 + RISK) * most + LEAST_RISK:
+    limit = sum(listed) + small * len(result.barriers)
+    if (1.0 - RISK) * sum(listed) <= of_segments <= (1.0 + RISK) * limit + LEAST_RISK:
         return []
     return [f"segments {of_segments:.4g} a metre, obstacles and borders {sum(listed):.4g}"]
 
 
 def _outline_price(result: Evidence, row: Mapping[str, Any]) -> str:
-    """What is wrong with the price of an obstacle, a border or a region; empty if nothing."""
+    """The fault of the price of an obstacle, a border or a region; empty if it is right."""
     by = MOVED * float(np.ptp(result.ground.bounds, axis=0).mean())
     try:
         counts = [_failures(result, row, by * way) for way in (-1.0, 0.0, 1.0)]
@@ -181,12 +181,13 @@ def _length_price(result: Evidence, row: Mapping[str, Any]) -> str:
     points = np.array([[float(one["length_m"]), float(one["failure"])] for one in result.front])
     near = (points[:, 0] >= length * (1.0 - 1e-9)) & (points[:, 0] <= (1.0 + SLOPE_OF) * length)
     lengths, rates = points[near & (points[:, 1] > 0.0)].T
-    found = 0.0
+    computed = 0.0
     if len(lengths) > 1 and np.ptp(lengths) >= ALIKE * length:
         design = np.column_stack([np.ones(len(lengths)), np.log(lengths / length)])
         level, slope = np.linalg.lstsq(design, np.log(rates), rcond=None)[0]
-        found = max(-float(slope), 0.0) * float(np.exp(level)) / length
-    return "" if abs(row["saving"] - found) <= 1e-6 * found + LEAST_RISK / length else f"slope {found:.3g}"
+        computed = max(-float(slope), 0.0) * float(np.exp(level)) / length
+    off = abs(row["saving"] - computed)
+    return "" if off <= 1e-6 * computed + LEAST_RISK / length else f"slope {computed:.3g}"
 
 
 CHANGED: dict[str, Callable[[Evidence, str, float], Ground]] = {

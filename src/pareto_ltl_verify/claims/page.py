@@ -1,4 +1,4 @@
-"""Claims about ``report.html``: its numbers are those of ``front.csv`` and ``plan.json``."""
+"""Claims about ``report.html``: its numbers agree with ``front.csv`` and ``plan.json``."""
 
 from __future__ import annotations
 
@@ -33,35 +33,35 @@ def _text(result: Evidence) -> str:
 
 def page_data(result: Evidence) -> Any:
     """The JSON data that the script of the page reads; DataError unless there is exactly one set."""
-    found = DATA.findall(_text(result))
-    if len(found) != 1:
-        raise DataError(f"{PAGE}: has {len(found)} sets of numbers; one was expected")
-    return parse_json(found[0].encode(), PAGE)
+    blocks = DATA.findall(_text(result))
+    if len(blocks) != 1:
+        raise DataError(f"{PAGE}: has {len(blocks)} sets of numbers; one was expected")
+    return parse_json(blocks[0].encode(), PAGE)
 
 
 def points(result: Evidence) -> Verdict:
     """Each point of the scatter plot is a row of front.csv; without rates its failure is the bound."""
-    told, rows = page_data(result)["points"], result.table("front.csv")
-    if len(told) != len(rows):
-        return no_fault(f"{len(told)} points", [f"{len(rows)} rows"])
+    stated, rows = page_data(result)["points"], result.table("front.csv")
+    if len(stated) != len(rows):
+        return no_fault(f"{len(stated)} points", [f"{len(rows)} rows"])
     faults = []
-    for k, (point, row) in enumerate(zip(told, rows, strict=True)):
+    for k, (point, row) in enumerate(zip(stated, rows, strict=True)):
         wanted = {name: float(row[name]) if row[name] else None for name in COLUMNS}
         if wanted["failure"] is None:
             wanted["failure"] = min(1.0, float(row["mission_risk"]) + float(row["collision_risk"]))
         faults += [f"point {k}: {name}" for name, value in wanted.items() if not _equal(point[name], value)]
         faults += [f"point {k}: {point['law']} winds"] * (point["law"] != (row["law"] or result.planned_law))
-    return no_fault(f"{len(told)} points", faults)
+    return no_fault(f"{len(stated)} points", faults)
 
 
-def _equal(said: Any, wanted: float | None) -> bool:
-    if said is None or wanted is None:
-        return said is None and wanted is None
-    return close(float(said), wanted, 1e-9, 1e-12)
+def _equal(stated: Any, wanted: float | None) -> bool:
+    if stated is None or wanted is None:
+        return stated is None and wanted is None
+    return close(float(stated), wanted, 1e-9, 1e-12)
 
 
 def chosen(result: Evidence) -> Verdict:
-    """The chosen path and its promise are those of plan.json."""
+    """The chosen path and its promise agree with plan.json."""
     data, plan = page_data(result), result.plan
     way = data["paths"][str(data["chosen"])]
     x, size = _positions(result, data), float(np.ptp(np.array(result.scene["bounds"], float), axis=0).max())
@@ -85,16 +85,16 @@ def _positions(result: Evidence, data: Any) -> FloatArray:
 
 def headline(result: Evidence) -> Verdict | None:
     """The rate in large letters is the promise of plan.json, with its interval and its wind law."""
-    found = HEADLINE.findall(_text(result))
+    matches = HEADLINE.findall(_text(result))
     promise = result.plan["promise"]
     if promise is None:
         return None
     value = probability_text(promise["failure"])
     note = f"{interval_text(promise['low'], promise['high'])} (95 %), under {promise['law']} winds"
-    if len(found) != 1:
-        return Verdict(f"{len(found)} rates", f"{value}, {note}", False)
-    said = tuple(unescape(part) for part in found[0])
-    return Verdict(", ".join(said), f"{value}, {note}", said[0] == value and said[1].startswith(note))
+    if len(matches) != 1:
+        return Verdict(f"{len(matches)} rates", f"{value}, {note}", False)
+    stated = tuple(unescape(part) for part in matches[0])
+    return Verdict(", ".join(stated), f"{value}, {note}", stated[0] == value and stated[1].startswith(note))
 
 
 CLAIMS = (

@@ -58,39 +58,41 @@ def shapes(result: Evidence) -> Verdict:
 
 def settings_named(result: Evidence) -> Verdict:
     """The settings in plan.json are those that the run used."""
-    plan, told = result.plan, result.settings
+    plan, settings = result.plan, result.settings
     pairs = {
-        "dt": (plan["dt"], result.robot.dt),  # with robot.dt=auto, that of the metrics
-        "u_max": (plan["u_max"], told["robot"]["u_max"]),
-        "u_min": (plan.get("u_min", 0.0), told["robot"].get("u_min", 0.0)),
+        "dt": (plan["dt"], result.robot.dt),  # with robot.dt=auto, dt of the metrics
+        "u_max": (plan["u_max"], settings["robot"]["u_max"]),
+        "u_min": (plan.get("u_min", 0.0), settings["robot"].get("u_min", 0.0)),
         "epsilon": (plan["epsilon"], result.epsilon),
-        "rule": (plan["selection"]["rule"], told["selection"]["rule"]),
-        "weights": (plan["selection"]["weights"], told["selection"]["weights"]),
-        "rule's settings": _rule_settings(plan["selection"], told["selection"]),
+        "rule": (plan["selection"]["rule"], settings["selection"]["rule"]),
+        "weights": (plan["selection"]["weights"], settings["selection"]["weights"]),
+        "rule's settings": _rule_settings(plan["selection"], settings["selection"]),
         "fidelity": (plan["fidelity"], result.run["fidelity"]),
     }
     return no_fault(", ".join(pairs), [f"{name} {a} is {b}" for name, (a, b) in pairs.items() if a != b])
 
 
-def _rule_settings(claimed: Mapping[str, Any], told: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+def _rule_settings(claimed: Mapping[str, Any], settings: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
     """The settings that the rule read, by plan.json and by the settings of the run.
 
     ``READS`` lists them for the rules of this package; for a rule of another package, plan.json does.
     """
     read = {key: value for key, value in claimed.items() if key not in ("rule", "weights")}
-    return read, {key: told.get(key) for key in READS.get(told["rule"], read)}
+    return read, {key: settings.get(key) for key in READS.get(settings["rule"], read)}
 
 
 def fidelity_name(result: Evidence) -> Verdict:
     """The text of the fidelity names the preset and every setting that differs from the preset."""
-    told = result.settings["fidelity"]
+    settings = result.settings["fidelity"]
     preset = {
         "paper": ("independent", "open", "theorem2", "step", "dominance", "convex", "bound"),
         "full": ("coherent", "wall", "ordered", "path", "mixed", "sampled", "flights"),
-    }[told["name"]]
+    }[settings["name"]]
     keys = ("law", "border", "mission_bound", "collision_bound", "parents", "refine", "judge")
-    changed = [f"{key}={told[key]}" for key, usual in zip(keys, preset, strict=True) if told[key] != usual]
-    label = told["name"] + (f" with {', '.join(changed)}" if changed else "")
+    changed = [
+        f"{key}={settings[key]}" for key, usual in zip(keys, preset, strict=True) if settings[key] != usual
+    ]
+    label = settings["name"] + (f" with {', '.join(changed)}" if changed else "")
     return same(result.run["fidelity"], label)
 
 
@@ -134,10 +136,10 @@ def airspeed(result: Evidence) -> Verdict:
 
 def covariance(result: Evidence) -> Verdict:
     """The covariance of every position, propagated from the start."""
-    said, found = np.array(result.plan["cov"], float), result.course.cov
-    size = np.maximum(np.trace(found, axis1=1, axis2=2), 1e-6)
-    worst = float((np.abs(said - found).max(axis=(1, 2)) / size).max())
-    sd = math.sqrt(np.trace(said[-1]) / 2)
+    stated, computed = np.array(result.plan["cov"], float), result.course.cov
+    size = np.maximum(np.trace(computed, axis1=1, axis2=2), 1e-6)
+    worst = float((np.abs(stated - computed).max(axis=(1, 2)) / size).max())
+    sd = math.sqrt(np.trace(stated[-1]) / 2)
     return Verdict(f"sd {sd / 1e3:.4g} km at the end", f"{worst:.1g} off", worst <= SPREAD)
 
 
@@ -155,8 +157,8 @@ def labels(result: Evidence) -> Verdict:
     either = [
         result.ground.labels(result.x, slack) for slack in (POSITION * result.grain, -POSITION * result.grain)
     ]
-    for t, said in enumerate(result.plan["label"]):
-        if frozenset(said) not in (result.labels[t], either[0][t], either[1][t]):
+    for t, stated in enumerate(result.plan["label"]):
+        if frozenset(stated) not in (result.labels[t], either[0][t], either[1][t]):
             faults.append(f"step {t} is {sorted(result.labels[t])}")
     return no_fault(f"{sum(map(bool, result.plan['label']))} steps in regions", faults)
 
@@ -165,9 +167,9 @@ def states(result: Evidence) -> Verdict:
     """The automaton states follow from the labels, and from harmful letters between steps."""
     slack = POSITION * result.grain
     either = [result.ground.states(result.x[None], s)[0] for s in (0.0, slack, -slack)]
-    said = np.array(result.plan["q"])
-    faults = [f"state {either[0][t]} at step {t}" for t in np.flatnonzero(either[0] != said)]
-    if any(np.array_equal(one, said) for one in either):
+    stated = np.array(result.plan["q"])
+    faults = [f"state {either[0][t]} at step {t}" for t in np.flatnonzero(either[0] != stated)]
+    if any(np.array_equal(one, stated) for one in either):
         faults = []
     return no_fault(f"states {sorted(set(result.plan['q']))}", faults)
 
@@ -211,23 +213,23 @@ def chance_constraint(result: Evidence) -> Verdict | None:
 
 def length(result: Evidence) -> Verdict:
     """Length of the expected path [m]."""
-    found = float(np.linalg.norm(np.diff(result.x, axis=0), axis=1).sum())
-    return number(result.plan["objectives"]["length"], found, rel=1e-9)
+    computed = float(np.linalg.norm(np.diff(result.x, axis=0), axis=1).sum())
+    return number(result.plan["objectives"]["length"], computed, rel=1e-9)
 
 
 def energy(result: Evidence) -> Verdict | None:
     """Energy of the controls [J] and usable energy [J], both absent without a power curve."""
-    said, held = result.plan["objectives"].get("energy"), result.plan.get("capacity")
+    stated, held = result.plan["objectives"].get("energy"), result.plan.get("capacity")
     if result.robot.power is None:
-        return same([said, held], [None, None])
+        return same([stated, held], [None, None])
     if held != result.robot.capacity:
         return same(held, result.robot.capacity)
-    return number(math.nan if said is None else said, result.energy_of(result.u), rel=1e-9)
+    return number(math.nan if stated is None else stated, result.energy_of(result.u), rel=1e-9)
 
 
-def _risk(claimed: float | None, found: Callable[[], float]) -> Verdict | None:
-    """``claimed`` is the bound ``found``; a plan after an alarm of replanning claims none."""
-    return None if claimed is None else number(claimed, found(), rel=RISK, least=LEAST_RISK)
+def _risk(claimed: float | None, computed: Callable[[], float]) -> Verdict | None:
+    """``claimed`` is the bound ``computed``; a plan after an alarm of replanning claims none."""
+    return None if claimed is None else number(claimed, computed(), rel=RISK, least=LEAST_RISK)
 
 
 def _f_o(result: Evidence, course: Course) -> float:
@@ -274,8 +276,8 @@ def collision_bound(result: Evidence) -> Verdict | None:
 
 def allowed_collisions(result: Evidence) -> Verdict | None:
     """R is at most planner.delta, with the path bound and where bounds judge."""
-    told = result.settings["fidelity"]
-    if told["collision_bound"] != "path" or told["judge"] != "bound":
+    settings = result.settings["fidelity"]
+    if settings["collision_bound"] != "path" or settings["judge"] != "bound":
         return None
     delta = result.settings["planner"]["delta"]
     return Verdict(
@@ -292,8 +294,8 @@ def forecast(law: str, judge: Callable[[Evidence, str], Verdict], result: Eviden
 
 def forecast_mission(result: Evidence, law: str) -> Verdict:
     """V of the controls under a law."""
-    found = result.mission_bound(result.forecasts[law])
-    return number(result.metrics[f"mission_risk_{law}"], found, rel=RISK, least=LEAST_RISK)
+    computed = result.mission_bound(result.forecasts[law])
+    return number(result.metrics[f"mission_risk_{law}"], computed, rel=RISK, least=LEAST_RISK)
 
 
 def forecast_collision(result: Evidence, law: str) -> Verdict:
@@ -304,14 +306,14 @@ def forecast_collision(result: Evidence, law: str) -> Verdict:
 
 def forecast_spread(result: Evidence, law: str) -> Verdict:
     """Standard deviation of the position at the end under a law [m]."""
-    found = math.sqrt(float(np.trace(result.forecasts[law].cov[-1])) / 2)
-    return number(result.metrics[f"end_sd_{law}_m"], found, rel=SPREAD, least=POSITION * result.grain)
+    computed = math.sqrt(float(np.trace(result.forecasts[law].cov[-1])) / 2)
+    return number(result.metrics[f"end_sd_{law}_m"], computed, rel=SPREAD, least=POSITION * result.grain)
 
 
 def forecast_laws(result: Evidence) -> Verdict:
     """The metrics have a forecast for each wind law of deployment.laws and for no other."""
-    told = result.settings["deployment"]["laws"] if "forecasts" in result.run["stages"] else []
-    return same(sorted(result.forecasts), sorted(told))
+    laws = result.settings["deployment"]["laws"] if "forecasts" in result.run["stages"] else []
+    return same(sorted(result.forecasts), sorted(laws))
 
 
 # --- copies -----------------------------------------------------------------------------------

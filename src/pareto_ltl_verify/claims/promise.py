@@ -27,18 +27,20 @@ RATE = ("failure", "low", "high", "runs", "law", "method")
 
 def promise(result: Evidence) -> Verdict | None:
     """With judge=flights: rate, interval, claim, bound and verdict agree with each other and the settings."""
-    told = result.plan["promise"]
+    stated = result.plan["promise"]
     if not flights_judge(result) or after_alarm(result):
-        return same(told, None)
-    faults = [*_rate_faults(result, told), *_claim_faults(result, told)]
+        return same(stated, None)
+    faults = [*_rate_faults(result, stated), *_claim_faults(result, stated)]
     costs = result.plan["objectives"]
     pairs = {
         "bound": min(1.0, costs["mission_risk"] + costs["collision_risk"]),
         "linearity": _linearity(result),
-        "passed": float(stands(told)),
+        "passed": float(stands(stated)),
     }
-    faults += [f"{key} {told[key]} is {v:.6g}" for key, v in pairs.items() if not close(told[key], v, SPREAD)]
-    return no_fault(f"{told['failure']:.4g} of {told['runs']} flights fail", faults)
+    faults += [
+        f"{key} {stated[key]} is {v:.6g}" for key, v in pairs.items() if not close(stated[key], v, SPREAD)
+    ]
+    return no_fault(f"{stated['failure']:.4g} of {stated['runs']} flights fail", faults)
 
 
 def after_alarm(result: Evidence) -> bool:
@@ -46,52 +48,53 @@ def after_alarm(result: Evidence) -> bool:
     return result.has("replan.json") and bool(read_json(result.directory / "replan.json").get("alarms"))
 
 
-def _rate_faults(result: Evidence, told: dict[str, Any]) -> Iterator[str]:
+def _rate_faults(result: Evidence, stated: dict[str, Any]) -> Iterator[str]:
     wanted = (result.planned_law, result.settings["selection"]["runs"])
-    if (told["law"], told["runs"]) != wanted or told["method"] not in CHANCES:
-        yield f"{told['runs']} {told['method']} in {told['law']} winds"
+    if (stated["law"], stated["runs"]) != wanted or stated["method"] not in CHANCES:
+        yield f"{stated['runs']} {stated['method']} in {stated['law']} winds"
         return
-    if told["method"] == WEIGHTED:  # the weights are not kept
-        if not 0.0 <= told["low"] <= told["failure"] <= told["high"] <= 1.0:
-            yield f"the interval is {told['low']:.4g} to {told['high']:.4g}"
-        most = math.ceil(WEIGHTED_BELOW * told["runs"]) - 1
-        if binom.cdf(most, told["runs"], told["low"]) < RARE:
-            yield f"more than {most} of {told['runs']} flights fail at {told['low']:.4g}: no case for weights"
+    if stated["method"] == WEIGHTED:  # the weights are not stored
+        if not 0.0 <= stated["low"] <= stated["failure"] <= stated["high"] <= 1.0:
+            yield f"the interval is {stated['low']:.4g} to {stated['high']:.4g}"
+        limit = math.ceil(WEIGHTED_BELOW * stated["runs"]) - 1
+        if binom.cdf(limit, stated["runs"], stated["low"]) < RARE:
+            share = f"{limit} of {stated['runs']} flights fail at {stated['low']:.4g}"
+            yield f"more than {share}: no case for weights"
         return
-    count = round(told["failure"] * told["runs"])
-    found = (count / told["runs"], *clopper_pearson(count, told["runs"]))
-    said = (told["failure"], told["low"], told["high"])
-    if not all(close(a, b, 1e-9, 1e-12) for a, b in zip(said, found, strict=True)):
-        yield f"the interval is {found[1]:.4g} to {found[2]:.4g}"
+    count = round(stated["failure"] * stated["runs"])
+    computed = (count / stated["runs"], *clopper_pearson(count, stated["runs"]))
+    interval = (stated["failure"], stated["low"], stated["high"])
+    if not all(close(a, b, 1e-9, 1e-12) for a, b in zip(interval, computed, strict=True)):
+        yield f"the interval is {computed[1]:.4g} to {computed[2]:.4g}"
 
 
-def _claim_faults(result: Evidence, told: dict[str, Any]) -> Iterator[str]:
+def _claim_faults(result: Evidence, stated: dict[str, Any]) -> Iterator[str]:
     """The claim is the rate of the plan's row of the front."""
     columns = dict(zip(RATE, ("failure", "failure_low", "failure_high", "runs", "law"), strict=False))
     rows = [row for k, row in enumerate(result.front) if np.array_equal(result.front_x(k), result.x)]
-    said = [str(told["claimed"][key]) for key in columns]
-    if [[row[name] for name in columns.values()] for row in rows] != [said]:
-        yield f"the claim {told['claimed']['failure']:.4g} is not that of the front"
+    claim = [str(stated["claimed"][key]) for key in columns]
+    if [[row[name] for name in columns.values()] for row in rows] != [claim]:
+        yield f"the claim {stated['claimed']['failure']:.4g} is not in the front"
 
 
-def stands(told: dict[str, Any]) -> bool:
+def stands(stated: dict[str, Any]) -> bool:
     """Whether the claimed rate is not significantly lower than the rate of the new flights."""
-    return bool(CHANCES[told["method"]](told, told["claimed"]) >= DOUBT)
+    return bool(CHANCES[stated["method"]](stated, stated["claimed"]) >= DOUBT)
 
 
-def _count(told: dict[str, Any]) -> int:
-    return round(float(told["failure"]) * int(told["runs"]))
+def _count(stated: dict[str, Any]) -> int:
+    return round(float(stated["failure"]) * int(stated["runs"]))
 
 
-def _among_flights(told: dict[str, Any], claimed: dict[str, Any]) -> float:
+def _among_flights(stated: dict[str, Any], claimed: dict[str, Any]) -> float:
     """Fisher's exact test of two counts, one-sided."""
-    both = hypergeom(told["runs"] + claimed["runs"], _count(told) + _count(claimed), told["runs"])
-    return float(both.sf(_count(told) - 1))
+    both = hypergeom(stated["runs"] + claimed["runs"], _count(stated) + _count(claimed), stated["runs"])
+    return float(both.sf(_count(stated) - 1))
 
 
-def _of_claim(told: dict[str, Any], claimed: dict[str, Any]) -> float:
+def _of_claim(stated: dict[str, Any], claimed: dict[str, Any]) -> float:
     """p value of the claim's failures, or fewer, at the lower end of the interval of weighted flights."""
-    return float(binom.cdf(_count(claimed), claimed["runs"], told["low"]))
+    return float(binom.cdf(_count(claimed), claimed["runs"], stated["low"]))
 
 
 CHANCES = {"flights": _among_flights, WEIGHTED: _of_claim}  # by method
@@ -108,26 +111,26 @@ def _linearity(result: Evidence) -> float:
 
 
 def promised_rate(result: Evidence) -> Verdict | None:
-    """The promised rate is that of new flights, and of those that the run simulated after the plan."""
-    told = result.plan["promise"]
-    if not told or told["law"] not in result.new_flights:
+    """The promised rate agrees with new flights, and with the run's flights of the finished plan."""
+    stated = result.plan["promise"]
+    if not stated or stated["law"] not in result.new_flights:
         return None
-    x = result.new_flights[told["law"]]
-    old = result.flights[f"{told['law']}/x"]
+    x = result.new_flights[stated["law"]]
+    old = result.flights[f"{stated['law']}/x"]
     again = int(result.ground.failed(np.concatenate([x, old])).sum())
     runs = len(x) + len(old)
-    if told["method"] == WEIGHTED:
-        ends = binom.sf(again - 1, runs, told["high"]), binom.cdf(again, runs, told["low"])
+    if stated["method"] == WEIGHTED:
+        ends = binom.sf(again - 1, runs, stated["high"]), binom.cdf(again, runs, stated["low"])
         chance = min(1.0, 2 * float(min(ends)))
     else:
-        chance = same_rate(_count(told), told["runs"], again, runs)
-    return Verdict(f"{told['failure']:.4g}", f"{again} of {runs}, chance {chance:.1g}", chance >= RARE)
+        chance = same_rate(_count(stated), stated["runs"], again, runs)
+    return Verdict(f"{stated['failure']:.4g}", f"{again} of {runs}, chance {chance:.1g}", chance >= RARE)
 
 
 def models(result: Evidence) -> Verdict:
-    """The models of the plan are those of the settings."""
-    told = {key: value for key, value in result.settings["fidelity"].items() if key != "name"}
-    return same(result.plan["models"], told)
+    """The models of the plan agree with the settings."""
+    settings = {key: value for key, value in result.settings["fidelity"].items() if key != "name"}
+    return same(result.plan["models"], settings)
 
 
 # --- for a pilot ------------------------------------------------------------------------------
@@ -135,19 +138,19 @@ def models(result: Evidence) -> Verdict:
 
 def airspeeds(result: Evidence) -> Verdict:
     """The airspeed of each step is the length of its control."""
-    said, found = np.array(result.plan["airspeed"], float), np.linalg.norm(result.u, axis=1)
-    faults = [] if said.shape == found.shape else [f"{len(said)} airspeeds"]
+    stated, computed = np.array(result.plan["airspeed"], float), np.linalg.norm(result.u, axis=1)
+    faults = [] if stated.shape == computed.shape else [f"{len(stated)} airspeeds"]
     if not faults:
-        faults = [f"step {t}" for t in np.flatnonzero(np.abs(said - found) > 1e-9 * (1 + found))]
-    return no_fault(f"{len(said)} steps", faults)
+        faults = [f"step {t}" for t in np.flatnonzero(np.abs(stated - computed) > 1e-9 * (1 + computed))]
+    return no_fault(f"{len(stated)} steps", faults)
 
 
 def clock_times(result: Evidence) -> Verdict:
     """Times in UTC count from the departure of the map."""
-    zero, told = result.scene["time_zero"], result.plan["time_utc"]
-    if zero is None or told is None:
-        return same(told, zero)
-    begin, *rest = (datetime.fromisoformat(text) for text in (zero, *told))
+    zero, stated = result.scene["time_zero"], result.plan["time_utc"]
+    if zero is None or stated is None:
+        return same(stated, zero)
+    begin, *rest = (datetime.fromisoformat(text) for text in (zero, *stated))
     begin = begin if begin.tzinfo else begin.replace(tzinfo=UTC)
     faults = [f"{len(rest)} times"] * (len(rest) != len(result.plan["t"]))
     faults += [
@@ -155,7 +158,7 @@ def clock_times(result: Evidence) -> Verdict:
         for t, (time, seconds) in enumerate(zip(rest, result.plan["t"], strict=False))
         if abs((time - begin).total_seconds() - seconds) > 1e-5
     ]
-    return no_fault(f"{told[0]} to {told[-1]}", faults)
+    return no_fault(f"{stated[0]} to {stated[-1]}", faults)
 
 
 def places(result: Evidence) -> Verdict:
@@ -167,10 +170,10 @@ def places(result: Evidence) -> Verdict:
 
     back = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
     lon, lat = back.transform(*result.x.T)
-    said = np.array([plan["lon"], plan["lat"]], float)
-    if said.shape != (2, len(lon)):
-        return same(said.shape, (2, len(lon)))
-    faults = [f"step {t}: position" for t in np.flatnonzero(np.abs(said - [lon, lat]).max(axis=0) > PLACE)]
+    stated = np.array([plan["lon"], plan["lat"]], float)
+    if stated.shape != (2, len(lon)):
+        return same(stated.shape, (2, len(lon)))
+    faults = [f"step {t}: position" for t in np.flatnonzero(np.abs(stated - [lon, lat]).max(axis=0) > PLACE)]
     speed = np.maximum(np.linalg.norm(result.u, axis=1, keepdims=True), 1e-12)
     ahead = result.x[:-1] + AHEAD * result.u / speed
     azimuth = Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], *back.transform(*ahead.T))[0]

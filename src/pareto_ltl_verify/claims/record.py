@@ -72,16 +72,16 @@ OUTPUTS = {
 def status(result: Evidence) -> Verdict:
     """A run with status ok has a plan, an infeasible one has none, and the metrics agree with that."""
     planned = result.has("plan.json")
-    said = (result.run["status"], float(result.metrics["completed"]))
+    stated = (result.run["status"], float(result.metrics["completed"]))
     fitting = ("ok", 1.0) if planned else ("infeasible", 0.0)
     faults = (
         []
-        if said == fitting
-        else [f"plan.json {'is' if planned else 'is not'} there, metrics completed {said[1]:g}"]
+        if stated == fitting
+        else [f"plan.json {'is' if planned else 'is not'} there, metrics completed {stated[1]:g}"]
     )
     faults += ["measured"] * (result.run["measured"] is not True)
     faults += ["an error is noted"] * ((result.run["error"] is not None) == planned)
-    return no_fault(str(said[0]), faults)
+    return no_fault(str(stated[0]), faults)
 
 
 def files(result: Evidence) -> Verdict:
@@ -94,25 +94,25 @@ def files(result: Evidence) -> Verdict:
 
 
 def settings_hash(result: Evidence) -> Verdict:
-    """The fingerprint of the settings in config_resolved.yaml is that of run.json."""
+    """The fingerprint of the settings in config_resolved.yaml agrees with run.json."""
     content = {
         name: dict(value) if isinstance(value, dict) else value for name, value in result.settings.items()
     }
     content.pop("sweep"), content["planner"].pop("threads")
-    told = {"version": result.run["version"], "code": result.run["code_hash"], "settings": content}
+    hashed = {"version": result.run["version"], "code": result.run["code_hash"], "settings": content}
     return Verdict(
         result.run["config_hash"][:12],
-        data_fingerprint(told)[:12],
-        result.run["config_hash"] == data_fingerprint(told),
+        data_fingerprint(hashed)[:12],
+        result.run["config_hash"] == data_fingerprint(hashed),
     )
 
 
 def identity(result: Evidence) -> Verdict:
-    """Name, seed and stages of run.json are those of the settings."""
-    told = result.settings
-    pairs = {"name": told["name"], "seed": told["seed"], "stages": told["pipelines"]["stages"]}
+    """Name, seed and stages of run.json agree with the settings."""
+    settings = result.settings
+    pairs = {"name": settings["name"], "seed": settings["seed"], "stages": settings["pipelines"]["stages"]}
     return no_fault(
-        f"{told['name']}, seed {told['seed']}",
+        f"{settings['name']}, seed {settings['seed']}",
         [name for name, value in pairs.items() if result.run[name] != value],
     )
 
@@ -129,14 +129,14 @@ def inputs(result: Evidence) -> Verdict | None:
 
 
 def seconds(result: Evidence) -> Verdict:
-    """Times of the stages [s] add up to that of the run and are the same in metrics.json and run.json."""
-    told = {
+    """Times of the stages [s] add up to the time of the run; metrics.json and run.json agree."""
+    stated = {
         name.removeprefix("seconds_"): value
         for name, value in result.metrics.items()
         if name.startswith("seconds_")
     }
-    faults = [] if told == result.run["seconds"] else ["stages differ"]
-    faults += ["run_seconds"] * (not close(result.metrics["run_seconds"], math.fsum(told.values()), 1e-9))
+    faults = [] if stated == result.run["seconds"] else ["stages differ"]
+    faults += ["run_seconds"] * (not close(result.metrics["run_seconds"], math.fsum(stated.values()), 1e-9))
     if "growth_seconds" in result.metrics:
         speed = (
             result.metrics["nodes"] / result.metrics["growth_seconds"]
@@ -176,14 +176,14 @@ def intervals(result: Evidence) -> Verdict | None:
 
     The parts are mission, collision and, if border=wall, leaving the map.
     """
-    faults, told = [], result.metrics
+    faults, metrics = [], result.metrics
     for law in ("independent", "coherent"):
-        if f"failure_{law}" not in told:
+        if f"failure_{law}" not in metrics:
             continue
-        rate, low, high = (told[f"failure_{law}{end}"] for end in ("", "_low", "_high"))
-        parts = [told[f"mission_failure_{law}"], told[f"collision_{law}"]]
+        rate, low, high = (metrics[f"failure_{law}{end}"] for end in ("", "_low", "_high"))
+        parts = [metrics[f"mission_failure_{law}"], metrics[f"collision_{law}"]]
         if result.scene["border"] == "wall":
-            parts.append(told[f"off_map_{law}"])
+            parts.append(metrics[f"off_map_{law}"])
         faults += [f"failure_{law}"] * (not low <= rate <= high)
         faults += [f"parts of failure_{law}"] * (
             not max(parts) - 1e-12 <= rate <= min(sum(parts), 1.0) + 1e-12

@@ -44,67 +44,69 @@ def _source(result: Evidence) -> Evidence | None:
 
 def start(result: Evidence) -> Verdict:
     """The rest begins at the mean position, with its largest standard deviation, at the time of the step."""
-    told, dt = _told(result), result.robot.dt
-    position = told["position"]
+    stated, dt = _told(result), result.robot.dt
+    position = stated["position"]
     widest = math.sqrt(float(np.linalg.eigvalsh(np.array(position["cov"]))[-1]))
-    faults = ["time"] * (not close(told["time_s"], told["step"] * dt))
+    faults = ["time"] * (not close(stated["time_s"], stated["step"] * dt))
     faults += ["start of the map"] * (not np.allclose(result.start, position["mean"], rtol=1e-9, atol=1e-3))
     faults += [f"start_sd {result.robot.start_sd:g}"] * (not close(result.robot.start_sd, widest, 1e-6, 1e-6))
-    faults += ["the rest begins elsewhere"] * (len(told["rest"]["x"]) != len(told["rest"]["u"]) + 1)
-    return no_fault(f"step {told['step']}", faults)
+    faults += ["the rest begins elsewhere"] * (len(stated["rest"]["x"]) != len(stated["rest"]["u"]) + 1)
+    return no_fault(f"step {stated['step']}", faults)
 
 
 def alarms(result: Evidence) -> Verdict:
     """A fix that the law gives less than 1e-4 is an alarm; after an alarm no file has a probability."""
-    told = _told(result)
+    stated = _told(result)
     far = math.sqrt(-2.0 * math.log(UNLIKELY))
-    unlikely = sum(fix["distance"] > far for fix in told["fixes"])
-    faults = [f"{unlikely} unlikely fixes"] * (len(told["alarms"]) < unlikely)
-    faults += ["an alarm without a reason"] * (bool(told["alarms"]) and not unlikely and told["wind"] is None)
-    promised = [told[name] for name in ("old", "new", "difference")] + [result.plan["promise"]]
-    faults += ["a promise after an alarm"] * (bool(told["alarms"]) and any(v is not None for v in promised))
+    unlikely = sum(fix["distance"] > far for fix in stated["fixes"])
+    faults = [f"{unlikely} unlikely fixes"] * (len(stated["alarms"]) < unlikely)
+    faults += ["an alarm without a reason"] * (
+        bool(stated["alarms"]) and not unlikely and stated["wind"] is None
+    )
+    promised = [stated[name] for name in ("old", "new", "difference")] + [result.plan["promise"]]
+    faults += ["a promise after an alarm"] * (bool(stated["alarms"]) and any(v is not None for v in promised))
     risks = [result.plan["objectives"][name] for name in RISKS]
     numbers = [name for name in result.metrics if name.startswith(OF_RATES)]
-    if told["alarms"]:
+    if stated["alarms"]:
         faults += [name for name in ("front.csv", "front.npz", "deployments.npz") if result.has(name)]
         faults += ["bounds after an alarm"] * any(risk is not None for risk in risks) + numbers
     elif None in risks:
         faults.append("no bounds, but no alarm")
-    return no_fault(f"{len(told['alarms'])} alarms", faults)
+    return no_fault(f"{len(stated['alarms'])} alarms", faults)
 
 
 def rates(result: Evidence) -> Verdict | None:
-    """Both plans fail as often as their new flights in wind.nc; their difference is that of the rates.
+    """Both plans fail as often as their new flights in wind.nc; the difference follows from the rates.
 
     The rest of the old plan has no rate if it lasts longer than a newer forecast.
     """
-    told = _told(result)
-    if told["alarms"]:
+    stated = _told(result)
+    if stated["alarms"]:
         return None
-    rest = told["rest"]
+    rest = stated["rest"]
     paths = {"old": (np.array(rest["x"]), np.array(rest["u"])), "new": (result.x, result.u)}
     chance = 1.0
     for number, (name, (means, u)) in enumerate(paths.items()):
-        said = told[name]
-        if said is None:
+        rate = stated[name]
+        if rate is None:
             if not _outlasts(result, len(u)):
                 return Verdict("no rate of the old plan", "its winds are known", False)
             continue
-        law = result.law(said["law"], len(u))
+        law = result.law(rate["law"], len(u))
         x = means + (result.start - means[0])
         guided = isinstance(law, Coherent) and bool(law.landmarks)
         if guided or law.robot.feedback:
             return None
         flown = Simulator(law, None, x, u, ()).fly(RUNS, np.random.default_rng([20181012, number]))
         failed = int(result.ground.failed(flown).sum())
-        count = round(said["failure"] * said["runs"])
-        chance = min(chance, 2.0 * same_rate(count, said["runs"], failed, RUNS))
-    if told["old"] is None:
-        return likely(f"{told['new']['failure']:.4g}", chance, RARE)
-    gap = told["new"]["failure"] - told["old"]["failure"]
-    if not (close(told["difference"]["middle"], gap, 1e-6, 1e-9) and told["difference"]["low"] <= gap):
-        return Verdict(f"difference {told['difference']['middle']:.4g}", f"{gap:.4g}", False)
-    return likely(f"{told['old']['failure']:.4g} and {told['new']['failure']:.4g}", chance, RARE)
+        count = round(rate["failure"] * rate["runs"])
+        chance = min(chance, 2.0 * same_rate(count, rate["runs"], failed, RUNS))
+    if stated["old"] is None:
+        return likely(f"{stated['new']['failure']:.4g}", chance, RARE)
+    gap = stated["new"]["failure"] - stated["old"]["failure"]
+    if not (close(stated["difference"]["middle"], gap, 1e-6, 1e-9) and stated["difference"]["low"] <= gap):
+        return Verdict(f"difference {stated['difference']['middle']:.4g}", f"{gap:.4g}", False)
+    return likely(f"{stated['old']['failure']:.4g} and {stated['new']['failure']:.4g}", chance, RARE)
 
 
 def _outlasts(result: Evidence, steps: int) -> bool:
@@ -117,16 +119,16 @@ def _outlasts(result: Evidence, steps: int) -> bool:
 
 
 def old_plan(result: Evidence) -> Verdict | None:
-    """The rest of the old plan is that of the source from the step on."""
-    told, source = _told(result), _source(result)
+    """The rest of the old plan is the plan of the source from the step on."""
+    stated, source = _told(result), _source(result)
     if source is None:
         return None
-    x, u = (np.array(told["rest"][name], float) for name in "xu")
-    same = np.array_equal(x, source.x[told["step"] :]) and np.array_equal(u, source.u[told["step"] :])
-    return no_fault(f"{len(u)} steps", [] if same else ["not those of the source"])
+    x, u = (np.array(stated["rest"][name], float) for name in "xu")
+    same = np.array_equal(x, source.x[stated["step"] :]) and np.array_equal(u, source.u[stated["step"] :])
+    return no_fault(f"{len(u)} steps", [] if same else ["not the steps of the source"])
 
 
-# --- what the fixes tell --------------------------------------------------------------------------
+# --- what follows from the fixes ------------------------------------------------------------------
 
 
 class Told(NamedTuple):
@@ -138,9 +140,9 @@ class Told(NamedTuple):
     distance: FloatArray
 
 
-def _given_fixes(source: Evidence, told: dict[str, Any]) -> Told | None:
+def _given_fixes(source: Evidence, stated: dict[str, Any]) -> Told | None:
     """Position and θ at the step, given the fixes, under the law of the old plan; None with landmarks."""
-    step, fixes = told["step"], told["fixes"]
+    step, fixes = stated["step"], stated["fixes"]
     law = source.law(source.planned_law, step)
     if not fixes or (isinstance(law, Coherent) and law.landmarks):
         return None
@@ -181,28 +183,34 @@ def _faded(law: laws.Law, course: Course, t: int, step: int) -> FloatArray:
 
 def position(result: Evidence) -> Verdict | None:
     """Mean, covariance and distances in standard deviations follow from the old plan and the fixes."""
-    told, source = _told(result), _source(result)
-    found = None if source is None else _given_fixes(source, told)
-    if found is None:
+    stated, source = _told(result), _source(result)
+    learnt = None if source is None else _given_fixes(source, stated)
+    if learnt is None:
         return None
-    unit = math.sqrt(float(np.trace(np.array(told["position"]["before"]))))
-    off = float(np.abs(found.mean - told["position"]["mean"]).max()) / unit
-    spread = float(np.abs(found.cov - told["position"]["cov"]).max()) / unit**2
-    far = np.abs(found.distance / [fix["distance"] for fix in told["fixes"]] - 1.0).max()
-    return within(f"{len(told['fixes'])} fixes", max(off, spread, float(far)), SHARE)
+    unit = math.sqrt(float(np.trace(np.array(stated["position"]["before"]))))
+    off = float(np.abs(learnt.mean - stated["position"]["mean"]).max()) / unit
+    spread = float(np.abs(learnt.cov - stated["position"]["cov"]).max()) / unit**2
+    far = np.abs(learnt.distance / [fix["distance"] for fix in stated["fixes"]] - 1.0).max()
+    return within(f"{len(stated['fixes'])} fixes", max(off, spread, float(far)), SHARE)
 
 
 def expected_wind(result: Evidence) -> Verdict | None:
-    """The expected wind at the nodes is the old one and what the fixes tell of its error."""
-    told, source = _told(result), _source(result)
-    found = None if source is None else _given_fixes(source, told)
-    if found is None or source is None or told["wind"] or source.wind.modes is None or not len(found.theta):
+    """The expected wind at the nodes is the old one, corrected by the error that the fixes determine."""
+    stated, source = _told(result), _source(result)
+    learnt = None if source is None else _given_fixes(source, stated)
+    if (
+        learnt is None
+        or source is None
+        or stated["wind"]
+        or source.wind.modes is None
+        or not len(learnt.theta)
+    ):
         return None
-    old, new, moment = source.wind, result.wind, float(told["time_s"])
+    old, new, moment = source.wind, result.wind, float(stated["time_s"])
     modes = old.modes
     assert modes is not None
     nodes = np.stack(np.meshgrid(new.x, new.y, indexing="ij"), axis=-1).reshape(-1, 2)
-    square, theta = square_of(modes.x, modes.y, nodes), found.theta.reshape(2, -1)
+    square, theta = square_of(modes.x, modes.y, nodes), learnt.theta.reshape(2, -1)
     held = new.held is not None and old.held is None
     now = int(np.argmin(np.abs(new.times))) if not held else 0
     worst = 0.0

@@ -30,19 +30,21 @@ def tree_names(result: Evidence) -> list[str]:
 
 
 def vertices(result: Evidence) -> Verdict:
-    """The numbers of trees, vertices and accepted vertices are those of the metrics."""
+    """The numbers of trees, vertices and accepted vertices agree with the metrics."""
     names = tree_names(result)
-    found = [
+    computed = [
         len(names),
         sum(len(result.trees[f"{name}/parent"]) for name in names),
         len(result.trees["accepted"]),
     ]
-    said = [int(result.metrics[name]) for name in ("trees", "nodes", "accepted_nodes")]
+    stated = [int(result.metrics[name]) for name in ("trees", "nodes", "accepted_nodes")]
     faults = ["planner.trees"] * (len(names) != result.settings["planner"]["trees"])
     faults += ["planner.n_max"] * any(
         len(result.trees[f"{n}/parent"]) > result.settings["planner"]["n_max"] for n in names
     )
-    return no_fault(f"{found[0]} trees, {found[1]} vertices", faults) if said == found else same(said, found)
+    if stated != computed:
+        return same(stated, computed)
+    return no_fault(f"{computed[0]} trees, {computed[1]} vertices", faults)
 
 
 def links(result: Evidence) -> Verdict:
@@ -77,10 +79,10 @@ def _link_faults(
     if np.abs(x[0] - result.start).max() > result.grain or step[0] or length[0]:
         yield "the root is not the start"
     if (step[1:] != step[before] + 1).any():
-        yield "a step does not follow that of its parent"
+        yield "a step does not follow the step of its parent"
     gap = np.abs(length[1:] - length[before] - np.linalg.norm(x[1:] - x[before], axis=1))
     if gap.max(initial=0.0) > 1e-6 * max(float(length.max()), 1.0):
-        yield "a length is not that of its path"
+        yield "a length is not the length of its path"
     table, after = result.timetable, np.empty(len(own), int)
     for t in np.unique(step[1:]).tolist():
         new = np.flatnonzero(step[1:] == t)
@@ -126,13 +128,13 @@ def airspeeds(result: Evidence) -> Verdict | None:
 def accepted(result: Evidence) -> Verdict:
     """The accepted vertices are exactly those in an accepting state of the automaton."""
     done = np.flatnonzero(result.dfa.accepting)
-    found = {
+    computed = {
         (j, int(v))
         for j, name in enumerate(tree_names(result))
         for v in np.flatnonzero(np.isin(result.trees[f"{name}/q"], done))
     }
-    said = {(int(j), int(v)) for j, v in result.trees["accepted"]}
-    return Verdict(f"{len(said)} vertices", f"{len(found)} vertices", said == found)
+    stated = {(int(j), int(v)) for j, v in result.trees["accepted"]}
+    return Verdict(f"{len(stated)} vertices", f"{len(computed)} vertices", stated == computed)
 
 
 def vertex_path(result: Evidence, j: int, v: int) -> FloatArray:
@@ -156,14 +158,14 @@ def vertex_risks(result: Evidence) -> Verdict | None:
         risk = result.trees[f"{tree_names(result)[j]}/risk"][v]
         columns = len(risk) - int(np.asarray(result.trees.get("collision_columns", 0)).item())
         course = laws.fly_means(result.law(result.planned_law, len(x) - 1), x)
-        found = (
+        computed = (
             result.mission_bound(course)
             if fidelity["mission_bound"] == "ordered"
             else theorem2(result.visited, x, course.cov, result.letters_along(result.ground.labels(x)))
         )
-        said = min(float(risk[:columns].sum()), 1.0)
-        if not close(said, found, RISK, LEAST_RISK):
-            faults.append(f"tree {j} vertex {v}: {risk[:columns].sum():.4g} is {found:.4g}")
+        stated = min(float(risk[:columns].sum()), 1.0)
+        if not close(stated, computed, RISK, LEAST_RISK):
+            faults.append(f"tree {j} vertex {v}: {risk[:columns].sum():.4g} is {computed:.4g}")
     return no_fault(f"{len(chosen)} accepted vertices", faults)
 
 

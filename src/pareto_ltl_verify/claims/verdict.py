@@ -42,8 +42,8 @@ def close(claimed: float, derived: float, rel: float = 1e-6, least: float = 0.0)
 
 def number(claimed: Any, derived: float, rel: float = 1e-6, least: float = 1e-12) -> Verdict:
     """Verdict on two numbers that must agree as in :func:`close`; a claim of None counts as NaN."""
-    said = math.nan if claimed is None else float(claimed)
-    return Verdict(f"{said:.6g}", f"{derived:.6g}", close(said, derived, rel, least))
+    stated = math.nan if claimed is None else float(claimed)
+    return Verdict(f"{stated:.6g}", f"{derived:.6g}", close(stated, derived, rel, least))
 
 
 def same(claimed: Any, derived: Any) -> Verdict:
@@ -51,19 +51,19 @@ def same(claimed: Any, derived: Any) -> Verdict:
     return Verdict(_short(claimed), _short(derived), bool(claimed == derived))
 
 
-def within(said: str, worst: float, most: float, unit: str = "") -> Verdict:
-    """Verdict on a largest difference ``worst`` that must not exceed ``most``."""
-    return Verdict(said, f"{worst:.2g}{unit} off", bool(worst <= most))
+def within(checked: str, worst: float, limit: float, unit: str = "") -> Verdict:
+    """Verdict on a largest difference ``worst`` that must not exceed ``limit``."""
+    return Verdict(checked, f"{worst:.2g}{unit} off", bool(worst <= limit))
 
 
-def no_fault(said: str, faults: list[str]) -> Verdict:
+def no_fault(checked: str, faults: list[str]) -> Verdict:
     """Verdict on a list of faults that must be empty; the first is shown."""
-    return Verdict(said, _short(faults[0]) if faults else "no fault found", not faults)
+    return Verdict(checked, _short(faults[0]) if faults else "no fault found", not faults)
 
 
-def likely(said: str, chance: float, rare: float) -> Verdict:
+def likely(checked: str, chance: float, rare: float) -> Verdict:
     """Verdict on a p value ``chance``, which must not be below ``rare``."""
-    return Verdict(said, f"chance {chance:.2g}", bool(chance >= rare))
+    return Verdict(checked, f"chance {chance:.2g}", bool(chance >= rare))
 
 
 def _short(value: Any, width: int = 44) -> str:

@@ -20,7 +20,7 @@ from pareto_ltl_verify.wind_fit import Fit, correlation, posterior, scaled, sepa
 from pareto_ltl_verify.wind_tables import WindFile, source_of
 
 PACKAGED_LAW = PACKAGE / "support" / "data" / "forecast_errors" / "gfs.json"
-MOST_NODES = 4000  # most nodes of a slot at which the posterior is computed
+MOST_NODES = 4000  # limit of the number of nodes of a slot at which the posterior is computed
 LAW_WEIGHT = 10.0  # degrees of freedom of the law in the factor of D
 LEAST_FACTOR, MOST_FACTOR = 0.25, 4.0
 CLEAR = 2e-6  # largest allowed error of a posterior, as a share of the prior's standard deviation
@@ -60,8 +60,9 @@ def _node_table(wind: WindFile) -> tuple[IntArray, FloatArray]:
 def posterior_field(result: Evidence) -> Verdict | None:
     """Mean and variance at the nodes are the posterior of a Gaussian process given the readings.
 
-    The variance is that of the process times the variance factor, plus that of a forecast with the lead time
-    of the slot. The members of an ensemble are not in the file; they may increase the variance.
+    The variance is the variance of the process times the variance factor, plus the variance of a forecast
+    with the lead time of the slot. The members of an ensemble are not in the file; they may increase the
+    variance.
     """
     fit, wind = _fitted(result), result.wind
     if fit is None:
@@ -132,14 +133,14 @@ def known_until(result: Evidence) -> Verdict:
 
     With wind.hold_last it is known for wind.max_gap longer.
     """
-    wind, told = result.wind, result.settings["wind"]
+    wind, settings = result.wind, result.settings["wind"]
     if wind.fit is None:
         return same(wind.until, math.inf)
     faults = ["slots begin after departure"] * bool(wind.times[0] > 1e-6)
     faults += ["slots before departure"] * bool((wind.times[1:] < -1e-6).any())
     widest = float(np.diff(wind.times).max(initial=0.0))
-    faults += [f"a gap of {widest / HOUR:g} h"] * (widest > told["max_gap"] * HOUR + 1)
-    ends = [float(wind.times[-1]) + told["max_gap"] * HOUR * told["hold_last"]]
+    faults += [f"a gap of {widest / HOUR:g} h"] * (widest > settings["max_gap"] * HOUR + 1)
+    ends = [float(wind.times[-1]) + settings["max_gap"] * HOUR * settings["hold_last"]]
     if result.horizon is None or wind.times[-1] >= result.horizon:  # later slots are left out
         ends.append(float(wind.times[-1]))
     faults += [f"it ends at {ends[0] / HOUR:g} h"] * (not any(close(wind.until, end, 1e-9) for end in ends))
@@ -147,17 +148,17 @@ def known_until(result: Evidence) -> Verdict:
 
 
 def level_and_leads(result: Evidence) -> Verdict:
-    """The level is that of the settings, or 10 m for the sample; no lead time is negative.
+    """The level agrees with the settings, or is 10 m for the sample; no lead time is negative.
 
-    Where forecasts have errors, each of several fields has a lead, except those of the sample and currents.
+    Where forecasts have errors, each of several fields has a lead, except in the sample and in currents.
     """
-    wind, told = result.wind, result.settings["wind"]
-    named = "10m" if told["source"] == "sample" else wind.level
-    if source_of(told["source"]).level:
-        named = str(told["level"]).replace(" ", "")
+    wind, settings = result.wind, result.settings["wind"]
+    named = "10m" if settings["source"] == "sample" else wind.level
+    if source_of(settings["source"]).level:
+        named = str(settings["level"]).replace(" ", "")
     faults = [f"level {named}"] * (wind.level.lower() != named.lower())
     faults += ["a lead is negative"] * bool((wind.leads < 0).any())
-    forecasts = wind.error is not None and wind.error.forecast_sd.any() and told["source"] != "sample"
+    forecasts = wind.error is not None and wind.error.forecast_sd.any() and settings["source"] != "sample"
     if forecasts and len(wind.times) > 1 and not wind.level.endswith("depth"):
         faults += ["a lead is not known"] * (not np.isfinite(wind.leads).all())
     faults += ["leads of calm air"] * bool(wind.fit is None and np.isfinite(wind.leads).any())
@@ -165,7 +166,7 @@ def level_and_leads(result: Evidence) -> Verdict:
 
 
 def forecast_error(result: Evidence) -> Verdict | None:
-    """The law of forecast errors is that of wind.forecast_error, scaled to the winds' spread at the level."""
+    """The law of forecast errors is wind.forecast_error, scaled to the winds' spread at the level."""
     wind = result.wind
     if wind.fit is None or wind.error is None:
         return same("no law" if wind.error is None else "a law", "no law" if wind.fit is None else "a law")
@@ -182,43 +183,45 @@ def forecast_error(result: Evidence) -> Verdict | None:
 
 
 def _named_law(result: Evidence) -> str:
-    """The law that wind.forecast_error names; for auto without a law of the source, that of wind.nc."""
-    told, law = result.settings["wind"], result.wind.error
-    found = "gfs" if law is not None and law.forecast_sd.any() else "none"
-    usual = source_of(told["source"]).law or found
-    return usual if told["forecast_error"] == "auto" else str(told["forecast_error"])
+    """The law that wind.forecast_error names; for auto without a law of the source, the law in wind.nc."""
+    settings, law = result.settings["wind"], result.wind.error
+    source_law = "gfs" if law is not None and law.forecast_sd.any() else "none"
+    usual = source_of(settings["source"]).law or source_law
+    return usual if settings["forecast_error"] == "auto" else str(settings["forecast_error"])
 
 
-def _law_faults(result: Evidence, said: ErrorLaw, law: ErrorLaw, fit: Fit) -> list[str]:
+def _law_faults(result: Evidence, stated: ErrorLaw, law: ErrorLaw, fit: Fit) -> list[str]:
     """Numbers that differ from the law's file; with an ensemble, forecast deviations may be smaller."""
     factor, faults = 1.0, []
     if result.wind.level != law.level:
-        factor = said.spread / law.spread
+        factor = stated.spread / law.spread
         spread = math.sqrt(float(np.mean([winds.var(axis=0).mean() for winds in fit.winds])))
         uncut = result.horizon is not None and result.wind.times[-1] < result.horizon
-        faults += [f"spread {spread:.4g} m/s"] * (not close(said.spread, spread, 1e-6 if uncut else 0.5))
+        faults += [f"spread {spread:.4g} m/s"] * (not close(stated.spread, spread, 1e-6 if uncut else 0.5))
     numbers = ("persistence", "persistence_time", "forecast_length", "change_length")
-    faults += [name for name in numbers if not close(getattr(said, name), getattr(law, name), 1e-9)]
-    scaled = 1.0 if said.scaled is None else math.sqrt(said.scaled.factor)
+    faults += [name for name in numbers if not close(getattr(stated, name), getattr(law, name), 1e-9)]
+    scaled = 1.0 if stated.scaled is None else math.sqrt(stated.scaled.factor)
     tables = {"leads": 1.0, "lags": 1.0, "change_sd": factor * scaled}
     faults += [
-        name for name, times in tables.items() if not _alike(getattr(said, name), times * getattr(law, name))
+        name
+        for name, times in tables.items()
+        if not _alike(getattr(stated, name), times * getattr(law, name))
     ]
-    wanted = factor * law.forecast_sd if said.forecast_sd.any() else np.zeros(len(law.forecast_sd))
-    share = said.forecast_sd.max(initial=0.0) / max(wanted.max(initial=0.0), 1e-300)
+    wanted = factor * law.forecast_sd if stated.forecast_sd.any() else np.zeros(len(law.forecast_sd))
+    share = stated.forecast_sd.max(initial=0.0) / max(wanted.max(initial=0.0), 1e-300)
     if result.has_ensemble and share < 1:
         wanted = share * wanted
-    faults += ["forecast_sd"] * (not _alike(said.forecast_sd, wanted))
-    faults += ["level"] * (said.level != result.wind.level)
+    faults += ["forecast_sd"] * (not _alike(stated.forecast_sd, wanted))
+    faults += ["level"] * (stated.level != result.wind.level)
     return faults
 
 
 def variability(result: Evidence) -> Verdict | None:
-    """The factor of D(τ) follows from the changes between analyses; those of slots are in wind.nc.
+    """The factor of D(τ) follows from the changes between analyses; the changes of slots are in wind.nc.
 
     Successive analyses among the slots, at the same places, must be among the pairs.
     """
-    wind, told = result.wind, result.settings["wind"]
+    wind, settings = result.wind, result.settings["wind"]
     law, fit = wind.error, wind.fit
     if law is None or fit is None:
         return None
@@ -228,35 +231,36 @@ def variability(result: Evidence) -> Verdict | None:
         for j, k in itertools.pairwise(own)
         if law.lags[0] - 1 <= wind.times[k] - wind.times[j] <= law.lags[-1] + 1
     }
-    modelled = told["source"] not in ("sample", "stations") and not wind.level.endswith("depth")
-    if (said := law.scaled) is None:
+    modelled = settings["source"] not in ("sample", "stations") and not wind.level.endswith("depth")
+    if (stated := law.scaled) is None:
         return no_fault("law as it is", ["analyses are not used"] * bool(within and modelled))
     listed = {
-        (float(a), float(b)): float(square) for (a, b), square in zip(said.pairs, said.squares, strict=True)
+        (float(a), float(b)): float(square)
+        for (a, b), square in zip(stated.pairs, stated.squares, strict=True)
     }
     faults = ["the source has no analyses"] * (not modelled)
     faults += [
         f"change from {a:g} s" for (a, b), m in within.items() if not close(listed.get((a, b), -1.0), m)
     ]
-    plain = replace(law, change_sd=law.change_sd / math.sqrt(said.factor))
+    plain = replace(law, change_sd=law.change_sd / math.sqrt(stated.factor))
     places = correlation("matern32", separation(fit.points[0], fit.points[0]) / law.change_length)
-    freedom = independent_changes(plain, said.pairs, places)
+    freedom = independent_changes(plain, stated.pairs, places)
     ratio = float(np.mean([m / plain.change_variance(b - a) for (a, b), m in listed.items()]))
-    found = min(max((LAW_WEIGHT + freedom * ratio) / (LAW_WEIGHT + freedom), LEAST_FACTOR), MOST_FACTOR)
-    faults += [f"freedom {freedom:.4g}"] * (not close(said.freedom, freedom, 1e-6))
-    faults += [f"factor {found:.4g}"] * (not close(said.factor, found, 1e-6))
-    return no_fault(f"D times {said.factor:.3g}", faults)
+    computed = min(max((LAW_WEIGHT + freedom * ratio) / (LAW_WEIGHT + freedom), LEAST_FACTOR), MOST_FACTOR)
+    faults += [f"freedom {freedom:.4g}"] * (not close(stated.freedom, freedom, 1e-6))
+    faults += [f"factor {computed:.4g}"] * (not close(stated.factor, computed, 1e-6))
+    return no_fault(f"D times {stated.factor:.3g}", faults)
 
 
-def _alike(said: FloatArray, found: FloatArray) -> bool:
-    return said.shape == found.shape and bool(np.allclose(said, found, rtol=1e-9, atol=1e-12))
+def _alike(stated: FloatArray, computed: FloatArray) -> bool:
+    return stated.shape == computed.shape and bool(np.allclose(stated, computed, rtol=1e-9, atol=1e-12))
 
 
 def wind_metrics(result: Evidence) -> Verdict:
     """The metrics of the wind follow from wind.nc."""
-    wind, told = result.wind, result.metrics
+    wind, metrics = result.wind, result.metrics
     pairs = dict(wind.score)
-    if "wind_speed_m_s" in told:  # runs of earlier versions have none
+    if "wind_speed_m_s" in metrics:  # runs of earlier versions have none
         pairs["wind_speed_m_s"] = np.hypot(wind.mean[..., 0], wind.mean[..., 1]).mean()
         pairs["wind_sd_m_s"] = math.sqrt(wind.latent.mean() + wind.gust.mean())
     if wind.modes is not None:
@@ -265,13 +269,13 @@ def wind_metrics(result: Evidence) -> Verdict:
             "wind_energy": wind.modes.energy.mean(),
             "wind_rho": wind.modes.rho,
         }
-    faults = [name for name, value in pairs.items() if not _is_metric(told[name], float(value))]
+    faults = [name for name, value in pairs.items() if not _is_metric(metrics[name], float(value))]
     return no_fault(", ".join(pairs)[:44] or "none", faults)
 
 
-def _is_metric(said: float | None, found: float) -> bool:
-    """Whether ``said`` of metrics.json is the number ``found``; NaN is null there."""
-    return math.isnan(found) if said is None else close(said, found)
+def _is_metric(stated: float | None, computed: float) -> bool:
+    """Whether ``stated`` of metrics.json is the number ``computed``; NaN is null there."""
+    return math.isnan(computed) if stated is None else close(stated, computed)
 
 
 CLAIMS = (

@@ -50,12 +50,12 @@ def _span_fault(cov: PartCovariance, psi: FloatArray, k: int, probe: FloatArray)
     twice = psi @ (psi.T @ carried_by)
     size = max(float(np.abs(twice).max()), 1e-12)
     off = float(np.abs(unit * cov.matrices[owner] @ carried_by - twice).max()) / size
-    most = unit * float(cov.eigenvalues[owner][: psi.shape[1]].sum())
-    return max(off, abs(float((psi**2).sum()) - most) / most if most > 0 else float(psi.any()))
+    limit = unit * float(cov.eigenvalues[owner][: psi.shape[1]].sum())
+    return max(off, abs(float((psi**2).sum()) - limit) / limit if limit > 0 else float(psi.any()))
 
 
 def matched(result: Evidence) -> Verdict | None:
-    """Modes of interpolation in space are rotated to match those of the slot before."""
+    """Modes of interpolation in space are rotated to match the modes of the slot before."""
     modes = result.wind.modes
     if modes is None or len(modes.psi) < 2:
         return None
@@ -67,29 +67,29 @@ def mode_count(result: Evidence) -> Verdict | None:
 
     With an ensemble only the number of modes and unused modes are judged.
     """
-    modes, told = result.wind.modes, result.settings["wind"]
+    modes, settings = result.wind.modes, result.settings["wind"]
     if modes is None or result.wind.fit is None:
         return None
     used = int((modes.part >= 0).sum())
-    said = f"energy {told['energy']}, most {told['modes_max']}"
-    faults = [f"{used} modes"] * (used > told["modes_max"])
+    limits = f"energy {settings['energy']}, most {settings['modes_max']}"
+    faults = [f"{used} modes"] * (used > settings["modes_max"])
     faults += ["unused modes are not 0"] * bool(modes.psi[..., modes.part < 0].any())
     parts = result.error_parts
     faults += ["modes of no part of the error"] * bool(
         set(modes.part) - {*parts, -1} and not result.has_ensemble
     )
     if result.has_ensemble or result.horizon is None:
-        return no_fault(said, faults)
-    rows = {part: cov.leading(told["modes_max"]) for part, cov in parts.items()}
+        return no_fault(limits, faults)
+    rows = {part: cov.leading(settings["modes_max"]) for part, cov in parts.items()}
     kept = [rows[part][: int((modes.part == part).sum())] for part in rows]
     left = [rows[part][int((modes.part == part).sum()) :] for part in rows]
     least, largest = min(np.concatenate(kept), default=np.inf), max(np.concatenate(left), default=0.0)
     faults += ["a larger mode is left out"] * bool(largest > least * (1 + SHARE))
     total = 2 * sum(float(cov.total.sum()) for cov in parts.values())
     share = sum(float(values.sum()) for values in kept) / max(total, 1e-300)
-    if used < told["modes_max"] and share < told["energy"] - SHARE:
+    if used < settings["modes_max"] and share < settings["energy"] - SHARE:
         faults.append(f"{used} modes carry {share:.4f}")
-    return no_fault(said, faults)
+    return no_fault(limits, faults)
 
 
 def energy(result: Evidence) -> Verdict | None:
@@ -135,8 +135,8 @@ def error_persistence(result: Evidence) -> Verdict | None:
     fit, modes = result.wind.fit, result.wind.modes
     if fit is None or modes is None:
         return None
-    told = result.settings["wind"]["rho"]
-    return number(modes.rho, persistence(fit, result.wind.times) if told is None else float(told), rel=1e-4)
+    rho = result.settings["wind"]["rho"]
+    return number(modes.rho, persistence(fit, result.wind.times) if rho is None else float(rho), rel=1e-4)
 
 
 CLAIMS = (

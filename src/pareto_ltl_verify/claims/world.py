@@ -27,8 +27,8 @@ OF_THE_SETTINGS = ("map: border", "map: projection", "map: scene.json is the map
 
 def given_map(result: Evidence) -> bool:
     """Whether the map was given in Python, as a Scene: the settings then have none."""
-    told = result.settings["scene"]
-    return not (told["file"] or told["bounds"] or told["start"])
+    settings = result.settings["scene"]
+    return not (settings["file"] or settings["bounds"] or settings["start"])
 
 
 def drawn_map(result: Evidence) -> Verdict | None:
@@ -36,21 +36,21 @@ def drawn_map(result: Evidence) -> Verdict | None:
 
     On a map with random places only the places that the settings name are compared.
     """
-    told, scene = result.settings["scene"], result.scene
-    if told["file"] or given_map(result):
+    settings, scene = result.settings["scene"], result.scene
+    if settings["file"] or given_map(result):
         return None
     pairs = [
-        ("bounds", _metres(told, told["bounds"]), scene["bounds"]),
-        ("start", _metres(told, [told["start"]]), [scene["start"]]),
+        ("bounds", _metres(settings, settings["bounds"]), scene["bounds"]),
+        ("start", _metres(settings, [settings["start"]]), [scene["start"]]),
     ]
     faults = [f"{name} differs" for name, one, other in pairs if not _same_outline(one, other)]
-    if scene.get("simplified", 0.0) > _allowed(told, scene) * (1 + RELATIVE):
+    if scene.get("simplified", 0.0) > _allowed(settings, scene) * (1 + RELATIVE):
         faults.append(f"outlines moved by {scene['simplified']:g} m")
-    for name, corners in told["regions"].items():
-        drawn = [_outline(told, part) for part in _parts(corners)]
+    for name, corners in settings["regions"].items():
+        drawn = [_outline(settings, part) for part in _parts(corners)]
         if not _same_region(result, name, drawn, _parts(scene["regions"].get(name, []))):
             faults.append(f"region {name} differs")
-    if not told["random"]["regions"] and set(scene["regions"]) - set(told["regions"]):
+    if not settings["random"]["regions"] and set(scene["regions"]) - set(settings["regions"]):
         faults.append(f"regions {sorted(scene['regions'])}")
     faults += [fault for kind in ("obstacles", "landmarks") for fault in _area_faults(result, kind)]
     faults += _fix_faults(result)
@@ -58,48 +58,52 @@ def drawn_map(result: Evidence) -> Verdict | None:
 
 
 def border(result: Evidence) -> Verdict | None:
-    """The border is scene.border, or with auto that of the fidelity."""
-    told = result.settings["scene"]
-    if told["border"] == "auto" and (told["file"] or given_map(result)):  # the map may name one
+    """The border is scene.border, or with auto the border of the fidelity."""
+    settings = result.settings["scene"]
+    if settings["border"] == "auto" and (settings["file"] or given_map(result)):  # the map may name one
         return None
-    said = result.settings["fidelity"]["border"] if told["border"] == "auto" else told["border"]
-    return same(result.scene["border"], said)
+    expected = result.settings["fidelity"]["border"] if settings["border"] == "auto" else settings["border"]
+    return same(result.scene["border"], expected)
 
 
 def projection(result: Evidence) -> Verdict | None:
     """The plane of the map touches the Earth at the centre that the settings name."""
     from pyproj import CRS
 
-    told, crs = result.settings["scene"], result.scene["crs"]
-    if told["file"] or given_map(result):
+    settings, crs = result.settings["scene"], result.scene["crs"]
+    if settings["file"] or given_map(result):
         return None
-    if crs is None or told["centre"] is None:
-        return same(crs, told["centre"])
+    if crs is None or settings["centre"] is None:
+        return same(crs, settings["centre"])
     plane = CRS.from_user_input(crs).coordinate_operation
-    found = {parameter.name: parameter.value for parameter in plane.params} if plane else {}
-    lat, lon = (next((v for k, v in found.items() if k.startswith(w)), math.nan) for w in ("Lat", "Long"))
-    turn = (lon - told["centre"][1] + 180) % 360 - 180
-    return Verdict(str(told["centre"]), f"[{lat}, {lon}]", abs(lat - told["centre"][0]) + abs(turn) < 1e-6)
+    parameters = {parameter.name: parameter.value for parameter in plane.params} if plane else {}
+    lat, lon = (
+        next((v for k, v in parameters.items() if k.startswith(w)), math.nan) for w in ("Lat", "Long")
+    )
+    turn = (lon - settings["centre"][1] + 180) % 360 - 180
+    return Verdict(
+        str(settings["centre"]), f"[{lat}, {lon}]", abs(lat - settings["centre"][0]) + abs(turn) < 1e-6
+    )
 
 
 def departure(result: Evidence) -> Verdict:
-    """The clock of the map begins at mission.start_time, if it is set; that of the wind is the same."""
-    told, zero = result.settings["mission"]["start_time"], result.scene["time_zero"]
+    """The clock of the map begins at mission.start_time, if it is set; the clock of the wind is the same."""
+    start_time, zero = result.settings["mission"]["start_time"], result.scene["time_zero"]
     units = "s" if zero is None else f"seconds since {zero}"
-    if told is not None and told != zero:
-        return same(told, zero)
+    if start_time is not None and start_time != zero:
+        return same(start_time, zero)
     return same(result.wind.clock if result.has("wind.nc") else units, units)
 
 
-def _metres(told: Mapping[str, Any], corners: Any) -> FloatArray:
+def _metres(settings: Mapping[str, Any], corners: Any) -> FloatArray:
     """Coordinates of the settings in the plane of the map."""
-    middle = np.mean(told["bounds"], axis=0) if told["centre"] else np.zeros(2)
-    return np.asarray((np.array(corners, float) - middle) * told["unit"], float)
+    middle = np.mean(settings["bounds"], axis=0) if settings["centre"] else np.zeros(2)
+    return np.asarray((np.array(corners, float) - middle) * settings["unit"], float)
 
 
-def _outline(told: Mapping[str, Any], corners: Any) -> FloatArray:
+def _outline(settings: Mapping[str, Any], corners: Any) -> FloatArray:
     """The outline without corners that repeat the one before."""
-    points = _metres(told, corners)
+    points = _metres(settings, corners)
     return points[np.any(points != np.roll(points, 1, axis=0), axis=1)]
 
 
@@ -109,9 +113,9 @@ def _parts(listed: Any) -> list[FloatArray]:
     return [np.array(part, float) for part in (listed if several else [listed] if listed else [])]
 
 
-def _allowed(told: Mapping[str, Any], scene: Mapping[str, Any]) -> float:
+def _allowed(settings: Mapping[str, Any], scene: Mapping[str, Any]) -> float:
     """How far the settings let outlines move [m]."""
-    limit = told.get("simplify", 0.0)
+    limit = settings.get("simplify", 0.0)
     side = float(np.ptp(np.array(scene["bounds"], float), axis=0).max())
     return SIMPLIFIED * side if isinstance(limit, str) else float(limit)
 
@@ -131,16 +135,16 @@ def _only_avoided(result: Evidence, name: str) -> bool:
     return "ap" not in signs
 
 
-def _same_region(result: Evidence, name: str, drawn: list[FloatArray], kept: list[FloatArray]) -> bool:
+def _same_region(result: Evidence, name: str, drawn: list[FloatArray], written: list[FloatArray]) -> bool:
     """Whether two lists of outlines are one area.
 
     On a simplified map it may be slightly smaller, or slightly larger if the mission only avoids it.
     """
     moved = result.scene.get("simplified", 0.0)
-    if not moved and len(drawn) == len(kept) == 1:
-        return _same_outline(drawn[0], kept[0])
+    if not moved and len(drawn) == len(written) == 1:
+        return _same_outline(drawn[0], written[0])
     points = _sample_points(result)
-    before, after, edge = _covered(drawn, points), _covered(kept, points), _edge_distance(drawn, points)
+    before, after, edge = _covered(drawn, points), _covered(written, points), _edge_distance(drawn, points)
     careless = before & ~after if _only_avoided(result, name) else after & ~before
     return not ((before != after) & (edge > moved + result.grain) | careless & (edge > result.grain)).any()
 
@@ -158,16 +162,16 @@ def _corners(drawn: Any) -> Any:
 
 
 def _fix_faults(result: Evidence) -> list[str]:
-    """Landmarks whose outline is that of the settings, and whose errors of fixes are not.
+    """Landmarks whose outline agrees with the settings, and whose errors of fixes do not.
 
     The bearing is compared where the settings have one.
     """
-    told, scene, usual = result.settings["scene"], result.scene, result.settings["robot"]["fix_sd"]
+    settings, scene, usual = result.settings["scene"], result.scene, result.settings["robot"]["fix_sd"]
     marks = scene.get("landmarks") or []
     fixes = scene.get("landmark_fixes") or [None] * len(marks)
     faults = ["landmark_fixes"] * (len(fixes) != len(marks))
-    for number, drawn in enumerate(told["landmarks"]):
-        outline = _outline(told, _corners(drawn))
+    for number, drawn in enumerate(settings["landmarks"]):
+        outline = _outline(settings, _corners(drawn))
         here = next((f for one, f in zip(marks, fixes, strict=False) if _same_outline(outline, one)), None)
         asked = drawn.get("fix") if isinstance(drawn, Mapping) else None
         if asked and not here and any(_same_outline(outline, one) for one in marks):
@@ -186,24 +190,24 @@ def _area_faults(result: Evidence, kind: str) -> Iterator[str]:
     Outlines within the bounds are unchanged; those beyond are cut, those with many corners simplified,
     landmarks that are not convex cut up: these are compared at sample points.
     """
-    told, bounds = result.settings["scene"], np.array(result.scene["bounds"])
-    kept = [np.array(corners) for corners in result.scene.get(kind) or []]
-    drawn = [_outline(told, _corners(one)) for one in told[kind]]
+    settings, bounds = result.settings["scene"], np.array(result.scene["bounds"])
+    written = [np.array(corners) for corners in result.scene.get(kind) or []]
+    drawn = [_outline(settings, _corners(one)) for one in settings[kind]]
     moved, rest = float(result.scene.get("simplified", 0.0)), []
     for number, one in enumerate(drawn):
-        place = next((i for i, other in enumerate(kept) if _same_outline(one, other)), None)
+        place = next((i for i, other in enumerate(written) if _same_outline(one, other)), None)
         whole = ((one >= bounds[0] - result.grain) & (one <= bounds[1] + result.grain)).all()
         if place is not None:
-            kept.pop(place)
+            written.pop(place)
         elif whole and not moved and (kind == "obstacles" or _is_convex(one)):
             yield f"{kind} {number} differs"
         else:
             rest.append(one)
-    if kind == "obstacles" and told["random"]["obstacles"]:
+    if kind == "obstacles" and settings["random"]["obstacles"]:
         return
     points = _sample_points(result)
-    before, after = _covered(rest, points), _covered(kept, points)
-    edge = np.minimum(_edge_distance(rest, points), _edge_distance(kept, points))
+    before, after = _covered(rest, points), _covered(written, points)
+    edge = np.minimum(_edge_distance(rest, points), _edge_distance(written, points))
     careless = before & ~after if kind == "obstacles" else after & ~before
     if ((before != after) & (edge > moved + result.grain) | careless & (edge > result.grain)).any():
         yield f"{kind} that are not in the settings"
@@ -227,11 +231,11 @@ def _covered(polygons: list[FloatArray], points: FloatArray) -> BoolArray:
 
 def _same_outline(one: FloatArray, other: Any) -> bool:
     """Whether two outlines have the same corners, whatever the first one and the direction."""
-    kept = np.array(other, float).reshape(-1, 2)
+    written = np.array(other, float).reshape(-1, 2)
     tolerance = RELATIVE * max(float(np.abs(one).max()), 1.0)
-    if len(kept) != len(one):
+    if len(written) != len(one):
         return False
-    turns = (np.roll(way, k, axis=0) for way in (kept, kept[::-1]) for k in range(len(kept)))
+    turns = (np.roll(way, k, axis=0) for way in (written, written[::-1]) for k in range(len(written)))
     return any(np.abs(one - turn).max() <= tolerance for turn in turns)
 
 
@@ -244,9 +248,9 @@ def convex_parts(result: Evidence) -> Verdict:
     faults = [f"region {name} is missing" for name in scene["regions"] if name not in groups]
     for name, (polygons, parts) in groups.items():
         area = sum(abs(signed_area(polygon)) for polygon in polygons)
-        found = sum(signed_area(part.corners) for part in parts)
-        if not math.isclose(area, found, rel_tol=1e-7):
-            faults.append(f"{name}: area {found:.6g} of {area:.6g} m2")
+        computed = sum(signed_area(part.corners) for part in parts)
+        if not math.isclose(area, computed, rel_tol=1e-7):
+            faults.append(f"{name}: area {computed:.6g} of {area:.6g} m2")
         inside = _covered(polygons, points)
         edge = _edge_distance(polygons, points)
         if ((deepest(parts, points) >= 0) != inside)[edge > result.grain].any():
@@ -278,7 +282,7 @@ def _sample_points(result: Evidence) -> FloatArray:
 
 
 def cell_cover(result: Evidence) -> Verdict:
-    """Every point of the map lies in an obstacle or in exactly one cell, whose label is that of the point."""
+    """Every point of the map lies in an obstacle or in exactly one cell, which has the label of the point."""
     points = _sample_points(result)
     cells = [convex(cell) for cell in result.cells["cells"]]
     depth = np.array([cell.depth(points) for cell in cells])
@@ -299,12 +303,12 @@ def cell_cover(result: Evidence) -> Verdict:
 def doors(result: Evidence) -> Verdict:
     """Two cells have a door if and only if they share a piece of an edge."""
     cells = [convex(cell) for cell in result.cells["cells"]]
-    said = {(int(i), int(j)) for i, j in result.cells["doors"]}
-    found = {pair: length for pair, length in _contacts(cells, result.grain) if pair[0] < pair[1]}
-    faults = [f"cells {i} and {j} share no edge" for i, j in sorted(said - set(found))]
-    wide = {pair for pair, length in found.items() if length > result.grain}
-    faults += [f"cells {i} and {j} have no door" for i, j in sorted(wide - said)]
-    return no_fault(f"{len(said)} doors", faults)
+    stated = {(int(i), int(j)) for i, j in result.cells["doors"]}
+    computed = {pair: length for pair, length in _contacts(cells, result.grain) if pair[0] < pair[1]}
+    faults = [f"cells {i} and {j} share no edge" for i, j in sorted(stated - set(computed))]
+    wide = {pair for pair, length in computed.items() if length > result.grain}
+    faults += [f"cells {i} and {j} have no door" for i, j in sorted(wide - stated)]
+    return no_fault(f"{len(stated)} doors", faults)
 
 
 def _contacts(cells: Sequence[Convex], grain: float) -> Iterator[tuple[tuple[int, int], float]]:
@@ -333,42 +337,42 @@ def letters(result: Evidence) -> Verdict:
     table, ground, steps = result.timetable, result.ground, int(result.settings["planner"]["max_steps"])
     spans = {of(t) for t in range(steps + 1 if table.windows else 1) for of in (table.now, table.way)}
     shown = {ground.letter(label, holding) for label in labels for holding in spans}
-    said = {frozenset(letter) for letter in result.automaton["letters"]}
+    stated = {frozenset(letter) for letter in result.automaton["letters"]}
     if table.windows:
-        said &= shown
-    return same(sorted(map(sorted, said)), sorted(map(sorted, shown)))
+        stated &= shown
+    return same(sorted(map(sorted, stated)), sorted(map(sorted, shown)))
 
 
 def windows(result: Evidence) -> Verdict | None:
-    """The automaton's time windows are those of the map, and its clocks have the times in their names.
+    """The automaton's time windows come from the map, and its clocks have the times in their names.
 
     The propositions that the map forbids are forbidden in the automaton too.
     """
-    said, drawn = windows_of(result.automaton.get("windows")), windows_of(result.scene.get("windows"))
-    if not said and not drawn:
+    stated, drawn = windows_of(result.automaton.get("windows")), windows_of(result.scene.get("windows"))
+    if not stated and not drawn:
         return None
-    wrong = [name for name, window in said.items() if window != drawn.get(name, clock_of(name))]
+    wrong = [name for name, window in stated.items() if window != drawn.get(name, clock_of(name))]
     timed = [name for name in result.dfa.atoms if name in drawn or clock_of(name) is not None]
-    wrong += [f"{name} has no window" for name in timed if name not in said]
+    wrong += [f"{name} has no window" for name in timed if name not in stated]
     forbidden = set(result.scene.get("forbidden", ()))
     wrong += sorted(forbidden ^ set(result.automaton.get("forbidden", ())))
-    told = result.settings["scene"]
-    if told["file"] is None and set(told.get("windows", {})) != set(drawn):
+    settings = result.settings["scene"]
+    if settings["file"] is None and set(settings.get("windows", {})) != set(drawn):
         wrong.append("the settings have other windows")
-    return no_fault(f"{len(said)} windows", wrong)
+    return no_fault(f"{len(stated)} windows", wrong)
 
 
 def whose_formula(result: Evidence) -> Verdict:
     """Settings, automaton and plan name the same formula."""
-    told = result.settings["mission"]
+    settings = result.settings["mission"]
     names = {"automaton.json": result.automaton["formula"]}
     if result.has("plan.json"):
         names["plan.json"] = result.plan["formula"]
         if list(result.plan["atoms"]) != list(result.automaton["atoms"]):
             return Verdict("one list of atoms", "plan.json and automaton.json differ", False)
-    if told["formula"] and not told["automaton"]:
-        names["the settings"] = told["formula"]
-    meant = {_meaning(text) for text in names.values()} if not told["automaton"] else set(names.values())
+    if settings["formula"] and not settings["automaton"]:
+        names["the settings"] = settings["formula"]
+    meant = {_meaning(text) for text in names.values()} if not settings["automaton"] else set(names.values())
     return Verdict(str(result.automaton["formula"])[:44], " and ".join(names), len(meant) == 1)
 
 
@@ -405,8 +409,8 @@ def hoa(result: Evidence) -> Verdict:
 
 def distance(result: Evidence) -> Verdict:
     """d_A is the fewest letters to acceptance."""
-    said = [math.inf if d is None else float(d) for d in result.automaton["d_A"]]
-    return same(said, formula.distances(result.dfa))
+    stated = [math.inf if d is None else float(d) for d in result.automaton["d_A"]]
+    return same(stated, formula.distances(result.dfa))
 
 
 CLAIMS = (
@@ -418,9 +422,9 @@ CLAIMS = (
     Claim("map: cells cover the free space once", ("scene.json", "cells.json"), cell_cover),
     Claim("map: doors join all cells that touch", ("cells.json", "scene.json"), doors),
     Claim("mission: one formula in all files", ("automaton.json",), whose_formula),
-    Claim("mission: automaton is that of the formula", ("automaton.json",), meaning),
+    Claim("mission: automaton follows from the formula", ("automaton.json",), meaning),
     Claim("mission: automaton.hoa is automaton.json", ("automaton.json", "automaton.hoa"), hoa),
     Claim("mission: letters are the labels of the map", ("automaton.json", "cells.json"), letters),
-    Claim("mission: time windows are those of the map", ("automaton.json", "scene.json"), windows),
+    Claim("mission: time windows come from the map", ("automaton.json", "scene.json"), windows),
     Claim("mission: distance to acceptance", ("automaton.json",), distance),
 )

@@ -1,4 +1,4 @@
-"""Where a taut line may bend: at corners of obstacles, and in gaps too narrow for these corners."""
+"""Places where a taut line may bend: corners of obstacles, and gaps too narrow for these corners."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def gap_places(
     With the distance r to keep, the gap between two obstacles is the intersection of half planes
     ``c' x ≥ d + r``, and a taut line bends where two of their rims cross: at p + r v for one pair of faces.
     Returned are the crossings beside both obstacles and clear of all, for some r up to ``widest`` [m].
-    ``faces`` are those of ``polygons``, then single half planes.
+    ``faces`` are first the faces of ``polygons``, then single half planes.
     """
     at, grow = [np.empty((0, 2))], [np.empty((0, 2))]
     distances = widest * np.array(SHARES)
@@ -55,9 +55,9 @@ def gap_places(
         pair = pair[cross]
         p = np.linalg.solve(pair, np.stack([faces.offset[k], faces.offset[m]], axis=1)[..., None])[..., 0]
         v = np.linalg.solve(pair, np.ones((len(pair), 2, 1)))[..., 0]
-        kept = clear_crossings(faces, first, second, p, v, distances)
-        at.append(p[kept])
-        grow.append(v[kept])
+        clear = clear_crossings(faces, first, second, p, v, distances)
+        at.append(p[clear])
+        grow.append(v[clear])
     return np.vstack(at), np.vstack(grow)
 
 

@@ -17,7 +17,7 @@ from pareto_ltl.planning.routes.search_map import SearchMap
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import inside_depth
 
-FACE_MARGIN = 2.0  # [m] kept from every face: larger than the solver's rounding error
+FACE_MARGIN = 2.0  # [m] distance from every face: larger than the solver's rounding error
 ANCHOR = 0.02  # least fraction of the way from a region's rim to its middle at which a line touches it
 SLIVER = 0.5  # of the depth of the deepest polygon: shallower ones are not worth a visit
 

@@ -1,4 +1,4 @@
-"""What the mission requires of each step of a path."""
+"""The requirements of the mission on each step of a path."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True)
 class Obligations:
-    """What the automaton requires of each step of a path.
+    """The requirements of the automaton on each step of a path.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Obligations:
 
 
 def path_obligations(problem: Problem, x: FloatArray, cov: FloatArray) -> Obligations:
-    """What must hold at each step so that the automaton reads what it reads along the means ``x`` (T+1, 2).
+    """The conditions at each step under which the automaton reads the same as along the means ``x`` (T+1, 2).
 
     A transition is moved to the safest step of the same visit if the automaton allows it. ``cov`` (T+1, 3)
     holds xx, xy, yy [m²].
@@ -67,7 +67,7 @@ def completes(problem: Problem, x: FloatArray) -> bool:
 def _needed_parts(problem: Problem, t: int, before: int, after: int, cell: int) -> list[IntArray]:
     """For each region that step ``t`` must be in, its convex parts, one of which must hold the position.
 
-    Then its letter leads from ``before`` to ``after``, as that of ``cell`` does.
+    Then its letter leads from ``before`` to ``after``, as the letter of ``cell`` does.
     """
     logic, label = problem.reading(t), problem.labels[cell] if cell >= 0 else frozenset()
     if logic.covers[logic.delta[before, -1], after]:

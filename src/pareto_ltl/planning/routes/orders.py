@@ -36,7 +36,7 @@ class _Begun:
     length: float
 
     def followed_by(self, label: frozenset[str], state: int, middles: FloatArray) -> _Begun:
-        """With one more label, shown around ``middles`` (n, 2) [m]."""
+        """The order with one more label, shown around ``middles`` (n, 2) [m]."""
         far = np.hypot(*(middles - self.at).T)
         near = int(far.argmin())
         return _Begun(
@@ -61,7 +61,7 @@ def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
     """Orders that the automaton allows, each transition closer to acceptance; ``most`` at most.
 
     Trees find the orders that suit their samples; another one may be better after smoothing. Of more than
-    ``BEGUN`` unfinished orders of one length, those of the shortest way are extended.
+    ``BEGUN`` unfinished orders of one length, the orders with the shortest way are extended.
     """
     logic, places = problem.logic, _label_places(problem)
     delta, start = helpful_delta(logic), problem.scene.start

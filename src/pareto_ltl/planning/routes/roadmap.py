@@ -37,7 +37,7 @@ CLEARANCES = (0.03, 0.01, 0.003)  # of the map's size: distances of a node from 
 DEPTH = 0.4  # share of the way from a region's corner to its middle at which a node lies
 STRETCH = 1.7  # lines longer than this many times the shortest one, or one without a landmark, are left out
 LED = 12  # lines that are led through landmarks, the shortest
-PLACES = 2  # legs of a line in which a landmark is tried, those of the least detours
+PLACES = 2  # legs of a line in which a landmark is tried: the legs with the least detours
 PER_NODE = 12  # classes of one leg that are lengthened at one node
 MOST_NODES = 400  # the nodes of the least detour are kept
 MOST_EDGES = 2_000_000  # of the product with the automaton; a larger one is not searched
@@ -325,5 +325,5 @@ def _product_graph(roadmap: Roadmap, delta: IntArray, allowed: BoolArray) -> spa
     can = after >= 0
     rows, columns = after[can] * nodes + there[can], state[can] * nodes + roadmap.edge[k[can], 0]
     size = len(delta) * nodes
-    # The order of the edges is that of the nodes: equal lengths are never added up.
+    # The edges are in the order of the nodes: equal lengths are never added up.
     return sparse.csr_matrix((roadmap.length[k[can]], (rows, columns)), shape=(size, size))

@@ -1,4 +1,4 @@
-"""Landmarks on the way: which a path crosses."""
+"""The landmarks that a path crosses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pull and walk: taut lines through the map, flown in the fewest steps."""
+"""Taut lines through the map, and flights along them in the fewest steps."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ function scales(points, km, w, h) {
 }
 
 /** Draw `points` ({failure, failure_low, failure_high, length_m}); `choose(number)` is called for a chosen one.
- *  `text(number)` is what a point says of itself; those of which `hollow(number)` holds are drawn as empty circles. */
+ *  `text(number)` is the description of a point; points for which `hollow(number)` is true are empty circles. */
 export function drawFront(root, points, { shown, chosen, choose, pinned = null, text = null, hollow = () => false }) {
   const w = root.clientWidth || 360, h = root.clientHeight || 240, km = points.map(point => point.length_m / 1000);
   root.setAttribute("viewBox", `0 0 ${w} ${h}`);

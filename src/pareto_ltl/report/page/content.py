@@ -186,12 +186,12 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
 
 def _at_most(bound: float) -> str:
     """``≤ 2.9 %``, or ``< 1e-7 %``."""
-    told = probability_text(bound)
-    return told if told.startswith("<") else f"≤ {told}"
+    text = probability_text(bound)
+    return text if text.startswith("<") else f"≤ {text}"
 
 
 def _simulated_fact(run: ShownRun) -> dict[str, str]:
-    """The simulated rate under the law with the most failures: a bound holds only under its own law."""
+    """The simulated rate under the law with the most failures: a bound holds only under one law."""
     rates = [counted_rate(law, int(f.failed.sum()), len(f.x)) for law, f in sorted(run.deployments.items())]
     worst = max(rates, key=lambda rate: rate.failure)
     ends = interval_text(worst.low, worst.high)
@@ -231,7 +231,7 @@ def _verdicts(run: ShownRun) -> Iterator[dict[str, str]]:
 
 
 def _laws(found: Iterable[str], first: str) -> list[str]:
-    """The wind laws of ``found``, that of the plan ``first``."""
+    """The wind laws of ``found``; ``first``, the law of the plan, comes first."""
     return sorted(found, key=lambda law: (law != first, law))
 
 
@@ -244,9 +244,9 @@ def _row(what: str, rate: FailureRate, source: str) -> dict[str, str]:
 
 def _causes(flown: Any) -> str:
     """Numbers of flights that met an obstacle, missed the mission, left the map; one can count in several."""
-    told = [
+    causes = [
         f"{int(flown.collided.sum()):,} met an obstacle",
         f"{int((~flown.accepted).sum()):,} missed the mission",
         f"{int(flown.off_map.sum()):,} left the map" + ("" if flown.walled else " (allowed)"),
     ]
-    return ", ".join(told)
+    return ", ".join(causes)

@@ -1,5 +1,5 @@
 // Files of the point that is shown, for navigators, maps and autopilots, made from the numbers of the page. They
-// are those of `pareto-ltl export`, without corridors and without the failure rate of flights by position.
+// are the files of `pareto-ltl export`, without corridors and without the failure rate of flights by position.
 
 import { byId, html } from "./shapes.js";
 

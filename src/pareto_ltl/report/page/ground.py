@@ -52,7 +52,7 @@ def north_turn(scene: Scene, points: FloatArray) -> FloatArray:
 
 
 def map_places(scene: Scene, points: FloatArray, coarser: int = 0) -> list[Any]:
-    """``points`` (..., 2) [m] as rounded longitudes and latitudes, or as metres of a map that is no Earth.
+    """``points`` (..., 2) [m] as rounded longitudes and latitudes; metres without a place on Earth.
 
     ``coarser`` digits are left out of those that positions have.
     """

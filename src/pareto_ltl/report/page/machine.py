@@ -22,9 +22,9 @@ def shown_automaton(automaton: Automaton) -> dict[str, Any]:
     """States, edges and their labels in pixels; without shapes if there are too many states to draw."""
     roles = ["goal" if automaton.accepting[q] else "lost" if q == automaton.trap else "open"
              for q in range(automaton.n_states)]  # fmt: skip
-    told: dict[str, Any] = {"initial": automaton.initial, "roles": roles, "states": automaton.n_states}
+    document: dict[str, Any] = {"initial": automaton.initial, "roles": roles, "states": automaton.n_states}
     if automaton.n_states > MAX_DRAWN:
-        return told | {"shapes": None}
+        return document | {"shapes": None}
     place = state_positions(automaton)
     edges = list(drawn_edges(place, edge_labels(automaton)))
     low = place.min(axis=0) - np.array([LEFT, BELOW])
@@ -51,7 +51,7 @@ def shown_automaton(automaton: Automaton) -> dict[str, Any]:
         ],
         "entry": pixels(place[automaton.initial])[0].tolist(),
     }  # fmt: skip
-    return told | {"shapes": shapes}
+    return document | {"shapes": shapes}
 
 
 def told_clocks(automaton: Automaton, text: str) -> str:

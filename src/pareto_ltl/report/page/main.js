@@ -30,7 +30,7 @@ function showPoint(point) {
   player.go(player.step);
 }
 
-/** The numbers at the top: as they were written for the plan, or those of another point that is shown. */
+/** The numbers at the top: as they were written for the plan, or the numbers of another point that is shown. */
 function showFacts() {
   const place = byId("facts"), note = byId("facts-note");
   if (!place) return;

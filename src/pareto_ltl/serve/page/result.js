@@ -212,7 +212,7 @@ export class Result {
     byId("front-note").textContent = this.checking ? `${POINTS} ${CHECKING}` : POINTS;
   }
 
-  /** The numbers of the pinned point, which can be that of another plan, beside those of the one that is shown. */
+  /** The numbers of the pinned point, which can belong to another plan, beside the point that is shown. */
   showComparison() {
     const { pinned } = this, row = this.front.points[this.shown], same = pinned && pinned.id === this.id && pinned.number === this.shown, place = byId("comparison");
     byId("pin").textContent = pinned ? "End the comparison" : "Compare with others";

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from pareto_ltl.studies.sweeps.summary import SweepSummary
 
-SHOWN_METRICS = (  # risks by wind law: that of fidelity.law may differ from job to job
+SHOWN_METRICS = (  # risks by wind law: fidelity.law may differ from job to job
     "length_m",
     "mission_risk_paper",
     *(f"{risk}_{law}" for law in LAWS for risk in ("mission_risk", "collision_risk")),

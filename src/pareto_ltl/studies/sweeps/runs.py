@@ -15,7 +15,7 @@ from pareto_ltl.support.locks import is_held
 from pareto_ltl.support.run_status import RUN_LOCK
 from pareto_ltl.support.schemas import read_document
 
-SURVIVORS = (RUN_LOCK, RUN_LOG, ".hydra")  # files that are kept when a run is made again
+SURVIVORS = (RUN_LOCK, RUN_LOG, ".hydra")  # files that are not deleted when a run is made again
 KEY_DIGITS = 16  # digits of the fingerprint that name a directory
 
 

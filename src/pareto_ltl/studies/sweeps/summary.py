@@ -45,8 +45,8 @@ class SweepSummary:
 
     def line(self) -> str:
         """``18 ok, 2 infeasible of 20 jobs``."""
-        told = ", ".join(f"{number} {status}" for status, number in self.counts.items())
-        return f"{told} of {len(self.rows)} jobs"
+        counts = ", ".join(f"{number} {status}" for status, number in self.counts.items())
+        return f"{counts} of {len(self.rows)} jobs"
 
 
 def write_summary(
@@ -57,7 +57,7 @@ def write_summary(
 ) -> SweepSummary:
     """Write and return the summary of the newest sweep of ``place``, or of the one named ``key``.
 
-    Files of the newest sweep are written to ``place``, those of an older one to its folder in ``sweeps/``.
+    Files of the newest sweep are written to ``place``, files of an older one to its folder in ``sweeps/``.
     """
     place = Path(place)
     manifest = read_manifest(place, key)
@@ -201,6 +201,6 @@ def check_figure(figure: FigureChoice, swept: Sequence[str]) -> None:
     """Raise ConfigError, before a sweep begins, for a figure by a setting that it does not vary."""
     if figure.by is not None and figure.by not in swept:
         raise ConfigError(
-            f"sweep.by={figure.by} is no setting that this sweep varies; "
+            f"sweep.by={figure.by} is not a setting that this sweep varies; "
             f"there are {', '.join(swept) or 'none'}"
         )

@@ -48,7 +48,7 @@ class SeedGroup:
         Lower quartile, median, upper quartile of every metric over the runs that have it.
     rates : mapping of str to dict
         Pooled over all simulated flights: ``events`` of ``runs``, their ``rate`` and its exact 95 %
-        interval, ``low`` and ``high``. ``completed`` counts runs that found a plan, of those with an answer.
+        interval, ``low`` and ``high``. ``completed`` counts runs with a plan, of all runs with a result.
     """
 
     overrides: Mapping[str, str]
@@ -82,7 +82,7 @@ def sweep_rows(
 
 
 def status_counts(rows: Sequence[SweepRow]) -> dict[str, int]:
-    """Number of rows by status, answers first."""
+    """Number of rows by status, results first."""
     found = [row.state.status for row in rows]
     return {status: found.count(status) for status in JOB_STATUSES if status in found}
 

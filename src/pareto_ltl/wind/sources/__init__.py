@@ -66,7 +66,7 @@ class WindSource:
     Attributes
     ----------
     read : callable
-        From the settings of the wind and the part that is wanted to checked :class:`Readings`; raises a
+        Returns checked :class:`Readings` for the settings of the wind and the wanted part; raises a
         DataError if a file is not valid.
     files : callable
         The files that ``read`` opens, for the records of a run; raises a DataError if there are none.
@@ -119,7 +119,7 @@ def _read_currents(cfg: WindConfig, wanted: Wanted) -> Readings:
 
 
 def _ensemble_files(cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
-    """As :func:`data_files`, including the files in subfolders, one for each member."""
+    """Like :func:`data_files`, including the files in subfolders, one for each member."""
     path = Path(str(cfg.path)).expanduser()
     below = [file for file in path.glob("*/*") if file.is_file() and is_data_file(file)]
     if not below:

@@ -1,4 +1,4 @@
-"""Coordinates of a CF variable in space and time, found by attributes and by name."""
+"""Coordinates of a CF variable in space and time, identified by attributes and by name."""
 
 from __future__ import annotations
 
@@ -122,8 +122,8 @@ def levels_of(array: xr.DataArray, kind: str) -> tuple[str | None, list[Level]]:
                 levels = [_level(kind, unit, float(value)) for value in np.ravel(axis.values)]
                 return (str(name) if name in array.dims else None), levels
     name = str(array.name).lower()
-    if (told := re.fullmatch(r"[uv]-?(\d+)m?|(\d+)m?[uv]", name)) is not None:  # u10, 10u
-        return None, [_level(kind, "m", float(told[1] or told[2]))]
+    if (match := re.fullmatch(r"[uv]-?(\d+)m?|(\d+)m?[uv]", name)) is not None:  # u10, 10u
+        return None, [_level(kind, "m", float(match[1] or match[2]))]
     words = LEVEL_WORDS.search(f"{name.replace('_', ' ')} {text(array, 'long_name').lower()}")
     return None, [] if words is None else [_level(kind, words[2], float(words[1]))]
 

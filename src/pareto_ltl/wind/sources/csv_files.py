@@ -71,16 +71,16 @@ def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
     times = np.unique(stamps)
     rows = [np.flatnonzero(stamps == time) for time in times]
     mixed = [time for time, r in zip(times, rows, strict=True) if len(np.unique(leads[r])) > 1]
-    most = np.array([np.nan if np.isnan(leads[r]).all() else np.nanmax(leads[r]) for r in rows])
+    longest = np.array([np.nan if np.isnan(leads[r]).all() else np.nanmax(leads[r]) for r in rows])
     return Readings(
         times=times,
         points=tuple(points[r] for r in rows),
         winds=tuple(winds[r] for r in rows),
         geographic=parts[0].geographic,
         files=files,
-        remarks=tuple(lead_text(lead) for lead in most),
+        remarks=tuple(lead_text(lead) for lead in longest),
         origins=(files,) * len(times),
-        leads=most,
+        leads=longest,
         notes=_lead_notes(mixed),
     )
 
@@ -158,7 +158,7 @@ def open_table(file: Path, expected: str) -> Iterator[IO[str]]:
     except (EOFError, zlib.error) as error:
         raise DataError(f"wind file {file} is damaged or cut off ({error}); fetch it again") from None
     except (UnicodeDecodeError, csv.Error) as error:
-        raise DataError(f"wind file {file} is no CSV text ({error}); expected {expected}") from None
+        raise DataError(f"wind file {file} is not CSV text ({error}); expected {expected}") from None
 
 
 def _open_text(file: Path) -> IO[str]:
@@ -198,7 +198,7 @@ def _find_columns(file: Path, header: list[str]) -> tuple[list[tuple[str, int]],
     wanted = PLANAR_COLUMNS if {"x", "y"} <= set(header) else GEOGRAPHIC_COLUMNS
     missing = [name for name in wanted if not speeds.get(name, name in header)]
     if missing:
-        table = len(header) > 1 and all(map(COLUMN_NAME.fullmatch, header))  # else nothing of it is quoted
+        table = len(header) > 1 and all(map(COLUMN_NAME.fullmatch, header))  # else it is not quoted
         found = shown_value(",".join(header), 60) if table else "no names of columns in its first line"
         raise DataError(
             f"wind file {file}: missing column {', '.join(missing)}; expected {','.join(GEOGRAPHIC_COLUMNS)} "

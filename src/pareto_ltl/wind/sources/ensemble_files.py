@@ -16,7 +16,7 @@ from pareto_ltl.wind.sources.netcdf_files import WINDS, netcdf_snapshots
 
 
 def read_ensemble_files(files: tuple[Path, ...], cfg: WindConfig, area: GeoBox | None) -> Readings:
-    """Mean and deviations of the members in ``files``; errors are those of the two readers.
+    """Mean and deviations of the members in ``files``; errors as in the two readers.
 
     With ``wind.forecast_error=none``, only the members determine the error of the forecast.
     """

@@ -79,12 +79,12 @@ def crop(file: Path, lon: FloatArray, lat: FloatArray, area: GeoBox | None) -> N
         raise DataError(f"wind file {file}: a latitude is beyond 90 degrees; expected degrees north")
     if not inside.any():
         raise DataError(f"wind file {file} has no node with a latitude and longitude")
-    kept = np.flatnonzero(inside)
+    rows = np.flatnonzero(inside)
     if area is not None:
-        kept = kept[np.isin(kept, area.pick(lonlat))]
-        if not len(kept):
+        rows = rows[np.isin(rows, area.pick(lonlat))]
+        if not len(rows):
             refuse_empty_crop(f"wind file {file}", lonlat, area)
-    return Nodes(kept, lonlat[kept])
+    return Nodes(rows, lonlat[rows])
 
 
 def snapshot_of(

@@ -55,14 +55,14 @@ def grib_snapshots_apart(
 
 
 def _read_answer(arrays: dict[str, Any]) -> Snapshots:
-    told = json.loads(arrays["told"].item())
-    if "error" in told:
-        raise DataError(told["error"])
+    header = json.loads(arrays["told"].item())
+    if "error" in header:
+        raise DataError(header["error"])
     rows = [
         row | {name: arrays[f"{name}_{row[name]}"] for name in ARRAYS} | {"files": _paths(row["files"])}
-        for row in told["rows"]
+        for row in header["rows"]
     ]
-    return Snapshots(tuple(Snapshot(**row) for row in rows), _paths(told["files"]), tuple(told["notes"]))
+    return Snapshots(tuple(Snapshot(**row) for row in rows), _paths(header["files"]), tuple(header["notes"]))
 
 
 def _paths(names: list[str]) -> tuple[Path, ...]:
@@ -82,17 +82,17 @@ def _answer(task: dict[str, Any], answer: Path) -> None:
             lambda file: print(file, flush=True),
         )
     except (DataError, ConfigError) as error:
-        told: dict[str, Any] = {"error": str(error)}
+        header: dict[str, Any] = {"error": str(error)}
     else:
         rows = []
         for snap in found.winds:
             row = asdict(snap) | {name: id(getattr(snap, name)) for name in ARRAYS}
             rows.append(row | {"files": [str(file) for file in snap.files]})
             arrays |= {f"{name}_{row[name]}": getattr(snap, name) for name in ARRAYS}
-        told = {"rows": rows, "files": [str(file) for file in found.files], "notes": found.notes}
+        header = {"rows": rows, "files": [str(file) for file in found.files], "notes": found.notes}
     part = answer.with_suffix(".part")
     with part.open("wb") as stream:
-        np.savez(stream, told=np.array(json.dumps(told)), **arrays)
+        np.savez(stream, told=np.array(json.dumps(header)), **arrays)
     part.rename(answer)
 
 

@@ -246,7 +246,7 @@ def _grid_crs(message: Message, file: Path) -> str:
 @contextmanager
 def _grib_messages(file: Path) -> Iterator[Iterator[Message]]:
     """In the block, the messages of a file, with their times in seconds since 1970."""
-    import pyproj  # noqa: F401 - before ecCodes: each brings its own PROJ, and the other order can crash
+    import pyproj  # noqa: F401 - before ecCodes: each contains a PROJ, and the other order can crash
 
     try:
         import cfgrib

@@ -1,6 +1,6 @@
 """Winds and currents from NetCDF files with CF conventions, e.g. of THREDDS, reanalyses, ocean models.
 
-The components are found by standard name, else by long name, else by variable name.
+The components are identified by standard name, else by long name, else by variable name.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Names by which the components of winds or of currents are found.
+    """Names by which the components of winds or of currents are identified.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
 
 
 def _component(array: xr.DataArray, quantity: Quantity) -> tuple[str, _Kind] | None:
-    """The component that ``array`` is, found by standard name, else by long name, else by name."""
+    """The component that ``array`` is, by standard name, else by long name, else by name."""
     mean = MEAN * bool(re.search(r"time\s*:\s*mean", text(array, "cell_methods")))
     if standard := text(array, "standard_name"):
         for *names, relative in quantity.standard:
@@ -255,8 +255,8 @@ def _level_gap(found: Level, wanted: Level, nearest: bool) -> float | None:
     if found.kind != wanted.kind:
         return None
     gap = abs(found.value - wanted.value)
-    most = max(DEPTH_TOLERANCE[0], DEPTH_TOLERANCE[1] * wanted.value) if nearest else 1e-3 * wanted.value
-    return gap if gap <= most else None
+    limit = max(DEPTH_TOLERANCE[0], DEPTH_TOLERANCE[1] * wanted.value) if nearest else 1e-3 * wanted.value
+    return gap if gap <= limit else None
 
 
 def _partner(path: Path, u: xr.DataArray, others: list[xr.DataArray]) -> xr.DataArray:
@@ -285,7 +285,7 @@ def _snapshots(
     for name, size in u.sizes.items():
         if name not in (*spatial, clock, crew, pair.dimension) and size != 1:
             raise DataError(
-                f"wind file {path}: {u.name} has {size} values along {name}, which is no time, level, "
+                f"wind file {path}: {u.name} has {size} values along {name}, which is not a time, level, "
                 "member or place; pick one and write the file again"
             )
     pressure = _surface_pressure(pair, {*spatial, clock})
@@ -320,8 +320,8 @@ def _speed_factor(path: Path, array: xr.DataArray) -> float:
     units = text(array, "units")
     factor = SPEEDS.get(re.sub(r"[\s.*^]+", "", units.lower()))
     if factor is None:
-        told = f"is in {shown_value(units)}" if units.strip() else "has no units"
-        raise DataError(f"wind file {path}: {array.name} {told}; expected m s-1, cm s-1, km h-1 or knots")
+        given = f"is in {shown_value(units)}" if units.strip() else "has no units"
+        raise DataError(f"wind file {path}: {array.name} {given}; expected m s-1, cm s-1, km h-1 or knots")
     return factor
 
 

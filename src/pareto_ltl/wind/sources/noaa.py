@@ -44,11 +44,11 @@ def read_noaa(cfg: WindConfig, wanted: Wanted) -> Readings:
     files = noaa_files(cfg, wanted)
     snapshots, _, notes = grib_snapshots_apart(files, cfg.max_speed, cfg.level, wanted.area)
     cycle = iso(snapshots[0].cycle)
-    told = f"{cfg.model} forecast of {cycle}; wind.cycle={cycle} reads the same one again"
+    note = f"{cfg.model} forecast of {cycle}; wind.cycle={cycle} reads the same one again"
     prior = 0.0 if cfg.forecast_error == "none" else cfg.ensemble_prior
     if len({snapshot.member for snapshot in snapshots}) > 1:
-        return ensemble_readings(snapshots, files, prior, (told, *notes))
-    return latest_readings(snapshots, files, (told, *notes))
+        return ensemble_readings(snapshots, files, prior, (note, *notes))
+    return latest_readings(snapshots, files, (note, *notes))
 
 
 def noaa_files(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:
@@ -104,27 +104,27 @@ def _candidates(cfg: WindConfig, model: NoaaModel, newest: float) -> list[float]
     cycle = seconds(cfg.cycle)
     if not model.is_cycle(cycle):
         raise ConfigError(
-            f"wind.cycle={cfg.cycle} is no start of a {model.name} forecast; they begin every "
+            f"wind.cycle={cfg.cycle} is not a start of a {model.name} forecast; they begin every "
             f"{model.every} h from 00 UTC on"
         )
     return [cycle]
 
 
 def _no_cycle(cfg: WindConfig, model: NoaaModel, first: float, last: float, reasons: list[str]) -> str:
-    spell = f"{iso(first)} .. {iso(last)}"
+    period = f"{iso(first)} .. {iso(last)}"
     which = "no cycle" if cfg.cycle == "newest" else f"the cycle {cfg.cycle}"
     if cfg.offline:
         return (
-            f"wind.offline=true, and {which} of {model.name} that covers {spell} was fetched before; fetch "
+            f"wind.offline=true, and {which} of {model.name} that covers {period} was fetched before; fetch "
             "it once with wind.offline=false"
         )
     if not reasons:
         return (
-            f"{which} of {model.name} does not cover {spell}; choose an earlier mission.start_time, fewer "
+            f"{which} of {model.name} does not cover {period}; choose an earlier mission.start_time, fewer "
             "wind.hours or another wind.model"
         )
     return (
-        f"{which} of {model.name} that covers {spell} is there ({reasons[-1]}); choose another "
+        f"{which} of {model.name} that covers {period} is available ({reasons[-1]}); choose another "
         "mission.start_time, fewer wind.hours or another wind.model"
     )
 
@@ -152,8 +152,8 @@ def _fetch_cycle(
 def _fetch_file(cfg: WindConfig, store: DownloadCache, url: str) -> Path:
     """The wind messages of one file, from the cache or from the server."""
     level = parse_level(cfg.level)
-    if (kept := store.find(url, level.text)) is not None:
-        return kept
+    if (stored := store.find(url, level.text)) is not None:
+        return stored
     if cfg.offline:
         raise NotThereError(f"{url} was not fetched before")
     idx = fetch_bytes(f"{url}.idx", MOST_IDX, retries=cfg.retries)

@@ -38,11 +38,11 @@ class DownloadCache:
         if not request.is_file():
             return None
         try:
-            told = read_json(request)
-            path = self.folder / Path(str(told["file"])).name
-            if told.get("schema") != REQUEST_SCHEMA or not path.is_file():
+            stored = read_json(request)
+            path = self.folder / Path(str(stored["file"])).name
+            if stored.get("schema") != REQUEST_SCHEMA or not path.is_file():
                 return None
-            if file_fingerprint(path) == told.get("sha256"):
+            if file_fingerprint(path) == stored.get("sha256"):
                 cache.mark_used(path)
                 return path
         except (DataError, OSError, KeyError):
@@ -55,10 +55,10 @@ class DownloadCache:
         digest = hashlib.sha256(data).hexdigest()
         for _ in range(2):
             path = self.folder / f"{label}.{digest[:SHOWN_DIGITS]}.grib2"
-            told = {"schema": REQUEST_SCHEMA, "url": url, "level": level, "file": path.name, "sha256": digest}
+            note = {"schema": REQUEST_SCHEMA, "url": url, "level": level, "file": path.name, "sha256": digest}
             try:
                 write_bytes(path, data)
-                write_json(self._request(url, level), told)
+                write_json(self._request(url, level), note)
             except OSError as error:
                 if self._own is not None:
                     raise DataError(f"{path} cannot be written ({error.strerror}); free some space") from None
@@ -75,6 +75,6 @@ class DownloadCache:
         return self.folder / f"{hashlib.sha256(f'{url} {level}'.encode()).hexdigest()}.json"
 
     def _leave(self, error: Exception) -> None:
-        LOG.warning("downloads are not kept in %s: %s", self.folder, error)
+        LOG.warning("downloads are not stored in %s: %s", self.folder, error)
         self._own = tempfile.TemporaryDirectory(prefix="pareto_ltl_noaa_", ignore_cleanup_errors=True)
         self.folder = Path(self._own.name)

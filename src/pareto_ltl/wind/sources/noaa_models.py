@@ -1,6 +1,6 @@
 """Forecast models in NOAA's public archives: addresses of their files, and their times.
 
-The addresses are those of the NOAA Open Data Dissemination buckets on S3,
+The addresses name the NOAA Open Data Dissemination buckets on S3,
 https://registry.opendata.aws/noaa-gfs-bdp-pds/.
 """
 

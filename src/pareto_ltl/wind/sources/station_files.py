@@ -80,11 +80,11 @@ def read_station_files(files: tuple[Path, ...], max_speed: float, area: GeoBox |
     if area is not None:
         reports = _reports_in(files, reports, area)
     hours = _by_hour(reports)
-    kept = sum(len(bin_) for bin_ in hours.values())
+    used = sum(len(bin_) for bin_ in hours.values())
     notes = [_reasons(dropped, total)] if any(dropped.values()) else []
-    if kept < len(reports):
+    if used < len(reports):
         notes.append(
-            f"{len(reports) - kept} reports are not the nearest of their station to the hour: left out"
+            f"{len(reports) - used} reports are not the nearest of their station to the hour: left out"
         )
     if gusts:
         notes.append(f"{gusts} reports have gusts, which are not used: only the mean wind is")
