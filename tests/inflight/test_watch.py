@@ -108,6 +108,14 @@ def test_fixes_that_agree_with_each_other_are_believed_in_the_end() -> None:
     assert np.hypot(*(np.array([events[-1]["x"], events[-1]["y"]]) - PATH.x[15] - off)) < 600.0
 
 
+def test_nothing_is_flown_after_the_end_of_the_plan() -> None:
+    """A vehicle that has landed is silent: the last airspeed does not carry it on."""
+    heard = as_planned(every=20.0, until=FLIGHT_TIME - 40.0)
+    events = list(new_watch(alarm=1.0).events([*heard, Reading(FLIGHT_TIME + 70.0)]))
+    assert events[-1]["time"] == pytest.approx(FLIGHT_TIME)
+    assert "corridor" not in alarms(events)
+
+
 def test_silence_is_an_alarm_and_the_plan_is_assumed() -> None:
     readings = [r for r in as_planned() if not 800.0 < r.time < 2000.0]
     events = list(new_watch(alarm=1.0).events(readings))
@@ -267,6 +275,8 @@ def test_the_energy_that_is_needed_is_that_of_the_plan() -> None:
     whole = model.of(PATH.u, DT)
     status = [e for e in new_watch(problem, alarm=1.0).events(as_planned()) if e["event"] == "status"]
     assert [event["energy_needed"] for event in status] == pytest.approx([whole] * len(status), rel=1e-6)
+    halfway = {**status[0], "energy": 3600.0 * 12_345.6, "energy_needed": 3600.0 * 42_789.4}
+    assert event_line(halfway).endswith("12,346 Wh used of 42,789 by the end")
     small = replace(PROBLEM, energy=EnergyModel(model.curve, 0.9 * whole))
     assert "Wh are needed" in alarms(new_watch(small, alarm=1.0).events(as_planned()))["energy"]
 

@@ -133,20 +133,21 @@ class Watch:
             yield from self._reported()
 
     def _fly_until(self, time: float) -> Iterator[Event]:
-        """Fly on with the last known airspeed, or as planned if nothing was heard for long."""
+        """Fly on, no longer than the plan, with the last known airspeed, or as planned in a long silence."""
         elapsed, velocity, silent = time - self.time, self.velocity, time - self.heard
         if silent > self.settings.silence:
             text = f"no telemetry for {silent:.0f} s: the plan's own controls are assumed"
             yield from self._alarm("silence", text)
             velocity = None
+        dt, steps = self.problem.motion.dt, len(self.plan.path.u)
         while elapsed > 0.0 and not self.over:
-            part = elapsed
+            left = steps * dt - self.time
+            part = min(elapsed, left)
             if velocity is None:  # the plan changes its controls at the steps
-                dt = self.problem.motion.dt
-                part = min(elapsed, dt - self.time % dt)
+                part = min(part, dt - self.time % dt)
             self._flown(part, self._planned() if velocity is None else velocity)
             elapsed -= part
-            if self.pending >= TICK or velocity is None:
+            if self.pending >= TICK or velocity is None or part == left:
                 yield from self.flushed()
 
     def _flown(self, seconds: float, velocity: FloatArray) -> None:
