@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
+from coherent import coherent_problem
 from levels import AT_NIGHT
 from pareto_ltl.inflight.journal import Journal, read_journal
 from pareto_ltl.inflight.lines import event_line
@@ -20,6 +21,7 @@ from pareto_ltl.inflight.telemetry import Reading, Sieve
 from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
 from pareto_ltl.planning.power import Body, EnergyModel
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.errors import DataError
 from watched import DT, FLIGHT_TIME, PATH, PLAN, PROBLEM, heading_of
 
@@ -161,6 +163,20 @@ def test_two_readings_far_ahead_that_agree_are_believed() -> None:
     times = [0.0, 10.0, 50_000.0, 20.0, 60_000.0, 60_001.0]
     passed = [r.time for r in Sieve(20.0).usable(Reading(t, 0.0, 5.0) for t in times)]
     assert passed == [0.0, 10.0, 20.0, 60_001.0]
+
+
+def test_times_never_go_back_where_parts_of_steps_are_not_round() -> None:
+    stream = [Reading(29.0, 0.0, 0.0), *as_planned(every=50.0)]  # 29 / DT * DT is less than 29
+    times = [event["time"] for event in new_watch(members=20, every=1200.0).events(stream)]
+    assert times[0] == 29.0
+    assert times == sorted(times)
+
+
+def test_a_silence_passes_whatever_the_length_of_a_step() -> None:
+    dt = 33.4  # 3 dt % dt is almost dt
+    watch = new_watch(coherent_problem(robot=RobotConfig(dt=dt, u_max=20.0)), members=20, every=1200.0)
+    end = dt * len(PATH.u)
+    assert list(watch.events([Reading(0.0, 0.0, 5.0), Reading(end)]))[-1]["time"] == pytest.approx(end)
 
 
 numbers = st.one_of(
