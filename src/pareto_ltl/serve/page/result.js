@@ -37,7 +37,7 @@ export class Result {
     on("next", () => this.show(this.shown + 1));
     on("choose", () => this.choose().catch(failed));
     on("show-fix", () => { this.fix = this.fix ? null : this.view?.line[this.step] ?? null; this.showFix(); });
-    on("pin", () => { this.pinned = this.pinned || !this.view ? null : { id: this.id, number: this.shown, row: this.front.points[this.shown], view: this.view }; this.showFacts(); this.drawFront(); this.redraw(); });
+    on("pin", () => { if (!this.view) return; this.pinned = this.pinned ? null : { id: this.id, number: this.shown, row: this.front.points[this.shown], view: this.view }; this.showFacts(); this.drawFront(); this.redraw(); });
     on("replan", () => this.replan().catch(failed));
     for (const [kind, label] of Object.entries(FORMATS)) byId("exports").append(html("button", { type: "button", "data-kind": kind, onclick: event => this.take(kind, event.target) }, label));
     byId("risk-part").addEventListener("toggle", () => { if (this.view) this.moveTo(this.step); });
@@ -57,6 +57,7 @@ export class Result {
 
   /** Forget a front whose plan could not be checked; its paths stay as lines on the map. */
   discard() {
+    this.player.stop();
     Object.assign(this, { front: null, shown: null, view: null, fix: null });
     for (const id of ["result", "timebar"]) byId(id).hidden = true;
   }
