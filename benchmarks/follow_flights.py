@@ -8,6 +8,9 @@ position is measured after a share of the steps; the rest is planned again, and 
 simulated flights fail with it, as ``pareto-ltl follow --replan --auto`` does. Both are flown in the same
 wind, by our steps or by JSBSim, which gets headings, airspeeds and times. Rows of an earlier run of the same
 file are kept.
+
+This makes the decisions of ``follow``, but does not run the command: no MAVLink, no late telemetry, and a new
+plan is flown from the step of the fix on, without the seconds that it takes.
 """
 
 from __future__ import annotations

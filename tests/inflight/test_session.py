@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import shutil
 import subprocess
@@ -152,4 +153,18 @@ def test_a_damaged_forecast_is_an_alarm_and_the_watch_goes_on(
     said = [event["text"] for event in events if event["event"] == "alarm" and event["kind"] == "replan"]
     assert len(said) == 1
     assert said[0].startswith("no new plan: ")
+    assert events[-1]["event"] == "end"
+
+
+def test_a_full_disk_is_an_alarm_and_the_watch_goes_on(
+    made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("pareto_ltl.inflight.journal.os.fsync", full)
+    events, _ = followed(made, tmp_path / "f")
+    alarms = [event["text"] for event in events if event["event"] == "alarm" and event["kind"] == "journal"]
+    assert len(alarms) == 1
+    assert "free space" in alarms[0]
     assert events[-1]["event"] == "end"

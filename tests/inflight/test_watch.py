@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
+from coherent import coherent_problem
 from levels import AT_NIGHT
 from pareto_ltl.inflight.journal import Journal, read_journal
 from pareto_ltl.inflight.lines import event_line
@@ -20,6 +21,7 @@ from pareto_ltl.inflight.telemetry import Reading, Sieve
 from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
 from pareto_ltl.planning.power import Body, EnergyModel
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.errors import DataError
 from watched import DT, FLIGHT_TIME, PATH, PLAN, PROBLEM, heading_of
 
@@ -108,6 +110,14 @@ def test_fixes_that_agree_with_each_other_are_believed_in_the_end() -> None:
     assert np.hypot(*(np.array([events[-1]["x"], events[-1]["y"]]) - PATH.x[15] - off)) < 600.0
 
 
+def test_nothing_is_flown_after_the_end_of_the_plan() -> None:
+    """A vehicle that has landed is silent: the last airspeed does not carry it on."""
+    heard = as_planned(every=20.0, until=FLIGHT_TIME - 40.0)
+    events = list(new_watch(alarm=1.0).events([*heard, Reading(FLIGHT_TIME + 70.0)]))
+    assert events[-1]["time"] == pytest.approx(FLIGHT_TIME)
+    assert "corridor" not in alarms(events)
+
+
 def test_silence_is_an_alarm_and_the_plan_is_assumed() -> None:
     readings = [r for r in as_planned() if not 800.0 < r.time < 2000.0]
     events = list(new_watch(alarm=1.0).events(readings))
@@ -153,6 +163,20 @@ def test_two_readings_far_ahead_that_agree_are_believed() -> None:
     times = [0.0, 10.0, 50_000.0, 20.0, 60_000.0, 60_001.0]
     passed = [r.time for r in Sieve(20.0).usable(Reading(t, 0.0, 5.0) for t in times)]
     assert passed == [0.0, 10.0, 20.0, 60_001.0]
+
+
+def test_times_never_go_back_where_parts_of_steps_are_not_round() -> None:
+    stream = [Reading(29.0, 0.0, 0.0), *as_planned(every=50.0)]  # 29 / DT * DT is less than 29
+    times = [event["time"] for event in new_watch(members=20, every=1200.0).events(stream)]
+    assert times[0] == 29.0
+    assert times == sorted(times)
+
+
+def test_a_silence_passes_whatever_the_length_of_a_step() -> None:
+    dt = 33.4  # 3 dt % dt is almost dt
+    watch = new_watch(coherent_problem(robot=RobotConfig(dt=dt, u_max=20.0)), members=20, every=1200.0)
+    end = dt * len(PATH.u)
+    assert list(watch.events([Reading(0.0, 0.0, 5.0), Reading(end)]))[-1]["time"] == pytest.approx(end)
 
 
 numbers = st.one_of(
@@ -267,6 +291,8 @@ def test_the_energy_that_is_needed_is_that_of_the_plan() -> None:
     whole = model.of(PATH.u, DT)
     status = [e for e in new_watch(problem, alarm=1.0).events(as_planned()) if e["event"] == "status"]
     assert [event["energy_needed"] for event in status] == pytest.approx([whole] * len(status), rel=1e-6)
+    halfway = {**status[0], "energy": 3600.0 * 12_345.6, "energy_needed": 3600.0 * 42_789.4}
+    assert event_line(halfway).endswith("12,346 Wh used of 42,789 by the end")
     small = replace(PROBLEM, energy=EnergyModel(model.curve, 0.9 * whole))
     assert "Wh are needed" in alarms(new_watch(small, alarm=1.0).events(as_planned()))["energy"]
 

@@ -325,7 +325,8 @@ def test_charts_on_paper_have_the_size_of_their_places(browser: Browser, page_re
     page = browser.new_page(viewport={"width": DESK[0], "height": DESK[1]})
     page.goto((page_result / "report.html").as_uri())
     page.wait_for_selector("html[data-ready=page]")
-    assert page.pdf().startswith(b"%PDF")
+    sheet = page.pdf(format="A4", margin=dict.fromkeys(("top", "bottom", "left", "right"), "1cm"))
+    assert len(re.findall(rb"/Type\s*/Page\b", sheet)) == 1
     width = page.evaluate("byId('map').clientWidth")
     page.emulate_media(media="print")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")

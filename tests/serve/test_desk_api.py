@@ -11,14 +11,17 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import psutil
 import pytest
 
 from desk import HOP, SMALL, RunningDesk, running_desk
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.results import Results
+from pareto_ltl.serve import views
 from pareto_ltl.serve.app import ROUTES
 from pareto_ltl.serve.folder import DeskFolder
 from pareto_ltl.serve.plans import MOST_ENDED, Plans
@@ -225,6 +228,17 @@ def test_the_wind_is_shown_without_a_plan(desk: RunningDesk) -> None:
     assert across * along == len(wind["at"]) == len(wind["uv"][0]) == len(wind["sd"][0])
     assert len(wind["t"]) == len(wind["utc"]) == len(wind["uv"]) == len(wind["sd"])
     assert wind["utc"][0] == "2018-10-09T00:00:00Z"
+    assert wind["issued"] is None  # winds that were observed
+
+
+def test_the_age_of_a_forecast_is_that_of_its_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    field = SimpleNamespace(
+        times=np.array([0.0, 3600.0]), leads=np.array([6.0, 7.0]) * 3600.0, known_until=1.0
+    )
+    scene = SimpleNamespace(crs="EPSG:4326", time_zero="2026-11-25T18:00:00Z")
+    monkeypatch.setattr(views, "load_results", lambda _: SimpleNamespace(wind=field, scene=scene))
+    monkeypatch.setattr(views, "shown_wind", lambda *_: {})
+    assert views.wind_view(tmp_path) == {"issued": "2026-11-25T12:00:00Z"}
 
 
 def test_starts_are_compared(desk: RunningDesk) -> None:

@@ -475,3 +475,21 @@ def test_random_clicks_leave_no_error(browser: Browser, desk: RunningDesk, seed:
         again = desk.client.get("/api/mission").json()["mission"]
         assert (page.locator("#features").inner_text(), page.locator("#formula").input_value()) == shown
         assert again == kept
+
+
+@pytest.mark.usefixtures("planned")
+def test_a_point_is_kept_for_comparison_once_its_path_is_there(browser: Browser, desk: RunningDesk) -> None:
+    with opened_desk(browser, desk.address, WIDE, "light") as opened:
+        page, held, waits = opened.page, list[Any](), [True]
+        page.route(re.compile("/points/"), lambda route: held.append(route) if waits else route.continue_())
+        page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+        page.locator("#earlier button").last.click()
+        opened.wait("document.querySelectorAll('#front .point').length > 0")
+        opened.wait("document.getElementById('pin').getClientRects().length > 0")
+        page.evaluate("document.getElementById('pin').click()")
+        waits.clear()
+        for route in held:
+            route.continue_()
+        opened.wait("document.querySelector('.vehicle') !== null")
+        page.locator("#pin").click()
+        assert "is kept for comparison" in page.locator("#comparison").inner_text()

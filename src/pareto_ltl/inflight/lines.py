@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from pareto_ltl.inflight.telemetry import refused_text
 from pareto_ltl.inflight.watch import Event
-from pareto_ltl.support.display import distance_text, probability_text
+from pareto_ltl.support.display import distance_text, in_kilometres, probability_text
 
 
 def event_line(event: Event) -> str:
@@ -29,15 +29,26 @@ def _place(event: Event) -> str:
     return f"{event['x'] / 1e3:.2f},{event['y'] / 1e3:.2f} km"
 
 
+def _length(metres: float) -> str:
+    """A length as text: whole metres from 10 m to 2 km."""
+    return distance_text(metres, 0 if metres >= 10.0 and not in_kilometres(metres) else 1)
+
+
+def _hours(joules: float) -> str:
+    """An energy [J] in Wh as text, whole numbers from 100 Wh."""
+    value = joules / 3600.0
+    return f"{value:,.0f}" if abs(value) >= 100.0 else f"{value:.1f}"
+
+
 def _status(event: Event) -> str:
     goal = ""
     if event["goal"]:
         late = event["goal_time"] - event["time"]
         goal = f"; next {' and '.join(event['goal'])} in {clock_text(late)[1:]}"
     promised = "" if event["promised"] is None else f" (promised {probability_text(event['promised'])})"
-    energy = "" if event["energy"] is None else f"; {event['energy'] / 3600.0:.4g} Wh used"
+    energy = ""
     if event["energy"] is not None:
-        energy += f", {event['energy_needed'] / 3600.0:.4g} until the end"
+        energy = f"; {_hours(event['energy'])} Wh used of {_hours(event['energy_needed'])} by the end"
     if event["battery"] is not None:
         energy += f"; battery {100.0 * event['battery']:.0f} %"
     flights = (
@@ -45,7 +56,7 @@ def _status(event: Event) -> str:
         f"{event['flights']:,} flights of the rest fail in {event['law']} winds{promised}"
     )
     return (
-        f"at {_place(event)}, 95 % within {distance_text(event['major'])} x {distance_text(event['minor'])}; "
+        f"at {_place(event)}, 95 % within {_length(event['major'])} x {_length(event['minor'])}; "
         f"{event['corridor']:.1f} sd from the plan{goal}; {flights}; wind "
         f"{event['wind_from']:03.0f}/{math.hypot(*event['wind']):.1f} m/s, "
         f"sd {event['wind_sd']:.1f}{_heard(event)}{energy}"
@@ -64,7 +75,7 @@ def _fix(event: Event) -> str:
     first, second = event["given"]
     done = {"learnt": "used", "refused": "NOT used", "restarted": "believed anew"}[event["use"]]
     return (
-        f"position fix {first:.4f},{second:.4f}, sd {distance_text(event['sd'])}: "
+        f"position fix {first:.4f},{second:.4f}, sd {_length(event['sd'])}: "
         f"{event['distance']:.1f} standard deviations off, {done}"
     )
 

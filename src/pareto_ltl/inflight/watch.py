@@ -12,7 +12,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl.inflight.belief import LAW, Belief
-from pareto_ltl.inflight.telemetry import Reading, Sieve
+from pareto_ltl.inflight.telemetry import MICROSECONDS, Reading, Sieve
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
@@ -92,7 +92,11 @@ class Watch:
 
     @property
     def time(self) -> float:
-        """Seconds after departure until which readings were taken."""
+        """Seconds after departure until which readings were taken, as exact as those of readings."""
+        return round(self._flown_until, MICROSECONDS)
+
+    @property
+    def _flown_until(self) -> float:
         return self.belief.time + self.pending
 
     @property
@@ -133,20 +137,23 @@ class Watch:
             yield from self._reported()
 
     def _fly_until(self, time: float) -> Iterator[Event]:
-        """Fly on with the last known airspeed, or as planned if nothing was heard for long."""
-        elapsed, velocity, silent = time - self.time, self.velocity, time - self.heard
+        """Fly on, no longer than the plan, with the last known airspeed, or as planned in a long silence."""
+        elapsed, velocity, silent = time - self._flown_until, self.velocity, time - self.heard
         if silent > self.settings.silence:
             text = f"no telemetry for {silent:.0f} s: the controls of the plan are assumed"
             yield from self._alarm("silence", text)
             velocity = None
+        if velocity is None:
+            yield from self.flushed()
+        dt, steps = self.problem.motion.dt, len(self.plan.path.u)
         while elapsed > 0.0 and not self.over:
-            part = elapsed
+            left = steps * dt - self._flown_until
+            part = min(elapsed, left)
             if velocity is None:  # the plan changes its controls at the steps
-                dt = self.problem.motion.dt
-                part = min(elapsed, dt - self.time % dt)
+                part = min(part, (1.0 - self.belief.share) * dt)
             self._flown(part, self._planned() if velocity is None else velocity)
             elapsed -= part
-            if self.pending >= TICK or velocity is None:
+            if self.pending >= TICK or velocity is None or part == left:
                 yield from self.flushed()
 
     def _flown(self, seconds: float, velocity: FloatArray) -> None:

@@ -260,7 +260,8 @@ def _promise_lines(plan: Plan, flown: Deployment) -> Iterator[str]:
         failed = int(flown.failed.sum())
         yield f"simulated: fails {_rate_words(counted_rate(flown.law, failed, len(flown.x)))}"
         bound = min(1.0, cost.mission_risk + cost.collision_risk)
-        yield f"bound {models.mission_symbol} + R: {probability_text(bound)}, {models.law} winds"
+        what = f"upper bound of failures, {models.mission_symbol} + R"
+        yield f"{what}: {probability_text(bound)}, {models.law} winds"
     for name, text in (("covered", plan.covered), ("not covered", plan.not_covered)):
         if text:
             yield f"{name}: {text}"

@@ -13,6 +13,7 @@ from pareto_ltl.planning.records import Plan
 from pareto_ltl.report import style
 from pareto_ltl.report.map import LEFT, TEXT_LINE, WEST, draw_route, fitted_heading, map_size
 from pareto_ltl.report.map_layers import MapAxes, map_axes
+from pareto_ltl.report.rate_axes import scale_rate_axis
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
@@ -29,7 +30,7 @@ def watch_figure(scene: Scene, decomposition: Decomposition, plan: Plan, events:
     status = [event for event in events if event["event"] in ("status", "end")]
     law, promised = status[-1]["law"], status[-1]["promised"]
     heading = fitted_heading([
-        f"Flight of {plan.formula}, watched until {status[-1]['time'] / 3600:.1f} h",
+        f"Flight of {plan.formula}, watched until {status[-1]['time'] / 3600:.2f} h",
         f"{probability_text(status[-1]['failure'])} of the flights of the rest fail, {law} winds"
         + ("" if promised is None else f"; promised at departure {probability_text(promised)}"),
     ])  # fmt: skip
@@ -69,21 +70,18 @@ def _draw_track(chart: MapAxes, events: Sequence[Event], status: Sequence[Event]
 
 def _draw_promise(ax: Any, events: Sequence[Event], status: Sequence[Event], promised: float | None) -> None:
     hours = np.array([event["time"] for event in status]) / 3600.0
-    rates = 100.0 * np.maximum(
-        [[event[key] for event in status] for key in ("failure", "low", "high")], LEAST
-    )
+    given = np.array([[event[key] for event in status] for key in ("failure", "low", "high")])
+    rates = np.maximum(given, LEAST)
     ax.fill_between(hours, rates[1], rates[2], color=style.ORANGE, alpha=0.25, linewidth=0)
     ax.plot(hours, rates[0], color=style.ORANGE, linewidth=1.4)
     if promised is not None:
-        ax.axhline(100.0 * max(promised, LEAST), color=style.BLACK, linewidth=0.8, linestyle=(0, (4, 2)))
+        ax.axhline(max(promised, LEAST), color=style.BLACK, linewidth=0.8, linestyle=(0, (4, 2)))
     for event in events:
         if event["event"] == "fix":
             ax.axvline(event["time"] / 3600.0, color=style.GREEN, linewidth=0.8)
         elif event["event"] == "alarm":
             ax.axvline(event["time"] / 3600.0, color=style.VERMILLION, linewidth=0.8, linestyle=":")
-    ax.set(
-        xlabel="time after departure [h]",
-        ylabel="rest fails [%]",
-        yscale="log",
-        xlim=(0.0, max(hours[-1], 1e-3)),
-    )
+    shown = rates if promised is None else np.append(rates, max(promised, LEAST))
+    low = 10.0 ** np.floor(np.log10(shown.min()))
+    scale_rate_axis(ax, "y", low, min(1.0, 1.5 * shown.max()), hidden=bool((given[0] < LEAST).any()))
+    ax.set(xlabel="time after departure [h]", ylabel="rest fails [%]", xlim=(0.0, max(hours[-1], 1e-3)))

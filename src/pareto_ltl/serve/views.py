@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import threading
 from collections.abc import Callable
 from functools import lru_cache
@@ -21,6 +22,7 @@ from pareto_ltl.report.page.points import chosen_number, flown_path, shown_fligh
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.run.exporting import export
 from pareto_ltl.run.interface import choose, load_results
+from pareto_ltl.run.newer_wind import issued
 from pareto_ltl.run.records import PLAN, SCENE
 from pareto_ltl.run.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
@@ -28,6 +30,7 @@ from pareto_ltl.simulation.failure_times import CAUSES
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl.world.navigation import utc_times
 
 KEPT_RUNS = 3  # results in memory
 FLIGHTS = 60  # that are shown of a point
@@ -108,12 +111,18 @@ def limits_view(directory: Path, number: int) -> dict[str, Any]:
 
 @one_at_a_time
 def wind_view(directory: Path) -> dict[str, Any]:
-    """The wind at some times on a lattice: places, expected vectors and their deviation [m/s]."""
+    """The wind at some times on a lattice: places, expected vectors and their deviation [m/s].
+
+    ``issued`` is the start of its latest forecast (UTC), null if it is not known.
+    """
     results = load_results(directory)
     wind, scene = results.wind, results.scene
     if scene.crs is None:
         raise DataError(f"{directory.name}: the map has no place on Earth")
-    return shown_wind(scene, wind, float(min(wind.known_until, 7 * 86400.0)))
+    start = issued(wind)
+    dated = utc_times(scene.time_zero, np.array([start])) if math.isfinite(start) else None
+    shown = shown_wind(scene, wind, float(min(wind.known_until, 7 * 86400.0)))
+    return shown | {"issued": dated and dated[0]}
 
 
 def departures_view(directory: Path) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 // A path and its flights on the map: expected path, ellipses that hold 95 % of positions, simulated flights.
 
-import { ellipseAround } from "./geo.js";
+import { centre, ellipseAround } from "./geo.js";
 import { duration, pathOf, svg } from "./shapes.js";
 
 const ELLIPSES = 14;  // at most, along a path
@@ -21,6 +21,15 @@ export const track = (map, line, kind = "") => svg("path", { class: `track ${kin
 export function vehicle(map, view, step, text) {
   const [ex, ey] = map.at(view.line.at(-1)), [cx, cy] = map.at(view.line[step]);
   return [svg("rect", { class: "end", x: ex - 5, y: ey - 5, width: 10, height: 10 }, svg("title", {}, "expected end")), svg("circle", { class: "vehicle", cx, cy, r: 7 }, svg("title", {}, text))];
+}
+
+const CLEAR = 40;  // [pixels] of a path, from which a name is not moved away
+
+/** Where the name of an outline stands: in its middle, or towards a corner if the path `line` is clearly farther there [pixels]. */
+export function nameSpot(corners, line) {
+  const gap = ([x, y]) => line.reduce((least, [a, b]) => Math.min(least, Math.hypot(a - x, b - y)), CLEAR);
+  const middle = centre(corners), tried = [middle, ...corners.map(([x, y]) => [0.55 * middle[0] + 0.45 * x, 0.55 * middle[1] + 0.45 * y])];
+  return tried.reduce((best, spot) => gap(spot) > 1.2 * gap(best) ? spot : best);
 }
 
 const CROSS = 4;  // half of the sign of a failed flight [pixels]

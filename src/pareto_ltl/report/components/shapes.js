@@ -26,7 +26,7 @@ export function percent(p) {
   if (p === null || p === undefined) return "-";
   const value = 100 * Math.min(1, p);
   if (value >= 99.995) return "100 %";
-  return value === 0 ? "0 %" : value < 1e-3 ? `${value.toExponential(1)} %` : `${+value.toPrecision(value >= 10 ? 3 : 2)} %`;
+  return value === 0 ? "0 %" : value < 1e-5 ? `${value.toExponential(1)} %` : `${+value.toPrecision(value >= 10 ? 3 : 2)} %`;
 }
 
 export function duration(seconds) {

@@ -160,7 +160,7 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
         cost = path.objectives
         fails = {
             "value": _at_most(min(1.0, cost.mission_risk + cost.collision_risk)),
-            "note": f"upper bound ({plan.models.mission_symbol} + R), under {law} winds",
+            "note": f"upper bound of failures of the mission and collisions, under {law} winds",
         }
     others = [] if promise is not None else [_simulated_fact(run)] if run.deployments else []
     hours = float(path.t[-1] - path.t[0]) / 3600

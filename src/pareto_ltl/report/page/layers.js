@@ -1,7 +1,7 @@
 // What the map shows: the mission, the wind, the path of the point that is shown, its flights and tight places.
 
-import { ellipse, ellipses, flown, stepLines, track, vehicle } from "./flight.js";
-import { centre, EARTHLY, PLANAR } from "./geo.js";
+import { ellipse, ellipses, flown, nameSpot, stepLines, track, vehicle } from "./flight.js";
+import { EARTHLY, PLANAR } from "./geo.js";
 import { ChartMap } from "./map.js";
 import { byId, percent, svg } from "./shapes.js";
 import { WindLayer } from "./wind.js";
@@ -38,10 +38,9 @@ function startShape() {
 
 /** Names of regions where they fit, away from the path. */
 function names() {
-  const line = path()?.line.map(place => map.at(place)) ?? [], gap = ([x, y]) => line.reduce((least, [a, b]) => Math.min(least, Math.hypot(a - x, b - y)), 40);
+  const line = path()?.line.map(place => map.at(place)) ?? [];
   return shapesOf("region").map(({ name, ring }) => {
-    const corners = closed(ring).map(place => map.at(place)), middle = centre(corners), tried = [middle, ...corners.map(([x, y]) => [0.55 * middle[0] + 0.45 * x, 0.55 * middle[1] + 0.45 * y])];
-    const [x, y] = tried.reduce((best, spot) => gap(spot) > 1.2 * gap(best) ? spot : best);
+    const [x, y] = nameSpot(closed(ring).map(place => map.at(place)), line);
     return svg("text", { class: "label", x, y: y + 5, "text-anchor": "middle" }, name);
   });
 }

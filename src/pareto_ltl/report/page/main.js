@@ -122,7 +122,7 @@ function drawAll() {
 function fillChooser() {
   const select = byId("point");
   if (!select) return;
-  PAGE.points.forEach((row, k) => select.append(html("option", { value: k }, `point ${k}: ${lengthText(row.length_m)}, ${failureText(row)}${k === PAGE.chosen ? " (chosen)" : ""}`)));
+  PAGE.points.forEach((row, k) => select.append(html("option", { value: k }, `point ${k}${k === PAGE.chosen ? " (chosen)" : ""}: ${lengthText(row.length_m)}, ${failureText(row)}`)));
   select.value = shown.point;
   select.addEventListener("change", () => showPoint(+select.value));
   byId("previous").addEventListener("click", () => showPoint(shown.point - 1));

@@ -8,7 +8,7 @@ import { byId, duration, html, pathOf, percent, svg } from "./shapes.js";
 const TOKEN = new URLSearchParams(location.search).get("token") ?? "";
 const EVERY = 1000;  // [ms] between two questions
 const LISTED = 40;  // lines below each other, at most
-const EDGE = { left: 50, right: 10, top: 10, bottom: 34 };
+const EDGE = { left: 62, right: 10, top: 10, bottom: 34 };
 const LEAST = 1e-4;  // smaller rates are drawn here
 
 let plan = null, number = null, next = 0, events = [], rest = { at: [], failed: [] }, map = null;
@@ -123,6 +123,8 @@ function fact(name, value, note = "", kind = "") {
   return html("div", { class: kind }, html("dt", {}, name), html("dd", {}, value, note ? html("small", {}, note) : null));
 }
 
+const wattHours = joules => `${(joules / 3600).toLocaleString("en", { maximumFractionDigits: joules < 3.6e5 ? 1 : 0 })} Wh`;
+
 function facts(now) {
   const worse = now.promised !== null && now.low > now.promised;
   const found = [
@@ -130,10 +132,10 @@ function facts(now) {
     fact("after departure", duration(now.time), `the plan ends at ${duration(now.end)}`),
     fact("next", now.goal.length ? now.goal.join(" and ") : "-", now.goal.length ? `in ${duration(Math.max(0, now.goal_time - now.time))}` : "no region is left"),
     fact("position", map.plane.text(now.at), `95 % within ${lengthText(now.ellipse[0])} × ${lengthText(now.ellipse[1])}`),
-    fact("from the plan", `${now.corridor.toFixed(1)} sd`, now.corridor > 3.03 ? "outside the 99 % corridor" : "inside the 99 % corridor", now.corridor > 3.03 ? "bad" : ""),
-    fact("wind there", `${now.wind_from.toFixed(0)}° ${Math.hypot(...now.wind).toFixed(1)} m/s`, `sd ${now.wind_sd.toFixed(1)} m/s`),
+    fact("from the plan", `${now.corridor.toFixed(1)} standard deviations`, now.corridor > 3.03 ? "outside the 99 % corridor" : "inside the 99 % corridor", now.corridor > 3.03 ? "bad" : ""),
+    fact("wind there", `${now.wind_from.toFixed(0)}° ${Math.hypot(...now.wind).toFixed(1)} m/s`, `± ${now.wind_sd.toFixed(1)} m/s (standard deviation in each direction)`),
   ];
-  if (now.energy !== null) found.push(fact("energy", `${(now.energy / 3600).toPrecision(4)} Wh used`, `${(now.energy_needed / 3600).toPrecision(4)} Wh until the end of the plan`));
+  if (now.energy !== null) found.push(fact("energy", `${wattHours(now.energy)} used`, `of ${wattHours(now.energy_needed)} by the end of the plan`));
   if (now.battery !== null) found.push(fact("battery", percent(now.battery), "as the autopilot says"));
   return found;
 }
@@ -145,8 +147,8 @@ function chart(root, told) {
   const end = Math.max(told.at(-1).end, told.at(-1).time, 1), rates = told.flatMap(event => [event.high, event.promised ?? event.high, event.failure]);
   const least = Math.floor(Math.log10(Math.max(LEAST, Math.min(...told.flatMap(event => [event.failure, event.promised ?? 1]).map(rate => Math.max(rate, LEAST)))))), most = Math.min(0, Math.ceil(Math.log10(Math.max(...rates, 10 * LEAST))));
   const x = time => EDGE.left + time / end * (w - EDGE.left - EDGE.right), y = rate => base - Math.max(0, Math.log10(Math.max(rate, 10 ** least)) - least) / Math.max(most - least, 1) * (base - EDGE.top);
-  const along = key => told.map(event => [x(event.time), y(event[key])]), parts = [];
-  for (let k = least; k <= most; k++) parts.push(svg("path", { class: "grid", d: pathOf([[EDGE.left, y(10 ** k)], [w - EDGE.right, y(10 ** k)]]) }), svg("text", { x: EDGE.left - 5, y: y(10 ** k) + 4, "text-anchor": "end" }, percent(10 ** k)));
+  const along = key => told.map(event => [x(event.time), y(event[key])]), cut = told.some(event => event.failure < 10 ** least), parts = [];
+  for (let k = least; k <= most; k++) parts.push(svg("path", { class: "grid", d: pathOf([[EDGE.left, y(10 ** k)], [w - EDGE.right, y(10 ** k)]]) }), svg("text", { x: EDGE.left - 5, y: y(10 ** k) + 4, "text-anchor": "end" }, `${k === least && cut ? "≤ " : ""}${percent(10 ** k)}`));
   const unit = end >= 2 * hours ? ["h", hours] : ["min", 60];
   for (const tick of ticksBetween(0, end / unit[1], 6)) parts.push(svg("text", { x: x(tick * unit[1]), y: base + 15, "text-anchor": "middle" }, tick.toLocaleString("en")));
   for (const event of events) if (event.event === "fix" || event.event === "alarm") parts.push(svg("path", { class: event.event === "fix" ? "fixed" : "alarmed", d: pathOf([[x(event.time), EDGE.top], [x(event.time), base]]) }));

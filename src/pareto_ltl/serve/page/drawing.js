@@ -1,6 +1,7 @@
 // Drawing on the map: tools for each role, corners that can be dragged, and the features as shapes.
 
-import { centre, crossesItself, distance, lengthText, metresOf } from "./geo.js";
+import { crossesItself, distance, lengthText, metresOf } from "./geo.js";
+import { nameSpot } from "./flight.js";
 import { byId, html, svg } from "./shapes.js";
 import { outline, ROLES } from "./store.js";
 
@@ -127,10 +128,11 @@ export class Drawing {
 
   // --- shapes ---------------------------------------------------------------------------------------
 
-  shapes(map) {
-    const features = this.store.mission.features, order = ["border", "landmark", "region", "obstacle", "start"];
+  /** All features; names stand away from a `path` of places. */
+  shapes(map, path = []) {
+    const line = path.map(place => map.at(place)), features = this.store.mission.features, order = ["border", "landmark", "region", "obstacle", "start"];
     const drawn = features.map((one, number) => ({ one, number })).sort((a, b) => order.indexOf(a.one.role) - order.indexOf(b.one.role));
-    return [...drawn.map(({ one, number }) => shapeOf(map, one, number, number === this.chosen)), ...drawn.map(({ one }) => labelOf(map, one)).filter(Boolean), ...this.handles(map), ...this.draft(map)];
+    return [...drawn.map(({ one, number }) => shapeOf(map, one, number, number === this.chosen)), ...drawn.map(({ one }) => labelOf(map, one, line)).filter(Boolean), ...this.handles(map), ...this.draft(map)];
   }
 
   handles(map) {
@@ -173,14 +175,15 @@ function shapeOf(map, one, number, chosen) {
   return svg("path", { ...data, d: map.line(outline(one), true) });
 }
 
-function labelOf(map, one) {
+/** The name of a feature, away from the path `line` [pixels]. */
+function labelOf(map, one, line) {
   const text = one.role === "start" ? "start" : one.title;
   if (!text || one.role === "border") return null;
   if (one.role === "obstacle" || one.role === "landmark") {  // named where the name has room
     const across = outline(one).map(place => map.at(place)[0]);
     if (Math.max(...across) - Math.min(...across) < LETTER * text.length) return null;
   }
-  const [x, y] = map.at(one.shape === "polygon" ? centre(one.points) : one.points[0]);
+  const [x, y] = one.role === "start" ? map.at(one.points[0]) : nameSpot(outline(one).map(place => map.at(place)), line);
   return svg("text", { class: `label ${one.role}`, x, y: one.role === "start" ? y - 12 : y + 5, "text-anchor": "middle" }, text);
 }
 

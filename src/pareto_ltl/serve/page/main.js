@@ -29,7 +29,7 @@ const store = new Store(() => { if (ready) { panels.show(); drawing.hint(); } ba
 let ready = false, drawing, panels, result, studies;
 const backdrop = new Backdrop(() => map.refresh());
 
-const map = new ChartMap(byId("map"), view => [...backdrop.shapes(view), ...windShapes(view), ...drawing?.shapes(view) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
+const map = new ChartMap(byId("map"), view => [...backdrop.shapes(view), ...windShapes(view), ...drawing?.shapes(view, result?.view?.line ?? []) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
   press: (place, target) => target.dataset?.fix !== undefined ? { kind: "fix" } : drawing.press(place, target),
   drag: (held, place, before) => held.kind === "fix" ? result.dragFix(place) : drawing.drag(held, place, before),
   dropped: held => { if (held.kind !== "fix") store.changed(); },

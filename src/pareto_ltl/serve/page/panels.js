@@ -16,7 +16,7 @@ const PATTERNS = {
   patrol: { label: "Go round and return to the first", goals: "Regions, in the order in which you press them" },
   formula: { label: "A formula of temporal logic" },
 };
-const WINDS = { sample: "9 and 10 October 2018 over the United States (packaged)", calm: "No wind", noaa: "Newest forecast of NOAA (downloads)", file: "A file of mine…" };
+const WINDS = { sample: "Packaged: USA, 9 to 10 October 2018", calm: "No wind", noaa: "Newest forecast of NOAA (downloads)", file: "A file of mine…" };
 const WIND_NOTES = {
   sample: "For trying the desk: a map elsewhere needs another wind.", calm: "Every flight follows its plan.",
   noaa: "This plan loads a forecast from NOAA; nothing else leaves this machine. It needs the extra grib.",

@@ -37,7 +37,7 @@ export class Result {
     on("next", () => this.show(this.shown + 1));
     on("choose", () => this.choose().catch(failed));
     on("show-fix", () => { this.fix = this.fix ? null : this.view?.line[this.step] ?? null; this.showFix(); });
-    on("pin", () => { this.pinned = this.pinned || !this.view ? null : { id: this.id, number: this.shown, row: this.front.points[this.shown], view: this.view }; this.showFacts(); this.drawFront(); this.redraw(); });
+    on("pin", () => { if (!this.view) return; this.pinned = this.pinned ? null : { id: this.id, number: this.shown, row: this.front.points[this.shown], view: this.view }; this.showFacts(); this.drawFront(); this.redraw(); });
     on("replan", () => this.replan().catch(failed));
     for (const [kind, label] of Object.entries(FORMATS)) byId("exports").append(html("button", { type: "button", "data-kind": kind, onclick: event => this.take(kind, event.target) }, label));
     byId("risk-part").addEventListener("toggle", () => { if (this.view) this.moveTo(this.step); });
@@ -57,6 +57,7 @@ export class Result {
 
   /** Forget a front whose plan could not be checked; its paths stay as lines on the map. */
   discard() {
+    this.player.stop();
     Object.assign(this, { front: null, shown: null, view: null, fix: null });
     for (const id of ["result", "timebar"]) byId(id).hidden = true;
   }
@@ -219,8 +220,8 @@ export class Result {
     place.hidden = !pinned;
     if (!pinned) return;
     if (same) { place.replaceChildren(html("caption", {}, `Point ${pinned.number} is kept for comparison: show another point, or another plan.`)); return; }
-    const range = one => one.failure_low === null ? `at most ${percent(one.failure)}` : `${percent(one.failure)} (${percent(one.failure_low)} to ${percent(one.failure_high)})`, sign = (value, text) => `${value < 0 ? "−" : "+"}${text(Math.abs(value))}`;
-    const rows = [["Fails", range(pinned.row), range(row), `${sign(row.failure - pinned.row.failure, percent).replace(" %", "")} points`], ["Length", lengthText(pinned.row.length_m), lengthText(row.length_m), sign(row.length_m - pinned.row.length_m, lengthText)], ["Duration", duration(pinned.row.duration_s), duration(row.duration_s), sign(row.duration_s - pinned.row.duration_s, duration)]];
+    const range = one => one.failure_low === null ? `at most ${percent(one.failure)}` : `${percent(one.failure)} (${percent(one.failure_low)} to ${percent(one.failure_high)})`, sign = (value, text) => { const size = text(Math.abs(value)); return `${parseFloat(size) === 0 ? "" : value < 0 ? "−" : "+"}${size}`; };
+    const rows = [["Fails", range(pinned.row), range(row), `${sign(row.failure - pinned.row.failure, percent).replace(" %", "")} percentage points`], ["Length", lengthText(pinned.row.length_m), lengthText(row.length_m), sign(row.length_m - pinned.row.length_m, lengthText)], ["Duration", duration(pinned.row.duration_s), duration(row.duration_s), sign(row.duration_s - pinned.row.duration_s, duration)]];
     if (pinned.view.utc && this.view.utc) rows.push(["Arrival", pinned.view.utc.at(-1).slice(5, 16).replace("T", " "), this.view.utc.at(-1).slice(5, 16).replace("T", " "), ""]);
     place.replaceChildren(html("thead", {}, html("tr", {}, html("td"), html("th", {}, `point ${pinned.number}${pinned.id === this.id ? "" : " of the other plan"} (dashed)`), html("th", {}, `point ${this.shown}`), html("th", {}, "difference"))), html("tbody", {}, ...rows.map(([name, ...cells]) => html("tr", {}, html("th", {}, name), ...cells.map(cell => html("td", {}, cell))))));
   }

@@ -85,10 +85,16 @@ export class Studies {
     this.redraw();
   }
 
+  /** The age of the forecast at a departure, in words; nothing if it is not known. */
+  age(time) {
+    const { issued } = this.before.view, hours = (time - Date.parse(issued)) / (2 * HALF_HOUR);
+    return issued && hours >= 0 ? `; forecast of ${utcText(issued)}, then ${hours.toFixed(0)} h old` : "";
+  }
+
   moveTo(time) {
     this.time = (time - Date.parse(this.before.view.utc[0])) / 1000;
     const text = utcText(new Date(time).toISOString());
-    byId("leave-said").textContent = `Leaves ${text}${this.before.view.level ? `; wind at ${this.before.view.level}` : ""}. ${this.before.legend}`;
+    byId("leave-said").textContent = `Leaves ${text}${this.before.view.level ? `; wind at ${this.before.view.level}` : ""}${this.age(time)}. ${this.before.legend}`;
     byId("leave").setAttribute("aria-valuetext", text);
     this.redraw();
   }
