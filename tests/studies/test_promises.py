@@ -172,7 +172,7 @@ def test_the_command_draws_and_answers(
         ({"failure": "1.5"}, "column failure must hold rates from 0 to 1"),
         ({"failure": "x"}, "column failure must hold rates from 0 to 1"),
         ({"simulated_coherent": ""}, "column simulated_coherent must hold rates"),
-        ({"kind": "front"}, "has no plans with fidelity=full, but no plans"),
+        ({"kind": "front"}, "has no chosen plans with fidelity 'full'; it has none"),
         ({"fidelity": "paper"}, "column simulated_independent must hold rates"),
     ],
 )
@@ -190,7 +190,7 @@ def test_what_the_command_cannot_do_is_one_line(
 ) -> None:
     for words, message in (
         ([str(tmp_path / "nowhere")], "give the results directory of a forecast test"),
-        ([str(honest), "--fidelity", "paper"], "no plans with fidelity=paper, but plans of full"),
+        ([str(honest), "--fidelity", "paper"], "no chosen plans with fidelity 'paper'; it has those of full"),
         ([str(honest), "--names", "a", "b"], "--names names two tests; give OTHER too"),
     ):
         assert run_command_line(["scores", *words]) == 2

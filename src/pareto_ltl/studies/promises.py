@@ -24,6 +24,7 @@ from pareto_ltl.settings import PRESETS, preset
 from pareto_ltl.studies import calibration, skill
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import Advice, read_text
 
 if TYPE_CHECKING:
@@ -130,15 +131,12 @@ def read_promises(directory: Path, fidelity: str | None = None, name: str | None
         If the directory holds no such plans, or its table is damaged.
     """
     path = directory / TABLE
-    rows = list(csv.DictReader(read_text(path, ADVICE).splitlines()))
-    if missing := [column for column in COLUMNS if rows and rows[0].get(column) is None]:
-        raise DataError(f"{path}: has no column {missing[0]}; {ADVICE.damaged}")
-    chosen = [row for row in rows if row["kind"] == calibration.CHOSEN and row["fidelity"] in PRESETS]
+    chosen = [row for row in _rows(path) if row["kind"] == calibration.CHOSEN and row["fidelity"] in PRESETS]
     there = list(dict.fromkeys(row["fidelity"] for row in chosen))
     wanted = fidelity or next(iter(there), "full")
     if wanted not in there:
-        held = f"plans of {', '.join(there)}" if there else "no plans"
-        raise DataError(f"{path}: has no plans with fidelity={wanted}, but {held}")
+        held = f"those of {', '.join(there)}" if there else "none"
+        raise DataError(f"{path}: has no chosen plans with fidelity {shown_value(wanted)}; it has {held}")
     column = f"simulated_{preset(wanted).law}"
     mine = sorted((row for row in chosen if row["fidelity"] == wanted), key=lambda row: row["departure"])
     pairs = [(_rate(path, row, column), _rate(path, row, "failure")) for row in mine]
@@ -149,6 +147,18 @@ def read_promises(directory: Path, fidelity: str | None = None, name: str | None
         tuple(row["situation"] for row in mine),
         *(np.array(values, float) for values in zip(*pairs, strict=True)),
     )
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    """The rows of the table, each with all of ``COLUMNS``."""
+    try:
+        rows = list(csv.DictReader(read_text(path, ADVICE).splitlines()))
+    except csv.Error as error:
+        raise DataError(f"{path}: is no table ({error}); {ADVICE.damaged}") from None
+    for column in COLUMNS:
+        if any(row.get(column) is None for row in rows):
+            raise DataError(f"{path}: has no column {column}, or not in every row; {ADVICE.damaged}")
+    return rows
 
 
 def _rate(path: Path, row: Mapping[str, Any], column: str) -> float:
