@@ -1,6 +1,6 @@
 """Build a wheel with machine code from the wheel of pure Python; ``make dist`` calls it.
 
-    python release/machine_code.py dist/pareto_ltl-0.1.0-py3-none-any.whl --out dist
+    python release/machine_code.py dist/pareto_ltl-1.0.0rc1-py3-none-any.whl --out dist
     python release/machine_code.py WHEEL --kinds full paper        # only these kinds of runs
 
 The kernels are compiled by ``pareto-ltl warmup`` from the unpacked wheel, for every processor of the baseline

@@ -14,7 +14,8 @@ NUMBER = re.compile(r"\d(?![.\d]*\s*(trees|vertices))")
 ROUNDED_AWAY = re.compile(r"\b0\.0000")
 TICK = re.compile(r"[-−\d.,]+")  # ticks beyond the ends of an axis have a place, but are not drawn
 UNITLESS = re.compile(
-    r"vertices per tree|plans|hypervolume.*|share.*|correlation|departure, UTC|trees|[βε], .*"
+    r"vertices per tree|plans|hypervolume.*|share.*|correlation|departure, UTC|trees|[βε], .*|"
+    r".*elementary scores?"
 )
 BEYOND_ONE = re.compile(r"\b(?!100 %)[1-9]\d{2,} %")
 

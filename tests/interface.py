@@ -1,6 +1,7 @@
 """The stable interface, kept in ``interface.json`` and checked by ``test_interface_kept.py``.
 
-Names and parameters of ``pareto_ltl``, commands, settings with their types, and the keys of the JSON files.
+Names and parameters of ``pareto_ltl``, commands, settings with their types, the keys of the JSON files, the
+columns of the tables.
 After an addition, write the file again; for another change, follow "Deprecation" in RELEASING.md first:
 
     python tests/interface.py
@@ -16,6 +17,10 @@ from typing import Any
 
 import pareto_ltl
 from pareto_ltl.cli.command_table import COMMANDS
+from pareto_ltl.exports import dead_reckoning, flight_card
+from pareto_ltl.planning.costs import COSTS, cost_named
+from pareto_ltl.run.front_files import FRONT_HEADER
+from pareto_ltl.run.plan_files import TABLE_HEADER
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.kinds import field_kinds
 from pareto_ltl.settings.outputs import EXPORT_FILES
@@ -71,6 +76,13 @@ def interface() -> dict[str, Any]:
         "commands": sorted(command.name for command in COMMANDS),
         "settings": setting_kinds(),
         "files": {name: file_keys(json.loads(schema_text(name))) for name in SCHEMA_NAMES},
+        "tables": {
+            "front.csv": [*FRONT_HEADER],
+            "front.csv, further costs": [cost_named(name).column for name in COSTS],
+            "plan.csv": [*TABLE_HEADER],
+            "dead_reckoning.csv": [*dead_reckoning.COLUMNS],
+            "flight_card.csv": [*flight_card.COLUMNS],
+        },
         "exports": dict(EXPORT_FILES),
     }
 

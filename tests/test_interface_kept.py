@@ -11,7 +11,7 @@ from interface import KEPT, interface
 ADVICE = "run python tests/interface.py after an addition; for another change see Deprecation in RELEASING.md"
 
 
-@pytest.mark.parametrize("part", ["python", "commands", "settings", "files", "exports"])
+@pytest.mark.parametrize("part", ["python", "commands", "settings", "files", "tables", "exports"])
 def test_the_interface_is_the_one_that_is_declared(part: str) -> None:
     assert interface()[part] == json.loads(KEPT.read_text())[part], ADVICE
 

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from pareto_ltl.world.scene import Scene
     from pareto_ltl_verify.judge import verify
 
-__version__ = "0.1.0"
+__version__ = "1.0.0rc1"
 
 __all__ = [
     "ConfigError",

@@ -255,6 +255,19 @@ def forecast_errors(place: Path) -> Fuzz:
     return Fuzz(tree_mutants(trees, json_bytes), _from_file(place / "law.json", read_forecast_error))
 
 
+def forecast_tests(place: Path) -> Fuzz:
+    from pareto_ltl.studies.promises import TABLE, read_promises, references
+
+    head = "mission,formula,departure,situation,latitude,longitude,kind,fidelity,simulated_coherent,failure"
+    rows = ("0,F a,2018-10-09T06:00:00Z,s,40,-100,chosen,full,0.25,1.0",
+            "1,F a,2018-10-09T03:00:00Z,s,40,-99,chosen,full,0.5,0.0")  # fmt: skip
+
+    def read(path: Path) -> object:
+        return references(read_promises(path.parent))
+
+    return Fuzz(mutants(["\n".join((head, *rows)).encode()]), _from_file(place / TABLE, read))
+
+
 def netcdf_winds(place: Path) -> Fuzz:
     from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 
@@ -362,6 +375,7 @@ TARGETS = (
     Target("position_fixes", position_fixes),
     Target("inventories", inventories),
     Target("forecast_errors", forecast_errors),
+    Target("forecast_tests", forecast_tests),
     Target("netcdf_winds", netcdf_winds, share=0.2),  # HDF5 takes 10 ms to open a file
     Target("results", results),
     Target("sweeps", sweeps),

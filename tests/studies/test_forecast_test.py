@@ -115,11 +115,14 @@ def test_a_wind_that_stays_as_it_was_keeps_the_promise_and_one_that_turns_breaks
 def result(longitude: float, promised: float, failure: float, fidelity: str = "full") -> dict[str, object]:
     law = {"full": "coherent", "paper": "independent"}[fidelity]
     plan = {
-        "fidelity": fidelity, "kind": "chosen", "steps": 9, "objectives": {"length": 1e5},
+        "fidelity": fidelity, "kind": "chosen", "steps": 9, "hours": 4.5, "objectives": {"length": 1e5},
         "promised": {f"simulated_{law}": promised, f"bound_{law}": min(1.0, 2 * promised)},
         "failure": failure, "missed": failure, "collided": 0.0, "off_map": 0.0, "miss_m": 1e3, "sd_m": 1e3,
     }  # fmt: skip
-    place = {"departure": "now", "latitude": 40.0, "longitude": longitude, "known_hours": -3.0}
+    place = {
+        "departure": "2018-10-09T12:00:00Z", "latitude": 40.0, "longitude": longitude, "known_hours": -3.0,
+        "cycle_hours": -6.0,
+    }  # fmt: skip
     return {"formula": "F a", **place, "plans": [plan]}
 
 
@@ -145,6 +148,31 @@ def test_regions_bins_and_verdicts_are_told() -> None:
     assert "of 3 bins of at least 20 missions keep their promise" in found.text
     assert "Not covered" in found.text
     assert wrong_texts(found.text.splitlines()) == []
+
+
+@pytest.mark.parametrize(
+    ("known", "cycle", "lead"),
+    [(-3.0, -6.0, "held field"), (4.0, -5.0, "held field"), (4.5, -1.0, "0 to 6 h"), (5.0, -1.5, "0 to 6 h"),
+     (5.0, -1.6, "6 to 12 h"), (12.0, -12.0, "12 to 24 h"), (90.0, -60.0, "above 48 h")],
+)  # fmt: skip
+def test_a_flight_is_covered_where_the_last_known_field_is_not_before_its_end(
+    known: float, cycle: float, lead: str
+) -> None:
+    assert study.lead_of(4.5, known, cycle) == lead
+
+
+def test_the_table_is_by_season_and_lead() -> None:
+    assert [study.season_of(f"2018-{month:02d}-09T12:00:00Z") for month in (12, 1, 3, 8, 11)] == [
+        "Dec to Feb", "Dec to Feb", "Mar to May", "Jun to Aug", "Sep to Nov",
+    ]  # fmt: skip
+    told = results()
+    for row in told[:20]:
+        row |= {"departure": "2019-01-09T12:00:00Z", "known_hours": 9.0, "cycle_hours": -4.0}
+    found = study_of(told)
+    own = [row for row in found.tables["leads"] if row["promise"] == "simulated_coherent"]
+    groups = {(row["season"], row["lead"]): row["missions"] for row in own}
+    assert groups == {("Dec to Feb", "6 to 12 h"): 20, ("Sep to Nov", "held field"): 40}
+    assert "By season, and lead at the end of the flight" in found.text
 
 
 def test_plans_of_two_fidelities_share_a_table() -> None:
@@ -207,5 +235,12 @@ def test_a_forecast_test_of_real_fields_from_the_command_line(
     assert 0 <= metrics["full_realised"] <= 1
     rows = list(csv.DictReader(Path("out/forecast_test.csv").read_text().splitlines()))
     assert all(float(row["known_hours"]) < 0 for row in rows)  # f003 of a cycle 4 h old has passed
-    for name in ("reliability.csv", "regions.csv", "scorecard.csv", "figures/forecast_test_full.png"):
+    assert {row["lead"] for row in rows} == {"held field"}
+    for name in (
+        "reliability.csv",
+        "leads.csv",
+        "regions.csv",
+        "scorecard.csv",
+        "figures/forecast_test_full.png",
+    ):
         assert (Path("out") / name).stat().st_size > 0

@@ -88,6 +88,7 @@ COMMANDS = (
     Command("beacons", "where a beacon would reduce the failure of a plan most"),
     Command("rerun", "make a result again and compare it byte by byte"),
     Command("verify", "derive every claim of a result again, without the planner"),
+    Command("scores", "the promises of a forecast test against what came, or two tests compared"),
     Command("wind-error", "the law of forecast errors, from past forecasts and analyses"),
     Command("warmup", "compile what a kind of run needs, before its first run"),
     Command("cache", "folder and size of the cache; cache clear empties it"),

@@ -28,8 +28,7 @@ ABOUT = "Risk-aware temporal-logic mission planning in uncertain wind, without p
 EXAMPLES = """\
   pareto-ltl plan +experiment=phi1                         plan one of the ready missions
   pareto-ltl plan +experiment=phi1 "mission.formula='F(a & F b)'" planner.n_max=5000
-  pareto-ltl sweep +experiment=phi2 'seed=range(0,99)' hydra/launcher=joblib
-  pareto-ltl +experiment=phi1 seed=1,2 -m                  the Hydra form: plan, with every combination"""
+  pareto-ltl sweep +experiment=phi2 'seed=range(0,99)' hydra/launcher=joblib"""
 FLAGS = """\
   -m, --multirun  run every combination of key=value1,value2 or key=range(first,beyond)
   --config-dir    a folder with your own choices; --hydra-help: flags of Hydra

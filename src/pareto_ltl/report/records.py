@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.records import Forest, Front, Plan
     from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.support.arrays import FloatArray
     from pareto_ltl.wind.records import WindField
     from pareto_ltl.world.cells import Decomposition
     from pareto_ltl.world.scene import Scene
@@ -61,3 +62,42 @@ class Study:
     numbers: Mapping[str, float]
     text: str
     pictures: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class PromiseDiagrams:
+    """The promises of a forecast test against what came, as ``pareto-ltl scores`` draws them.
+
+    Attributes
+    ----------
+    fidelity : str
+        The preset of planning; its wind law is that of the promises.
+    promised, realised : (N,) float
+        Rates of failure, in the order of the promises.
+    isotonic, low, high : (N,) float
+        The isotonic rates, and the range in which those of exact promises lie.
+    parts : mapping of name to float
+        The Brier score and its parts.
+    thresholds : (T,) float
+        Probabilities above which somebody decides not to fly.
+    curves : mapping of name to (T,) float
+        Mean elementary scores: of the promises, of simple ones, of another test.
+    other : str
+        What the promises are compared with.
+    difference, difference_low, difference_high : (T,) float
+        Elementary scores minus those of ``other``, with 95 % intervals; NaN where the scores are equal.
+    """
+
+    fidelity: str
+    promised: FloatArray
+    realised: FloatArray
+    isotonic: FloatArray
+    low: FloatArray
+    high: FloatArray
+    parts: Mapping[str, float]
+    thresholds: FloatArray
+    curves: Mapping[str, FloatArray]
+    other: str
+    difference: FloatArray
+    difference_low: FloatArray
+    difference_high: FloatArray

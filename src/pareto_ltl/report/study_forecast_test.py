@@ -90,10 +90,11 @@ def forecast_test_figure(
     for row, shade, mark in zip(regions, REGION_COLOURS, REGION_MARKS, strict=False):
         label = f"{row['region']} ({row['missions']})"
         _draw_rate(axes[1], row, shade, **_verdict_mark(row, shade) | {"marker": mark}, label=label)
-    axes[1].legend(
+    legend = axes[1].legend(
         loc="lower right", handlelength=1.0, borderaxespad=0.2, labelspacing=0.3, frameon=True,
         framealpha=0.8, edgecolor="none",
     )  # fmt: skip
+    legend.set_zorder(2)  # below intervals and marks
     axes[0].set_ylabel("failed in the later full fields [%]")
     _draw_histogram(axes[2], column_values(plans, promise), law, colour)
     return figure

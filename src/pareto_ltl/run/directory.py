@@ -24,7 +24,7 @@ RECORD_FILES = (
     "figures/*.pdf", "tables.md",
     "compare.csv", "compare_seeds.csv", "differences.csv", "no_plan.csv", "convergence.csv",
     "convergence_seeds.csv", "first_answer.csv", "ablation.csv", "hindcast.csv", "reliability.csv",
-    "scorecard.csv", "forecast_test.csv", "regions.csv", "departures.csv", "departures.json",
+    "scorecard.csv", "forecast_test.csv", "leads.csv", "regions.csv", "departures.csv", "departures.json",
     "departure_lengths.csv", "replan.json",
     "replanning.csv", "replanning_flights.csv",
     PAGE_FILE,

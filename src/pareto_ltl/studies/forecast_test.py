@@ -58,6 +58,10 @@ from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
 
 REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}  # eastern ends [deg]
 REGION_KEYS = ("fidelity", "region")
+LEAD_KEYS = ("fidelity", "season", "lead")
+SEASONS = ("Dec to Feb", "Mar to May", "Jun to Aug", "Sep to Nov")
+LEADS = (6.0, 12.0, 24.0, 48.0)  # ends of the groups by lead [h]
+HELD = "held field"
 ENOUGH = 20  # least number of missions of a bin that counts in the numbers
 RIM = 4.0  # [deg] around the area of the missions in which readings are used, for scenes at its edge
 HALF_HOUR = 1800.0  # time step of robot.dt=auto here [s]
@@ -69,7 +73,7 @@ PLACE = (
     "latitude",
     "longitude",
 )  # columns of a mission in the table of plans
-KNOWN = ("known_hours",)
+KNOWN = ("known_hours", "cycle_hours")
 OUTCOMES = ("failure", "missed", "collided", "off_map", "miss_m", "sd_m")
 ENDS = ("", "_low", "_high")
 
@@ -207,6 +211,7 @@ def _flown_plans(
             "origin": path.origin,
             "objectives": path.objectives.as_dict(),
             "steps": len(path.u),
+            "hours": len(path.u) * float(run.settings.robot.dt) / 3600.0,
             "promised": promised,
             "failure": float(flights.failed.mean()),
             "missed": float((~flights.accepted).mean()),
@@ -236,6 +241,25 @@ def region_of(longitude: float) -> str:
     return next(name for name, end in REGIONS.items() if longitude < end)
 
 
+def season_of(departure: str) -> str:
+    """The season of a departure, as its months: ``2018-10-09T12:00:00Z`` is in ``Sep to Nov``."""
+    return SEASONS[int(departure[5:7]) % 12 // 3]
+
+
+def lead_of(hours: float, known_hours: float, cycle_hours: float) -> str:
+    """The lead of the forecast at the end of a flight of ``hours``, as a range; or that a field was held.
+
+    ``known_hours`` and ``cycle_hours`` are the last field and the newest cycle [h after departure].
+    """
+    if known_hours < hours:
+        return HELD
+    lead = hours - cycle_hours
+    place = int(np.searchsorted(LEADS, lead))
+    return (
+        f"above {LEADS[-1]:g} h" if place == len(LEADS) else f"{[0.0, *LEADS][place]:g} to {LEADS[place]:g} h"
+    )
+
+
 def plan_rows(cfg: ForecastTestConfig, results: Sequence[Mapping[str, Any]]) -> list[Columns]:
     """One row for each plan: its mission, its promises, the realised failures."""
     unknown = dict.fromkeys(sorted({n for r in results for p in r["plans"] for n in p["promised"]}), math.nan)
@@ -246,6 +270,9 @@ def plan_rows(cfg: ForecastTestConfig, results: Sequence[Mapping[str, Any]]) -> 
             row |= {name: result.get(name, "") for name in PLACE} | {"region": region_of(result["longitude"])}
             row |= {name: plan[name] for name in ("kind", "fidelity")}
             row |= {name: result[name] for name in KNOWN if name in result} | {"steps": plan["steps"]}
+            if cfg.known == "departure":
+                row |= {"season": season_of(result["departure"])}
+                row |= {"lead": lead_of(plan["hours"], *(result[name] for name in KNOWN))}
             row |= {"length_m": plan["objectives"]["length"]} | unknown | plan["promised"]
             rows.append(row | {name: plan[name] for name in OUTCOMES})
     return rows
@@ -266,6 +293,7 @@ def missions_study(known: KnownWinds, results: Sequence[Mapping[str, Any]]) -> S
         "reliability": calibration.reliability(rows, cfg.bins),
         "regions": calibration.scorecard(chosen, REGION_KEYS),
         "scorecard": calibration.scorecard(rows),
+        **({"leads": calibration.scorecard(chosen, LEAD_KEYS)} if cfg.known == "departure" else {}),
         "no_plan": [
             {"mission": k, "reason": _reason_of(result)} for k, result in enumerate(results) if not planned[k]
         ],
@@ -343,6 +371,11 @@ def _test_text(
             calibration.score_table(known.title(numbers), tables["scorecard"], keys),
             calibration.bin_table("By promise; kept: promised at least the lower end", bins),
             calibration.score_table("By region", list(filter(_is_own, tables["regions"])), REGION_KEYS),
+            *(
+                calibration.score_table("By season, and lead at the end of the flight", own, LEAD_KEYS)
+                for own in [list(filter(_is_own, tables.get("leads", ())))]
+                if own
+            ),
             *dict.fromkeys(
                 filter(None, map(calibration.situations_text, filter(_is_own, tables["scorecard"])))
             ),

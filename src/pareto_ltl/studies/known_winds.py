@@ -126,9 +126,13 @@ class DepartureWinds(KnownWinds):
         ]
 
     def run_columns(self, run: Run) -> Columns:
-        """Time of the last field that planning knew [h after departure]; negative if before departure."""
-        departure = seconds(str(run.make(SCENE).time_zero))
-        return {"known_hours": float(run.make(READINGS).times[-1] - departure) / HOUR}
+        """Last field and newest cycle that planning knew [h after departure]; negative if before it."""
+        departure, readings = seconds(str(run.make(SCENE).time_zero)), run.make(READINGS)
+        newest = float(np.max(readings.times - readings.leads))
+        return {
+            "known_hours": float(readings.times[-1] - departure) / HOUR,
+            "cycle_hours": (newest - departure) / HOUR,
+        }
 
     def title(self, numbers: Mapping[str, float]) -> str:
         """The known winds, and the number of missions."""

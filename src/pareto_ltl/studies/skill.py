@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,20 +64,38 @@ def skill(promised: FloatArray, realised: FloatArray, reference: FloatArray) -> 
     return 1.0 - brier_score(promised, realised) / usual if usual > 0.0 else math.nan
 
 
-def situation_columns(realised: FloatArray, situations: Sequence[str]) -> Columns:
-    """The number n of situations, the 95 % interval of the mean rate by them, and ``floor`` = 1 / (n + 1).
+@dataclass(frozen=True, slots=True)
+class MeanInterval:
+    """95 % interval of a mean, with a situation as one trial; infinite for one situation."""
 
-    The interval is for the mean of clusters, with Student's t of n - 1 degrees of freedom; one situation
-    gives no interval. No rate that is calibrated on n situations can be claimed to be below the floor: the
-    next situation is the worst of n + 1 with that probability.
-    """
+    situations: int
+    low: float
+    high: float
+
+
+def mean_interval(values: FloatArray, situations: Sequence[str]) -> MeanInterval:
+    """The interval of the mean of clusters, with Student's t of n - 1 degrees of freedom."""
     from scipy.stats import t
 
     _, place = np.unique(np.array(situations), return_inverse=True)
-    n, mean = int(place.max()) + 1, float(realised.mean())
-    low, high = 0.0, 1.0
-    if n > 1:
-        sums = np.bincount(place, realised - mean)
-        half = float(t.ppf(0.5 + LEVEL / 2, n - 1) * np.sqrt(n / (n - 1) * (sums**2).sum()) / len(realised))
-        low, high = max(0.0, mean - half), min(1.0, mean + half)
-    return {"situations": n, "by_situation_low": low, "by_situation_high": high, "floor": 1.0 / (n + 1)}
+    n, mean = int(place.max()) + 1, float(values.mean())
+    if n == 1:
+        return MeanInterval(1, -math.inf, math.inf)
+    sums = np.bincount(place, values - mean)
+    half = float(t.ppf(0.5 + LEVEL / 2, n - 1) * np.sqrt(n / (n - 1) * (sums**2).sum()) / len(values))
+    return MeanInterval(n, mean - half, mean + half)
+
+
+def situation_columns(realised: FloatArray, situations: Sequence[str]) -> Columns:
+    """The number n of situations, the 95 % interval of the mean rate by them, and ``floor`` = 1 / (n + 1).
+
+    One situation says nothing. No rate that is calibrated on n situations can be claimed to be below the
+    floor: the next situation is the worst of n + 1 with that probability.
+    """
+    found = mean_interval(realised, situations)
+    return {
+        "situations": found.situations,
+        "by_situation_low": max(0.0, found.low),
+        "by_situation_high": min(1.0, found.high),
+        "floor": 1.0 / (found.situations + 1),
+    }

@@ -123,7 +123,7 @@ STUDIES = (
     StudyKind(
         "forecast_test",
         "forecast_test:run_forecast_test",
-        ("forecast_test.csv", *FIELD_TABLES),
+        ("forecast_test.csv", "leads.csv", *FIELD_TABLES),
         "study_forecast_test:forecast_test_figures",
         needs=(),
     ),
