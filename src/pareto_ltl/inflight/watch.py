@@ -92,7 +92,7 @@ class Watch:
 
     @property
     def time(self) -> float:
-        """Seconds after departure until which readings were taken, as exact as those of readings."""
+        """Seconds after departure until which readings were taken, as exact as the times of readings."""
         return round(self._flown_until, MICROSECONDS)
 
     @property

@@ -18,7 +18,7 @@ SHARES = (0.5, 1.0)  # of a leg, where that is evaluated
 
 @kernel
 def find_nearest_legs(x: FloatArray, px: float, py: float, legs: IntArray) -> int:
-    """Fill ``legs`` with those of ``x`` (T+1, 2) nearest to (``px``, ``py``) [m]; return their number."""
+    """Fill ``legs`` with the legs of ``x`` (T+1, 2) nearest to (``px``, ``py``) [m]; return their number."""
     count = min(len(legs), len(x) - 1)
     for j in range(count):
         best, least = -1, math.inf

@@ -26,7 +26,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 class Claims(NamedTuple):
     """W(p) of all claims (Q,) at one step: ``margin`` [m], and the number ``event`` of the binding event.
 
-    Event numbers are those of :func:`letter_number` and :func:`hazard_number`; storing whole events takes
+    Event numbers come from :func:`letter_number` and :func:`hazard_number`; storing whole events takes
     three times as long. ``live`` (Q,) lists the ``size[0]`` claims with a margin above -CERTAIN, ascending.
     """
 
@@ -71,7 +71,7 @@ def letter_margins(
 
 @kernel
 def guard_margin(guards: Guards, e: int, shown: FloatArray) -> tuple[float, int]:
-    """Margin of edge ``e`` from those of its letters in ``shown`` (M,), and the letter that binds, or -1."""
+    """Margin of edge ``e`` from the margins of letters, ``shown`` (M,), and the letter that binds, or -1."""
     spared = guards.spared[e]
     margin, binding = CERTAIN if spared else -CERTAIN, -1
     for k in range(guards.ptr[e], guards.ptr[e + 1]):

@@ -37,7 +37,7 @@ class ClaimRows(NamedTuple):
     """Scratch memory: rows ``before`` and ``after`` a step, and temporary rows.
 
     ``shown`` (M, n): margins of the letters for which ``near`` (M,) is true [m]. ``margin`` (2, n) and
-    ``event`` (n,) are temporary: those of one polygon, and those of a claim behind an edge. With hazards,
+    ``event`` (n,) are temporary: values of one polygon, and of a claim behind an edge. With hazards,
     ``state`` (n,) is the automaton state of each flight, and ``ends`` (4, n) and ``flight`` are temporary:
     the segments of one step, and the claims of one flight.
     """
@@ -73,7 +73,7 @@ def lower_to_face(
 
 @kernel
 def raise_row(margins: FloatArray, others: FloatArray) -> None:
-    """Raise each of ``margins`` (n,) to that of ``others`` if it is larger."""
+    """Raise each of ``margins`` (n,) to the value in ``others`` if it is larger."""
     for i in range(len(margins)):
         margins[i] = max(margins[i], others[i])
 

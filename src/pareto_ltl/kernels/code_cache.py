@@ -63,7 +63,7 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
 
     @property
     def cache_path(self) -> str:
-        """The folder in which code is looked for first, apart from that of a wheel."""
+        """The folder in which code is looked for first, apart from the folder in a wheel."""
         return str(self.folders()[0])
 
     def folders(self) -> list[Path]:

@@ -161,8 +161,8 @@ def pass_obstacles(
     Both ends must lie beyond one face of every obstacle. Consecutive steps with the same face are a run,
     which costs min(Σ p, 2 Φ(-smallest gap / largest σ)). Of the faces that separate both ends, the one that
     adds least is chosen. Row ``now`` of ``new`` gets the runs with a cost above 0; row ``before`` of ``last``
-    has those of the previous step. The first result, Σ_j p_tj, is to be compared with epsilon; both results
-    are inf if no face of some obstacle separates both ends.
+    has the runs of the previous step. The first result, Σ_j p_tj, is to be compared with epsilon; both are
+    inf if no face of some obstacle separates both ends.
 
     Eq. (M40) of docs/mathematics.md.
     """

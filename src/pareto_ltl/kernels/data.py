@@ -185,8 +185,8 @@ class Modes(NamedTuple):
     is the same by mode, ``part`` (P,) the part of each mode; ``epoch`` (S,) is the number of changes of θ up
     to each step. On the lattice of the expected wind, ``slope`` (K, NX, NY, 4) = ∂μ_x/∂x, ∂μ_x/∂y, ∂μ_y/∂x,
     ∂μ_y/∂y and ``bend`` (K, NX, NY, 6) = the second derivatives xx, xy, yy of μ_x, then of μ_y. ``white`` is
-    the ratio of the variance of a gust averaged over a step to that of the gust itself, ``rest`` the same
-    ratio for the smooth error that the modes do not represent.
+    the variance of a gust averaged over a step, relative to the variance of the gust, ``rest`` the same ratio
+    for the smooth error that the modes do not represent.
     """
 
     west: float
@@ -307,7 +307,7 @@ Memory: TypeAlias = CoherentMemory | LandmarkMemory | None
 class Theorem2(NamedTuple):
     """The paper's bound f_o.
 
-    ``faces`` are those of the convex parts of the regions, ``atom`` is the proposition of each part,
+    ``faces`` are the faces of the convex parts of the regions, ``atom`` is the proposition of each part,
     ``holds`` (E, C, P) whether a proposition holds in a cell in each epoch of ``logic``. Its memory is None,
     as the risks of the propositions are objectives of the vertex.
     """
@@ -378,7 +378,7 @@ class OrderedMemory(NamedTuple):
     """``rows`` of V; ``letters`` is scratch memory, None in trees.
 
     ``same`` (2,) belongs to the two scratch rows: the row of the tree with the same V, -1 if the scratch row
-    has entries of its own.
+    has separate entries.
     """
 
     rows: LiveRows

@@ -29,7 +29,7 @@ SHORTENED = 0.985  # one solve may shorten the path to this share of its length,
 WIDER, NARROWER, NARROWEST = 1.5, 0.35, 0.01  # factors of the trust region after a success or not; its least
 INNER_GAIN = 1e-3  # relative gain below which the solves of a width end
 LEAST_VALUE = 1e-6  # of a smoothed failure, whose model is relative to it
-RIDGE = 1e-4  # curvature added to that of the failure, relative to it, for a full step squared
+RIDGE = 1e-4  # curvature added to the curvature of the failure, relative to it, for a full step squared
 SLOWEST = 0.99  # upper limit of the least airspeed in a programme, as a share of the largest one
 TRIES = 2  # times that controls are scaled into the airspeed limits
 ROUNDING = 1e-9
@@ -79,7 +79,7 @@ class Guess(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Memory of a descent; ``legs`` (NEAREST,) is that of :func:`~pareto_ltl.kernels.attraction.attract`."""
+    """Memory of a descent; ``legs`` (NEAREST,) is for :func:`~pareto_ltl.kernels.attraction.attract`."""
 
     model: StepModel
     work: Work

@@ -100,7 +100,7 @@ class Sight(NamedTuple):
 def likely_sight(marks: Landmarks, begin: Point, here: Gaussian) -> Sight:
     """The most probable landmark on the segment from ``begin`` to the Gaussian ``here``; -1 for none.
 
-    P(inside) is that of the Gaussian moved to the point of the segment nearest to the landmark's middle.
+    P(inside) is computed for the Gaussian moved to the point of the segment nearest to the landmark's middle.
 
     Eq. (M29) of docs/mathematics.md.
     """

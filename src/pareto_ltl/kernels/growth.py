@@ -242,7 +242,7 @@ def pick_target(s: Search, fans: Fans, position: int, rng: Generator) -> Point:
 def plant(s: Search, here: Gaussian, rng: Generator) -> bool:
     """Make the root of the tree. Returns False if the start breaks the chance constraint."""
     world, tree, state = s.world, s.tree, s.state
-    root = int(np.int64(0))  # a literal 0 has a type of its own, for which all helpers would compile again
+    root = int(np.int64(0))  # a literal 0 has another type, for which all helpers would compile again
     cell = locate_cell(world.mission.cells, here.mean)
     q = world.mission.logic.delta[world.mission.logic.epoch[0], world.mission.logic.initial, cell]
     tree.x[0, 0], tree.x[0, 1] = here.mean

@@ -19,7 +19,7 @@ class LinearLaw(NamedTuple):
     """The coherent law linearised about a path of T steps, e' = F e + dt (ψ' θ + white).
 
     ``F`` (T, 2, 2); ``psi`` (T, 2, P) [m/s]; ``white`` (T, 2): standard deviations [m/s]; ``epoch`` (T,):
-    that of the field at each step; ``kept`` (E, P): the share of θ that is kept at the beginning of each
+    the epoch of the field at each step; ``kept`` (E, P): the share of θ that is kept at the beginning of each
     epoch, 0 for the first; ``dt`` [s]; ``start_sd`` [m].
     """
 

@@ -41,7 +41,7 @@ class MarginModel(NamedTuple):
     """Polygons and automaton of a margin; face k of a polygon is the edge from its corner k to the next.
 
     ``shown`` are the convex polygons that have a letter, ``first`` (M + 1,) is the first polygon of each of
-    the M letters, ``letter`` the letter of each polygon, ``column`` (M,) that of each letter in
+    the M letters, ``letter`` the letter of each polygon, ``column`` (M,) the column of each letter in
     ``logic.delta``. ``faces`` and ``corners`` are the barriers:
     obstacles, and walls as one face without corners. ``hazards`` are the faces of the cells
     ``logic.hazards``.

@@ -112,7 +112,7 @@ def meeting_bound(bound: Ordered, h: int, before: Gaussian, here: Gaussian) -> f
     """P(segment meets hazard h) ≤ min over lines of P(before not beyond) + P(here not beyond).
 
     A segment does not meet the polygon if both its ends are beyond one line that does not cross the polygon.
-    The lines are those of its faces, and the parallel to the line through both means that touches the
+    The lines are the lines of its faces, and the parallel to the line through both means that touches the
     polygon at its nearest corner.
 
     Eq. (M38) of docs/mathematics.md.

@@ -137,7 +137,7 @@ def copy_belief(own: Beliefs, row: int, target: int) -> None:
 
 @kernel
 def learn_from_fix(own: Beliefs, row: int, target: int, s: float, error: FloatArray) -> None:
-    """The covariances of ``target`` after a fix at the share ``s`` of the step that ends at those of ``row``.
+    """The covariances of ``target`` after a fix at the share ``s`` of the step that ends at ``row``.
 
     ``error`` (3,) is the covariance (xx, xy, yy) of the fix [m²].
 

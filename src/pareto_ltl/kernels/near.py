@@ -87,7 +87,7 @@ def list_shown(faces: Faces, floor: float, near: Near) -> None:
 
 @kernel
 def segment_box(box: FloatArray, t: int) -> SegmentBox:
-    """The box of the segments from step ``t`` to the next, from those of the positions (T+1, 4)."""
+    """The box of the segments from step ``t`` to the next, from the boxes of positions (T+1, 4)."""
     west = min(box[t, 0] - box[t, 2], box[t + 1, 0] - box[t + 1, 2])
     east = max(box[t, 0] + box[t, 2], box[t + 1, 0] + box[t + 1, 2])
     south = min(box[t, 1] - box[t, 3], box[t + 1, 1] - box[t + 1, 3])
@@ -143,7 +143,7 @@ def list_met(
 ) -> None:
     """List in ``met`` the polygons to which some segment may be closer than ``reach`` [m].
 
-    Those of the segments from step t are ``met[first[t]:first[t + 1]]``.
+    The polygons near the segments from step t are ``met[first[t]:first[t + 1]]``.
     """
     count = 0
     for t in range(len(box) - 1):

@@ -146,7 +146,7 @@ def read_letter(
 ) -> None:  # fmt: skip
     """Write V after one more letter to row ``target`` of ``now``, from ``row`` of ``before``.
 
-    ``now`` has space for 2 ``most`` entries. When entries are left out, that of the state ``planned`` is
+    ``now`` has space for 2 ``most`` entries. When entries are left out, the entry of the state ``planned`` is
     kept.
 
     Eq. (M37) of docs/mathematics.md.

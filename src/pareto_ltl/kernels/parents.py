@@ -26,12 +26,12 @@ class Dominance(NamedTuple):
 class Scaled(NamedTuple):
     """Compares d_A first, then logarithms of risks, and length.
 
-    The slack of risks is the factor 1 + ``beta_risk``, that of length ``beta_length`` [m]. With ``scored``,
-    one augmented Tchebycheff score of mission risk, collision risk and length decides instead, with
-    ``weight`` (3,); ``per_length`` [1/m] scales the length in it. Both are one type, because one run grows
-    trees of both kinds, and the kernels then compile once. Risks are computed only for the ``APPRAISED``
-    candidates with the best score of their own risks. The first ``missions`` columns of risks hold mission
-    risk; the collision risk follows, if the bound has one.
+    The slack of risks is the factor 1 + ``beta_risk``, the slack of the length ``beta_length`` [m]. With
+    ``scored``, one augmented Tchebycheff score of mission risk, collision risk and length decides instead,
+    with ``weight`` (3,); ``per_length`` [1/m] scales the length in it. Both are one type, because one run
+    grows trees of both kinds, and the kernels then compile once. Risks are computed only for the
+    ``APPRAISED`` candidates whose risks have the best score. The first ``missions`` columns of risks hold
+    mission risk; the collision risk follows, if the bound has one.
     """
 
     beta_length: float

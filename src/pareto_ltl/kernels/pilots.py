@@ -9,7 +9,7 @@ from pareto_ltl.kernels.data import Landmarks, Motion, Point
 from pareto_ltl.kernels.jit import by_type, implements, kernel
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-SHARES = 8  # parts of a step in which a fix can lie: those of one part have the same gains
+SHARES = 8  # parts of a step in which a fix can lie: fixes in one part have the same gains
 
 
 class Autopilot(NamedTuple):
@@ -38,7 +38,7 @@ class FilterLaw(NamedTuple):
 class Beliefs(NamedTuple):
     """Covariances of errors of estimates, one row for each history of fixes.
 
-    ``step`` (N,) is when those of a row were last needed. ``cov`` (N, 2, 2) = Cov(ẽ) [m²], ``before``
+    ``step`` (N,) is when a row was last needed. ``cov`` (N, 2, 2) = Cov(ẽ) [m²], ``before``
     (N, 2, 2) the same a step ago, ``across`` (N, 2, 2) = Cov(ẽ_t, ẽ_{t-1}); ``cross`` (N, 2, 2P) =
     Cov(ẽ, θ̃), ``lagged`` (N, 2, 2P) = Cov(ẽ_{t-1}, θ̃); ``theta`` (N, 2P, 2P) = Cov(θ̃). ``gain`` (N, 2, 2)
     and ``learnt`` (N, 2, 2P) are the gains of the last fix; ``child`` (N, K, SHARES) is the row after a fix

@@ -7,9 +7,9 @@ Variables are the displacements d_t of the means, t = 0 ... T, d_0 = 0, and the 
     subject to  ‖p_t‖ ≤ cap_t,    û_t' p_t ≥ floor_t,    ‖v_t‖ ≤ l_t,    Σ l_t ≤ longest,
                 low_t ≤ d_t ≤ high_t
 
-Row t of a table of points holds d_t and l_t; cone 2 t is that of ‖p_t‖, cone 2 t + 1 that of ‖v_t‖. The
+Row t of a table of points holds d_t and l_t; cone 2 t holds ‖p_t‖, cone 2 t + 1 holds ‖v_t‖. The
 method uses Nesterov and Todd's scaling and Mehrotra's corrector, as in Vandenberghe's "The CVXOPT linear and
-quadratic cone program solvers" (2010). The notation is that of this text: slacks s, multipliers z, λ = W z =
+quadratic cone program solvers" (2010). The notation follows this text: slacks s, multipliers z, λ = W z =
 W⁻¹ s; "room" is h - G x. The matrix P + G' W⁻² G is block tridiagonal except for the constraint on the sum of
 lengths. A general solver takes ten times as long, and holds the interpreter's lock.
 """
@@ -279,7 +279,7 @@ def limit_total(work: Work) -> None:
 
 @kernel
 def fill_changes(work: Work) -> None:
-    """Fill the changes DS and DZ; on entry, DS holds the change of ROOM by that of the point."""
+    """Fill the changes DS and DZ; on entry, DS holds the change of ROOM by the change of the point."""
     for k in range(len(work.eta)):
         ds, dz = work.cones[DS, k], work.cones[DZ, k]
         squared(work.cones[W, k], work.eta[k], ds, dz)
@@ -342,7 +342,7 @@ def add_share(table: FloatArray, more: FloatArray, share: float) -> None:
 
 @kernel
 def fill_first_point(model: StepModel, x: FloatArray) -> None:
-    """Fill ``x`` (T+1, 3) with zero displacements and lengths slightly above those of the last path."""
+    """Fill ``x`` (T+1, 3) with zero displacements and lengths slightly above the lengths of the last path."""
     x[:] = 0.0
     for t in range(len(x) - 1):
         x[t, 2] = math.hypot(model.cone[2 * t + 1, 1], model.cone[2 * t + 1, 2]) + FIRST

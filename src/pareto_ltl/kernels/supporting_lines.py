@@ -113,7 +113,7 @@ def best_line(polygons: Corners, j: int, here: Gaussian, there: Gaussian, least:
     """The supporting line of polygon ``j`` with the largest z for the segment from ``here`` to ``there``.
 
     ``least`` [m²] is added to every variance. z is negative if no line has both ends beyond it; then the line
-    is that of an edge.
+    is the distance from an edge.
     """
     c0, c1 = (
         normal_of_nearest(polygons, j, here, least),
@@ -148,7 +148,7 @@ def better_between(
 ) -> Line:  # fmt: skip
     """``best``, or a line with a larger z whose normal lies between ``angle`` and ``angle`` + ``turn``.
 
-    From one end of the arc to the other, z of ``here`` falls and that of ``there`` rises: where they are
+    From one end of the arc to the other, z of ``here`` falls and z of ``there`` rises: where they are
     equal, the smaller of them is largest.
     """
     low, high = 0.0, 1.0

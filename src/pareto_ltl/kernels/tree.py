@@ -313,7 +313,7 @@ def gather_parents(s: Search, there: Point, cell: int, q0: int, rng: Generator) 
 
 @kernel
 def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) -> tuple[int, int, float]:
-    """Parent, automaton state and length of the new vertex, whose original parent is that of ``first``.
+    """Parent, automaton state and length of the new vertex, whose original parent is the parent of ``first``.
 
     A candidate must satisfy (11) and (12) against the original parent and (12) against the best one so far;
     if each were compared only with the last one, the result could be dominated by the original. The scratch
@@ -343,7 +343,7 @@ def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) ->
 
 @kernel
 def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
-    """Move those of the first ``count`` candidates that can be parents to the front of the pool.
+    """Move the candidates among the first ``count`` that can be parents to the front of the pool.
 
     Returns their number. The automaton state of the new vertex and the rank are stored for each.
     """
@@ -378,7 +378,7 @@ def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
 
 @inlined
 def adopt_proposal(s: Search) -> None:
-    """Copy the scratch rows of the proposal to those of the best parent so far."""
+    """Copy the scratch rows of the proposal to the rows of the best parent so far."""
     state, best, proposed = s.state, int(np.int64(BEST)), int(np.int64(PROPOSED))
     for i in range(state.risks.shape[1]):
         state.risks[best, i] = state.risks[proposed, i]

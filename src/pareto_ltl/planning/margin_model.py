@@ -94,10 +94,10 @@ def shown_letters(problem: Problem) -> list[IntArray]:
 def model_of_order(model: MarginModel, states: IntArray) -> MarginModel:
     """``model`` with only the ``states`` that a path passes through, for large automata.
 
-    The margin of a flight is then that of completing the mission in the order of that path: a lower limit of
-    its margin in ``model``, and the same for flights near the path. Few claims are judged for many flights at
-    once. ``model`` itself is returned for at most ``LIVE`` states, for automata whose letters are read
-    between steps, and where no state is accepting.
+    The margin of a flight is then its margin of completing the mission in the order of this path: a lower
+    limit of its margin in ``model``, and the same for flights near the path. Few claims are judged for many
+    flights at once. ``model`` itself is returned for at most ``LIVE`` states, for automata whose letters are
+    read between steps, and where no state is accepting.
 
     Parameters
     ----------

@@ -71,11 +71,11 @@ class PromiseDiagrams:
     Attributes
     ----------
     fidelity : str
-        The preset of planning; its wind law is that of the promises.
+        The preset of planning; the promises are made in its wind law.
     promised, realised : (N,) float
         Rates of failure, in the order of the promises.
     isotonic, low, high : (N,) float
-        The isotonic rates, and the range in which those of exact promises lie.
+        The isotonic rates, and the range in which the isotonic rates of exact promises lie.
     parts : mapping of name to float
         The Brier score and its parts.
     thresholds : (T,) float
@@ -85,7 +85,7 @@ class PromiseDiagrams:
     other : str
         What the promises are compared with.
     difference, difference_low, difference_high : (T,) float
-        Elementary scores minus those of ``other``, with 95 % intervals; NaN where the scores are equal.
+        Elementary scores minus the scores of ``other``, with 95 % intervals; NaN where the scores are equal.
     """
 
     fidelity: str

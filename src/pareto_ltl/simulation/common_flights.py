@@ -57,7 +57,7 @@ class DrawnFlights:
         return self._flown_by(self._pilot(u, mean), mean, self.problem.energy)
 
     def unaided(self, flight: Flight) -> FloatArray:
-        """Those of :meth:`positions` without position fixes."""
+        """The positions of :meth:`positions` without position fixes."""
         return self._flown_by(Autopilot(flight.u, np.ascontiguousarray(flight.x)), flight.x, None)
 
     def held(self, u: FloatArray, mean: FloatArray) -> FloatArray:

@@ -1,6 +1,6 @@
 """Promises of a finished forecast test against what came: diagrams without bins, and two tests compared.
 
-They are read from ``forecast_test.csv`` of one or two results directories. Diagrams and tests are those of
+They are read from ``forecast_test.csv`` of one or two results directories. Diagrams and tests come from
 forecast verification: isotonic reliability (Dimitriadis, Gneiting and Jordan 2021,
 doi:10.1073/pnas.2016191118), Murphy diagrams of elementary scores (Ehm et al. 2016, doi:10.1111/rssb.12154)
 and the test of Diebold and Mariano with the variance of Hering and Genton (2011,
@@ -85,7 +85,7 @@ class Promises:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """Scores of promises minus those of others for the same missions; below 0, the promises are better.
+    """Scores of promises minus scores of others for the same missions; below 0, the promises are better.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ def read_promises(directory: Path, fidelity: str | None = None, name: str | None
     there = list(dict.fromkeys(row["fidelity"] for row in chosen))
     wanted = fidelity or next(iter(there), "full")
     if wanted not in there:
-        held = f"those of {', '.join(there)}" if there else "none"
+        held = f"plans of {', '.join(there)}" if there else "none"
         raise DataError(f"{path}: has no chosen plans with fidelity {shown_value(wanted)}; it has {held}")
     column = f"simulated_{preset(wanted).law}"
     mine = sorted((row for row in chosen if row["fidelity"] == wanted), key=lambda row: row["departure"])
@@ -279,7 +279,7 @@ def compared(promises: Promises, others: Promises) -> Compared:
 def diebold_mariano(differences: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Mean, 95 % interval and two-sided p value, each (S,), of series of differences (S, N) of scores.
 
-    The variance is that of an exponential model of the autocovariances, fitted to lags of up to half of the
+    The variance comes from an exponential model of the autocovariances, fitted to lags of up to half of the
     series, so that missions that depart close together are not counted as independent. NaN for a series of
     zeros.
     """

@@ -110,7 +110,7 @@ def _fitting(problem: Problem, k: Candidate, cap: float) -> FloatArray:
 
 
 def slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]) -> list[Candidate]:
-    """Points along the front polished in more steps, those of them that then take less energy.
+    """Points along the front polished in more steps, if they then take less energy.
 
     The list is empty without a power curve.
     """
@@ -143,7 +143,7 @@ def planned_paths(
 ) -> tuple[PlannedPath, ...]:
     """The candidates that can be flown and whose expected path completes the mission, as paths.
 
-    ``repairs`` gives variants of one that is not; a warning names those of which no variant is.
+    ``repairs`` gives variants of one that is not; a warning names candidates without such a variant.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 At the best path for its length, a small change of the map changes the least failure rate by its partial
 derivative in the Lagrangian (the envelope theorem): the change of the failures of the path as it is, and the
-multipliers of the constraints. The first part is that of the binding events of flights: a flight with the
+multipliers of the constraints. The first part comes from the binding events of flights: a flight with the
 margin m fails with the weight σ(-m/τ), and a barrier that is one metre smaller raises the margin of the
 flights that it binds by one metre. The second part are the multipliers of the chance constraints and of the
 airspeed in the convex programme (:mod:`~.programme`) about the path. The number of steps is an integer, so
@@ -35,7 +35,7 @@ from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
-WIDTH = 0.001  # τ as a share of the map's size: half that of the last polish, with more flights
+WIDTH = 0.001  # τ as a share of the map's size: half the last width of a polish, with more flights
 TRUST = 0.5  # trust region of the programme about the path [full steps]
 NEARBY = 0.05  # relative difference of lengths over which the slope of the front is taken
 ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
@@ -111,7 +111,7 @@ def _uses_all_airspeed(problem: Problem, path: PlannedPath) -> bool:
 def _bindings(
     problem: Problem, model: MarginModel, positions: FloatArray, width: float, scratch: Scratch
 ) -> Iterator[Binding]:
-    """The binding events of the flights, those of one limit at one step together."""
+    """The binding events of the flights; events of one limit at one step are one."""
     from scipy.special import expit
 
     fails = expit(-scratch.margins / width)
@@ -180,8 +180,9 @@ def _summed(bindings: Iterable[Binding]) -> list[Price]:
 def front_slope(front: Front, path: PlannedPath) -> float:
     """Fall of the failure rate of the front per metre of length beyond ``path`` [1/m].
 
-    It is that of the line of least squares through the logarithms of the rates of ``path`` and those at most
-    ``NEARBY`` longer; 0 if none is clearly longer, since the front then ends where longer paths fail no less.
+    It is the slope of the line of least squares through the logarithms of the rates of ``path`` and of paths
+    at most ``NEARBY`` longer; 0 if none is clearly longer, since the front then ends where longer paths fail
+    no less.
     """
     lengths = np.array([p.objectives.length for p in front.paths])
     rates = np.array([rate.failure for rate in front.rates])

@@ -126,7 +126,7 @@ class Programme:
         return self._solved(values, x)
 
     def descend(self, flight: Flight, model: Descent, trust: float, longest: float) -> Solution | None:
-        """Means that lower a quadratic ``model`` of the failure about those of ``flight``.
+        """Means that lower a quadratic ``model`` of the failure about the means of ``flight``.
 
         ``trust`` in full steps, ``longest`` [m]. None if the solver found no solution.
         """

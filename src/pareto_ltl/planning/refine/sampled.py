@@ -7,8 +7,8 @@ is the smoothed failure
 
 m_i the margin of flight i (:mod:`pareto_ltl.kernels.margin`), by one second-order cone programme a step with
 the gradient and the Hessian of the binding events, within airspeed, map and the longest length allowed. The
-sweeps of a front solve it by :mod:`pareto_ltl.kernels.step_solver`; its last polish is that of
-:class:`ConstrainedRefiner`, the same programme with the chance constraint of every segment, in cvxpy.
+sweeps of a front solve it by :mod:`pareto_ltl.kernels.step_solver`; the last polish is made by
+:class:`ConstrainedRefiner`: the same programme with the chance constraint of every segment, in cvxpy.
 """
 
 from __future__ import annotations
@@ -308,8 +308,8 @@ def deviations_from(positions: FloatArray, x: FloatArray) -> FloatArray:
 def steps_needed(problem: Problem, x: FloatArray) -> FloatArray:
     """Time that each leg of ``x`` (T+1, 2) takes at full airspeed in the expected wind, (T,) [steps].
 
-    Along the direction d the ground speed is d' w + √(u_max² - |w - (d' w) d|²). The wind is that of the
-    leg's own step; B is taken as dt I.
+    Along the direction d the ground speed is d' w + √(u_max² - |w - (d' w) d|²). The wind is taken at the
+    step of each leg; B is taken as dt I.
 
     Eq. (M57) of docs/mathematics_methods.md.
     """

@@ -59,8 +59,8 @@ def separation(
 ) -> Separation:
     """The lines of every segment of ``flight``, as the collision bound of ``problem`` has them.
 
-    ``avoid`` (T+1, C) are the cells to avoid at each step, by default those of the mission. Polygons up to
-    ``around`` [m] away have lines as well, even if they add no risk.
+    ``avoid`` (T+1, C) are the cells to avoid at each step, by default the forbidden cells of the mission.
+    Polygons up to ``around`` [m] away have lines as well, even if they add no risk.
     """
     return SEPARATIONS[type(problem.world.collision)](problem, flight, avoid, around)
 

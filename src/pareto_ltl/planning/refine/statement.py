@@ -82,10 +82,10 @@ def state(shape: Shape) -> Statement:
                     û_t' B⁻¹ (x_{t+1} - F_t x_t - g_t) ≥ least airspeed    along the last control
                     ‖x_{t+1} - x_t‖ ≤ l_t,    Σ_t l_t ≤ L_max
                     c_tk' x_e ≥ h_tk + z σ_e      for both ends e of segment t and its closest lines k
-                    χ_tk ≥ tangents of 1 - Φ at (c_tk' x_e - h_tk) / σ_e, one of them that of x̄
+                    χ_tk ≥ tangents of 1 - Φ at (c_tk' x_e - h_tk) / σ_e, one of them the tangent at x̄
                     Σ_k χ_tk ≤ ε - risks of other polygons at x̄
                     a_j' x_w ≤ b_j              at the witness steps
-                    ρ_wj ≥ tangents of 1 - Φ at (b_j - a_j' x_w) / σ_j, one of them that of x̄
+                    ρ_wj ≥ tangents of 1 - Φ at (b_j - a_j' x_w) / σ_j, one of them the tangent at x̄
                     |x_t - x̄_t| ≤ trust,       x_t on the map
 
     Relief, a penalised slack variable of each point, makes every instance feasible, so that an iterate which

@@ -41,7 +41,7 @@ class Sweep:
 
     The common flights, the time ``budget``, and the smoothed failure above which paths are ``hopeless``.
 
-    The last polish is that of ``closing``, within the chance constraints.
+    The last polish is made by ``closing``, within the chance constraints.
 
     Sweeps use ``few`` flights, the last polish ``flights``, and paths that rarely fail ``many``: the first of
     the same flights.
@@ -108,7 +108,7 @@ def held_within(
 
 
 def reassessed(sweep: Sweep, flights: CommonFlights, k: Candidate) -> Candidate:
-    """A path of another search, its failures those of ``flights``."""
+    """A path of another search, with its failures in ``flights``."""
     return sweep.refiner.assessed(k.flight, flights, sweep.polish_of(WARM, 1).widths[-1], k.origin)
 
 
