@@ -376,5 +376,5 @@ def test_progress_tells_how_many_paths_there_are_and_how_the_safest_fails(grown)
     assert [done for done, *_ in told][:3] == [5, 6, 7]  # a coarse search has four steps before
     assert told[-1][:2] == (8, 8)
     assert [failed for failed, _ in last] == [k.failed for k in front]
-    form = r"\d+ paths of at least [\d,]+ km; the safest fails \S+ % at [\d,]+ km"
+    form = r"\d+ paths of at least \d+\.\d km; the safest fails \S+ % at \d+\.\d km"
     assert all(re.fullmatch(form, state) for *_, state in told)

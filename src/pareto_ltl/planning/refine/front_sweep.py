@@ -44,10 +44,12 @@ from pareto_ltl.planning.refine.sweep import Sweep, new_sweep, reassessed, smoot
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.cores import cores
+from pareto_ltl.support.display import distance_text
 
 Progress = Callable[..., None]
 COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of the settings of a coarse search
 SEARCH_STEPS = 4  # that are reported of each of the two searches
+LONG = 1e5  # [m] lengths above have no decimals in messages
 COARSE_SHARE = 0.4  # of a time budget: growth and the coarse search
 
 
@@ -141,9 +143,11 @@ class _Reporter:
         front = front_of(found)
         if self.progress is None or not front:
             return
-        safest = front[-1]
+        shortest, safest = (
+            distance_text(k.length, 0 if k.length > LONG else 1) for k in (front[0], front[-1])
+        )
         state = (
-            f"{len(front)} paths of at least {front[0].length / 1e3:,.0f} km; the safest fails "
-            f"{100 * safest.failed:.2g} % at {safest.length / 1e3:,.0f} km"
+            f"{len(front)} paths of at least {shortest}; the safest fails {100 * front[-1].failed:.2g} % "
+            f"at {safest}"
         )
         self.progress(self.before + done, 2 * SEARCH_STEPS, state, [(k.failed, k.flight.x) for k in front])
