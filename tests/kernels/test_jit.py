@@ -34,7 +34,7 @@ FAMILIES = {
     "claims": {ClaimLists, ClaimRows},
 }
 CHOSEN_BY = {
-    "law": {"advance", "forget", "note_linear_law"},
+    "law": {"advance", "forget", "note_linear_law", "add_lure"},
     "mission": {"plant_mission", "appraise_mission", "keep_mission"},
     "collision": {
         "plant_collision", "appraise_collision", "keep_collision", "collision_column",
