@@ -60,7 +60,7 @@ MISSIONS: Mapping[str, Callable[[], dict[str, Any]]] = {
         "formula": "F(shelf & F edge) & F mooring",
         "wind": {
             "source": "csv", "path": str(EXAMPLES / "glider_current" / "current.csv"),
-            "forecast_error": "none", "max_speed": 3.0,
+            "forecast_error": "none", "max_speed": 3.0, "noise_min": 0.05,
         },
         "robot": "underwater_glider",
     },

@@ -174,6 +174,14 @@ def test_the_card_is_the_table_rounded_and_no_leg_is_lost(flown: Flown) -> None:
     assert len(rows) <= len(legs) + 1
 
 
+def test_the_card_of_a_slow_robot_has_hundredths_of_a_metre_per_second(flown: Flown) -> None:
+    log = flown.exported.log
+    slow = replace(flown.exported, log=replace(log, airspeed=0.01 * log.airspeed))
+    rows = list(csv.DictReader(io.StringIO(MAKERS["card"](slow).decode())))
+    assert {len(row["airspeed_m_s"].partition(".")[2]) for row in rows[:-1]} == {2}
+    assert float(rows[0]["airspeed_m_s"]) == pytest.approx(0.01 * log.airspeed[0], abs=0.0051)
+
+
 def test_the_plan_for_garmin(flown: Flown) -> None:
     """Every point of the route is in the table; identifiers and comments have the letters of a navigator."""
     root = ElementTree.fromstring(MAKERS["fpl"](flown.exported))

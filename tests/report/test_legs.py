@@ -98,6 +98,13 @@ def test_successive_legs_of_one_heading_have_one_line() -> None:
     assert of_one_heading([]) == []
 
 
+def test_a_slow_leg_has_two_decimals_and_its_own_line() -> None:
+    groups = of_one_heading([leg(k, 10.0, airspeed=v) for k, v in enumerate([0.35, 0.35, 0.26])])
+    assert [len(group) for group in groups] == [2, 1]
+    drift = replace(groups[0][0], wind=0.124, wind_sd=0.012)
+    assert "true, 0.35 m/s; wind 0.12 m/s from 090 (sd 0.01)" in _legs_line([drift])
+
+
 def test_a_leg_to_a_region_with_a_window_names_the_proposition() -> None:
     scene = make_scene({"c": box(14, 8, 18, 12)}, start=(2.0, 10.0))
     scene = replace(scene, windows={"late": Window("c", 300.0)})

@@ -113,6 +113,11 @@ def test_the_slider_moves_robot_wind_flights_risk_and_automaton(opened: Opened) 
     assert "mission complete" in (opened.page.locator("#progress .now").text_content() or "")
 
 
+def test_speeds_of_a_glider_have_two_decimals(opened: Opened) -> None:
+    assert opened.value("speedTexts(0.35, 0.124, 0.01).join()") == "0.35,0.12,0.01"
+    assert opened.value("speedTexts(20, 5.26, 0.5).join()") == "20.0,5.3,0.5"
+
+
 def test_the_flight_plays_pauses_and_ends(opened: Opened) -> None:
     opened.value("showPoint(PAGE.chosen); player.go(0)")
     play = opened.page.locator("#play")

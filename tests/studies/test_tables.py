@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pareto_ltl.studies import statistics, tables
+from pareto_ltl.studies.compare import _points
 from pareto_ltl.support.counts import clopper_pearson
 
 
@@ -78,3 +79,10 @@ def test_a_markdown_table_has_as_many_columns_in_every_line() -> None:
     lines = text.strip().splitlines()
     assert lines[0] == "**What it is**"
     assert {line.count("|") for line in lines[2:]} == {3}
+
+
+def test_a_difference_of_one_seed_is_written_without_an_interval() -> None:
+    row = {"difference": -0.128, "difference_low": math.nan, "difference_high": math.nan}
+    assert _points(row) == "-12.80 %"
+    known = row | {"difference_low": -0.2, "difference_high": -0.1}
+    assert _points(known) == "-12.80 % (-20.00 to -10.00)"

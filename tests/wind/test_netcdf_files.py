@@ -11,6 +11,8 @@ from scipy.io import netcdf_file
 from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import seconds
@@ -383,6 +385,18 @@ def test_currents_are_read_at_the_nearest_depth(tmp_path):
         read(path, "100m", CURRENTS, 5.0)
     with pytest.raises(DataError, match=r"is a pressure; currents are at depths such as wind.level=0m"):
         read(path, "925hPa", CURRENTS, 5.0)
+
+
+def test_currents_read_as_winds_and_winds_as_currents_name_the_choice(tmp_path):
+    with pytest.raises(DataError, match=r"holds no wind; .*; it holds a current: set wind=currents"):
+        read(write(tmp_path / "sea.nc", ocean()))
+    with pytest.raises(DataError, match=r"holds no current; .*; it holds a wind: set wind=netcdf"):
+        read(write(tmp_path / "air.nc", described()), "0m", CURRENTS)
+
+
+def test_the_white_part_of_a_current_may_be_smaller_than_that_of_a_wind():
+    choice = read_yaml(choice_file("wind", "currents"))
+    assert WindConfig(path="sea.nc", **choice).noise_min == 0.05 < WindConfig().noise_min
 
 
 def test_currents_of_the_choice_in_conf_are_checked_against_5_m_a_second(tmp_path):

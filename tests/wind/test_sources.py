@@ -345,7 +345,7 @@ BAD_TABLES = {
     "no rows": ([], "no rows"),
     "one time": (rows(times=HOURS[:1]), r"one wind time only \(2018-10-09T00:00:00Z\).*wind.hold_last=true"),
     "elsewhere": (rows(lats=(-30, -32), lons=(20, 22, 24)), r"0 wind readings within 500 km .* at least 5"),
-    "too few": (rows(lats=(37,), lons=(-92, -91)), r"2 wind readings within 500 km"),
+    "too few": (rows(lats=(37,), lons=(-92, -91)), r"2 wind readings within 500 km .*; add readings near"),
 }  # fmt: skip
 
 
@@ -798,6 +798,13 @@ def test_ingest_that_finds_nothing_says_so(gribs, tmp_path):
     with pytest.raises(DataError, match=r"0 wind nodes lie in ingest.area"):
         ingested(grib(gribs), IngestConfig(area=[[0, 0], [1, 0], [0, 1]]), out)
     assert not out.exists()
+
+
+def test_the_sample_names_other_winds_for_a_map_elsewhere():
+    with pytest.raises(
+        DataError, match=r"covers the contiguous United States; .* docs/wind.md, or wind=calm"
+    ):
+        read(WindConfig(), scene(62.2, 25.7, 1e5))
 
 
 def test_the_packaged_sample_covers_the_contiguous_us_at_fourteen_times():

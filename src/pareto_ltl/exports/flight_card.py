@@ -1,4 +1,7 @@
-"""``flight_card.csv``: the plan as it can be flown by hand, in seconds, whole degrees and tenths of m/s."""
+"""``flight_card.csv``: the plan as it can be flown by hand, in seconds, whole degrees and tenths of m/s.
+
+The airspeeds of a slow robot, such as a glider in the water, have hundredths.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ COLUMNS = (
     "legs", "time_utc", "t_s", "heading_true_deg", "airspeed_m_s", "duration_s", "distance_km", "lat_deg",
     "lon_deg", "radius_95_km",
 )  # fmt: skip
+SLOW = 3.0  # [m/s] a tenth of m/s is too coarse for a robot that is never faster
 
 
 def flight_card(exported: ExportedPlan) -> bytes:
@@ -23,8 +27,9 @@ def flight_card(exported: ExportedPlan) -> bytes:
     log, text = exported.log, io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
+    digits = 1 if max(log.airspeed.tolist(), default=SLOW) >= SLOW else 2
     commands = [
-        ("" if math.isnan(heading) else f"{round(heading) % 360:d}", f"{airspeed:.1f}")
+        ("" if math.isnan(heading) else f"{round(heading) % 360:d}", f"{airspeed:.{digits}f}")
         for heading, airspeed in zip(log.heading.tolist(), log.airspeed.tolist(), strict=True)
     ]
     for command, legs in groupby(range(len(commands)), key=commands.__getitem__):

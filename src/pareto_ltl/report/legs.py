@@ -25,7 +25,8 @@ from pareto_ltl.world.scene import Scene
 
 FAR = 99.0  # standard deviations; larger clearances are shown as "over 99 sd"
 ONE_HEADING = 3.0  # degrees; legs of a group have headings that differ less from the first one's
-ONE_AIRSPEED = 0.5  # [m/s] and airspeeds that differ less
+ONE_AIRSPEED = 0.5  # [m/s] and airspeeds that differ by at most this and a tenth
+SLOW = 3.0  # [m/s] speeds of a slower leg have two decimals
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +176,8 @@ def of_one_heading(legs: Sequence[Leg]) -> list[list[Leg]]:
 
 def _like(one: Leg, other: Leg) -> bool:
     turn = abs((one.heading_true - other.heading_true + 180.0) % 360.0 - 180.0)
-    return turn < ONE_HEADING and abs(one.airspeed - other.airspeed) < ONE_AIRSPEED
+    alike = min(ONE_AIRSPEED, 0.1 * max(one.airspeed, other.airspeed))
+    return turn < ONE_HEADING and abs(one.airspeed - other.airspeed) <= alike
 
 
 def _legs_line(legs: Sequence[Leg]) -> str:
@@ -195,13 +197,16 @@ def _course_text(legs: Sequence[Leg]) -> str:
     air, wind, sd = (
         float(np.mean([getattr(leg, name) for leg in legs])) for name in ("airspeed", "wind", "wind_sd")
     )
+    digits = 1 if max(air, wind) >= SLOW else 2
     if np.isnan(legs[0].wind_from):
-        return f"{air:.1f} m/s; wind {wind:.1f} m/s (sd {sd:.1f})"
+        return f"{air:.{digits}f} m/s; wind {wind:.{digits}f} m/s (sd {sd:.{digits}f})"
     heading, source = (
         _mean_angle([getattr(leg, name) for leg in legs]) for name in ("heading_true", "wind_from")
     )
     course = "drifting" if np.isnan(heading) else f"heading {heading:05.1f} true"
-    return f"{course}, {air:.1f} m/s; wind {wind:.1f} m/s from {source:03.0f} (sd {sd:.1f})"
+    return (
+        f"{course}, {air:.{digits}f} m/s; wind {wind:.{digits}f} m/s from {source:03.0f} (sd {sd:.{digits}f})"
+    )
 
 
 def _mean_angle(degrees: Sequence[float]) -> float:

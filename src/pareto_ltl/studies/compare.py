@@ -13,6 +13,7 @@ winds.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -273,6 +274,8 @@ def _planned_risk(row: Columns, name: str) -> str:
 
 
 def _points(row: Columns) -> str:
+    if math.isnan(row["difference_low"]):  # one seed has no interval over seeds
+        return f"{100 * row['difference']:+.2f} %"
     low, high = max(row["difference_low"], -1.0), min(row["difference_high"], 1.0)
     return f"{100 * row['difference']:+.2f} % ({100 * low:+.2f} to {100 * high:+.2f})"
 

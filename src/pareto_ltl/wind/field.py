@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -46,7 +45,7 @@ def fit_wind_field(
     seen = _held(cfg, observations_until(observations, horizon))
     task = _wind_task(cfg, seen, scene, lattice, horizon)
     table = cached_wind_table(task) if cfg.cache else tabulate_wind(task)
-    _warn_about_score(table.score)
+    _warn_about_score(table, cfg)
     return WindField(
         origin=lattice.origin,
         spacing=lattice.spacing,
@@ -118,15 +117,17 @@ def time_variances(seen: WindObservations, horizon: float | None) -> FloatArray:
     return np.asarray(np.where(width > 0, total / np.maximum(width, 1e-300), 0.0), float)
 
 
-def _warn_about_score(score: Mapping[str, float]) -> None:
+def _warn_about_score(table: WindTable, cfg: WindConfig) -> None:
     """Log a warning if the predictions of held-out readings show that the intervals of the fit are wrong."""
-    covered = score.get("gp_coverage_90", math.nan)
+    covered = table.score.get("gp_coverage_90", math.nan)
+    least = covered > MOST_COVERAGE and bool((table.hyper[..., 3] <= cfg.noise_min).all())
     if covered < LEAST_COVERAGE or covered > MOST_COVERAGE:
         LOG.warning(
             "of the wind readings on the map that the fit did not see, %s lie within its 90 %% intervals "
-            "(expected %s to %s): promised probabilities are %s; try wind.kernel, or more readings",
+            "(expected %s to %s): promised probabilities are %s; try %swind.kernel, or more readings",
             probability_text(covered), probability_text(LEAST_COVERAGE), probability_text(MOST_COVERAGE),
             "too low" if covered < LEAST_COVERAGE else "higher than necessary",
+            f"wind.noise_min below {cfg.noise_min:g} m/s, " if least else "",
         )  # fmt: skip
 
 

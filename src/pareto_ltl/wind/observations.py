@@ -236,7 +236,7 @@ def _readings_in_plane(cfg: WindConfig, scene: Scene, readings: Readings, k: int
         raise DataError(
             f"{readings.name}: {count} wind readings within {near / 1e3:g} km of the scene at "
             f"{iso(readings.times[k])}, expected at least {FEWEST_READINGS}; "
-            f"{_swap_question(readings, scene, k) or 'is the scene where the wind data is?'}"
+            f"{_swap_question(readings, scene, k) or _more_readings(cfg, count)}"
         )
     close = _readings_for_fit(gap, near)
     beside = gap[close] <= max(min(cfg.padding, side), _half_way(gap[close], cfg.max_points))
@@ -244,6 +244,15 @@ def _readings_in_plane(cfg: WindConfig, scene: Scene, readings: Readings, k: int
     used = close[chosen]
     counts = _Counts(int(beside[chosen].sum()), int(beside.sum()), len(used), len(close))
     return _Placed(points[used], winds[used], members[used], counts)
+
+
+def _more_readings(cfg: WindConfig, count: int) -> str:
+    """What to do if only ``count`` readings are near the scene."""
+    if cfg.source == "sample":
+        return (
+            "the sample covers the contiguous United States; for another place see docs/wind.md, or wind=calm"
+        )
+    return "add readings near the scene" if count else "is the scene where the wind data is?"
 
 
 def _readings_for_fit(gap: FloatArray, near: float) -> IntArray:

@@ -394,7 +394,9 @@ def flight_card(result: Evidence) -> Verdict:
     for row in rows[:-1]:
         first, _, last = row["legs"].partition("-")
         own = legs[int(first) : int(last or first) + 1]
-        heading, airspeed = ({form(leg) for leg in own} for form in (_whole_heading, _rounded_airspeed))
+        digits = max(len(row["airspeed_m_s"].partition(".")[2]), 1)
+        heading = {_whole_heading(leg) for leg in own}
+        airspeed = {f"{float(leg['airspeed_m_s']):.{digits}f}" for leg in own}
         sums = [sum(float(leg[key]) for leg in own) for key in ("duration_s", "distance_m")]
         stated = [float(row["duration_s"]), 1e3 * float(row["distance_km"])]
         agrees = (
@@ -416,10 +418,6 @@ def flight_card(result: Evidence) -> Verdict:
 
 def _whole_heading(leg: dict[str, str]) -> str:
     return f"{round(float(leg['heading_true_deg'])) % 360:d}" if leg["heading_true_deg"] else ""
-
-
-def _rounded_airspeed(leg: dict[str, str]) -> str:
-    return f"{float(leg['airspeed_m_s']):.1f}"
 
 
 # --- numbers ----------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
 // A path and its flights on the map: expected path, ellipses that hold 95 % of positions, simulated flights.
 
 import { centre, ellipseAround } from "./geo.js";
-import { duration, pathOf, svg } from "./shapes.js";
+import { duration, pathOf, speedTexts, svg } from "./shapes.js";
 
 const ELLIPSES = 14;  // at most, along a path
 
@@ -50,6 +50,8 @@ export function stepLines(map, view, step) {
   const { log } = view, lines = [`${duration(view.t[step])} after departure`, map.plane.text(view.line[step])];
   if (view.label[step].length) lines.push(`in ${view.label[step].join(", ")}`);
   if (view.fixes.includes(step)) lines.push("position fix");
-  if (log && step < log.airspeed.length) lines.push(`${log.heading[step] === null ? "drifts" : `heading ${log.heading[step].toFixed(0)}° true`}, ${log.airspeed[step].toFixed(1)} m/s`, `wind ${log.wind_speed[step].toFixed(1)} m/s from ${log.wind_from[step].toFixed(0)}° (standard deviation ${log.wind_sd[step].toFixed(1)} m/s)`);
+  if (!log || step >= log.airspeed.length) return lines;
+  const [air, wind, sd] = speedTexts(log.airspeed[step], log.wind_speed[step], log.wind_sd[step]);
+  lines.push(`${log.heading[step] === null ? "drifts" : `heading ${log.heading[step].toFixed(0)}° true`}, ${air} m/s`, `wind ${wind} m/s from ${log.wind_from[step].toFixed(0)}° (standard deviation ${sd} m/s)`);
   return lines;
 }

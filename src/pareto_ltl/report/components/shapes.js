@@ -29,6 +29,9 @@ export function percent(p) {
   return value === 0 ? "0 %" : value < 1e-5 ? `${value.toExponential(1)} %` : `${+value.toPrecision(value >= 10 ? 3 : 2)} %`;
 }
 
+/** Speeds in m/s, with two decimals if the largest of them is below 3 m/s, as of a glider. */
+export const speedTexts = (...speeds) => speeds.map(speed => speed.toFixed(Math.max(...speeds) < 3 ? 2 : 1));
+
 export function duration(seconds) {
   const minutes = Math.round(seconds / 60);
   return seconds >= 3600 ? `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min` : seconds >= 120 ? `${minutes} min` : `${seconds.toFixed(0)} s`;

@@ -1,7 +1,7 @@
 // The wind on the map: arrows of the expected wind, and shades of its standard deviation, at one time. The boxes
 // layer-wind and layer-doubt of the page switch them.
 
-import { byId, pathOf, svg } from "./shapes.js";
+import { byId, pathOf, speedTexts, svg } from "./shapes.js";
 
 const LONGEST = 26;  // [pixels] of the arrow of the fastest wind
 
@@ -41,8 +41,8 @@ export class WindLayer {
   /** Fastest expected wind and largest standard deviation [m/s] in words. */
   get legend() {
     if (!this.fastest) return "";
-    const sds = this.view.sd.flat();
-    const parts = [byId("layer-wind").checked ? `longest arrow ${this.fastest.toFixed(1)} m/s` : "", byId("layer-doubt").checked ? `shade: uncertainty of the wind, ${Math.min(...sds).toFixed(1)} to ${Math.max(...sds).toFixed(1)} m/s (standard deviation)` : ""];
+    const sds = this.view.sd.flat(), [fastest, least, most] = speedTexts(this.fastest, Math.min(...sds), Math.max(...sds));
+    const parts = [byId("layer-wind").checked ? `longest arrow ${fastest} m/s` : "", byId("layer-doubt").checked ? `shade: uncertainty of the wind, ${least} to ${most} m/s (standard deviation)` : ""];
     return parts.filter(Boolean).join("; ");
   }
 }

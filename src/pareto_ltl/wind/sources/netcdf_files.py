@@ -187,6 +187,13 @@ def _component(array: xr.DataArray, quantity: Quantity) -> tuple[str, _Kind] | N
     return None
 
 
+def _other_quantity(data: xr.Dataset, quantity: Quantity) -> str:
+    """Advice for a file of currents that is read as winds, or of winds that is read as currents."""
+    other, setting = (CURRENTS, "wind=currents") if quantity is WINDS else (WINDS, "wind=netcdf")
+    there = any(array.shape and _component(array, other) for array in data.values())
+    return f"; it holds a {other.name}: set {setting}" if there else ""
+
+
 def _components(
     path: Path, data: xr.Dataset, quantity: Quantity
 ) -> dict[str, list[tuple[_Kind, xr.DataArray]]]:
@@ -200,6 +207,7 @@ def _components(
         raise DataError(
             f"wind file {path} holds no {quantity.name}; expected variables with the standard names "
             f"{' and '.join(quantity.standard[0][:2])}, found {shown_value(there, 200)}"
+            f"{_other_quantity(data, quantity)}"
         )
     budget = FREE_VALUES + MAX_VALUES_A_BYTE * path.stat().st_size
     data = data.set_coords([name for name in data if name not in known])
