@@ -460,7 +460,7 @@ def test_random_clicks_leave_no_error(browser: Browser, desk: RunningDesk, seed:
         begin_anew(opened)
         if seed % 4 > 1:  # with a plan
             page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
-            page.locator("#earlier button").last.click()
+            page.locator("#earlier li", has_text="done").last.locator("button").click()
             opened.wait("document.querySelector('.vehicle') !== null")
         for _ in range(CLICKS):
             random_click(opened, dice)
@@ -483,7 +483,7 @@ def test_a_point_is_kept_for_comparison_once_its_path_is_there(browser: Browser,
         page, held, waits = opened.page, list[Any](), [True]
         page.route(re.compile("/points/"), lambda route: held.append(route) if waits else route.continue_())
         page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
-        page.locator("#earlier button").last.click()
+        page.locator("#earlier li", has_text="done").last.locator("button").click()
         opened.wait("document.querySelectorAll('#front .point').length > 0")
         opened.wait("document.getElementById('pin').getClientRects().length > 0")
         page.evaluate("document.getElementById('pin').click()")

@@ -190,7 +190,7 @@ def test_what_the_command_cannot_do_is_one_line(
 ) -> None:
     for words, message in (
         ([str(tmp_path / "nowhere")], "give the results directory of a forecast test"),
-        ([str(honest), "--fidelity", "paper"], "no chosen plans with fidelity 'paper'; it has those of full"),
+        ([str(honest), "--fidelity", "paper"], "no chosen plans with fidelity 'paper'; it has plans of full"),
         ([str(honest), "--names", "a", "b"], "--names names two tests; give OTHER too"),
     ):
         assert run_command_line(["scores", *words]) == 2

@@ -75,7 +75,7 @@ def test_newer_forecasts_of_a_field_without_forecast_errors_are_refused(
 ) -> None:
     words = ("replanning", *SMALL, "replanning.flights=1", "replanning.forecasts=6")
     assert run_command_line([*words, f"hydra.run.dir={tmp_path}"]) == 2
-    assert "no forecast with known leads" in capsys.readouterr().err
+    assert "not a forecast with known leads" in capsys.readouterr().err
 
 
 def test_a_newer_forecast_has_the_error_of_its_lead_and_tends_to_the_truth() -> None:
