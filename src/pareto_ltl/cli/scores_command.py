@@ -74,17 +74,11 @@ def _document(mine: Promises, found: Sequence[Compared]) -> dict[str, object]:
         "failed": float(mine.realised.mean()),
         **parts,
         **skill.situation_columns(mine.realised, mine.situations),
-        "compared": [_row(one) for one in found],
+        "compared": [
+            {name: value for name, value in asdict(one).items() if not name.startswith("curve")}
+            for one in found
+        ],
     }
-
-
-def _row(one: Compared) -> dict[str, object]:
-    numbers = {name: value for name, value in asdict(one).items() if not name.startswith("curve")}
-    return {name: _known(value) for name, value in numbers.items()}
-
-
-def _known(value: object) -> object:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _lines(mine: Promises, found: Sequence[Compared]) -> Iterator[object]:

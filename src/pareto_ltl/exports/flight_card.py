@@ -11,12 +11,12 @@ import math
 from itertools import groupby
 
 from pareto_ltl.exports.exported import ExportedPlan
+from pareto_ltl.support.display import speed_digits
 
 COLUMNS = (
     "legs", "time_utc", "t_s", "heading_true_deg", "airspeed_m_s", "duration_s", "distance_km", "lat_deg",
     "lon_deg", "radius_95_km",
 )  # fmt: skip
-SLOW = 3.0  # [m/s] a tenth of m/s is too coarse for a robot that is never faster
 
 
 def flight_card(exported: ExportedPlan) -> bytes:
@@ -27,7 +27,7 @@ def flight_card(exported: ExportedPlan) -> bytes:
     log, text = exported.log, io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
-    digits = 1 if max(log.airspeed.tolist(), default=SLOW) >= SLOW else 2
+    digits = speed_digits(max(log.airspeed.tolist(), default=math.inf))
     commands = [
         ("" if math.isnan(heading) else f"{round(heading) % 360:d}", f"{airspeed:.{digits}f}")
         for heading, airspeed in zip(log.heading.tolist(), log.airspeed.tolist(), strict=True)

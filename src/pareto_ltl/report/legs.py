@@ -19,14 +19,13 @@ from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPa
 from pareto_ltl.simulation.failure_times import failure_times
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, probability_text, rate_text
+from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
 from pareto_ltl.world.navigation import utc_times
 from pareto_ltl.world.scene import Scene
 
 FAR = 99.0  # standard deviations; larger clearances are shown as "over 99 sd"
 ONE_HEADING = 3.0  # degrees; legs of a group have headings that differ less from the first one's
 ONE_AIRSPEED = 0.5  # [m/s] and airspeeds that differ by at most this and a tenth
-SLOW = 3.0  # [m/s] speeds of a slower leg have two decimals
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +196,7 @@ def _course_text(legs: Sequence[Leg]) -> str:
     air, wind, sd = (
         float(np.mean([getattr(leg, name) for leg in legs])) for name in ("airspeed", "wind", "wind_sd")
     )
-    digits = 1 if max(air, wind) >= SLOW else 2
+    digits = speed_digits(max(air, wind))
     if np.isnan(legs[0].wind_from):
         return f"{air:.{digits}f} m/s; wind {wind:.{digits}f} m/s (sd {sd:.{digits}f})"
     heading, source = (

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from html import escape
 from typing import Any, ClassVar
 
+SLOW = 3.0  # [m/s] speeds of what is never faster have two decimals
+
 
 class Displayed:
     """Base of the records that users see. A subclass lists its key facts in :meth:`facts`.
@@ -95,6 +97,11 @@ def energy_text(joules: float) -> str:
 def in_kilometres(metres: float) -> bool:
     """Whether a length or the size of a map [m] is shown in kilometres, which is from 2 km."""
     return metres >= 2000.0
+
+
+def speed_digits(fastest: float) -> int:
+    """Decimals of speeds in m/s of which ``fastest`` is the largest: a glider needs hundredths."""
+    return 1 if fastest >= SLOW else 2
 
 
 def distance_text(metres: float, digits: int = 1) -> str:
