@@ -14,7 +14,7 @@ from pareto_ltl.support.display import probability_text
 from pareto_ltl_verify.claims.verdict import Claim, Verdict, no_fault
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.forecast_errors import HOUR
-from pareto_ltl_verify.wind_tables import ENSEMBLE
+from pareto_ltl_verify.wind_tables import ENSEMBLE, level_of
 
 UNLISTED = ("noaa",)  # sources whose files are downloaded, and no inputs of the run
 CALM = "calm air: no wind at all.", "any wind; the robot's own errors of airspeed, heading and timing."
@@ -49,9 +49,14 @@ def _assumed(result: Evidence) -> tuple[str, str]:
         )
     if result.wind.fit is None or not flown:
         return departure, ""
-    (kind, height, robot), (other, known, wind) = _level(flown), _level(result.wind.level)
+    (kind, height, robot), (other, known, wind) = level_of(flown), level_of(result.wind.level)
     alike = kind == other and abs(height - known) <= 0.2 * max(height, known)
-    return departure, "" if alike else f"the robot flies {robot} (robot.level), and the wind is that {wind}"
+    if alike:
+        return departure, ""
+    moves, used = ("moves", "current") if kind == "depth" else ("flies", "wind")
+    mismatch = f"the robot {moves} {robot} (robot.level), and the {used} used is {wind}"
+    earlier = f"the robot flies {robot} (robot.level), and the wind is that {wind}"
+    return departure, earlier if earlier in result.plan["not_covered"] else mismatch
 
 
 def _with_assumed(stated: str, wanted: str, assumed: str) -> str:
@@ -60,20 +65,6 @@ def _with_assumed(stated: str, wanted: str, assumed: str) -> str:
         return wanted
     parts, place = wanted.split("; "), stated.split("; ").index(assumed)
     return "; ".join([*parts[:place], assumed, *parts[place:]])
-
-
-def _level(text: str) -> tuple[str, float, str]:
-    """Kind, height above ground [m], depth [m] or pressure [Pa] of a level, and how texts name it."""
-    number, unit, depth = re.fullmatch(r"([\d.]+)\s*([a-z]+)(\s*depth)?", text.strip().lower()).groups()  # type: ignore[union-attr]
-    if unit in (factors := {"pa": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0}):
-        pressure = float(number) * factors[unit]
-        return "pressure", pressure, f"at {pressure / 100.0:.10g} hPa"
-    metres = float(number) * (1000.0 if unit == "km" else 1.0)
-    return (
-        f"height{depth or ''}",
-        metres,
-        f"{metres:.10g} m {'below the surface' if depth else 'above ground'}",
-    )
 
 
 def _covered(result: Evidence) -> Iterator[str]:
