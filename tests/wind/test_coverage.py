@@ -166,6 +166,15 @@ def test_a_departure_by_default_and_a_wind_of_another_level_are_named():
     assert "robot.level" not in plain.not_covered
 
 
+def test_the_errors_of_a_current_are_named_in_words_of_the_water():
+    seen = place_readings(cfg(forecast_error="none"), readings([0, 3], level="30m depth"), SCENE)
+    said = coverage_of(field.fit_wind_field(cfg(), seen, SCENE), SCENE.time_zero, "30m depth")
+    assert said.covered.startswith("current at 30m depth of")
+    assert "currents at other depths than 30m depth, and vertical motion of the water" in said.not_covered
+    assert "errors of speed through the water" in said.not_covered
+    assert not any(word in said.covered + said.not_covered for word in ("wind", "airspeed", "heights"))
+
+
 def test_calm_air_covers_no_wind_at_all():
     still = field.fit_wind_field(WindConfig(), place_readings(WindConfig(source="calm"), CALM, SCENE), SCENE)
     said = coverage_of(still)

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_text, shown_value
 
 HEIGHT, PRESSURE, DEPTH = "height", "pressure", "depth"
@@ -87,8 +88,10 @@ def level_mismatch(flown: str, known: str) -> str:
         )
     if robot.kind == wind.kind and abs(robot.value - wind.value) <= ALIKE * max(robot.value, wind.value):
         return ""
-    moves, used = ("moves", "current") if robot.kind == DEPTH else ("flies", "wind")
-    return f"the robot {moves} {robot.phrase} (robot.level), and the {used} used is {wind.phrase}"
+    medium = medium_of(robot.text)
+    return (
+        f"the robot {medium.moves} {robot.phrase} (robot.level), and the {medium.flow} used is {wind.phrase}"
+    )
 
 
 def table_level(text: str, kinds: Collection[str], holds: str) -> Level:

@@ -234,7 +234,7 @@ def _evidence_variables(found: WindEvidence) -> Iterator[NetcdfVariable]:
 
 
 def _time_attributes(scene: Scene | None) -> dict[str, Any]:
-    """Seconds since the departure of ``scene``, or without a date, which CF does not call a time coordinate."""
+    """Seconds since the departure, or seconds without a date: for CF, these are no time coordinate."""
     if scene is None or scene.time_zero is None:
         return {"units": "s", "long_name": "time since the departure"}
     clock = {"calendar": "standard", "units_metadata": "leap_seconds: none"}

@@ -17,7 +17,12 @@ from pareto_ltl_verify.forecast_errors import HOUR
 from pareto_ltl_verify.wind_tables import ENSEMBLE, level_of
 
 UNLISTED = ("noaa",)  # sources whose files are downloaded, and no inputs of the run
-CALM = "calm air: no wind at all.", "any wind; the robot's own errors of airspeed, heading and timing."
+OWN_ERRORS = "the robot's own errors of {}, heading and timing"
+CALM = "calm air: no wind at all.", f"any wind; {OWN_ERRORS.format('airspeed')}."
+STILL = (
+    "still water: no current at all.",
+    f"any current; {OWN_ERRORS.format('speed through the water')}.",
+)
 
 
 def texts(result: Evidence) -> Verdict | None:
@@ -26,7 +31,7 @@ def texts(result: Evidence) -> Verdict | None:
         return None
     wind = result.wind
     if wind.fit is None and not wind.gust.any():
-        wanted = CALM
+        wanted = STILL if result.plan["covered"] == STILL[0] and _in_water(result) else CALM
     else:
         wanted = "; ".join(_covered(result)) + ".", "; ".join(_not_covered(result)) + "."
     stated = (result.plan["covered"], result.plan["not_covered"])
@@ -37,6 +42,19 @@ def texts(result: Evidence) -> Verdict | None:
         if (words := [part for part in a.split("; ") if part not in b.split("; ")] or [b] * (a != b))
     ]
     return no_fault(f"{len(stated[1].split('; '))} errors not covered", faults)
+
+
+def _in_water(result: Evidence) -> bool:
+    return "depth" in (
+        level_of(result.wind.level)[0],
+        level_of(result.settings["robot"].get("level") or "")[0],
+    )
+
+
+def _of_current(result: Evidence) -> bool:
+    """Whether the texts name a current; earlier versions call it a wind."""
+    current = level_of(result.wind.level)[0] == "depth"
+    return current and not str(result.plan["covered"]).startswith("wind at")
 
 
 def _assumed(result: Evidence) -> tuple[str, str]:
@@ -69,7 +87,8 @@ def _with_assumed(stated: str, wanted: str, assumed: str) -> str:
 
 def _covered(result: Evidence) -> Iterator[str]:
     wind = result.wind
-    yield f"wind at {wind.level} of {wind.source or 'an unknown source'}"
+    flow = "current" if _of_current(result) else "wind"
+    yield f"{flow} at {wind.level} of {wind.source or 'an unknown source'}"
     if wind.fit is not None:
         share = wind.score.get("gp_coverage_90", np.nan)
         scored = (
@@ -125,10 +144,13 @@ def _not_covered(result: Evidence) -> Iterator[str]:
     elif law.forecast_sd[0] <= 0:
         yield "errors of analyses (forecasts of lead 0)"
     if law is None:
-        yield "the change of the wind between fields"
-    yield f"winds at other heights than {wind.level}, and vertical motion of the air"
+        yield f"the change of the {'current' if _of_current(result) else 'wind'} between fields"
+    if _of_current(result):
+        yield f"currents at other depths than {wind.level}, and vertical motion of the water"
+    else:
+        yield f"winds at other heights than {wind.level}, and vertical motion of the air"
     yield "errors that are not Gaussian, such as a front or a storm that comes early"
-    yield "the robot's own errors of airspeed, heading and timing"
+    yield OWN_ERRORS.format("speed through the water" if _of_current(result) else "airspeed")
 
 
 def _range(values: Sequence[float] | FloatArray, unit: str) -> str:
