@@ -124,7 +124,7 @@ def test_the_plan_in_kml(flown: Flown) -> None:
     styles, used = (
         set(re.findall(pattern, text)) for pattern in (r'<Style id="(\w+)"', r"<styleUrl>#(\w+)<")
     )
-    assert used == styles
+    assert used <= styles  # the map has no landmark
     assert len(styles) >= 3  # regions, obstacles and the path differ
     assert text.count("<styleUrl>") >= len(marks) - len(positions)
 
