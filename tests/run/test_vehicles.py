@@ -199,6 +199,32 @@ def test_the_stated_level_of_a_table_stands_in_all_that_a_run_writes(
         assert ("the wind used is 10 m" in told) == mismatch
 
 
+def test_a_mission_in_the_water_is_told_in_words_of_the_water_and_verified(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A table for a glider has its current; everything that states a rate or a speed says so."""
+    rows = [
+        f"2018-10-09T{hour:02d}:00:00Z,{lat},{lon},{0.002 * (lat - 30)},{0.0005 * (lon + 80)}"
+        for hour in (0, 6, 12) for lat in (34, 36, 38, 40) for lon in (-96, -92, -88)
+    ]  # fmt: skip
+    (tmp_path / "w.csv").write_text("\n".join(["time,lat,lon,u,v", *rows]) + "\n")
+    small = SMALL | {"robot": "underwater_glider", "report": {"formats": ["png"], "page": True}}
+    wind = QUICK_WIND | {"source": str(tmp_path / "w.csv"), "forecast_error": "none", "noise_min": 0.01}
+    out = tmp_path / "g"
+    pareto_ltl.plan(site("underwater_glider"), "F(a & F b)", wind=wind, out=out, **small)
+    assert json.loads((out / "plan.json").read_text())["covered"].startswith("current at 100m depth of csv")
+    page = (out / "report.html").read_text()
+    assert "coherent currents" in page.partition("<script")[0]
+    assert "current arrows" in page
+    assert run_command_line(["verify", str(out)]) == 0
+    assert "FAILS" not in capsys.readouterr().out
+    for words in ([], ["--limits"]):
+        assert run_command_line(["explain", str(out), *words]) == 0
+        told = capsys.readouterr().out.replace("w.csv", "")
+        assert "current" in told
+        assert not any(word in told for word in ("wind", "airspeed", "flies"))
+
+
 def test_what_no_vehicle_is_gets_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     for words, text in (
         (["robot=multirotr"], "multirotor"),

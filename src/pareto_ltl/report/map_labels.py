@@ -7,15 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from pareto_ltl.report.style import text_width
-from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.cells import half_planes, moments
 
 PLACES = 15  # places tried along each side of a grid
 PAD = 0.03  # space around a name and around the marks at the ends of a path [in]
 LEADING = 1.15  # distance of lines, in font sizes
-SPACE = 0.5  # wanted around a name beside its region, in half heights of the name
+SPACE = 0.3  # around a name beside its region, in half heights of the name
 COVERED = 4.0  # weight of covering a point, beside missing space
 NEARNESS = 0.06  # space that is given up for each unit of length nearer to the region
+# the sides and corners of a rectangle
+SIDES = np.array(
+    [(x, y) for x in (0, 1, -1) for y in (1, -1, 0) if (x, y) != (0, 0)], float
+)  # of a rectangle
 MOST_POINTS = 40  # of a polygon along a side, at most
 
 
@@ -89,27 +93,25 @@ def _places_inside(part: FloatArray, centre: FloatArray, half: FloatArray) -> Fl
 
 
 def _places_around(part: FloatArray, half: FloatArray, bounds: FloatArray | None) -> FloatArray:
-    """Places (n, 2) beside ``part``, at most half a name away; those inside of ``bounds``, if there are any.
+    """Places (n, 2) beside ``part``, as near as :data:`SPACE`; those inside of ``bounds``, if there are any.
 
-    The middles of the sides and the corners of its rectangle are among them.
+    Without such a place, the middles of the sides and the corners of its rectangle.
     """
     from shapely import Polygon, box, distance
 
-    low, high = part.min(axis=0) - half, part.max(axis=0) + half
+    space = SPACE * half.min()
+    low, high = part.min(axis=0) - half - space, part.max(axis=0) + half + space
     steps = np.linspace(0.0, 1.0, 2 * PLACES + 1)
     places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * (high - low) + low
     away = distance(box(*(places - half).T, *(places + half).T), Polygon(part))
-    places = places[(away > 0.0) & (away <= half.min()) | _on_frame(places, low, high)]
-    if bounds is None:
-        return np.asarray(places, float)
-    within = ((places - half >= bounds[0]) & (places + half <= bounds[1])).all(axis=1)
-    return np.asarray(places[within] if within.any() else places, float)
-
-
-def _on_frame(places: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Whether each of ``places`` (n, 2) is a corner or the middle of a side of a rectangle, (n,)."""
-    share = (places - low) / (high - low)
-    return np.asarray(np.isin(share, (0.0, 0.5, 1.0)).all(axis=1) & ~(share == 0.5).all(axis=1))
+    touching = SIDES * (np.ptp(part, axis=0) / 2 + half) + (part.min(axis=0) + part.max(axis=0)) / 2
+    for some in (places[(away > 0.0) & (away <= 1.001 * space)], touching):
+        within = np.ones(len(some), dtype=bool)
+        if bounds is not None:
+            within = ((some - half >= bounds[0]) & (some + half <= bounds[1])).all(axis=1)
+        if within.any():
+            return np.asarray(some[within], float)
+    return np.asarray(touching, float)
 
 
 def covering_points(outline: FloatArray, half: FloatArray) -> FloatArray:
