@@ -95,7 +95,7 @@ def test_successive_legs_of_one_heading_have_one_line() -> None:
     assert line.split("; ")[0].split() == ["0-2", "0:00Z", "-", "3:00Z"]
     assert "heading 000.3 true, 20.0 m/s; wind 5.0 m/s from 090" in line
     assert "obstacle 1 at 9.0 km = 4.0 sd" in line
-    assert _legs_line(groups[1]).endswith("position fix at its end")
+    assert _legs_line(groups[1], AIR).endswith("position fix at its end")
     assert of_one_heading([]) == []
 
 

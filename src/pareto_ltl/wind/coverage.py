@@ -38,8 +38,8 @@ def coverage_of(
     covered = [f"{medium.flow} at {field.level} of {field.source or 'an unknown source'}"]
     if by_default and time_zero:
         covered.append(
-            f"a departure at {iso(seconds(time_zero))}, the first time of the wind, as mission.start_time is "
-            "not set"
+            f"a departure at {iso(seconds(time_zero))}, the first time of the {medium.flow}, as "
+            "mission.start_time is not set"
         )
     if field.evidence is not None:
         counts = [len(points) for points in field.evidence.points]

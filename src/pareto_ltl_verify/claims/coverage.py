@@ -62,8 +62,9 @@ def _assumed(result: Evidence) -> tuple[str, str]:
     zero, flown = result.scene["time_zero"], result.settings["robot"].get("level", "")
     departure = ""
     if zero is not None and result.settings["mission"]["start_time"] is None:
+        flow = "current" if _of_current(result) else "wind"
         departure = (
-            f"a departure at {_utc(zero)}, the first time of the wind, as mission.start_time is not set"
+            f"a departure at {_utc(zero)}, the first time of the {flow}, as mission.start_time is not set"
         )
     if result.wind.fit is None or not flown:
         return departure, ""
