@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,10 +43,10 @@ class Source:
 
 SOURCES = {
     "sample": Source("none", ensemble=False, level=False),
-    "csv": Source("gfs", ensemble=False, level=False),
+    "csv": Source("gfs", ensemble=False, level=True),
     "grib": Source("gfs", ensemble=True, level=True),
     "netcdf": Source("gfs", ensemble=True, level=True),
-    "stations": Source("none", ensemble=False, level=False),
+    "stations": Source("none", ensemble=False, level=True),
     "noaa": Source("gfs", ensemble=True, level=True),
     "currents": Source("none", ensemble=False, level=False),
     "ensemble": Source("gfs", ensemble=True, level=True),
@@ -59,6 +60,23 @@ HYPER = ("prior_mean", "prior_sd", "prior_length", "noise_sd")
 def source_of(name: str) -> Source:
     """The row of a wind source; a source of another package may have an ensemble."""
     return SOURCES.get(name, Source(None, ensemble=True, level=False))
+
+
+def level_of(text: str) -> tuple[str, float, str]:
+    """Kind, height above ground [m], depth [m] or pressure [Pa] of a level, and how texts name it."""
+    found = re.fullmatch(r"(\d+\.?\d*)\s*([a-z]+)(\s*depth)?", text.strip().lower())
+    if found is None:
+        return "no level", 0.0, text
+    number, unit, depth = found.groups()
+    if unit in (factors := {"pa": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0}):
+        pressure = float(number) * factors[unit]
+        return "pressure", pressure, f"at {pressure / 100.0:.10g} hPa"
+    metres = float(number) * (1000.0 if unit == "km" else 1.0)
+    return (
+        "depth" if depth else "height",
+        metres,
+        f"{metres:.10g} m {'below the surface' if depth else 'above ground'}",
+    )
 
 
 @dataclass(frozen=True, slots=True)

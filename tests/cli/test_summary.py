@@ -12,6 +12,7 @@ from pareto_ltl.cli.markdown_text import fitting_columns, shown_markdown
 from pareto_ltl.cli.summary import run_answer, summary_rows, warning_paragraphs
 from pareto_ltl.cli.warning_lines import collected_warnings
 from pareto_ltl.settings import Settings, preset
+from pareto_ltl.support.medium import WATER
 
 METRICS = {
     "length_m": 1.5e6, "duration_s": 90_000.0, "dt_s": 1800.0,
@@ -53,6 +54,21 @@ def test_a_newcomer_reads_the_promise_and_what_limits_it() -> None:
     }
     bounded = {key: value for key, value in METRICS.items() if not key.startswith("promise")}
     assert len(dict(summary_rows(bounded, "coherent", verbose=False))) > 4  # there the bounds judge
+
+
+def test_times_of_stages_are_printed_on_request_also_where_bounds_judge() -> None:
+    bounded = {key: value for key, value in METRICS.items() if not key.startswith("promise")}
+    for metrics in (METRICS, bounded):
+        assert "  forest" in dict(summary_rows(metrics, "independent", verbose=True))
+        assert "  forest" not in dict(summary_rows(metrics, "independent", verbose=False))
+
+
+def test_a_summary_of_a_robot_in_the_water_names_currents() -> None:
+    for metrics, verbose in ((METRICS, True), (METRICS, False)):
+        rows = dict(summary_rows(metrics, "coherent", WATER, verbose=verbose))
+        assert rows["time under way"] == "25.00 h in steps of 1,800 s"
+        assert rows["fails, coherent currents, 20,000 fresh flights"].startswith("0.15 %")
+        assert not any(word in name for name in rows for word in ("wind", "flight time", "airspeed"))
 
 
 def test_the_warnings_of_a_run_are_printed_each_once(tmp_path: Path) -> None:

@@ -120,6 +120,13 @@ def test_the_plan_in_kml(flown: Flown) -> None:
     (document,) = document.features
     assert document.name == "phi1 <&>"
     assert "coherent winds" in document.description
+    text = path.read_text()
+    styles, used = (
+        set(re.findall(pattern, text)) for pattern in (r'<Style id="(\w+)"', r"<styleUrl>#(\w+)<")
+    )
+    assert used <= styles  # the map has no landmark
+    assert len(styles) >= 3  # regions, obstacles and the path differ
+    assert text.count("<styleUrl>") >= len(marks) - len(positions)
 
 
 @pytest.mark.parametrize("name", ["plan.geojson", "corridor.geojson", "plan.kml", "plan.gpx"])

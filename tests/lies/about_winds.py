@@ -220,6 +220,12 @@ ERROR_LIES = (
         only="paper",
     ),
     Lie(
+        "the wind of a table belongs to another level",
+        in_wind(lambda file: file.attrs.update(level="100m")),
+        ("wind: level and leads",),
+        only="full",
+    ),
+    Lie(
         "the wind is from other files",
         in_wind(lambda file: file.attrs.update(source="grib: newer.grib2")),
         ("wind: source", "plan: errors that its rates cover"),

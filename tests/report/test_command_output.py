@@ -118,7 +118,7 @@ def test_errors_are_documents_too_and_stay_lines_on_the_error_stream(
 
 
 WARNED, OTHER = logging.getLogger("pareto_ltl.run.stages"), logging.getLogger("matplotlib.font_manager")
-LONG = "the wind is that 10 m above ground: winds at other heights differ, often by a factor of two; read it"
+LONG = "the wind used is 10 m above ground: winds at other heights differ, often by a factor of two; read it"
 
 
 def test_warnings_of_commands_are_in_their_answer_and_other_packages_are_quiet(

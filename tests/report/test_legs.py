@@ -21,6 +21,7 @@ from pareto_ltl.report.legs import (
     of_one_heading,
 )
 from pareto_ltl.run.results import Results
+from pareto_ltl.support.medium import AIR, WATER
 from pareto_ltl.world.windows import Window
 from problems import along, box, make_problem, make_scene
 
@@ -90,11 +91,11 @@ def test_successive_legs_of_one_heading_have_one_line() -> None:
     legs = [leg(k, h, fix=k == 4, airspeed=20.0 + 2.0 * (k == 6)) for k, h in enumerate(headings)]
     groups = of_one_heading(legs)
     assert [[one.number for one in group] for group in groups] == [[0, 1, 2], [3, 4], [5], [6]]
-    line = _legs_line(groups[0])
+    line = _legs_line(groups[0], AIR)
     assert line.split("; ")[0].split() == ["0-2", "0:00Z", "-", "3:00Z"]
     assert "heading 000.3 true, 20.0 m/s; wind 5.0 m/s from 090" in line
     assert "obstacle 1 at 9.0 km = 4.0 sd" in line
-    assert _legs_line(groups[1]).endswith("position fix at its end")
+    assert _legs_line(groups[1], AIR).endswith("position fix at its end")
     assert of_one_heading([]) == []
 
 
@@ -102,7 +103,8 @@ def test_a_slow_leg_has_two_decimals_and_its_own_line() -> None:
     groups = of_one_heading([leg(k, 10.0, airspeed=v) for k, v in enumerate([0.35, 0.35, 0.26])])
     assert [len(group) for group in groups] == [2, 1]
     drift = replace(groups[0][0], wind=0.124, wind_sd=0.012)
-    assert "true, 0.35 m/s; wind 0.12 m/s from 090 (sd 0.01)" in _legs_line([drift])
+    assert "true, 0.35 m/s; wind 0.12 m/s from 090 (sd 0.01)" in _legs_line([drift], AIR)
+    assert "true, 0.35 m/s; current 0.12 m/s from 090 (sd 0.01)" in _legs_line([drift], WATER)
 
 
 def test_a_leg_to_a_region_with_a_window_names_the_proposition() -> None:

@@ -31,6 +31,7 @@ from pareto_ltl.report.limits import (
     saving_of,
     segment_rows,
     small_change,
+    speed_change,
     tight_places,
 )
 from pareto_ltl.report.limits_figure import BARS, limits_figure
@@ -40,6 +41,7 @@ from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.display import probability_text
+from pareto_ltl.support.medium import WATER
 
 HOSTILE = "<img src=x onerror=alert(1)>&\"' $x_1$"
 PRICES = (
@@ -318,6 +320,28 @@ def test_only_a_plan_with_limits_or_prices_has_the_figure(tmp_path: Path) -> Non
 
 def test_the_change_of_airspeed_is_one_kilometre_per_hour() -> None:
     assert math.isclose(saving_of(Price("airspeed", "largest airspeed", None, 3.6), 1000.0), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("u_max", "change", "words"),
+    [
+        (20.0, 1 / 3.6, "1 km/h"),
+        (0.35, 0.01, "0.01 m/s"),
+        (1.0, 0.01, "0.01 m/s"),
+        (0.25, 0.001, "0.001 m/s"),
+    ],
+)
+def test_the_change_of_a_slow_robot_is_small_for_its_speed(u_max: float, change: float, words: str) -> None:
+    assert speed_change(u_max) == (pytest.approx(change), words)
+    assert change <= 0.1 * u_max
+    plan = replace(limited_plan(), u_max=u_max)
+    (row,) = [row for row in price_rows(scene_of(), plan, medium=WATER) if row.kind == "airspeed"]
+    assert row.limit == "largest speed through the water"
+    assert row.change == f"{words} more"
+    assert math.isclose(row.saving, 0.008 * change)
+    lines = "\n".join(limit_lines(scene_of(), plan, medium=WATER))
+    assert "currents" in lines
+    assert not any(word in lines for word in ("wind", "airspeed"))
 
 
 OPEN = {

@@ -28,7 +28,7 @@ from pareto_ltl.planning.records import Promise, counted_rate
 from pareto_ltl.report import style
 from pareto_ltl.report.front import front_figure
 from pareto_ltl.report.map import plan_figure, shown_probability
-from pareto_ltl.report.map_labels import dense_path, label_position
+from pareto_ltl.report.map_labels import covering_points, dense_path, label_position, place_in_polygon
 from pareto_ltl.report.metric_names import LAW_NAMES, METRIC_LABELS, is_probability, metric_label
 from pareto_ltl.report.notebook import draw_record
 from pareto_ltl.report.rate_axes import rate_tick_text, rate_ticks
@@ -182,6 +182,34 @@ def test_the_name_of_a_region_too_small_for_it_stands_beside_it_on_the_map() -> 
     assert (place - half >= 0.0).all()
     assert (place + half <= 10.0).all()
     assert (np.abs(corner - place) >= half - 1e-9).any(axis=1).all()
+
+
+def test_the_name_of_a_small_region_avoids_other_places_and_stays_beside_it() -> None:
+    part = np.array([[4.5, 4.5], [5.5, 4.5], [5.5, 5.5], [4.5, 5.5]])
+    half, bounds = np.array([1.5, 0.4]), np.array([[0.0, 0.0], [10.0, 10.0]])
+    above = covering_points(np.array([[2.0, 5.6], [8.0, 5.6], [8.0, 9.0], [2.0, 9.0]]), half)
+    left = covering_points(np.array([[0.0, 3.0], [4.4, 3.0], [4.4, 5.5], [0.0, 5.5]]), half)
+    for blocked in (above, left, np.vstack([above, left])):
+        place = label_position([part], half, None, bounds, blocked)
+        assert (np.abs(blocked - place) >= half).any(axis=1).all()
+        gap = np.abs(place - 5.0) - half - 0.5
+        assert gap.max() <= 0.5 * half.min()  # not farther away than a quarter of its height
+        assert gap.max() >= -1e-9
+
+
+def test_the_name_of_an_obstacle_lies_in_what_the_map_shows_of_it() -> None:
+    bounds = np.array([[0.0, 0.0], [10.0, 10.0]])
+    cut = np.array([[-30.0, 2.0], [6.0, 2.0], [6.0, 5.0], [-30.0, 5.0]])  # its centre is off the map
+    half = np.array([2.0, 0.5])
+    place = place_in_polygon(cut, half, bounds)
+    assert place is not None
+    np.testing.assert_allclose(place, [3.0, 3.5], atol=0.2)
+    bent = np.array([[1.0, 1.0], [2.0, 1.0], [2.0, 8.0], [9.0, 8.0], [9.0, 9.0], [1.0, 9.0]])
+    inside = place_in_polygon(bent, np.array([0.4, 0.4]), bounds)  # its centre is outside of it
+    assert inside is not None
+    assert inside[0] <= 1.6 or inside[1] >= 8.4
+    assert place_in_polygon(bent, half + 0.2, bounds) is None
+    assert place_in_polygon(bent + 20.0, half, bounds) is None
 
 
 def test_a_probability_is_set_with_raised_powers() -> None:

@@ -82,7 +82,9 @@ def test_the_map_of_a_plan_shows_the_times(scene: Scene) -> None:
         assert wrong_texts(said) == []
         assert texts_outside(figure) == []
     lines = {line for name in scene.regions for line in time_lines(scene, name)}
-    assert lines <= set(said)
+    assert {part for line in lines for part in line.replace("forbidden ", "forbidden|").split("|")} <= set(
+        said
+    )
     assert "region, with times" in said
     assert "obstacle for a time" in said
     hatched = [drawn for drawn in figure.axes[0].collections if drawn.get_hatch()]

@@ -198,6 +198,8 @@ def test_the_wind_comes_as_readings_as_a_field_or_as_a_file(tmp_path: Path) -> N
 def test_readings_that_cannot_be_are_refused_in_one_line() -> None:
     with pytest.raises(pareto_ltl.DataError, match=r"2026-01-01T00:00:00Z, row 0: wind speed 99.0 m/s is"):
         pareto_ltl.plan(lab_scene(), "F a", wind=lab_readings(99.0), **LAB)
+    with pytest.raises(pareto_ltl.ConfigError, match=r"wind.level=100m: the given Readings states .* 10m"):
+        pareto_ltl.plan(lab_scene(), "F a", wind={"source": lab_readings(), "level": "100m"}, **LAB)
     with pytest.raises(ValueError, match=r"expected points \(N, 2\) and winds \(K, N, 2\)"):
         pareto_ltl.Readings.of_arrays(["2026-01-01"], np.zeros((3, 2)), np.zeros((3, 2)))
     with pytest.raises(ValueError, match="expected increasing times"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
 from pareto_ltl.wind.levels import level_mismatch
 from pareto_ltl_verify.judge import verify
+from quick_wind import QUICK_WIND
 
 pytestmark = pytest.mark.no_cover  # other tests run the same lines, and coverage is slow
 
@@ -141,13 +143,23 @@ def test_the_wind_is_taken_where_the_robot_flies_unless_told_otherwise() -> None
     assert Settings(wind=currents).wind.level == "0m"
     assert Settings(wind=currents, robot=section_of("robot", "underwater_glider")).wind.level == "100m depth"
     assert currents.level == "auto"  # of others who hold it
+    for source, in_air, in_water in (
+        ("csv", "10m", "100m depth"),
+        ("stations", "10m", "100m depth"),
+        ("netcdf", "100m", "100m depth"),
+    ):
+        table = WindConfig(source=source, path="x")
+        assert Settings(robot=wing, wind=table).wind.level == in_air
+        glider = section_of("robot", "underwater_glider")
+        assert Settings(robot=glider, wind=table).wind.level == in_water
+        assert Settings(robot=wing, wind=replace(table, level="80m")).wind.level == "80m"
 
 
 def test_a_wind_of_another_level_is_told_and_that_of_another_medium_refused(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     assert level_mismatch("100m", "80m") == level_mismatch("0m depth", "0m depth") == ""
-    assert "925 hPa (robot.level), and the wind is that 10 m" in level_mismatch("925hPa", "10m")
+    assert "925 hPa (robot.level), and the wind used is 10 m" in level_mismatch("925hPa", "10m")
     for one, other in (("100m depth", "10m"), ("100m", "0.5m depth")):
         with pytest.raises(ConfigError, match=r"what is known is a (wind|current)"):
             level_mismatch(one, other)
@@ -155,9 +167,62 @@ def test_a_wind_of_another_level_is_told_and_that_of_another_medium_refused(
         pareto_ltl.plan(site("underwater_glider"), "F(a & F b)", robot="underwater_glider", **SMALL)
     small = SMALL | {"fidelity": "paper", "robot": "fixed_wing"}
     result = pareto_ltl.plan(site("fixed_wing"), "F(a & F b)", **small)
-    gap = "the robot flies 100 m above ground (robot.level), and the wind is that 10 m above ground"
+    gap = "the robot flies 100 m above ground (robot.level), and the wind used is 10 m above ground"
     assert gap in caplog.text
     assert gap in result.plan.not_covered
+
+
+def test_the_stated_level_of_a_table_stands_in_all_that_a_run_writes(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    rows = [
+        f"2018-10-09T{hour:02d}:00:00Z,{lat},{lon},{0.1 * (lat - 30)},{0.02 * (lon + 80)}"
+        for hour in (0, 3, 6) for lat in (34, 36, 38, 40) for lon in (-96, -92, -88)
+    ]  # fmt: skip
+    (tmp_path / "w.csv").write_text("\n".join(["time,lat,lon,u,v", *rows]) + "\n")
+    small = SMALL | {"fidelity": "paper", "robot": "fixed_wing", "report": {"formats": ["png"], "page": True}}
+    wind = QUICK_WIND | {"source": str(tmp_path / "w.csv"), "forecast_error": "none"}
+    gap = "the robot flies 100 m above ground (robot.level), and the wind used is 10 m above ground"
+    for level, used, mismatch in (({}, "10m", True), ({"level": "100m"}, "100m", False)):
+        out = tmp_path / used
+        pareto_ltl.plan(site("fixed_wing"), "F(a & F b)", wind=wind | level, out=out, **small)
+        plan = json.loads((out / "plan.json").read_text())
+        assert f"wind at {used} of csv" in plan["covered"]
+        assert (gap in plan["not_covered"]) == mismatch == (gap in (out / "run.log").read_text())
+        page = (out / "report.html").read_text()
+        assert f"wind at {used}" in page
+        assert (gap in page) == mismatch
+        assert run_command_line(["verify", str(out), "--json"]) == 0
+        assert run_command_line(["explain", str(out)]) == 0
+        told = " ".join(capsys.readouterr().out.split())
+        assert f"wind at {used} of csv" in told
+        assert ("the wind used is 10 m" in told) == mismatch
+
+
+def test_a_mission_in_the_water_is_told_in_words_of_the_water_and_verified(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A table for a glider has its current; everything that states a rate or a speed says so."""
+    rows = [
+        f"2018-10-09T{hour:02d}:00:00Z,{lat},{lon},{0.002 * (lat - 30)},{0.0005 * (lon + 80)}"
+        for hour in (0, 6, 12) for lat in (34, 36, 38, 40) for lon in (-96, -92, -88)
+    ]  # fmt: skip
+    (tmp_path / "w.csv").write_text("\n".join(["time,lat,lon,u,v", *rows]) + "\n")
+    small = SMALL | {"robot": "underwater_glider", "report": {"formats": ["png"], "page": True}}
+    wind = QUICK_WIND | {"source": str(tmp_path / "w.csv"), "forecast_error": "none", "noise_min": 0.01}
+    out = tmp_path / "g"
+    pareto_ltl.plan(site("underwater_glider"), "F(a & F b)", wind=wind, out=out, **small)
+    assert json.loads((out / "plan.json").read_text())["covered"].startswith("current at 100m depth of csv")
+    page = (out / "report.html").read_text()
+    assert "coherent currents" in page.partition("<script")[0]
+    assert "current arrows" in page
+    assert run_command_line(["verify", str(out)]) == 0
+    assert "FAILS" not in capsys.readouterr().out
+    for words in ([], ["--limits"]):
+        assert run_command_line(["explain", str(out), *words]) == 0
+        told = capsys.readouterr().out.replace("w.csv", "")
+        assert "current" in told
+        assert not any(word in told for word in ("wind", "airspeed", "flies"))
 
 
 def test_what_no_vehicle_is_gets_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -169,6 +234,7 @@ def test_what_no_vehicle_is_gets_one_line(capsys: pytest.CaptureFixture[str], tm
         (["selection.rule=least", "selection.least=turns"], "selection.least=turns is none of the costs"),
         (["selection.costs=[turns]", "selection.weights=[1,1,1,1,1]"], "has more numbers than the costs"),
         (["selection.costs=[turn]"], "selection.costs"),
+        (["wind.level=80m"], "wind.level=80m: the packaged sample has winds 10 m above ground only"),
         (["robot=fixed_wing", "robot.u_min=21"], "robot.u_min = 21 m/s is above robot.u_max = 20 m/s"),
     ):
         assert run_command_line(["+experiment=phi1", *words, f"hydra.run.dir={tmp_path}"]) == 2

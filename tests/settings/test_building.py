@@ -45,6 +45,18 @@ def test_a_choice_has_the_values_that_the_command_line_composes(section: str, na
     assert repr(section_of(section, name)) == repr(getattr(composed(f"{section}={name}"), section))
 
 
+@pytest.mark.parametrize("source", choices("wind"))
+def test_a_wind_by_its_source_has_the_values_that_the_command_line_composes(source: str) -> None:
+    """``noise_min`` and ``max_speed`` of a current are not those of a wind."""
+    path = ["wind.path=x"] if source in NEEDS_A_FILE else []
+    asked: dict[str, Any] = {"source": source} | ({"path": "x"} if path else {})
+    line = composed(f"wind={source}", *path).wind
+    assert repr(section_of("wind", asked)) == repr(line)
+    explicit = {"noise_min": 0.123, "max_speed": 12.0, "level": "20m", "hold_last": False}
+    changed = composed(f"wind={source}", *path, *(f"wind.{key}={value}" for key, value in explicit.items()))
+    assert repr(section_of("wind", asked | explicit)) == repr(changed.wind)
+
+
 def test_values_have_the_types_of_the_settings_whatever_was_given() -> None:
     built = build_settings(
         {

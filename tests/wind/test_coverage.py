@@ -160,10 +160,20 @@ def test_a_departure_by_default_and_a_wind_of_another_level_are_named():
     wind = field.fit_wind_field(cfg(), seen, SCENE)
     said = coverage_of(wind, SCENE.time_zero, "100m", by_default=True)
     assert f"a departure at {SCENE.time_zero}, the first time of the wind" in said.covered
-    assert "the robot flies 100 m above ground (robot.level), and the wind is that 10 m" in said.not_covered
+    assert "the robot flies 100 m above ground (robot.level), and the wind used is 10 m" in said.not_covered
     plain = coverage_of(wind, SCENE.time_zero, "10m")
     assert "departure" not in plain.covered
     assert "robot.level" not in plain.not_covered
+
+
+def test_the_errors_of_a_current_are_named_in_words_of_the_water():
+    seen = place_readings(cfg(forecast_error="none"), readings([0, 3], level="30m depth"), SCENE)
+    said = coverage_of(field.fit_wind_field(cfg(), seen, SCENE), SCENE.time_zero, "30m depth")
+    assert said.covered.startswith("current at 30m depth of")
+    assert "currents at other depths than 30m depth, and vertical motion of the water" in said.not_covered
+    assert "errors of speed through the water" in said.not_covered
+    told = said.covered.replace("winds.grib2", "") + said.not_covered
+    assert not any(word in told for word in ("wind", "airspeed", "heights"))
 
 
 def test_calm_air_covers_no_wind_at_all():

@@ -86,6 +86,31 @@ def test_a_table_for_a_robot_in_the_water_is_that_of_its_current(tmp_path):
     assert current.level == "100m depth"
 
 
+@pytest.mark.parametrize(("stated", "level"), [("100m", "100m"), ("0.08 km", "80m"), ("92500Pa", "925hPa")])
+def test_a_table_has_the_level_that_its_user_states(tmp_path, stated, level):
+    cfg = replace(write(tmp_path / "w.csv", rows()), level=stated)
+    assert read(cfg).level == level
+    assert "as wind.level states" in sources.read_readings(cfg).notes[-1]
+    law = read(cfg).error
+    assert law.level == level
+    assert law.forecast_sd[-1] != read(replace(cfg, level="10m")).error.forecast_sd[-1]
+
+
+@pytest.mark.parametrize(
+    ("source", "level", "words"),
+    [
+        ("csv", "0m", r"wind.level=0m is 0 m above ground; a table of winds or currents: .*'50m depth'"),
+        ("stations", "925hPa", r"wind.level=925hPa is at 925 hPa; stations report winds near the ground"),
+        ("stations", "5m depth", "is 5 m below the surface; stations report winds near the ground"),
+    ],
+)
+def test_a_level_that_a_source_cannot_have_is_refused_in_one_line(tmp_path, source, level, words):
+    cfg = replace(write(tmp_path / "w.csv", rows()), source=source, level=level)
+    with pytest.raises(ConfigError, match=words) as caught:
+        sources.read_readings(cfg)
+    assert "\n" not in str(caught.value)
+
+
 def test_longitudes_may_count_eastwards_to_360(tmp_path):
     west = read(write(tmp_path / "west.csv", rows()))
     east = read(write(tmp_path / "east.csv", rows(lons=(264, 268, 272))))

@@ -11,6 +11,7 @@ from pareto_ltl.cli.markdown_text import shown_markdown
 from pareto_ltl.cli.output import Answer
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.display import probability_text, rate_text
+from pareto_ltl.support.medium import AIR, Medium, medium_of
 from pareto_ltl.support.schemas import read_document
 
 MOST_WARNINGS = 5  # warnings that are printed, at most
@@ -51,8 +52,9 @@ def _summary_lines(
     table = Table(title=settings.name, box=box.SIMPLE_HEAD, show_header=False)
     table.add_column(style="bold")
     table.add_column(justify="right")
-    *rows, last = summary_rows(metrics, settings.fidelity.law, verbose=verbose)
-    for row in (*rows, *limit_rows(directory), last):
+    medium = medium_of(settings.robot.level, settings.wind.level, _depth_of(settings))
+    *rows, last = summary_rows(metrics, settings.fidelity.law, medium, verbose=verbose)
+    for row in (*rows, *limit_rows(directory, medium), last):
         table.add_row(*row)
     yield table
     paragraphs = (
@@ -112,7 +114,12 @@ def _covered(directory: Path) -> dict[str, str]:
     return {key: str(plan[key]) for key in ("covered", "not_covered") if plan.get(key)}
 
 
-def limit_rows(directory: Path) -> Iterator[tuple[str, str]]:
+def _depth_of(settings: Settings) -> str:
+    """The level of currents from files, whose ``wind.level`` may be written without the word depth."""
+    return f"{settings.wind.level} depth" if settings.wind.source == "currents" else ""
+
+
+def limit_rows(directory: Path, medium: Medium = AIR) -> Iterator[tuple[str, str]]:
     """The segment of the plan in ``directory`` that is closest to its chance constraint, if there is one."""
     if not (directory / "plan.json").is_file():
         return
@@ -124,50 +131,52 @@ def limit_rows(directory: Path) -> Iterator[tuple[str, str]]:
         risk = probability_text(float(plan.limits.probability[k]))
         most = "no limit" if plan.epsilon >= 1.0 else f"at most {probability_text(plan.epsilon)}"
         yield (
-            f"closest segment, {plan.models.law} winds",
+            f"closest segment, {plan.models.law} {medium.flows}",
             f"{plan.limits.nearest[k]} at step {k + 1}: collides {risk}, {most}",
         )
 
 
 def summary_rows(
-    metrics: Mapping[str, float], law: str, *, verbose: bool = True
+    metrics: Mapping[str, float], law: str, medium: Medium = AIR, *, verbose: bool = True
 ) -> Iterator[tuple[str, str]]:
     """Names and values of the metrics that exist; ``law`` is the wind law of the plan.
 
-    Where flights judge, only ``verbose`` has the bounds, other simulated flights and the times of stages.
+    Where flights judge, only ``verbose`` has the bounds and other simulated flights; only it has the times
+    of stages.
     """
+    flows = medium.flows
     if {"promise_failure", "length_m"} <= set(metrics) and not verbose:  # a plan, not a study of plans
-        yield from _cost_rows(metrics)
-        yield _promise_row(metrics, law)
+        yield from _cost_rows(metrics, medium)
+        yield _promise_row(metrics, f"{law} {flows}")
         yield "in all", f"{metrics['run_seconds']:.2f} s"
         return
     if "length_m" in metrics:
-        yield from _cost_rows(metrics)
-        yield from _bound_rows(metrics, law)
+        yield from _cost_rows(metrics, medium)
+        yield from _bound_rows(metrics, f"{law} {flows}", f"independent {flows}")
     elif "wind_speed_m_s" in metrics:
         yield from _wind_rows(metrics)
     for key in metrics:
         if key.startswith("mission_risk_") and f"collision_risk_{key[13:]}" in metrics:
             bound = metrics[key] + metrics[f"collision_risk_{key[13:]}"]
-            yield f"V + R of the controls, {key[13:]} winds", probability_text(bound)
+            yield f"V + R of the controls, {key[13:]} {flows}", probability_text(bound)
         if key.startswith("failure_") and not key.endswith(("_low", "_high")):
-            yield _simulated_row(metrics, key)
+            yield _simulated_row(metrics, key, flows)
             if (gone := f"off_map_{key.removeprefix('failure_')}") in metrics:
-                yield f"left the map, {key.removeprefix('failure_')} winds", probability_text(metrics[gone])
+                yield f"left the map, {key.removeprefix('failure_')} {flows}", probability_text(metrics[gone])
     if "nodes" in metrics:
         yield "tree vertices", f"{metrics['nodes']:,.0f} ({metrics['nodes_per_second']:,.0f} a second)"
     for key, spent in metrics.items():
-        if key.startswith("seconds_"):
+        if key.startswith("seconds_") and verbose:
             yield f"  {key.removeprefix('seconds_')}", f"{spent:.2f} s"
     yield "in all", f"{metrics['run_seconds']:.2f} s"
 
 
-def _cost_rows(metrics: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+def _cost_rows(metrics: Mapping[str, float], medium: Medium) -> Iterator[tuple[str, str]]:
     from pareto_ltl.planning.costs import known_costs
 
     yield "length", f"{metrics['length_m'] / 1e3:,.1f} km"
     steps = f" in steps of {metrics['dt_s']:,.6g} s" if "dt_s" in metrics else ""
-    yield "flight time", f"{metrics['duration_s'] / 3600:,.2f} h{steps}"
+    yield medium.time, f"{metrics['duration_s'] / 3600:,.2f} h{steps}"
     for cost in known_costs():
         if cost.name != "length" and cost.column in metrics:
             share = (
@@ -178,13 +187,14 @@ def _cost_rows(metrics: Mapping[str, float]) -> Iterator[tuple[str, str]]:
             yield cost.name, cost.text(metrics[cost.column]) + share
 
 
-def _bound_rows(metrics: Mapping[str, float], law: str) -> Iterator[tuple[str, str]]:
+def _bound_rows(metrics: Mapping[str, float], law: str, paper: str) -> Iterator[tuple[str, str]]:
+    """Bounds in the ``law`` of the plan and in the ``paper``'s, each a law with its medium."""
     if "promise_failure" in metrics:
         yield _promise_row(metrics, law)
-        yield f"bound V + R, {law} winds", probability_text(metrics["promise_bound"])
-    yield "mission risk f_o (paper), independent winds", probability_text(metrics["mission_risk_paper"])
-    yield f"mission risk V, {law} winds", probability_text(metrics["mission_risk_ordered"])
-    yield f"collision risk R, {law} winds", probability_text(metrics["collision_risk"])
+        yield f"bound V + R, {law}", probability_text(metrics["promise_bound"])
+    yield f"mission risk f_o (paper), {paper}", probability_text(metrics["mission_risk_paper"])
+    yield f"mission risk V, {law}", probability_text(metrics["mission_risk_ordered"])
+    yield f"collision risk R, {law}", probability_text(metrics["collision_risk"])
 
 
 def _wind_rows(metrics: Mapping[str, float]) -> Iterator[tuple[str, str]]:
@@ -203,14 +213,14 @@ def _promise_row(metrics: Mapping[str, float], law: str) -> tuple[str, str]:
     fails, most = (probability_text(metrics[f"promise_{name}"]) for name in ("failure", "high"))
     kind = "weighted" if metrics.get("promise_weighted") else "fresh"
     return (
-        f"fails, {law} winds, {metrics['promise_runs']:,.0f} {kind} flights",
+        f"fails, {law}, {metrics['promise_runs']:,.0f} {kind} flights",
         f"{fails}, at most {most} (95 %)",
     )
 
 
-def _simulated_row(metrics: Mapping[str, float], key: str) -> tuple[str, str]:
+def _simulated_row(metrics: Mapping[str, float], key: str, flows: str) -> tuple[str, str]:
     law = key.removeprefix("failure_")
-    return f"failed of {metrics[f'runs_{law}']:,.0f} simulated, {law} winds", _rate_text(metrics, key, key)
+    return f"failed of {metrics[f'runs_{law}']:,.0f} simulated, {law} {flows}", _rate_text(metrics, key, key)
 
 
 def _rate_text(metrics: Mapping[str, float], key: str, interval: str) -> str:

@@ -20,7 +20,7 @@ from pareto_ltl.planning.selection import chance_of_failures
 from pareto_ltl.settings import FidelityConfig, SelectionConfig
 from pareto_ltl.support import extensions
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.support.display import distance_text, energy_text, probability_text, round_up
+from pareto_ltl.support.display import distance_text, energy_text, in_kilometres, probability_text, round_up
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.support.messages import shown_value
@@ -61,7 +61,11 @@ class SelectionRule:
 
     def in_words(self, cfg: SelectionConfig) -> str:
         """The choice of the rule with the settings ``cfg``, in words; empty for a rule of another package."""
-        return self.meaning.format(**self.settings_read(cfg))
+        values = self.settings_read(cfg)
+        if values.get("length"):
+            far = in_kilometres(metres := float(values["length"]))
+            values["length"] = f"{metres / 1e3:,.10g} km" if far else f"{metres:,.10g} m"
+        return self.meaning.format(**values)
 
 
 def selection_rule(cfg: SelectionConfig) -> SelectionRule:
@@ -337,7 +341,7 @@ RULES: dict[str, SelectionRule] = {
     ),
     "knee": SelectionRule(by_knee, meaning="the path farthest below the chord of the front"),
     "length": SelectionRule(
-        by_length, reads=("length",), meaning="the safest path of at most {length:,.0f} m (selection.length)"
+        by_length, reads=("length",), meaning="the safest path of at most {length} (selection.length)"
     ),
     "point": SelectionRule(
         by_number, reads=("point",), names_one=True, meaning="point {point} of the front (selection.point)"

@@ -20,6 +20,7 @@ from pareto_ltl.simulation.failure_times import failure_times
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
+from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl.world.navigation import utc_times
 from pareto_ltl.world.scene import Scene
 
@@ -131,7 +132,13 @@ def plan_legs(problem: Problem, plan: Plan, flown: Deployment) -> list[Leg]:
 
 
 def plan_lines(
-    problem: Problem, plan: Plan, flown: Deployment, legs: Sequence[Leg], *, each: bool = False
+    problem: Problem,
+    plan: Plan,
+    flown: Deployment,
+    legs: Sequence[Leg],
+    *,
+    each: bool = False,
+    medium: Medium = AIR,
 ) -> Iterator[str]:
     """Lines of text: mission, the legs towards each goal, the promise and the errors that it does not cover.
 
@@ -144,22 +151,26 @@ def plan_lines(
     yield f"mission: {words or plan.formula}" + (f"   [{plan.formula}]" if words else "")
     yield (
         f"plan: {distance_text(path.objectives.length)} in {float(path.t[-1] - path.t[0]) / 3600:.2f} h, "
-        f"{len(path.u)} legs, airspeed {plan.u_min:g} to {plan.u_max:g} m/s"
+        f"{len(path.u)} legs, {medium.speed} {plan.u_min:g} to {plan.u_max:g} m/s"
         + "".join(f", {cost_named(name).text(cost)}" for name, cost in path.objectives.further_costs.items())
         + (f", departure {utc[0]}" if (utc := utc_times(scene.time_zero, path.t)) else "")
     )
     yield (
         f"failed: share of {len(flown.x):,} simulated flights that have failed by the end of the leg, "
-        f"{flown.law} winds"
+        f"{flown.law} {medium.flows}"
     )
-    yield f"sd: standard deviation of the position, and of the wind, {problem.fidelity.law} winds"
+    yield (
+        f"sd: standard deviation of the position, and of the {medium.flow}, {problem.fidelity.law} "
+        f"{medium.flows}"
+    )
     for first, last in _stretches(path):
         yield ""
         yield _goal_line(problem, path, first, last)
         groups = ([leg] for leg in legs[first:last]) if each else of_one_heading(legs[first:last])
-        yield from map(_legs_line, groups)
+        for group in groups:
+            yield _legs_line(group, medium)
     yield ""
-    yield from _promise_lines(plan, flown)
+    yield from _promise_lines(plan, flown, medium)
 
 
 def of_one_heading(legs: Sequence[Leg]) -> list[list[Leg]]:
@@ -179,11 +190,11 @@ def _like(one: Leg, other: Leg) -> bool:
     return turn < ONE_HEADING and abs(one.airspeed - other.airspeed) <= alike
 
 
-def _legs_line(legs: Sequence[Leg]) -> str:
+def _legs_line(legs: Sequence[Leg], medium: Medium) -> str:
     """The line of one or several legs of one heading: mean course and wind, and what is closest."""
     first, last = legs[0], legs[-1]
     number = f"{first.number}" if len(legs) == 1 else f"{first.number}-{last.number}"
-    words = [f"{number:>7}  {first.begin} - {last.end}", _course_text(legs)]
+    words = [f"{number:>7}  {first.begin} - {last.end}", _course_text(legs, medium)]
     near = [leg.closest for leg in legs if leg.closest is not None]
     words += [str(min(near, key=lambda one: one.deviations))] if near else []
     words += [f"failed {probability_text(last.failed)}"]
@@ -191,20 +202,21 @@ def _legs_line(legs: Sequence[Leg]) -> str:
     return "; ".join(words)
 
 
-def _course_text(legs: Sequence[Leg]) -> str:
+def _course_text(legs: Sequence[Leg], medium: Medium) -> str:
     """Mean heading, airspeed and expected wind; on a map without a place there are no directions."""
     air, wind, sd = (
         float(np.mean([getattr(leg, name) for leg in legs])) for name in ("airspeed", "wind", "wind_sd")
     )
     digits = speed_digits(max(air, wind))
     if np.isnan(legs[0].wind_from):
-        return f"{air:.{digits}f} m/s; wind {wind:.{digits}f} m/s (sd {sd:.{digits}f})"
+        return f"{air:.{digits}f} m/s; {medium.flow} {wind:.{digits}f} m/s (sd {sd:.{digits}f})"
     heading, source = (
         _mean_angle([getattr(leg, name) for leg in legs]) for name in ("heading_true", "wind_from")
     )
     course = "drifting" if np.isnan(heading) else f"heading {heading:05.1f} true"
     return (
-        f"{course}, {air:.{digits}f} m/s; wind {wind:.{digits}f} m/s from {source:03.0f} (sd {sd:.{digits}f})"
+        f"{course}, {air:.{digits}f} m/s; {medium.flow} {wind:.{digits}f} m/s from {source:03.0f} "
+        f"(sd {sd:.{digits}f})"
     )
 
 
@@ -253,23 +265,23 @@ def _courses(problem: Problem, path: PlannedPath) -> list[tuple[float, float, fl
     return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def _promise_lines(plan: Plan, flown: Deployment) -> Iterator[str]:
+def _promise_lines(plan: Plan, flown: Deployment, medium: Medium) -> Iterator[str]:
     """Promised rate, simulated rate, bound, and what the probabilities cover and do not cover."""
     cost, models, promise = plan.path.objectives, plan.models, plan.promise
     if plan.alarmed:
         yield NO_PROMISE
     else:
         if promise is not None:
-            yield f"promised: fails {_rate_words(promise.rate)}"
+            yield f"promised: fails {_rate_words(promise.rate, medium)}"
         failed = int(flown.failed.sum())
-        yield f"simulated: fails {_rate_words(counted_rate(flown.law, failed, len(flown.x)))}"
+        yield f"simulated: fails {_rate_words(counted_rate(flown.law, failed, len(flown.x)), medium)}"
         bound = min(1.0, cost.mission_risk + cost.collision_risk)
         what = f"upper bound of failures, {models.mission_symbol} + R"
-        yield f"{what}: {probability_text(bound)}, {models.law} winds"
+        yield f"{what}: {probability_text(bound)}, {models.law} {medium.flows}"
     for name, text in (("covered", plan.covered), ("not covered", plan.not_covered)):
         if text:
             yield f"{name}: {text}"
 
 
-def _rate_words(rate: FailureRate) -> str:
-    return f"{rate_text(rate.failure, rate.low, rate.high)} of {rate.sample}, {rate.law} winds"
+def _rate_words(rate: FailureRate, medium: Medium) -> str:
+    return f"{rate_text(rate.failure, rate.low, rate.high)} of {rate.sample}, {rate.law} {medium.flows}"

@@ -11,12 +11,14 @@ import numpy as np
 from pareto_ltl.planning.limits import PRICE_KINDS, Price
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report.legs import step_times
-from pareto_ltl.support.display import probability_text
+from pareto_ltl.support.display import SLOW, probability_text
+from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl.world.scene import Scene
 
 MOST = 5  # segments and prices that are listed
 FINE = 2e-3  # largest change of an outline that a price is given for, as a share of the map's size
 KM_H = 1 / 3.6  # [m/s] the change of airspeed that its price is given for
+SLOW_CHANGE = 0.03  # largest such change of a slow robot, as a share of its speed
 TIGHT_PRICE = 0.05  # least price of a tight place, as a share of the largest price of a segment
 TIGHT_RISK = 0.1  # or least collision probability of a tight place, as a share of epsilon
 NO_SEGMENTS = "no segment is limited: the map has neither obstacles nor walls"
@@ -70,16 +72,19 @@ def segment_rows(scene: Scene, plan: Plan, most: int = MOST) -> list[SegmentRow]
     ]  # fmt: skip
 
 
-def price_rows(scene: Scene, plan: Plan, most: int | None = None) -> list[PriceRow]:
+def price_rows(scene: Scene, plan: Plan, most: int | None = None, medium: Medium = AIR) -> list[PriceRow]:
     """The ``most`` prices with the largest savings by a small change, the largest first; default all."""
     times, unit = step_times(scene, plan.path), small_change(scene)
+    faster, faster_text = speed_change(plan.u_max)
     rows = [
         PriceRow(
             kind=price.kind,
-            limit=_limit_text(scene, price),
+            limit=_limit_text(scene, price, medium),
             time="" if price.step is None else times[price.step],
-            change=PRICE_KINDS[price.kind].format(_change_text(price, unit)),
-            saving=saving_of(price, unit),
+            change=PRICE_KINDS[price.kind].format(
+                faster_text if price.kind == "airspeed" else metres_text(unit)
+            ),
+            saving=saving_of(price, unit, faster),
         )
         for price in plan.prices
     ]
@@ -91,18 +96,27 @@ def small_change(scene: Scene) -> float:
     return float(10.0 ** math.floor(math.log10(FINE * float(np.ptp(scene.bounds, axis=0).mean()))))
 
 
-def saving_of(price: Price, unit: float) -> float:
-    """Failures saved by a change of ``unit`` [m], or of one km/h."""
-    return price.saving * (KM_H if price.kind == "airspeed" else unit)
+def speed_change(u_max: float) -> tuple[float, str]:
+    """The change of ``u_max`` [m/s] that its price is given for, and its text.
+
+    1 km/h; for a slow robot the largest power of ten of at most ``SLOW_CHANGE`` of its speed, in m/s.
+    """
+    if u_max >= SLOW:
+        return KM_H, "1 km/h"
+    change = 10.0 ** math.floor(math.log10(SLOW_CHANGE * u_max))
+    return change, f"{change:g} m/s"
 
 
-def _limit_text(scene: Scene, price: Price) -> str:
+def saving_of(price: Price, unit: float, faster: float = KM_H) -> float:
+    """Failures saved by a change of ``unit`` [m], or of ``faster`` [m/s]."""
+    return price.saving * (faster if price.kind == "airspeed" else unit)
+
+
+def _limit_text(scene: Scene, price: Price, medium: Medium) -> str:
+    if price.kind == "airspeed":
+        return price.name.replace(AIR.speed, medium.speed)
     of_region = price.kind in ("region", "avoided")
     return f"region {price.name}" if of_region else scene.barrier_title(price.name)
-
-
-def _change_text(price: Price, unit: float) -> str:
-    return "1 km/h" if price.kind == "airspeed" else metres_text(unit)
 
 
 def metres_text(metres: float) -> str:
@@ -128,16 +142,16 @@ def priced_obstacles(plan: Plan) -> list[int]:
 # --- text ---------------------------------------------------------------------------------------
 
 
-def limit_lines(scene: Scene, plan: Plan, most: int = MOST) -> Iterator[str]:
+def limit_lines(scene: Scene, plan: Plan, most: int = MOST, medium: Medium = AIR) -> Iterator[str]:
     """Lines on the ``most`` segments that come closest to ``planner.epsilon``, then on the largest prices."""
-    law = plan.models.law
-    segments, prices = segment_rows(scene, plan, most), price_rows(scene, plan, most)
+    law = f"{plan.models.law} {medium.flows}"
+    segments, prices = segment_rows(scene, plan, most), price_rows(scene, plan, most, medium)
     if not segments:
         yield NO_SEGMENTS
     else:
         allowed = epsilon_text(plan) + " allowed" * (plan.epsilon < 1.0)
         yield (
-            f"collision probability of a segment, {law} winds, {allowed} (planner.epsilon); at most "
+            f"collision probability of a segment, {law}, {allowed} (planner.epsilon); at most "
             f"{probability_text(segments[0].probability)}"
         )
         for row in segments:
@@ -151,7 +165,7 @@ def limit_lines(scene: Scene, plan: Plan, most: int = MOST) -> Iterator[str]:
         return
     failing = "" if plan.promise is None else f" of the {probability_text(plan.promise.rate.failure)}"
     others = "the others as they are"
-    yield f"what a small change of a limit would save{failing} failures in {law} winds, {others}:"
+    yield f"what a small change of a limit would save{failing} failures in {law}, {others}:"
     for price in prices:
         at = f" at {price.time}" if price.time else ""
         yield f"      {price.limit}{at}: {price.change}, {points_text(price.saving)} points fewer failures"
@@ -160,9 +174,9 @@ def limit_lines(scene: Scene, plan: Plan, most: int = MOST) -> Iterator[str]:
 # --- places on the map --------------------------------------------------------------------------
 
 
-def tight_places(scene: Scene, plan: Plan) -> list[tuple[int, list[str]]]:
+def tight_places(scene: Scene, plan: Plan, medium: Medium = AIR) -> list[tuple[int, list[str]]]:
     """The segments whose price or collision probability is large: their step, and lines of text on them."""
-    limits, law = plan.limits, plan.models.law
+    limits, law = plan.limits, f"{plan.models.law} {medium.flows}"
     if limits is None:
         return []
     times, unit, largest = step_times(scene, plan.path), small_change(scene), float(limits.price.max())
@@ -172,7 +186,7 @@ def tight_places(scene: Scene, plan: Plan) -> list[tuple[int, list[str]]]:
         limit = "" if plan.epsilon >= 1.0 else f" of at most {epsilon_text(plan)}"
         risk = probability_text(float(limits.probability[k]))
         barrier = scene.barrier_title(limits.nearest[k])
-        lines = [f"{barrier}, {times[k]} to {times[k + 1]}", f"collides {risk}{limit}, {law} winds"]
+        lines = [f"{barrier}, {times[k]} to {times[k + 1]}", f"collides {risk}{limit}, {law}"]
         if priced[k]:
             saved = points_text(float(limits.price[k]) * unit)
             lines.append(f"all barriers {metres_text(unit)} farther: {saved} points fewer failures")

@@ -52,7 +52,7 @@ def limits_figure(run: DrawnRun, plan: Plan) -> Figure:
 
     A plan without limits has a black path, one without prices no bars.
     """
-    rows, heading = price_rows(run.scene, plan, BARS), fitted_heading(_heading(plan))
+    rows, heading = price_rows(run.scene, plan, BARS), fitted_heading(_heading(plan, run.medium.flows))
     inner, tall = map_size(run.scene)
     below = BARS_BELOW + BAR * len(rows) + BARS_ABOVE if rows else 0.06
     bottom = below + (0.44 if plan.limits is None else SCALE_BELOW)
@@ -71,8 +71,8 @@ def limits_figure(run: DrawnRun, plan: Plan) -> Figure:
     return figure
 
 
-def _heading(plan: Plan) -> list[str]:
-    return [f"What limits the plan of {plan.formula}", *promise_lines(plan.promise)]
+def _heading(plan: Plan, flows: str) -> list[str]:
+    return [f"What limits the plan of {plan.formula}", *promise_lines(plan.promise, flows)]
 
 
 # --- map ----------------------------------------------------------------------------------------

@@ -45,6 +45,7 @@ from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
 TEXT_LINE = 0.15  # height of a line of small text [in]
+HINTED = 1.05  # width of letters of a picture, at most, compared with their outlines
 LEFT = 0.10  # left edge of headings and legends [in]
 WEST = 0.50  # left edge of the map [in]
 
@@ -87,7 +88,7 @@ def plan_figure(cfg: ReportConfig, run: DrawnRun, heading: Sequence[str] | None 
     _draw_layers(chart, cfg, run)
     if run.wind is not None:
         t, moment = flight_midpoint(run.plan)
-        text = f"expected wind {moment}"
+        text = f"expected {run.medium.flow} {moment}"
         draw_wind_arrows(chart, run.scene, run.wind, t, text, LEFT + 0.02, sheet.bottom - 0.46)
     below = _add_legend(figure, sheet.flights, sheet.legend_top, columns=1)
     _add_legend(figure, sheet.keys, below, columns=2)
@@ -177,27 +178,27 @@ def _heading(run: DrawnRun) -> list[str]:
         f"{distance_text(path.objectives.length)}, {hours:,.1f} h, {steps} steps of {run.plan.dt:,.8g} s",
         NO_PROMISE
         if run.plan.alarmed
-        else f"planned in {models.law} winds: {models.mission_symbol} ≤ "
+        else f"planned in {models.law} {run.medium.flows}: {models.mission_symbol} ≤ "
         f"{shown_probability(path.objectives.mission_risk)}, "
         f"R ≤ {shown_probability(path.objectives.collision_risk)}",
-        *promise_lines(run.plan.promise),
+        *promise_lines(run.plan.promise, run.medium.flows),
     ]
     return fitted_heading([run.plan.formula, *lines])
 
 
 def fitted_heading(texts: Sequence[str]) -> list[str]:
     """``texts`` in lines that fit above the map."""
-    width, size = style.COLUMN_WIDTH - 2 * LEFT, float(style.RC_SETTINGS["font.size"])
+    width, size = (style.COLUMN_WIDTH - 2 * LEFT) / HINTED, float(style.RC_SETTINGS["font.size"])
     return [line for text in texts for line in style.fitted_lines(text, width, size)]
 
 
-def promise_lines(promise: Promise | None) -> list[str]:
+def promise_lines(promise: Promise | None, flows: str = "winds") -> list[str]:
     """Failure rate of fresh flights, its upper limit, wind law and number of flights; empty without them."""
     if promise is None:
         return []
     rate = promise.rate
     fails, upper = shown_probability(rate.failure), shown_probability(rate.high)
-    return [f"fails {fails}, at most {upper} (95 %), {rate.law} winds, {rate.sample}"]
+    return [f"fails {fails}, at most {upper} (95 %), {rate.law} {flows}, {rate.sample}"]
 
 
 def _failure_heading(forest: Forest | None) -> list[str]:
@@ -224,8 +225,8 @@ def flight_text(run: DrawnRun, law: str, count: int) -> str:
     """Text on the simulated flights under ``law``, and V + R there; at most ``count`` flights are drawn."""
     deployment = run.deployments[law]
     failed, runs = int(deployment.failed.sum()), len(deployment.x)
-    text = f"{law} winds: {failed:,} of {runs:,} flights failed ({shown_probability(failed / runs)})"
-    text += f", {min(count, runs)} drawn"
+    text = f"{law} {run.medium.flows}: {failed:,} of {runs:,} flights failed "
+    text += f"({shown_probability(failed / runs)}), {min(count, runs)} drawn"
     if gone := int(deployment.off_map.sum()):
         text += f"\n{shown_probability(gone / runs)} left the map"
         text += ", which is a failure" if deployment.walled else ", which is no failure"
@@ -264,7 +265,14 @@ def _map_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
     if run.plan is not None:
         keys.append(Line2D([], [], color=style.BLACK, lw=1.3, label="planned path (mean)"))
         law = run.plan.models.law
-        keys.append(Patch(fc=style.INK + "10", ec=style.INK, lw=0.5, label=f"95 % of positions, {law} winds"))
+        keys.append(
+            Patch(
+                fc=style.INK + "10",
+                ec=style.INK,
+                lw=0.5,
+                label=f"95 % of positions, {law} {run.medium.flows}",
+            )
+        )
     keys.append(Line2D([], [], marker="o", label="start", **look))
     if run.plan is not None:
         keys.append(Line2D([], [], marker="s", label="end", **look))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,16 +14,26 @@ from matplotlib.ticker import MaxNLocator
 
 from pareto_ltl.planning.records import Forest, Plan
 from pareto_ltl.report import style
-from pareto_ltl.report.map_labels import LEADING, fits_inside, label_half_size, label_position, line_height
+from pareto_ltl.report.map_labels import (
+    LEADING,
+    covering_points,
+    fits_inside,
+    label_half_size,
+    label_position,
+    line_height,
+    place_in_polygon,
+)
 from pareto_ltl.report.timed_places import time_lines, timed_obstacles, visited_outlines
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import in_kilometres
-from pareto_ltl.world.cells import Decomposition, convex_pieces, moments
+from pareto_ltl.world.cells import Decomposition, convex_pieces
 from pareto_ltl.world.scene import Scene
 
 DRAWN_VERTICES = 12_000  # tree vertices drawn, at most: a second for 50,000, which merge into one grey area
 NAME_SIZE, TIME_SIZE = 8.5, 6.0  # font sizes of a region's name, and of its times [pt]
+FORBIDDEN = re.compile("(?<=^forbidden) ")
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])  # of a label, in its half sizes
 DRAWN_ELLIPSES = 14  # approximate number of covariance ellipses along a path
 REGION_LOOK: dict[str, Any] = {"fc": style.GREEN + "30", "ec": style.GREEN, "lw": 1.0}
 OBSTACLE_LOOK: dict[str, Any] = {"fc": "#6E6E6E", "ec": "#4A4A4A", "lw": 0.5}
@@ -111,14 +122,16 @@ def number_obstacles(chart: MapAxes, scene: Scene, colour: str) -> None:
     scale = metres_per_inch(chart)
     names = scene.obstacle_names or ("",) * len(scene.obstacles)
     for number, (outline, name) in enumerate(zip(scene.obstacles, names, strict=True), 1):
-        sides = np.ptp(outline, axis=0)
         fitting = (
-            text for text in (name, str(number))
-            if text and (sides > 2.0 * label_half_size([(text, TIME_SIZE)], scale)).all()
+            (text, place) for text in (name, str(number))
+            if text
+            and (
+                place := place_in_polygon(outline, label_half_size([(text, TIME_SIZE)], scale), scene.bounds)
+            ) is not None
         )  # fmt: skip
-        if (label := next(fitting, None)) is None:
+        if (found := next(fitting, None)) is None:
             continue
-        x, y = moments(outline)[1] * chart.per_metre
+        label, (x, y) = found[0], found[1] * chart.per_metre
         chart.ax.text(
             x,
             y,
@@ -144,12 +157,34 @@ def name_regions(
 
     Without ``times`` only the names are drawn, for a map of several departures.
     """
-    for name, outlines in scene.regions.items():
-        if outlines:
-            lines = [(name, NAME_SIZE)] + [(text, TIME_SIZE) for text in time_lines(scene, name) if times]
-            parts = _convex_region(scene, decomposition, name)
-            place = _label_place(parts, lines, metres_per_inch(chart), taken, scene.bounds)
-            _write_lines(chart, place, lines, "#333333" if name in scene.forbidden else "#00523C")
+    scale = metres_per_inch(chart)
+    smallest = label_half_size([("a", TIME_SIZE)], scale)
+    grounds = [
+        covering_points(outline, smallest)
+        for outline in (*scene.obstacles, *timed_obstacles(scene), *visited_outlines(scene), *scene.landmarks)
+    ]
+    written: list[FloatArray] = []
+    named = {
+        name: _convex_region(scene, decomposition, name) for name, there in scene.regions.items() if there
+    }
+    texts = {
+        name: [(name, NAME_SIZE)] + [(text, TIME_SIZE) for text in _short_lines(scene, name) if times]
+        for name in named
+    }
+    inside = {
+        name: fits_inside(parts, label_half_size(texts[name][:1], scale)) for name, parts in named.items()
+    }
+    for name in sorted(named, key=lambda name: not inside[name]):  # the others avoid those that are inside
+        lines, half = texts[name], label_half_size(texts[name], scale)
+        blocked = np.vstack([*grounds, *written]) if grounds or written else None
+        place = _label_place(named[name], lines, scale, taken, scene.bounds, blocked)
+        written.append(covering_points(place + half * CORNERS, smallest))
+        _write_lines(chart, place, lines, "#333333" if name in scene.forbidden else "#00523C")
+
+
+def _short_lines(scene: Scene, name: str) -> list[str]:
+    """The times of a region, with ``forbidden`` on a separate line: long names rarely find a free place."""
+    return [part for line in time_lines(scene, name) for part in FORBIDDEN.split(line, maxsplit=1)]
 
 
 def _label_place(
@@ -158,6 +193,7 @@ def _label_place(
     scale: float,
     taken: FloatArray | None,
     bounds: FloatArray,
+    blocked: FloatArray | None,
 ) -> FloatArray:
     """Centre (2,) [m] of ``lines``: inside the region, or with only the first line inside, or beside it.
 
@@ -168,7 +204,7 @@ def _label_place(
         below = np.array([0.0, whole[1] - first[1]])
         place = label_position(parts, first, taken) - below
         return np.asarray(np.clip(place, bounds[0] + whole, np.maximum(bounds[0], bounds[1] - whole)), float)
-    return label_position(parts, whole, taken, bounds)
+    return label_position(parts, whole, taken, bounds, blocked)
 
 
 def _convex_region(scene: Scene, decomposition: Decomposition | None, name: str) -> Sequence[FloatArray]:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.support.medium import Medium, medium_of
+
 if TYPE_CHECKING:
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.records import Forest, Front, Plan
@@ -40,6 +42,11 @@ class DrawnRun:
     plan: Plan | None = None
     deployments: Mapping[str, Deployment] = field(default_factory=dict)
     forecasts: Mapping[str, Forecast] = field(default_factory=dict)
+
+    @property
+    def medium(self) -> Medium:
+        """Water if the wind is a current, else air."""
+        return medium_of(None if self.wind is None else self.wind.level)
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ from pareto_ltl.report.lattice import (
 )
 from pareto_ltl.report.map_layers import MapAxes, map_axes, number_obstacles
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.medium import medium_of
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.scene import Scene
 
@@ -111,7 +112,12 @@ def wind_panels(
     figure = style.blank_figure(style.PAGE_WIDTH, height + 0.85)
     deviation = wind_deviation(wind, t)
     panels = (
-        ("(a) Expected wind", "speed [m/s]", np.hypot(mean[..., 0], mean[..., 1]), "viridis"),
+        (
+            f"(a) Expected {medium_of(wind.level).flow}",
+            "speed [m/s]",
+            np.hypot(mean[..., 0], mean[..., 1]),
+            "viridis",
+        ),
         (
             "(b) Standard deviation, least at readings",
             "standard deviation [m/s]",
@@ -147,7 +153,9 @@ def _origin_text(wind: WindField) -> str:
         return ""
     law = "" if wind.error is None else f", forecast errors: {wind.error.name}"
     first, *others = wind.source.split(", ")
-    return f"wind at {wind.level}{law}, source: {first}{' and others' if others else ''}"
+    return (
+        f"{medium_of(wind.level).flow} at {wind.level}{law}, source: {first}{' and others' if others else ''}"
+    )
 
 
 def _draw_surface(chart: MapAxes, wind: WindField, values: FloatArray, cmap: str) -> None:

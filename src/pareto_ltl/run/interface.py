@@ -41,6 +41,7 @@ from pareto_ltl.run.stages import PLAN_STAGES
 from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, Settings, WindConfig
 from pareto_ltl.settings.building import build_settings, section_of
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choices
 from pareto_ltl.world.scene import Scene
 
@@ -172,15 +173,28 @@ def _given_wind(sections: Mapping[str, Any]) -> tuple[Records, dict[str, Any]]:
     others = dict(section) if isinstance(section, Mapping) else {}
     wind = others.get("source") if isinstance(section, Mapping) else section
     if isinstance(wind, WindField):
-        given, found = Records({WIND: wind, READINGS: CALM}), {"source": "given", "level": wind.level}
+        given, found = Records({WIND: wind, READINGS: CALM}), _given_level(wind, others)
     elif isinstance(wind, Readings):
         check_all_readings(wind, float(others.get("max_speed", WindConfig().max_speed)))
-        given, found = Records({READINGS: wind}), {"source": "given", "level": wind.level}
+        given, found = Records({READINGS: wind}), _given_level(wind, others)
     elif isinstance(wind, str | Path) and Path(wind).expanduser().is_file():
         given, found = Records(), {"source": source_of_file(Path(wind).expanduser()), "path": str(wind)}
     else:
         return Records(), dict(sections)
     return given, {**sections, "wind": others | found}
+
+
+def _given_level(wind: Readings | WindField, others: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of a wind in memory, which states its level; ConfigError if ``others`` contradicts it."""
+    from pareto_ltl.wind.levels import parse_level
+
+    asked = str(others.get("level", "auto"))
+    if asked != "auto" and parse_level(asked) != parse_level(wind.level):
+        raise ConfigError(
+            f"wind.level={shown_text(asked)}: the given {type(wind).__name__} states the level {wind.level}; "
+            "leave wind.level out, or give winds of that level"
+        )
+    return {"source": "given", "level": wind.level}
 
 
 def _mission_settings(formula: Any, others: Any) -> Any:

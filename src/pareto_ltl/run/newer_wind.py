@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl.run.position_fixes import FAR, chance
-from pareto_ltl.settings.wind import WIND_SOURCES
+from pareto_ltl.settings.wind import STATED, WIND_SOURCES, usual_level
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError
 
@@ -62,7 +62,7 @@ def newer_settings(cfg: WindConfig, wind: NewWind) -> WindConfig:
     from pareto_ltl.wind.sources import source_of_file
 
     if isinstance(wind, Mapping):
-        return replace(cfg, **{"path": None, **wind})
+        return _restated(cfg, replace(cfg, **{"path": None, **wind}), "level" in wind)
     if not isinstance(wind, str | Path):
         return replace(cfg, source="given", path=None)
     path = Path(wind).expanduser()
@@ -76,7 +76,15 @@ def newer_settings(cfg: WindConfig, wind: NewWind) -> WindConfig:
             f"wind {wind}: the plan's wind.source={cfg.source} reads no files, so that the format of a "
             "folder is not known; name one file, or give wind={'source': ..., 'path': ...} from Python"
         )
-    return replace(cfg, source=source, path=str(path))
+    return _restated(cfg, replace(cfg, source=source, path=str(path)), stated=False)
+
+
+def _restated(before: WindConfig, cfg: WindConfig, stated: bool) -> WindConfig:
+    """``cfg`` without the level of files that states nothing on the table that replaces them."""
+    kind = WIND_SOURCES.get(cfg.source)
+    if stated or cfg.source == before.source or kind is None or kind.level != STATED:
+        return cfg
+    return replace(cfg, level=usual_level(cfg.source, before.level))
 
 
 def _readings(settings: Settings, cfg: WindConfig, wind: NewWind, scene: Scene) -> Readings:

@@ -36,6 +36,7 @@ from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES
 from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.run_status import ending_text
 
@@ -189,20 +190,22 @@ def explanation(
     if point is not None:
         run = choose(planned, point=point).run
     problem, plan = run.make(PROBLEM), run.make(PLAN)
+    medium = medium_of(run.settings.robot.level, run.make(WIND).level)
     if limits:
-        segments, prices = segment_rows(problem.scene, plan), price_rows(problem.scene, plan)
+        segments, prices = segment_rows(problem.scene, plan), price_rows(problem.scene, plan, medium=medium)
         document: dict[str, Any] = {
             "law": plan.models.law,
             "epsilon": plan.epsilon,
             "segments": [asdict(row) for row in segments],
             "prices": [asdict(row) for row in prices],
         }
-        return Explanation(list(limit_lines(problem.scene, plan)), document)
+        return Explanation(list(limit_lines(problem.scene, plan, medium=medium)), document)
     runs = min(run.settings.deployment.runs, MOST_RUNS)
     flown = simulate(PlanningResult(run), runs, problem.fidelity.law)
     legs = plan_legs(problem, plan, flown)
     front = run.records.get(FRONT)
     detours = [] if front is None else detour_lines(problem.scene, front, plan)
     document = {"law": flown.law, "flights": len(flown.x), "legs": [asdict(leg) for leg in legs]}
-    lines = [*plan_lines(problem, plan, flown, legs, each=each), *(f"detour: {line}" for line in detours)]
+    lines = list(plan_lines(problem, plan, flown, legs, each=each, medium=medium))
+    lines += [f"detour: {line}" for line in detours]
     return Explanation(lines, document | {"detours": detours})

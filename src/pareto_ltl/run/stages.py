@@ -39,8 +39,10 @@ from pareto_ltl.run.records import (
     WIND_TABLE,
 )  # fmt: skip
 from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, named_child
-from pareto_ltl.settings import ReportConfig, RobotConfig
+from pareto_ltl.settings import ReportConfig, RobotConfig, WindConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_text
 
 if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
@@ -62,10 +64,20 @@ def make_readings(inputs: StageInputs) -> Readings:
     from pareto_ltl.wind.sources import read_readings
 
     settings = inputs.settings
+    _check_sample(settings.robot, settings.wind)
     readings = read_readings(settings.wind, wanted_wind(settings))
     for note in readings.notes:
         LOG.info("%s: %s", readings.name, note)
     return readings
+
+
+def _check_sample(robot: RobotConfig, wind: WindConfig) -> None:
+    """Refuse a stated level of the packaged sample; a robot at another level gets a warning."""
+    if wind.source == "sample" and wind.level not in ("10m", "10 m", robot.level):
+        raise ConfigError(
+            f"wind.level={shown_text(wind.level)}: the packaged sample has winds 10 m above ground only; "
+            "expected wind.level=10m, or another wind.source with winds of that level"
+        )
 
 
 def make_scene(inputs: StageInputs) -> Scene:
@@ -161,7 +173,10 @@ def _check_level(robot: RobotConfig, wind: WindField) -> None:
 
     if robot.level and wind.evidence is not None and (gap := level_mismatch(robot.level, wind.level)):
         LOG.warning(
-            "%s: winds at other heights differ, often by a factor of two; read winds of that level", gap
+            "%s: winds at other heights differ, often by a factor of two; read winds of that level, or, if a "
+            "table has them, state it with wind.level=%s",
+            gap,
+            robot.level,
         )
 
 

@@ -23,11 +23,12 @@ from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.run.exporting import export
 from pareto_ltl.run.interface import choose, load_results
 from pareto_ltl.run.newer_wind import issued
-from pareto_ltl.run.records import PLAN, SCENE
+from pareto_ltl.run.records import PLAN, SCENE, WIND
 from pareto_ltl.run.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation.failure_times import CAUSES
 from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
 from pareto_ltl.world.navigation import utc_times
@@ -96,7 +97,9 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
         "point": number,
         "chosen": number == chosen,
         **shown_path(run, run.problem, path, flown),
-        "limits": limit_texts(run.scene, run.plan) if run.plan is not None and number == chosen else None,
+        "limits": limit_texts(run.scene, run.plan, run.medium)
+        if run.plan is not None and number == chosen
+        else None,
         "causes": list(CAUSES),
         "flights": shown_flights(run.scene, run.problem, flown, FLIGHTS),
     }
@@ -106,7 +109,8 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
 def limits_view(directory: Path, number: int) -> dict[str, Any]:
     """Prices and tight segments of a point of the front, as they would be if it were the plan."""
     run = choose(load_results(directory), point=number).run
-    return limit_texts(run.make(SCENE), run.make(PLAN))
+    medium = medium_of(run.settings.robot.level, run.make(WIND).level)
+    return limit_texts(run.make(SCENE), run.make(PLAN), medium)
 
 
 @one_at_a_time

@@ -47,7 +47,7 @@ from pareto_ltl.settings.studies import (
     HindcastConfig,
     SitlConfig,
 )
-from pareto_ltl.settings.wind import WindConfig
+from pareto_ltl.settings.wind import WindConfig, usual_level
 from pareto_ltl.settings.world import MissionConfig, RandomSceneConfig, SceneConfig
 
 
@@ -87,8 +87,7 @@ class Settings(CheckedSettings):
         """Reject a name that cannot be a folder; replace the level ``auto`` by its value."""
         check_folder_name("name", self.name)
         if self.wind.level == "auto":  # the records of a run hold the level itself
-            usual = "0m" if self.wind.source == "currents" else "10m"
-            self.wind = replace(self.wind, level=self.robot.level or usual)
+            self.wind = replace(self.wind, level=usual_level(self.wind.source, self.robot.level))
 
     @property
     def border(self) -> str:

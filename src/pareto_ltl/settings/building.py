@@ -17,7 +17,7 @@ from pareto_ltl.settings import PRESETS, FidelityConfig, Settings, preset
 from pareto_ltl.settings.kinds import field_kinds, kind_problem
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.resources import choice_file, choices
 from pareto_ltl.support.yaml_files import read_yaml
 
 
@@ -52,10 +52,16 @@ def section_of(section: str, value: Any) -> Any:
 
 
 def _value(section: str, value: Any) -> Any:
-    """The keys and values of a choice or a mapping; values of ``fidelity`` override its preset."""
+    """The keys and values of a choice or a mapping.
+
+    Values of ``fidelity`` override its preset, values of ``wind`` the choice of its source, which has other
+    bounds for a current than for a wind.
+    """
     schema = field_kinds(Settings).get(section)
     if isinstance(value, str) and is_dataclass(schema):
         return _yaml(choice_file(section, value))
+    if section == "wind" and isinstance(value, Mapping) and str(value.get("source")) in choices("wind"):
+        return _yaml(choice_file(section, str(value["source"]))) | dict(value)
     if schema is FidelityConfig and isinstance(value, Mapping):
         name = str(value.get("name", FidelityConfig.name))
         # A name that is not a preset is refused later, when all values are checked.

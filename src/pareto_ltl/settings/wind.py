@@ -10,20 +10,34 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import WIND_SOURCE_GROUP
 from pareto_ltl.support.messages import shown_value
 
+SELECTED, STATED = "selected", "stated"
+
 
 class SourceKind(NamedTuple):
-    """Properties of a value of ``wind.source``: whether it reads ``wind.path``, and forecast_error=auto."""
+    """Properties of a value of ``wind.source``.
+
+    Attributes
+    ----------
+    reads_path : bool
+        Whether it reads ``wind.path``.
+    forecast_error : str
+        The value of ``wind.forecast_error=auto``.
+    level : str
+        ``selected``: the wind at ``wind.level`` is read from files that state levels. ``stated``: tables do
+        not state their level, ``wind.level`` does.
+    """
 
     reads_path: bool
     forecast_error: str
+    level: str = SELECTED
 
 
 WIND_SOURCES = {
     "sample": SourceKind(reads_path=False, forecast_error="none"),
-    "csv": SourceKind(reads_path=True, forecast_error="gfs"),
+    "csv": SourceKind(reads_path=True, forecast_error="gfs", level=STATED),
     "grib": SourceKind(reads_path=True, forecast_error="gfs"),
     "netcdf": SourceKind(reads_path=True, forecast_error="gfs"),
-    "stations": SourceKind(reads_path=True, forecast_error="none"),
+    "stations": SourceKind(reads_path=True, forecast_error="none", level=STATED),
     "noaa": SourceKind(reads_path=False, forecast_error="gfs"),
     "currents": SourceKind(reads_path=True, forecast_error="none"),
     "ensemble": SourceKind(reads_path=True, forecast_error="gfs"),
@@ -55,7 +69,7 @@ class WindConfig(CheckedSettings):
     level: str = setting(
         "auto",
         "height of the wind, e.g. 10m, 80m or 925hPa, or depth of the current; auto: robot.level if it is "
-        "set, else 10m (0m for currents)",
+        "set, else 10m (0m for currents). Tables do not state their height: set it; auto: 10m",
     )
     forecast_error: str = setting(
         "auto",
@@ -133,3 +147,15 @@ class WindConfig(CheckedSettings):
             raise ConfigError(
                 f"wind.base_url must begin with https:// (or http://), got {shown_value(self.base_url)}"
             )
+
+
+def usual_level(source: str, flown: str | None) -> str:
+    """The value of ``wind.level=auto``; ``flown`` is ``robot.level``.
+
+    A table for a robot in the water has the current at its depth. The height of the winds in other tables is
+    not known from the height of the robot: it is 10 m unless ``wind.level`` states it.
+    """
+    level = WIND_SOURCES[source].level if source in WIND_SOURCES else SELECTED
+    if flown and (level == SELECTED or (level == STATED and "depth" in flown)):
+        return flown
+    return "0m" if source == "currents" else "10m"

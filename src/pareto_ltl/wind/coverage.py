@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.support.display import probability_text
+from pareto_ltl.support.medium import medium_of
 from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.levels import level_mismatch
 from pareto_ltl.wind.readings import HOUR, iso, seconds
@@ -28,16 +29,17 @@ def coverage_of(
     ``flown`` is the level of the robot, if it has one. ``by_default`` says that the departure is the first
     time of the wind because no other is set.
     """
+    medium = medium_of(field.level)
+    own = f"the robot's own errors of {medium.speed}, heading and timing"
     if field.evidence is None and not field.gust_var.any():
-        return Coverage(
-            "calm air: no wind at all.",
-            "any wind; the robot's own errors of airspeed, heading and timing.",
-        )
-    covered = [f"wind at {field.level} of {field.source or 'an unknown source'}"]
+        still = medium_of(field.level, flown)  # calm has no level
+        own = own.replace(medium.speed, still.speed)
+        return Coverage(f"{still.still}: no {still.flow} at all.", f"any {still.flow}; {own}.")
+    covered = [f"{medium.flow} at {field.level} of {field.source or 'an unknown source'}"]
     if by_default and time_zero:
         covered.append(
-            f"a departure at {iso(seconds(time_zero))}, the first time of the wind, as mission.start_time is "
-            "not set"
+            f"a departure at {iso(seconds(time_zero))}, the first time of the {medium.flow}, as "
+            "mission.start_time is not set"
         )
     if field.evidence is not None:
         counts = [len(points) for points in field.evidence.points]
@@ -53,9 +55,10 @@ def coverage_of(
     if field.evidence is not None and flown and (gap := level_mismatch(flown, field.level)):
         left.append(gap)
     left += [
-        f"winds at other heights than {field.level}, and vertical motion of the air",
+        f"{medium.flows} at other {medium.levels} than {field.level}, and vertical motion of the "
+        f"{medium.matter}",
         "errors that are not Gaussian, such as a front or a storm that comes early",
-        "the robot's own errors of airspeed, heading and timing",
+        own,
     ]
     return Coverage("; ".join(covered) + ".", "; ".join(left) + ".")
 
@@ -84,7 +87,7 @@ def _forecast_part(field: WindField, covered: list[str]) -> list[str]:
 def _time_part(field: WindField, time_zero: str | None, covered: list[str], left: list[str]) -> None:
     gaps = np.diff(field.times[field.times <= field.last_field]) / HOUR
     if field.error is None:
-        left.append("the change of the wind between fields")
+        left.append(f"the change of the {medium_of(field.level).flow} between fields")
     elif len(gaps):
         covered.append(f"interpolation in time between fields {_range(gaps.tolist(), 'h')} apart")
     if field.error is not None and field.error.variability is not None:

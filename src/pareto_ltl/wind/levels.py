@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.medium import medium_of
+from pareto_ltl.support.messages import shown_text, shown_value
 
 HEIGHT, PRESSURE, DEPTH = "height", "pressure", "depth"
 UNITS = {"m": 1.0, "km": 1000.0, "pa": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0}
@@ -76,7 +77,7 @@ def level_mismatch(flown: str, known: str) -> str:
     Examples
     --------
     >>> level_mismatch("100m", "80m"), level_mismatch("925hPa", "10m")
-    ('', 'the robot flies at 925 hPa (robot.level), and the wind is that 10 m above ground')
+    ('', 'the robot flies at 925 hPa (robot.level), and the wind used is 10 m above ground')
     """
     robot, wind = parse_level(flown), parse_level(known)
     if (robot.kind == DEPTH) != (wind.kind == DEPTH):
@@ -87,7 +88,25 @@ def level_mismatch(flown: str, known: str) -> str:
         )
     if robot.kind == wind.kind and abs(robot.value - wind.value) <= ALIKE * max(robot.value, wind.value):
         return ""
-    return f"the robot flies {robot.phrase} (robot.level), and the wind is that {wind.phrase}"
+    medium = medium_of(robot.text)
+    return (
+        f"the robot {medium.moves} {robot.phrase} (robot.level), and the {medium.flow} used is {wind.phrase}"
+    )
+
+
+def table_level(text: str, kinds: Collection[str], holds: str) -> Level:
+    """The level of a table, which only ``wind.level`` states; ``holds`` says what the table has.
+
+    ConfigError if the kind of the level is not in ``kinds``, or if the height is 0.
+    """
+    level = parse_level(text)
+    if level.kind not in kinds or (level.kind == HEIGHT and level.value == 0):
+        others = " or a pressure (925hPa), for a current a depth ('50m depth')" if DEPTH in kinds else ""
+        raise ConfigError(
+            f"wind.level={shown_text(text)} is {level.phrase}; {holds}: expected a height above ground such "
+            f"as 10m{others}"
+        )
+    return level
 
 
 def level_list(levels: Iterable[Level]) -> str:

@@ -1,4 +1,7 @@
-"""A wind field as a CF NetCDF file."""
+"""A wind field as a CF NetCDF file.
+
+The dimension ``mode`` stands right of the others, where CF recommends left: files of 1.0.0rc1 have it there.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,9 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.wind.forecast_error import ForecastError, forecast_error_of
+from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, parse_level
 from pareto_ltl.wind.records import PARTS, WindEvidence, WindField, WindModes
+from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -42,6 +47,14 @@ LARGEST = 1e18  # limit of all numbers of a field; its square is finite
 MAX_RATIO = 20  # largest ratio of the bytes of a variable to the bytes of the file, beyond FREE_BYTES
 GRID_DIMENSIONS = ("time", "y", "x")
 MODE_DIMENSIONS = ("time", "mode_y", "mode_x", "mode")
+LEVEL_VARIABLES: dict[str, tuple[str, dict[str, str]]] = {
+    HEIGHT: ("height", {"standard_name": "height", "units": "m", "positive": "up", "axis": "Z"}),
+    PRESSURE: (
+        "air_pressure",
+        {"standard_name": "air_pressure", "units": "Pa", "positive": "down", "axis": "Z"},
+    ),
+    DEPTH: ("depth", {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}),
+}  # name and attributes of the scalar coordinate, by the kind of the level
 HYPERPARAMETERS = {
     "prior_mean": ("mean of {} far from all readings", "m s-1"),
     "prior_sd": ("standard deviation of the smooth part of {} far from all readings", "m s-1"),
@@ -104,6 +117,7 @@ def _file_attributes(field: WindField) -> dict[str, Any]:
     return {
         "Conventions": "CF-1.11",
         "title": "Posterior wind of a pareto_ltl run",
+        "history": "written by pareto_ltl from the readings that the attribute source names",
         "source": field.source,
         "origin": field.origin,
         "spacing": field.spacing,
@@ -126,20 +140,26 @@ def _mode_attributes(modes: WindModes) -> dict[str, float]:
 def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVariable]:
     """Coordinates, then lattice arrays (time, x, y), transposed to CF order (time, y, x)."""
     x, y = (field.origin[i] + field.spacing * np.arange(field.mean.shape[i + 1]) for i in (0, 1))
-    yield "time", ("time",), field.times, {"standard_name": "time", "axis": "T", **_time_attributes(scene)}
+    yield "time", ("time",), field.times, _time_attributes(scene)
     yield "y", ("y",), y, {"standard_name": "projection_y_coordinate", "units": "m", "axis": "Y"}
     yield "x", ("x",), x, {"standard_name": "projection_x_coordinate", "units": "m", "axis": "X"}
     lead = "valid time minus start of the forecast; NaN where it is not known"
     yield "lead", ("time",), field.leads, _variable_attributes(lead, "s", "forecast_period")
-    placed: dict[str, Any] = {}
+    level = parse_level(field.level)
+    height = LEVEL_VARIABLES[level.kind]
+    yield height[0], (), level.value, height[1]
+    placed: dict[str, Any] = {"coordinates": height[0]}
     if scene is not None and scene.crs is not None:
         yield "crs", (), 0, _grid_mapping(scene.crs)
-        placed = {"grid_mapping": "crs"}
+        yield from _degrees(scene.crs, x, y)
+        placed = {"coordinates": f"{height[0]} lat lon", "grid_mapping": "crs"}
+    what = "current" if level.kind == DEPTH else "wind"
     for c, name in enumerate("uv"):
         axis = "xy"[c]
         mean, var = (a[..., c].transpose(0, 2, 1) for a in (field.mean, field.latent_var))
-        expected = _variable_attributes(f"expected wind towards +{axis}", "m s-1", f"{axis}_wind")
-        yield name, GRID_DIMENSIONS, mean, expected | placed
+        standard = f"sea_water_{axis}_velocity" if level.kind == DEPTH else f"{axis}_wind"
+        expected = _variable_attributes(f"expected {what} towards +{axis}", "m s-1", standard)
+        yield name, GRID_DIMENSIONS, mean, expected | placed | {"ancillary_variables": f"{name}_var"}
         yield (
             f"{name}_var",
             GRID_DIMENSIONS,
@@ -154,13 +174,23 @@ def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVa
         yield from _evidence_variables(field.evidence)
 
 
+def _degrees(crs: str, x: FloatArray, y: FloatArray) -> Iterator[NetcdfVariable]:
+    """Latitude and longitude (NY, NX) of the nodes, for readers that do not know grid mappings."""
+    nodes = np.stack(np.meshgrid(x, y), axis=-1)
+    lon, lat = to_geographic(crs, nodes.reshape(-1, 2))
+    for name, long, unit, values in (("lat", "latitude", "north", lat), ("lon", "longitude", "east", lon)):
+        described = _variable_attributes(f"{long} of a node", f"degrees_{unit}", long)
+        yield name, ("y", "x"), values.reshape(nodes.shape[:2]), described
+
+
 def _mode_variables(found: WindModes) -> Iterator[NetcdfVariable]:
     """ψ with the coordinates of its lattice; length scale and carried variance of each slot."""
     x, y = (found.origin[i] + found.spacing * np.arange(found.psi.shape[i + 1]) for i in (0, 1))
     yield "mode_y", ("mode_y",), y, {"units": "m", "long_name": "y of the modes' lattice"}
     yield "mode_x", ("mode_x",), x, {"units": "m", "long_name": "x of the modes' lattice"}
-    parts = ", ".join(f"{k}: {name}" for k, name in enumerate(PARTS))
-    described = _variable_attributes(f"part of the error ({parts}); -1: unused", "1")
+    meanings = " ".join(["unused", *(name.replace(" ", "_") for name in PARTS)])
+    values = np.arange(-1, len(PARTS), dtype=found.part.dtype)
+    described = {"long_name": "part of the error", "flag_values": values, "flag_meanings": meanings}
     yield "mode_part", ("mode",), found.part, described
     for c, name in enumerate("uv"):
         psi = found.psi[..., c, :].transpose(0, 2, 1, 3)
@@ -185,25 +215,30 @@ def _mode_variables(found: WindModes) -> Iterator[NetcdfVariable]:
 
 
 def _evidence_variables(found: WindEvidence) -> Iterator[NetcdfVariable]:
-    """Readings as a CF contiguous ragged array, slot after slot; hyperparameters of each slot."""
+    """Readings as a CF contiguous ragged array, slot after slot; hyperparameters of each slot.
+
+    The places have no standard name: only one variable may be the projected x of a grid mapping.
+    """
     counts = np.array([len(points) for points in found.points])
     described = {"long_name": "number of readings", "sample_dimension": "reading"}
     yield "reading_count", ("time",), counts, described
     points, winds = np.concatenate(found.points), np.concatenate(found.winds)
     for c, (axis, name) in enumerate(zip("xy", "uv", strict=True)):
-        place = _variable_attributes(f"{axis} of a reading", "m", f"projection_{axis}_coordinate")
+        place = _variable_attributes(f"{axis} of a reading", "m")
         yield f"reading_{axis}", ("reading",), points[:, c], place
-        value = _variable_attributes(f"reading of the wind towards +{axis}", "m s-1", f"{axis}_wind")
-        yield f"reading_{name}", ("reading",), winds[:, c], value
+        value = _variable_attributes(f"component of a reading towards +{axis}", "m s-1")
+        yield f"reading_{name}", ("reading",), winds[:, c], value | {"coordinates": "reading_x reading_y"}
         for column, (key, (meaning, unit)) in enumerate(HYPERPARAMETERS.items()):
             attributes = _variable_attributes(meaning.format(name), unit)
             yield f"{name}_{key}", ("time",), found.hyper[:, c, column], attributes
 
 
 def _time_attributes(scene: Scene | None) -> dict[str, Any]:
+    """Seconds since the departure, or seconds without a date: for CF, these are no time coordinate."""
     if scene is None or scene.time_zero is None:
-        return {"units": "s"}
-    return {"units": f"seconds since {scene.time_zero}", "calendar": "standard"}
+        return {"units": "s", "long_name": "time since the departure"}
+    clock = {"calendar": "standard", "units_metadata": "leap_seconds: none"}
+    return {"standard_name": "time", "axis": "T", "units": f"seconds since {scene.time_zero}", **clock}
 
 
 def _variable_attributes(long_name: str, units: str, standard_name: str | None = None) -> dict[str, Any]:

@@ -14,10 +14,15 @@ from pareto_ltl.support.display import probability_text
 from pareto_ltl_verify.claims.verdict import Claim, Verdict, no_fault
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.forecast_errors import HOUR
-from pareto_ltl_verify.wind_tables import ENSEMBLE
+from pareto_ltl_verify.wind_tables import ENSEMBLE, level_of
 
 UNLISTED = ("noaa",)  # sources whose files are downloaded, and no inputs of the run
-CALM = "calm air: no wind at all.", "any wind; the robot's own errors of airspeed, heading and timing."
+OWN_ERRORS = "the robot's own errors of {}, heading and timing"
+CALM = "calm air: no wind at all.", f"any wind; {OWN_ERRORS.format('airspeed')}."
+STILL = (
+    "still water: no current at all.",
+    f"any current; {OWN_ERRORS.format('speed through the water')}.",
+)
 
 
 def texts(result: Evidence) -> Verdict | None:
@@ -26,7 +31,7 @@ def texts(result: Evidence) -> Verdict | None:
         return None
     wind = result.wind
     if wind.fit is None and not wind.gust.any():
-        wanted = CALM
+        wanted = STILL if result.plan["covered"] == STILL[0] and _in_water(result) else CALM
     else:
         wanted = "; ".join(_covered(result)) + ".", "; ".join(_not_covered(result)) + "."
     stated = (result.plan["covered"], result.plan["not_covered"])
@@ -39,19 +44,38 @@ def texts(result: Evidence) -> Verdict | None:
     return no_fault(f"{len(stated[1].split('; '))} errors not covered", faults)
 
 
+def _in_water(result: Evidence) -> bool:
+    return "depth" in (
+        level_of(result.wind.level)[0],
+        level_of(result.settings["robot"].get("level") or "")[0],
+    )
+
+
+def _of_current(result: Evidence) -> bool:
+    """Whether the texts name a current; earlier versions call it a wind."""
+    current = level_of(result.wind.level)[0] == "depth"
+    return current and not str(result.plan["covered"]).startswith("wind at")
+
+
 def _assumed(result: Evidence) -> tuple[str, str]:
     """A departure that no setting names, and a wind of another level than the robot's; empty without them."""
     zero, flown = result.scene["time_zero"], result.settings["robot"].get("level", "")
     departure = ""
     if zero is not None and result.settings["mission"]["start_time"] is None:
+        flow = "current" if _of_current(result) else "wind"
         departure = (
-            f"a departure at {_utc(zero)}, the first time of the wind, as mission.start_time is not set"
+            f"a departure at {_utc(zero)}, the first time of the {flow}, as mission.start_time is not set"
         )
     if result.wind.fit is None or not flown:
         return departure, ""
-    (kind, height, robot), (other, known, wind) = _level(flown), _level(result.wind.level)
+    (kind, height, robot), (other, known, wind) = level_of(flown), level_of(result.wind.level)
     alike = kind == other and abs(height - known) <= 0.2 * max(height, known)
-    return departure, "" if alike else f"the robot flies {robot} (robot.level), and the wind is that {wind}"
+    if alike:
+        return departure, ""
+    moves, used = ("moves", "current") if kind == "depth" else ("flies", "wind")
+    mismatch = f"the robot {moves} {robot} (robot.level), and the {used} used is {wind}"
+    earlier = f"the robot flies {robot} (robot.level), and the wind is that {wind}"
+    return departure, earlier if earlier in result.plan["not_covered"] else mismatch
 
 
 def _with_assumed(stated: str, wanted: str, assumed: str) -> str:
@@ -62,23 +86,10 @@ def _with_assumed(stated: str, wanted: str, assumed: str) -> str:
     return "; ".join([*parts[:place], assumed, *parts[place:]])
 
 
-def _level(text: str) -> tuple[str, float, str]:
-    """Kind, height above ground [m], depth [m] or pressure [Pa] of a level, and how texts name it."""
-    number, unit, depth = re.fullmatch(r"([\d.]+)\s*([a-z]+)(\s*depth)?", text.strip().lower()).groups()  # type: ignore[union-attr]
-    if unit in (factors := {"pa": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0}):
-        pressure = float(number) * factors[unit]
-        return "pressure", pressure, f"at {pressure / 100.0:.10g} hPa"
-    metres = float(number) * (1000.0 if unit == "km" else 1.0)
-    return (
-        f"height{depth or ''}",
-        metres,
-        f"{metres:.10g} m {'below the surface' if depth else 'above ground'}",
-    )
-
-
 def _covered(result: Evidence) -> Iterator[str]:
     wind = result.wind
-    yield f"wind at {wind.level} of {wind.source or 'an unknown source'}"
+    flow = "current" if _of_current(result) else "wind"
+    yield f"{flow} at {wind.level} of {wind.source or 'an unknown source'}"
     if wind.fit is not None:
         share = wind.score.get("gp_coverage_90", np.nan)
         scored = (
@@ -134,10 +145,13 @@ def _not_covered(result: Evidence) -> Iterator[str]:
     elif law.forecast_sd[0] <= 0:
         yield "errors of analyses (forecasts of lead 0)"
     if law is None:
-        yield "the change of the wind between fields"
-    yield f"winds at other heights than {wind.level}, and vertical motion of the air"
+        yield f"the change of the {'current' if _of_current(result) else 'wind'} between fields"
+    if _of_current(result):
+        yield f"currents at other depths than {wind.level}, and vertical motion of the water"
+    else:
+        yield f"winds at other heights than {wind.level}, and vertical motion of the air"
     yield "errors that are not Gaussian, such as a front or a storm that comes early"
-    yield "the robot's own errors of airspeed, heading and timing"
+    yield OWN_ERRORS.format("speed through the water" if _of_current(result) else "airspeed")
 
 
 def _range(values: Sequence[float] | FloatArray, unit: str) -> str:

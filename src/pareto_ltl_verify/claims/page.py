@@ -90,11 +90,20 @@ def headline(result: Evidence) -> Verdict | None:
     if promise is None:
         return None
     value = probability_text(promise["failure"])
-    note = f"{interval_text(promise['low'], promise['high'])} (95 %), under {promise['law']} winds"
+    begin = f"{interval_text(promise['low'], promise['high'])} (95 %), under {promise['law']}"
+    notes = tuple(f"{begin} {flows}" for flows in _flows(result))
     if len(matches) != 1:
-        return Verdict(f"{len(matches)} rates", f"{value}, {note}", False)
+        return Verdict(f"{len(matches)} rates", f"{value}, {notes[0]}", False)
     stated = tuple(unescape(part) for part in matches[0])
-    return Verdict(", ".join(stated), f"{value}, {note}", stated[0] == value and stated[1].startswith(note))
+    holds = stated[0] == value and stated[1].startswith(notes)
+    return Verdict(", ".join(stated), f"{value}, {notes[0]}", holds)
+
+
+def _flows(result: Evidence) -> tuple[str, ...]:
+    """What moves the robot; pages of earlier versions call currents winds."""
+    wind, flown = result.settings["wind"], result.settings["robot"].get("level") or ""
+    water = wind["source"] == "currents" or any(text.endswith("depth") for text in (wind["level"], flown))
+    return ("currents", "winds") if water else ("winds",)
 
 
 CLAIMS = (

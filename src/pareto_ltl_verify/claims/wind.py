@@ -17,7 +17,7 @@ from pareto_ltl_verify.claims.wind_modes import CLAIMS as MODE_CLAIMS
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.forecast_errors import HOUR, ErrorLaw, error_law, independent_changes
 from pareto_ltl_verify.wind_fit import Fit, correlation, posterior, scaled, separation
-from pareto_ltl_verify.wind_tables import WindFile, source_of
+from pareto_ltl_verify.wind_tables import WindFile, level_of, source_of
 
 PACKAGED_LAW = PACKAGE / "support" / "data" / "forecast_errors" / "gfs.json"
 MOST_NODES = 4000  # limit of the number of nodes of a slot at which the posterior is computed
@@ -155,8 +155,11 @@ def level_and_leads(result: Evidence) -> Verdict:
     wind, settings = result.wind, result.settings["wind"]
     named = "10m" if settings["source"] == "sample" else wind.level
     if source_of(settings["source"]).level:
-        named = str(settings["level"]).replace(" ", "")
-    faults = [f"level {named}"] * (wind.level.lower() != named.lower())
+        named = str(settings["level"])
+        tables_of_before = settings["source"] in ("csv", "stations") and wind.level == "10m"
+        if tables_of_before and named == result.settings["robot"].get("level"):
+            named = "10m"  # versions before 1.0 set wind.level to robot.level and read such tables as 10 m
+    faults = [f"level {named}"] * (level_of(wind.level) != level_of(named))
     faults += ["a lead is negative"] * bool((wind.leads < 0).any())
     forecasts = wind.error is not None and wind.error.forecast_sd.any() and settings["source"] != "sample"
     if forecasts and len(wind.times) > 1 and not wind.level.endswith("depth"):

@@ -3,6 +3,8 @@
 import { byId, duration, percent } from "./shapes.js";
 
 const PAGE = JSON.parse(byId("page-data").textContent);
+const MEDIUM = PAGE.medium, FLOWS = MEDIUM.flows;  // wind and winds, or current and currents
+const capital = text => text[0].toUpperCase() + text.slice(1);
 
 // What is shown: the point of the front, and the step of its path.
 const shown = { point: firstPoint(), step: 0 };
@@ -27,6 +29,6 @@ function timeText(seconds) {
 
 /** The failure rate or bound of a point, with its interval and its law. */
 function failureText({ failure, failure_low: low, failure_high: high, law }) {
-  if (low === null) return `fails at most ${percent(failure)} (bound), under ${law} winds`;
-  return `fails ${percent(failure)} (${percent(low).replace(" %", "")}–${percent(high)}, 95 %), under ${law} winds`;
+  if (low === null) return `fails at most ${percent(failure)} (bound), under ${law} ${FLOWS}`;
+  return `fails ${percent(failure)} (${percent(low).replace(" %", "")}–${percent(high)}, 95 %), under ${law} ${FLOWS}`;
 }

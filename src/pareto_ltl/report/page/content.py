@@ -74,7 +74,8 @@ def page_content(run: ShownRun) -> Content:
         "chosen": chosen,
         "paths": paths,
         "flights": flights,
-        "places": [] if run.plan is None else shown_places(run.scene, run.plan),
+        "medium": run.medium._asdict(),
+        "places": [] if run.plan is None else shown_places(run.scene, run.plan, run.medium),
         "pricedObstacles": [] if run.plan is None else priced_obstacles(run.plan),
         "causes": list(CAUSES),
         "automaton": None if run.automaton is None else shown_automaton(run.automaton),
@@ -135,7 +136,10 @@ def _texts(run: ShownRun, formula: str, chosen: int | None) -> dict[str, Any]:
         "has_front": run.front is not None and bool(run.front.paths),
         "facts": [] if run.plan is None else _headline(run, run.plan.path, chosen),
         "verdicts": list(_verdicts(run)),
-        "limits": None if run.plan is None or run.plan.alarmed else limit_texts(run.scene, run.plan),
+        "limits": None
+        if run.plan is None or run.plan.alarmed
+        else limit_texts(run.scene, run.plan, run.medium),
+        "medium": run.medium._asdict(),
         "covered": "" if run.plan is None else run.plan.covered,
         "not_covered": "" if run.plan is None else run.plan.not_covered,
         "law": _law(run),
@@ -147,12 +151,12 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
     """The numbers at the top: name, value, and a note with the wind law or unit."""
     plan = run.plan
     assert plan is not None
-    promise, law = plan.promise, plan.models.law
+    promise, law, flows = plan.promise, plan.models.law, run.medium.flows
     if promise is not None:
         rate = promise.rate
         fails = {
             "value": probability_text(rate.failure),
-            "note": f"{interval_text(rate.low, rate.high)} (95 %), under {rate.law} winds, {rate.sample}",
+            "note": f"{interval_text(rate.low, rate.high)} (95 %), under {rate.law} {flows}, {rate.sample}",
         }
     elif plan.alarmed:
         fails = {"value": "no promise", "note": NO_PROMISE}
@@ -160,7 +164,7 @@ def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict
         cost = path.objectives
         fails = {
             "value": _at_most(min(1.0, cost.mission_risk + cost.collision_risk)),
-            "note": f"upper bound of failures of the mission and collisions, under {law} winds",
+            "note": f"upper bound of failures of the mission and collisions, under {law} {flows}",
         }
     others = [] if promise is not None else [_simulated_fact(run)] if run.deployments else []
     hours = float(path.t[-1] - path.t[0]) / 3600
@@ -197,7 +201,7 @@ def _simulated_fact(run: ShownRun) -> dict[str, str]:
     ends = interval_text(worst.low, worst.high)
     return {
         "name": "simulated to fail", "value": probability_text(worst.failure),
-        "note": f"{ends} (95 %), under {worst.law} winds, {worst.sample}",
+        "note": f"{ends} (95 %), under {worst.law} {run.medium.flows}, {worst.sample}",
     }  # fmt: skip
 
 

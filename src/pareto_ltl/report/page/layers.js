@@ -91,9 +91,9 @@ function goNear(place) {
 function mapNote() {
   if (shown.point !== null && !isDrawn(shown.point)) return `The path of point ${shown.point} is not in this page: pareto-ltl choose DIR --point ${shown.point} makes it the plan.`;
   const notes = [];
-  if (PAGE.flights) notes.push(`${PAGE.flights.at.length} of ${PAGE.flights.runs.toLocaleString("en")} simulated flights of the chosen plan are drawn, as they come, under ${PAGE.flights.law} winds; those that have failed are dashed and dark red, with a cross.`);
-  if (PAGE.law && path()) notes.push(`Ellipses hold 95 % of positions at a time under ${PAGE.law} winds.`);
-  notes.push(wind.fastest ? [`Wind at ${PAGE.wind.level}`, wind.legend].filter(Boolean).join("; ") + "." : "Calm air.", PAGE.map.walled ? "The border is a wall: leaving the map is a failure." : "The border is open.");
+  if (PAGE.flights) notes.push(`${PAGE.flights.at.length} of ${PAGE.flights.runs.toLocaleString("en")} simulated flights of the chosen plan are drawn, as they come, under ${PAGE.flights.law} ${FLOWS}; those that have failed are dashed and dark red, with a cross.`);
+  if (PAGE.law && path()) notes.push(`Ellipses hold 95 % of positions at a time under ${PAGE.law} ${FLOWS}.`);
+  notes.push(wind.fastest ? [`${capital(MEDIUM.flow)} at ${PAGE.wind.level}`, wind.legend].filter(Boolean).join("; ") + "." : `${capital(MEDIUM.still)}.`, PAGE.map.walled ? "The border is a wall: leaving the map is a failure." : "The border is open.");
   for (const { name, forbidden, told } of PAGE.map.windows) notes.push(`${forbidden ? "Forbidden" : `${name} holds`} ${told}.`);
   if (PAGE.map.windows.some(w => w.forbidden)) notes.push("What is forbidden at the time of the slider is dark, with a dashed outline.");
   if (PAGE.planned) notes.push("The line is the expected path of the plan, which has no failure rate.");
@@ -105,5 +105,5 @@ function mapNote() {
 function momentText(view) {
   const k = shown.step, { failed, runs, law } = view.risk, count = failed.reduce((sum, cause) => sum + cause[k], 0);
   const [after, , ...more] = stepLines(map, view, k);
-  return `Step ${k} of ${view.line.length - 1}, ${[after, ...more].join(", ")}; ${count} of ${runs} flights (${percent(count / runs)}) have failed so far under ${law} winds.`;
+  return `Step ${k} of ${view.line.length - 1}, ${[after, ...more].join(", ")}; ${count} of ${runs} flights (${percent(count / runs)}) have failed so far under ${law} ${FLOWS}.`;
 }

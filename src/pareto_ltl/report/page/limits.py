@@ -17,10 +17,11 @@ from pareto_ltl.report.limits import (
     tight_places,
 )
 from pareto_ltl.support.display import probability_text
+from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl.world.scene import Scene
 
 
-def limit_texts(scene: Scene, plan: Plan) -> dict[str, Any]:
+def limit_texts(scene: Scene, plan: Plan, medium: Medium = AIR) -> dict[str, Any]:
     """Rows of both tables, and the texts around them."""
     return {
         "fails": "" if plan.promise is None else probability_text(plan.promise.rate.failure),
@@ -33,7 +34,7 @@ def limit_texts(scene: Scene, plan: Plan) -> dict[str, Any]:
                 "limit": row.limit, "time": row.time or "–", "change": row.change,
                 "saved": points_text(row.saving),
             }
-            for row in price_rows(scene, plan)
+            for row in price_rows(scene, plan, medium=medium)
         ],
         "segments": [
             {
@@ -46,6 +47,6 @@ def limit_texts(scene: Scene, plan: Plan) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def shown_places(scene: Scene, plan: Plan) -> list[dict[str, Any]]:
+def shown_places(scene: Scene, plan: Plan, medium: Medium = AIR) -> list[dict[str, Any]]:
     """The tight places of the plan: the step at which each begins, and lines of text for the pointer."""
-    return [{"step": step, "lines": lines} for step, lines in tight_places(scene, plan)]
+    return [{"step": step, "lines": lines} for step, lines in tight_places(scene, plan, medium)]

@@ -38,7 +38,7 @@ function showFacts() {
   note.hidden = shown.point === PAGE.chosen || PAGE.chosen === null;
   if (note.hidden) { place.replaceChildren(...showFacts.plan); return; }
   const row = PAGE.points[shown.point], utc = path()?.utc?.at(-1);
-  const rate = row.failure_low === null ? [`≤ ${percent(row.failure)}`, `upper bound, under ${row.law} winds`] : [percent(row.failure), `${percent(row.failure_low)} to ${percent(row.failure_high)} (95 %), under ${row.law} winds, ${row.runs.toLocaleString("en")} flights`];
+  const rate = row.failure_low === null ? [`≤ ${percent(row.failure)}`, `upper bound, under ${row.law} ${FLOWS}`] : [percent(row.failure), `${percent(row.failure_low)} to ${percent(row.failure_high)} (95 %), under ${row.law} ${FLOWS}, ${row.runs.toLocaleString("en")} flights`];
   const facts = [["fails", ...rate], ["length", lengthText(row.length_m), "of the expected path"], ["duration", duration(row.duration_s), `${row.steps} steps`]];
   if (utc) facts.push(["arrival", `${utc.slice(11, 16)} UTC`, utc.slice(0, 10)]);
   facts.push(["shown", `point ${shown.point}`, [`of the front, not the plan (point ${PAGE.chosen})`, ...row.costs].join("; ")]);
@@ -66,8 +66,8 @@ function showFront() {
   const text = k => [`point ${k}${k === PAGE.chosen ? ", the chosen plan" : ""}`, failureText(PAGE.points[k]), lengthText(PAGE.points[k].length_m), duration(PAGE.points[k].duration_s), ...PAGE.points[k].costs, PAGE.points[k].order].filter(Boolean).join("\n");
   drawFront(byId("front"), PAGE.points, { shown: shown.point, chosen: PAGE.chosen, choose: showPoint, text, hollow: k => !isDrawn(k) });
   const [{ law, runs }] = PAGE.points;
-  byId("front-note").textContent = PAGE.judge === "bound" ? `Each point is a path. Up: an upper bound on its failures under ${law} winds. Click a point to see its path.`
-    : `Each point is a path. Up: how many of its ${runs.toLocaleString("en")} flights under ${law} winds fail, with the 95 % interval. Click a point to see its path.`;
+  byId("front-note").textContent = PAGE.judge === "bound" ? `Each point is a path. Up: an upper bound on its failures under ${law} ${FLOWS}. Click a point to see its path.`
+    : `Each point is a path. Up: how many of its ${runs.toLocaleString("en")} flights under ${law} ${FLOWS} fail, with the 95 % interval. Click a point to see its path.`;
 }
 
 function showRisk() {
@@ -76,8 +76,8 @@ function showRisk() {
   if (!view) { byId("risk").replaceChildren(); byId("risk-note").textContent = `The flights of point ${shown.point} are not in this page.`; return; }
   drawRisk(byId("risk"), view, shown.step, PAGE.causes);
   const total = view.risk.failed.reduce((sum, cause) => sum + cause.at(-1), 0);
-  byId("risk-note").textContent = `${total.toLocaleString("en")} of ${view.risk.runs.toLocaleString("en")} simulated flights of this point fail under ${view.risk.law} winds: how many have failed by each time; the band is the 95 % interval. `
-    + "Whether a mission was missed is known at its end. The flights of all points meet the same winds.";
+  byId("risk-note").textContent = `${total.toLocaleString("en")} of ${view.risk.runs.toLocaleString("en")} simulated flights of this point fail under ${view.risk.law} ${FLOWS}: how many have failed by each time; the band is the 95 % interval. `
+    + `Whether a mission was missed is known at its end. The flights of all points meet the same ${FLOWS}.`;
 }
 
 function showMachine() {

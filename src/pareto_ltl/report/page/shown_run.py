@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from pareto_ltl.support.medium import WATER, Medium, medium_of
+
 if TYPE_CHECKING:
     from numpy.random import SeedSequence
 
@@ -72,3 +74,8 @@ class ShownRun:
     plan: Plan | None = None
     deployments: Mapping[str, Deployment] = field(default_factory=dict)
     forecasts: Mapping[str, Forecast] = field(default_factory=dict)
+
+    @property
+    def medium(self) -> Medium:
+        """What the robot moves in: water if it is at a depth, or the wind is a current."""
+        return WATER if self.height.metres < 0.0 else medium_of(self.wind.level)

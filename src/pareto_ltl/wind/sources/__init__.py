@@ -17,7 +17,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
-from pareto_ltl.wind.levels import DEPTH, parse_level
+from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, table_level
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.wind.snapshots import latest_readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
@@ -96,12 +96,17 @@ def _read_sample(cfg: WindConfig, _wanted: Wanted) -> Readings:
 
 
 def _read_csv(cfg: WindConfig, _wanted: Wanted) -> Readings:
-    """Readings of CSV tables, which do not state a level; if ``wind.level`` is a depth, they are currents."""
-    readings = read_csv_files(data_files(cfg), cfg.max_speed)
-    level = parse_level(cfg.level)
-    if level.kind != DEPTH:
+    """Readings of CSV tables at ``wind.level``, which they do not state; at a depth, they are currents."""
+    level = table_level(cfg.level, (HEIGHT, PRESSURE, DEPTH), "a table of winds or currents")
+    return _at_level(read_csv_files(data_files(cfg), cfg.max_speed), level)
+
+
+def _at_level(readings: Readings, level: Level) -> Readings:
+    """``readings`` of a table that does not state its level, with the level that ``wind.level`` states."""
+    if level.text == readings.level:
         return readings
-    note = f"taken as the current {level.phrase}, since wind.level is a depth"
+    what = "current" if level.kind == DEPTH else "wind"
+    note = f"taken as the {what} {level.phrase}, as wind.level states; the table does not state its level"
     return replace(readings, level=level.text, notes=(*readings.notes, note))
 
 
@@ -133,7 +138,8 @@ def _read_ensemble(cfg: WindConfig, wanted: Wanted) -> Readings:
 
 
 def _read_stations(cfg: WindConfig, wanted: Wanted) -> Readings:
-    return read_station_files(data_files(cfg), cfg.max_speed, wanted.area)
+    level = table_level(cfg.level, (HEIGHT,), "stations report winds near the ground")
+    return _at_level(read_station_files(data_files(cfg), cfg.max_speed, wanted.area), level)
 
 
 def _read_given(_cfg: WindConfig, _wanted: Wanted) -> Readings:

@@ -59,7 +59,7 @@ class _Report:
 
 
 def read_station_files(files: tuple[Path, ...], max_speed: float, area: GeoBox | None = None) -> Readings:
-    """The winds 10 m above ground that stations report, one field for each hour.
+    """The winds that stations report, usually 10 m above ground, one field for each hour.
 
     Raises
     ------
