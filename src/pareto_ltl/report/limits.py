@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,8 +45,8 @@ class PriceRow:
         For example ``obstacle 6`` and ``1 km smaller on every side``.
     time : str
         When the saving is largest; empty for the whole flight.
-    saving : float
-        Fall of the failure rate by the change.
+    saving, error : float
+        Fall of the failure rate by the change, and its standard error.
     """
 
     kind: str
@@ -54,6 +54,7 @@ class PriceRow:
     time: str
     change: str
     saving: float
+    error: float
 
 
 def segment_rows(scene: Scene, plan: Plan, most: int = MOST) -> list[SegmentRow]:
@@ -71,7 +72,10 @@ def segment_rows(scene: Scene, plan: Plan, most: int = MOST) -> list[SegmentRow]
 
 
 def price_rows(scene: Scene, plan: Plan, most: int | None = None) -> list[PriceRow]:
-    """The ``most`` prices with the largest savings by a small change, the largest first; default all."""
+    """The ``most`` prices with the largest savings by a small change, the largest first; default all.
+
+    Prices within two standard errors of zero are left out.
+    """
     times, unit = step_times(scene, plan.path), small_change(scene)
     rows = [
         PriceRow(
@@ -80,8 +84,10 @@ def price_rows(scene: Scene, plan: Plan, most: int | None = None) -> list[PriceR
             time="" if price.step is None else times[price.step],
             change=PRICE_KINDS[price.kind].format(_change_text(price, unit)),
             saving=saving_of(price, unit),
+            error=saving_of(replace(price, saving=price.error), unit),
         )
         for price in plan.prices
+        if price.significant
     ]
     return sorted(rows, key=lambda row: -row.saving)[:most]
 
@@ -121,8 +127,9 @@ def epsilon_text(plan: Plan) -> str:
 
 
 def priced_obstacles(plan: Plan) -> list[int]:
-    """Numbers of the obstacles that have a price; the first of the map has the number 1."""
-    return [int(price.name.removeprefix("obstacle ")) for price in plan.prices if price.kind == "obstacle"]
+    """Numbers of the obstacles that have a price to show; the first of the map has the number 1."""
+    shown = (price for price in plan.prices if price.kind == "obstacle" and price.significant)
+    return [int(price.name.removeprefix("obstacle ")) for price in shown]
 
 
 # --- text ---------------------------------------------------------------------------------------
@@ -146,8 +153,9 @@ def limit_lines(scene: Scene, plan: Plan, most: int = MOST) -> Iterator[str]:
                 f"standard deviations away; {probability_text(row.probability)}"
             )
     yield ""
+    unsure = unsure_text(plan)
     if not prices:
-        yield NO_PRICES
+        yield unsure or NO_PRICES
         return
     failing = "" if plan.promise is None else f" of the {probability_text(plan.promise.rate.failure)}"
     others = "the others as they are"
@@ -155,6 +163,16 @@ def limit_lines(scene: Scene, plan: Plan, most: int = MOST) -> Iterator[str]:
     for price in prices:
         at = f" at {price.time}" if price.time else ""
         yield f"      {price.limit}{at}: {price.change}, {points_text(price.saving)} points fewer failures"
+    if unsure:
+        yield unsure
+
+
+def unsure_text(plan: Plan) -> str:
+    """How many prices are not shown, since too few flights come near to these limits; empty if all are."""
+    number = sum(not price.significant for price in plan.prices)
+    if not number:
+        return ""
+    return f"not shown: {number} price{'s' * (number > 1)} within two standard errors of zero"
 
 
 # --- places on the map --------------------------------------------------------------------------
