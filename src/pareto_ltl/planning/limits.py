@@ -14,7 +14,7 @@ PRICE_KINDS = {
     "airspeed": "{} more",
     "length": "{} more",
 }  # kind: what a small change of it is, in words
-SIGNIFICANT = 2.0  # standard errors of a price that is shown, at least
+SIGNIFICANT = 4.0  # standard errors of a price that is shown, at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,5 +71,5 @@ class Price:
 
     @property
     def significant(self) -> bool:
-        """Whether the saving is at least two standard errors, so that its interval excludes zero."""
+        """Whether the interval of 95 % of the saving reaches from at least half of it to one and a half."""
         return self.saving >= SIGNIFICANT * self.error

@@ -74,7 +74,7 @@ def segment_rows(scene: Scene, plan: Plan, most: int = MOST) -> list[SegmentRow]
 def price_rows(scene: Scene, plan: Plan, most: int | None = None) -> list[PriceRow]:
     """The ``most`` prices with the largest savings by a small change, the largest first; default all.
 
-    Prices within two standard errors of zero are left out.
+    Prices with a standard error above a quarter of the price are left out.
     """
     times, unit = step_times(scene, plan.path), small_change(scene)
     rows = [
@@ -172,7 +172,7 @@ def unsure_text(plan: Plan) -> str:
     number = sum(not price.significant for price in plan.prices)
     if not number:
         return ""
-    return f"not shown: {number} price{'s' * (number > 1)} within two standard errors of zero"
+    return f"not shown, with a standard error above a quarter of the price: {number} of {len(plan.prices)}"
 
 
 # --- places on the map --------------------------------------------------------------------------

@@ -34,7 +34,7 @@ SPREADS = 5.0  # standard deviations of a count, beside the factor
 TIGHT = 0.8  # share of epsilon above which multipliers of chance constraints may be part of a price
 FULL_SPEED = 0.98  # share of u_max below which a step does not use all airspeed
 ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
-SLOPE_OF, SHORTER = 0.05, 0.1  # relative lengths over which slopes to longer and to shorter paths are taken
+SLOPE_OF = 0.05  # relative length over which slopes to longer and to shorter paths are taken
 STEEPEST = 300.0  # relative fall of the failures by a relative length, where no path is shorter
 PRICED = 40_000  # flights that a price is computed from
 WIDTH = 1e-3  # share of the map's size within which flights count for a price
@@ -199,7 +199,7 @@ def _length_price(result: Evidence, row: Mapping[str, Any]) -> str:
     names = ("length_m", "failure_low", "failure_high")
     lengths, low, high = np.array([[float(one[name]) for name in names] for one in result.front]).T
     apart, here = lengths / length - 1.0, int(np.abs(lengths - length).argmin())
-    longer, shorter = (apart > ALIKE) & (apart <= SLOPE_OF), (apart < -ALIKE) & (apart >= -SHORTER)
+    longer, shorter = (apart > ALIKE) & (apart <= SLOPE_OF), (apart < -ALIKE) & (apart >= -SLOPE_OF)
     flattest = ((low[here] - high[longer]) / (apart[longer] * length)).max(initial=0.0)
     steepest = STEEPEST * high[here] / length
     if shorter.any():
