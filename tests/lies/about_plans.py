@@ -135,6 +135,11 @@ PLAN_LIES = (
         ("plan: prices of its limits",),
     ),
     Lie(
+        "the error of the largest price is a hundredth",
+        in_plan(lambda p: put(p, "prices", 0, "error", value=0.01 * p["prices"][0]["error"])),
+        ("plan: prices of its limits",),
+    ),
+    Lie(
         "a price is of an obstacle that is not there",
         in_plan(lambda p: put(p, "prices", 0, "name", value="obstacle 77")),
         ("plan: prices of its limits",),

@@ -10,12 +10,11 @@ import shapely
 from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import margin as km
-from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.evaluate import completing_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
-from pareto_ltl.planning.records import Front, counted_rate
 from pareto_ltl.planning.refine import prices, programme, sampled_paths
-from pareto_ltl.planning.refine.sampled import Refiner, path_length
+from pareto_ltl.planning.refine.sampled import Polish, Refiner, path_length
 from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights
@@ -69,8 +68,7 @@ def found(limits, kind):
 
 def test_prices_of_places_are_derivatives_of_the_failures(planned):
     problem, path, positions = planned
-    front = Front((path,), (), 0.0, np.ones(2))
-    _, listed = prices.limits_of(problem, front, path, positions)
+    _, listed = prices.limits_of(problem, path, [positions])
     for kind, name in (("obstacle", "thicker"), ("region", "wider")):
         ends = [smoothed(task(**{name: way * STEP})[0], path, positions) for way in (-1.0, 1.0)]
         slope = (ends[1] - ends[0]) / (2.0 * STEP) * (1.0 if kind == "obstacle" else -1.0)
@@ -80,8 +78,7 @@ def test_prices_of_places_are_derivatives_of_the_failures(planned):
 
 def test_prices_of_segments_add_up_to_those_of_barriers(planned):
     problem, path, positions = planned
-    front = Front((path,), (), 0.0, np.ones(2))
-    limits, listed = prices.limits_of(problem, front, path, positions)
+    limits, listed = prices.limits_of(problem, path, [positions])
     assert limits.price.sum() == pytest.approx(found(listed, "obstacle"), rel=1e-9)
     places = [price for price in listed if price.kind in {"obstacle", "region"}]
     assert {price.name for price in places} == {"obstacle 1", "a", "b"}
@@ -136,30 +133,47 @@ def test_multipliers_are_derivatives_of_the_least_objective(binding, monkeypatch
     assert slope(farther, 2.0) == pytest.approx(solution.clearer.sum(), rel=0.15)
 
 
-def test_the_price_of_the_length_is_the_slope_of_the_front_beyond_the_plan(planned):
-    _, path, _ = planned
-    lengths = path.objectives.length * np.array([0.97, 1.0, 1.02, 1.04, 1.2])
-    rates = 0.1 * (lengths / path.objectives.length) ** -3.0
-    paths = tuple(
-        replace(path, objectives=replace(path.objectives, costs={"length": length})) for length in lengths
-    )
-    judged = tuple(counted_rate("coherent", round(1e7 * rate), 10**7) for rate in rates)
-    front = Front(paths, (), 0.0, np.ones(2), judged, failed=np.zeros((5, 1), bool))
-    expected = 3.0 * 0.1 / path.objectives.length
-    assert prices.front_slope(front, paths[1]) == pytest.approx(expected, rel=1e-3)
-    assert prices.front_slope(front, paths[-1]) == 0.0
-    twin = replace(paths[1], objectives=replace(path.objectives, costs={"length": lengths[1] * (1.0 + 1e-9)}))
-    alike = Front(
-        (paths[1], twin), (), 0.0, np.ones(2), (judged[1], judged[4]), failed=np.zeros((2, 1), bool)
-    )
-    assert prices.front_slope(alike, paths[1]) == 0.0
+def test_the_price_of_the_length_is_the_derivative_of_the_polished_failure(planned):
+    problem, path, _ = planned
+    flights = draw_flights(problem, "coherent", 4000, SeedSequence(5))
+    refiner, length = Refiner(problem, margin_model(problem)), path_length(path.x)
+    how = Polish((prices.WIDTH * float(np.ptp(problem.scene.bounds, axis=0).mean()),), 8)
+    settled = refiner.polish(refiner.polish(path.x, flights, how, length).flight.x, flights, how, length)
+    change = 0.005 * length
+    ends = [refiner.polish(settled.flight.x, flights, how, length + by).smoothed for by in (-change, change)]
+    polished = completing_path(problem, settled.flight.x, "polished")
+    _, listed = prices.limits_of(problem, polished, [flights.positions(settled.flight)])
+    slope = (ends[0] - ends[1]) / (2.0 * change)
+    assert slope > 0.0
+    assert found(listed, "length") == pytest.approx(slope, rel=0.3)
+
+
+def test_prices_are_means_over_blocks_with_their_standard_error(planned):
+    problem, path, positions = planned
+    _, listed = prices.limits_of(problem, path, np.split(positions, 4))
+    each = [prices.limits_of(problem, path, [block])[1] for block in np.split(positions, 4)]
+    for price in listed[:2]:
+        of_blocks = [next(row.saving for row in rows if row.name == price.name) for rows in each]
+        assert price.saving == pytest.approx(np.mean(of_blocks), rel=1e-9)
+        assert price.error == pytest.approx(np.std(of_blocks, ddof=1) / 2.0, rel=1e-9)
+        assert price.error > 0.0
+
+
+def test_errors_state_how_far_prices_of_other_flights_are(planned):
+    problem, path, positions = planned
+    _, listed = prices.limits_of(problem, path, np.split(positions, 8))
+    others = simulate_flights(problem, path.u, 16000, "coherent", SeedSequence(12), path.x).x
+    _, exact = prices.limits_of(problem, path, np.split(others, 8))
+    for price in listed[:3]:
+        other = next(row for row in exact if row.name == price.name)
+        assert abs(price.saving - other.saving) < 6.0 * np.hypot(price.error, other.error)
+        assert price.error == pytest.approx(2.0 * other.error, rel=0.8)  # a quarter of the flights
 
 
 def test_no_barriers_have_no_limits_and_certain_flights_no_prices(planned):
     problem, path, _ = planned
     scene = replace(problem.scene, obstacles=())
     bare = make_problem("F(a & F b)", scene, fidelity="full", robot=RobotConfig(dt=100.0, u_max=18.0))
-    front = Front((path,), (), 0.0, np.ones(2))
-    limits, listed = prices.limits_of(bare, front, path, np.repeat(path.x[None], 50, axis=0))
+    limits, listed = prices.limits_of(bare, path, [np.repeat(path.x[None], 50, axis=0)])
     assert limits is None
     assert listed == ()

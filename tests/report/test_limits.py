@@ -162,6 +162,25 @@ def test_obstacles_with_a_price_are_known_by_their_number() -> None:
     assert priced_obstacles(limited_plan()) == [6, 3, 1]
 
 
+def test_a_price_with_a_large_error_is_counted_and_not_shown(shown: ShownRun) -> None:
+    plan, scene = limited_plan(), scene_of()
+    errors = [0.26 * row.saving if row.name == "obstacle 3" else 0.24 * row.saving for row in PRICES]
+    prices = tuple(replace(row, error=error) for row, error in zip(PRICES, errors, strict=True))
+    unsure = replace(plan, prices=prices)
+    assert [row.limit for row in price_rows(scene, unsure)] == [
+        row.limit for row in price_rows(scene, plan) if row.limit != scene.barrier_title("obstacle 3")
+    ]
+    assert [row.error / row.saving for row in price_rows(scene, unsure)] == pytest.approx([0.24] * 7)
+    assert priced_obstacles(unsure) == [6, 1]
+    text = "not shown, with a standard error above a quarter of the price: 1 of 8"
+    assert list(limit_lines(scene, unsure))[-1] == text
+    assert text not in list(limit_lines(scene, plan))
+    assert text[1:] in page_of(replace(shown, plan=unsure))
+    none = replace(plan, prices=tuple(replace(row, error=row.saving) for row in PRICES))
+    assert list(limit_lines(scene, none))[-1] == text.replace("1 of", "8 of")
+    assert list(limit_lines(scene, none))[-2] == ""
+
+
 def test_text_says_what_the_rows_say_and_what_is_missing() -> None:
     scene, plan = scene_of(), limited_plan()
     lines = list(limit_lines(scene, plan))

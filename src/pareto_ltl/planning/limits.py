@@ -14,6 +14,7 @@ PRICE_KINDS = {
     "airspeed": "{} more",
     "length": "{} more",
 }  # kind: what a small change of it is, in words
+SIGNIFICANT = 4.0  # standard errors of a price that is shown, at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +59,17 @@ class Price:
         The step at which the saving is largest.
     saving : float
         Fall of the failure rate per metre, and per m/s of airspeed.
+    error : float
+        Standard error of ``saving``: the flights that it is computed from are few. 0 where it is not known.
     """
 
     kind: str
     name: str
     step: int | None
     saving: float
+    error: float = 0.0
+
+    @property
+    def significant(self) -> bool:
+        """Whether the interval of 95 % of the saving reaches from at least half of it to one and a half."""
+        return self.saving >= SIGNIFICANT * self.error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,8 +47,8 @@ class PriceRow:
         For example ``obstacle 6`` and ``1 km smaller on every side``.
     time : str
         When the saving is largest; empty for the whole flight.
-    saving : float
-        Fall of the failure rate by the change.
+    saving, error : float
+        Fall of the failure rate by the change, and its standard error.
     """
 
     kind: str
@@ -56,6 +56,7 @@ class PriceRow:
     time: str
     change: str
     saving: float
+    error: float
 
 
 def segment_rows(scene: Scene, plan: Plan, most: int = MOST) -> list[SegmentRow]:
@@ -73,7 +74,10 @@ def segment_rows(scene: Scene, plan: Plan, most: int = MOST) -> list[SegmentRow]
 
 
 def price_rows(scene: Scene, plan: Plan, most: int | None = None, medium: Medium = AIR) -> list[PriceRow]:
-    """The ``most`` prices with the largest savings by a small change, the largest first; default all."""
+    """The ``most`` prices with the largest savings by a small change, the largest first; default all.
+
+    Prices with a standard error above a quarter of the price are left out.
+    """
     times, unit = step_times(scene, plan.path), small_change(scene)
     faster, faster_text = speed_change(plan.u_max)
     rows = [
@@ -85,8 +89,10 @@ def price_rows(scene: Scene, plan: Plan, most: int | None = None, medium: Medium
                 faster_text if price.kind == "airspeed" else metres_text(unit)
             ),
             saving=saving_of(price, unit, faster),
+            error=saving_of(replace(price, saving=price.error), unit, faster),
         )
         for price in plan.prices
+        if price.significant
     ]
     return sorted(rows, key=lambda row: -row.saving)[:most]
 
@@ -135,8 +141,9 @@ def epsilon_text(plan: Plan) -> str:
 
 
 def priced_obstacles(plan: Plan) -> list[int]:
-    """Numbers of the obstacles that have a price; the first of the map has the number 1."""
-    return [int(price.name.removeprefix("obstacle ")) for price in plan.prices if price.kind == "obstacle"]
+    """Numbers of the obstacles that have a price to show; the first of the map has the number 1."""
+    shown = (price for price in plan.prices if price.kind == "obstacle" and price.significant)
+    return [int(price.name.removeprefix("obstacle ")) for price in shown]
 
 
 # --- text ---------------------------------------------------------------------------------------
@@ -160,8 +167,9 @@ def limit_lines(scene: Scene, plan: Plan, most: int = MOST, medium: Medium = AIR
                 f"standard deviations away; {probability_text(row.probability)}"
             )
     yield ""
+    unsure = unsure_text(plan)
     if not prices:
-        yield NO_PRICES
+        yield unsure or NO_PRICES
         return
     failing = "" if plan.promise is None else f" of the {probability_text(plan.promise.rate.failure)}"
     others = "the others as they are"
@@ -169,6 +177,16 @@ def limit_lines(scene: Scene, plan: Plan, most: int = MOST, medium: Medium = AIR
     for price in prices:
         at = f" at {price.time}" if price.time else ""
         yield f"      {price.limit}{at}: {price.change}, {points_text(price.saving)} points fewer failures"
+    if unsure:
+        yield unsure
+
+
+def unsure_text(plan: Plan) -> str:
+    """How many prices are not shown, since too few flights come near to these limits; empty if all are."""
+    number = sum(not price.significant for price in plan.prices)
+    if not number:
+        return ""
+    return f"not shown, with a standard error above a quarter of the price: {number} of {len(plan.prices)}"
 
 
 # --- places on the map --------------------------------------------------------------------------

@@ -56,7 +56,8 @@ if TYPE_CHECKING:
     from pareto_ltl.world.scene import Scene
 
 LOG = logging.getLogger(__name__)
-PRICING, PRICING_RUNS = "prices", 10_000  # child of the seed of the flights that price limits; their number
+PRICING = "prices"  # child of the seed of the flights that price limits
+PRICING_BLOCKS, PRICING_RUNS = 8, 5_000  # blocks of these flights, and the flights of each
 
 
 def make_readings(inputs: StageInputs) -> Readings:
@@ -241,8 +242,11 @@ def make_plan(inputs: StageInputs) -> Plan:
     for warning in filter(None, (bound_warning(path, settings.fidelity), held)):
         LOG.warning("%s", warning)
     law, seed = problem.fidelity.law, named_child(inputs.seeds, PRICING)
-    flown = simulate_flights(problem, path.u, PRICING_RUNS, law, seed, path.x)
-    limits, prices = limits_of(problem, front, path, flown.x)
+    blocks = (
+        simulate_flights(problem, path.u, PRICING_RUNS, law, child, path.x).x
+        for child in seed.spawn(PRICING_BLOCKS)
+    )
+    limits, prices = limits_of(problem, path, blocks)
     return Plan(
         path=path,
         formula=problem.automaton.formula,

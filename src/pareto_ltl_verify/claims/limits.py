@@ -34,7 +34,11 @@ SPREADS = 5.0  # standard deviations of a count, beside the factor
 TIGHT = 0.8  # share of epsilon above which multipliers of chance constraints may be part of a price
 FULL_SPEED = 0.98  # share of u_max below which a step does not use all airspeed
 ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
-SLOPE_OF = 0.05  # relative length over which the front's slope is taken
+SLOPE_OF = 0.05  # relative length over which slopes to longer and to shorter paths are taken
+STEEPEST = 300.0  # relative fall of the failures by a relative length, where no path is shorter
+PRICED = 40_000  # flights that a price is computed from
+WIDTH = 1e-3  # share of the map's size within which flights count for a price
+ERRORS = 4.0  # factor by which the stated error may differ from the expected one
 
 
 def segment_limits(result: Evidence) -> Verdict | None:
@@ -78,7 +82,7 @@ def barrier_names(result: Evidence) -> list[str]:
 
 
 def prices(result: Evidence) -> Verdict | None:
-    """Every price against flights on maps with that limit moved, the slope of the front, or full airspeed."""
+    """Every price against flights on maps with that limit moved, slopes of the front, or full airspeed."""
     rows = result.plan.get("prices")
     if rows is None or result.planned_law not in result.new_flights:
         return None
@@ -111,8 +115,22 @@ def _outline_price(result: Evidence, row: Mapping[str, Any]) -> str:
     slopes, doubt = changes / (RUNS * by), SPREADS * np.sqrt(max(changes.max(), 1)) / (RUNS * by)
     low, high = slopes.min() / FACTOR - doubt, slopes.max() * FACTOR + doubt
     if low <= row["saving"] <= (np.inf if _is_tight(result) else high):
-        return ""
+        return _error_fault(result, row)
     return f"{row['saving']:.3g} a metre, flights give {slopes.min():.3g} to {slopes.max():.3g}"
+
+
+def _error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
+    """The fault of the error of a price; empty if it is right, or the plan is an earlier one without errors.
+
+    With s = σ(-m/τ) and margins m of constant density ρ near 0, the price is ρ, and its variance
+    Σ (s (1 - s) / (n τ))² = ρ / (6 n τ).
+    """
+    width = WIDTH * float(np.ptp(result.ground.bounds, axis=0).mean())
+    expected = np.sqrt(row["saving"] / (6.0 * PRICED * width))
+    largest = np.inf if _is_tight(result) else ERRORS * expected
+    if "error" not in row or expected / ERRORS <= row["error"] <= largest:
+        return ""
+    return f"error {row['error']:.3g} a metre, expected about {expected:.3g}"
 
 
 def _is_tight(result: Evidence) -> bool:
@@ -176,18 +194,19 @@ def _airspeed_price(result: Evidence, row: Mapping[str, Any]) -> str:
 
 
 def _length_price(result: Evidence, row: Mapping[str, Any]) -> str:
-    """The slope of the front from the plan to longer paths."""
+    """The price lies between the slopes of the front to longer and to shorter paths, with their intervals."""
     length = float(result.plan["objectives"]["length"])
-    points = np.array([[float(one["length_m"]), float(one["failure"])] for one in result.front])
-    near = (points[:, 0] >= length * (1.0 - 1e-9)) & (points[:, 0] <= (1.0 + SLOPE_OF) * length)
-    lengths, rates = points[near & (points[:, 1] > 0.0)].T
-    computed = 0.0
-    if len(lengths) > 1 and np.ptp(lengths) >= ALIKE * length:
-        design = np.column_stack([np.ones(len(lengths)), np.log(lengths / length)])
-        level, slope = np.linalg.lstsq(design, np.log(rates), rcond=None)[0]
-        computed = max(-float(slope), 0.0) * float(np.exp(level)) / length
-    off = abs(row["saving"] - computed)
-    return "" if off <= 1e-6 * computed + LEAST_RISK / length else f"slope {computed:.3g}"
+    names = ("length_m", "failure_low", "failure_high")
+    lengths, low, high = np.array([[float(one[name]) for name in names] for one in result.front]).T
+    apart, here = lengths / length - 1.0, int(np.abs(lengths - length).argmin())
+    longer, shorter = (apart > ALIKE) & (apart <= SLOPE_OF), (apart < -ALIKE) & (apart >= -SLOPE_OF)
+    flattest = ((low[here] - high[longer]) / (apart[longer] * length)).max(initial=0.0)
+    steepest = STEEPEST * high[here] / length
+    if shorter.any():
+        steepest = ((high[shorter] - low[here]) / (-apart[shorter] * length)).max()
+    if flattest / FACTOR <= row["saving"] <= FACTOR * steepest + LEAST_RISK / length:
+        return ""
+    return f"{row['saving']:.3g} a metre, the front has slopes of {flattest:.3g} to {steepest:.3g}"
 
 
 CHANGED: dict[str, Callable[[Evidence, str, float], Ground]] = {

@@ -4,9 +4,12 @@ At the best path for its length, a small change of the map changes the least fai
 derivative in the Lagrangian (the envelope theorem): the change of the failures of the path as it is, and the
 multipliers of the constraints. The first part comes from the binding events of flights: a flight with the
 margin m fails with the weight σ(-m/τ), and a barrier that is one metre smaller raises the margin of the
-flights that it binds by one metre. The second part are the multipliers of the chance constraints and of the
-airspeed in the convex programme (:mod:`~.programme`) about the path. The number of steps is an integer, so
-that the price of the length is the slope of the front instead.
+flights that it binds by one metre. The second part are the multipliers of the chance constraints, of the
+airspeed and of the length in the convex programme (:mod:`~.programme`) about the path, with its number of
+steps. The slope of the front is no price of the length: a rule picks points whose longer neighbours, by the
+shape of the front or by chance, fail hardly less.
+
+All of it is computed for each of several blocks of flights: their mean is the price, their spread its error.
 
 Eq. (M74) of docs/mathematics_methods.md.
 """
@@ -15,7 +18,8 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +32,7 @@ from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch, shown_letters
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Front, PlannedPath
+from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.epsilon import barrier_names
 from pareto_ltl.planning.refine.programme import Solution, programmes_of
 from pareto_ltl.planning.refine.sampled import deviations_from
@@ -37,10 +41,10 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 
 WIDTH = 0.001  # τ as a share of the map's size: half the last width of a polish, with more flights
 TRUST = 0.5  # trust region of the programme about the path [full steps]
-NEARBY = 0.05  # relative difference of lengths over which the slope of the front is taken
-ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
 LEAST_SHARE = 0.01  # prices below this share of the largest of their kind are left out
 FULL_SPEED = 0.98  # share of u_max from which a step uses all airspeed
+LEAST_GAIN = 0.01  # relative fall of the failures by a relative length: less is rounding of the solver
+LIMITS = "airspeed", "length"  # kinds whose prices are multipliers alone, in the order of the list
 
 
 class Binding(NamedTuple):
@@ -48,48 +52,56 @@ class Binding(NamedTuple):
 
     kind: str
     name: str
-    step: int
+    step: int | None
     saving: float
 
 
 def limits_of(
-    problem: Problem, front: Front, path: PlannedPath, positions: FloatArray
+    problem: Problem, path: PlannedPath, blocks: Iterable[FloatArray]
 ) -> tuple[SegmentLimits | None, tuple[Price, ...]]:
     """The chance constraint of each segment of ``path``, and the prices of its limits.
 
     Parameters
     ----------
-    positions : (n, T+1, 2) float
-        Flights of ``path`` in the winds of ``fidelity.law`` [m].
+    blocks : iterable of (n, T+1, 2) float
+        Flights of ``path`` in the winds of ``fidelity.law`` [m]. With fewer than two blocks errors are 0.
     """
     limits = segment_limits(problem, path.x)
+    found = [list(_block_bindings(problem, path, limits, positions)) for positions in blocks]
+    if limits is not None:
+        for row in chain(*found):
+            if row.kind in ("obstacle", "border") and row.step is not None:
+                limits.price[row.step] += row.saving / len(found)
+    places = _priced([[row for row in rows if row.kind not in LIMITS] for rows in found])
+    places = [price for price in places if price.saving >= LEAST_SHARE * places[0].saving]
+    others = (_priced([[row for row in rows if row.kind == kind] for rows in found]) for kind in LIMITS)
+    return limits, tuple(price for price in (*places, *chain(*others)) if price.saving > 0.0)
+
+
+def _block_bindings(
+    problem: Problem, path: PlannedPath, limits: SegmentLimits | None, positions: FloatArray
+) -> Iterator[Binding]:
+    """What binds in one block of flights (n, T+1, 2), and the multipliers of the programme."""
     if not np.ptp(positions, axis=0).any():  # all flights are the same: no rate changes with the map
-        return limits, ()
-    off = deviations_from(positions, path.x)
+        return
     model, slope = margin_model(problem), km.Slope(np.zeros((len(path.x), 2)), np.zeros((len(path.x), 3)))
     scratch = margin_scratch(model, len(positions), len(path.x))
     width = WIDTH * float(np.ptp(problem.scene.bounds, axis=0).mean())
+    off = deviations_from(positions, path.x)
     value = float(km.smoothed_failure(model, path.x, off, width, slope, scratch))
     local = Descent(slope.gradient, slope.hessian, max(value, LEAST_VALUE))
+    yield from _bindings(problem, model, positions, width, scratch)
     solution = _solution(problem, path, local)
-    bindings = list(_bindings(problem, model, positions, width, scratch))
+    if solution is None:
+        return
     if limits is not None:
-        for row in bindings:
-            if row.kind in ("obstacle", "border"):
-                limits.price[row.step] += row.saving
-        if solution is not None:
-            held = local.value * solution.clearer
-            limits.price[:] += held
-            bindings += [
-                Binding(_kind_of(limits.nearest[t]), limits.nearest[t], t, float(held[t]))
-                for t in np.flatnonzero(held > 0.0).tolist()
-            ]
-    prices = [*_summed(bindings)]
-    if solution is not None and _uses_all_airspeed(problem, path):
-        prices.append(Price("airspeed", "largest airspeed", None, local.value * solution.faster))
-    if front.rates:
-        prices.append(Price("length", "length", None, front_slope(front, path)))
-    return limits, tuple(price for price in prices if price.saving > 0.0)
+        for t in np.flatnonzero(solution.clearer > 0.0).tolist():
+            name = limits.nearest[t]
+            yield Binding(_kind_of(name), name, t, local.value * float(solution.clearer[t]))
+    if _uses_all_airspeed(problem, path):
+        yield Binding("airspeed", "largest airspeed", None, local.value * solution.faster)
+    if solution.longer * path.objectives.length >= LEAST_GAIN:
+        yield Binding("length", "length", None, local.value * solution.longer)
 
 
 def _solution(problem: Problem, path: PlannedPath, model: Descent) -> Solution | None:
@@ -164,34 +176,24 @@ def _kind_of(barrier: str) -> str:
     return "border" if barrier.endswith("border") else "obstacle"
 
 
-def _summed(bindings: Iterable[Binding]) -> list[Price]:
-    """One price for each limit, the largest first."""
-    steps: dict[tuple[str, str], dict[int, float]] = defaultdict(lambda: defaultdict(float))
-    for row in bindings:
-        steps[row.kind, row.name][row.step] += row.saving
+def _priced(blocks: Sequence[Iterable[Binding]]) -> list[Price]:
+    """One price for each limit: the mean over the blocks, with its standard error; the largest first."""
+    steps: dict[tuple[str, str], dict[int | None, float]] = defaultdict(lambda: defaultdict(float))
+    sums: dict[tuple[str, str], FloatArray] = defaultdict(lambda: np.zeros(len(blocks)))
+    for number, rows in enumerate(blocks):
+        for row in rows:
+            steps[row.kind, row.name][row.step] += row.saving
+            sums[row.kind, row.name][number] += row.saving
     prices = [
-        Price(kind, name, max(found, key=lambda t: found[t]), math.fsum(found.values()))
+        Price(kind, name, max(found, key=lambda t: found[t]), *_mean_and_error(sums[kind, name]))
         for (kind, name), found in steps.items()
     ]
-    prices.sort(key=lambda price: (-price.saving, price.name))
-    return [price for price in prices if price.saving >= LEAST_SHARE * prices[0].saving]
+    return sorted(prices, key=lambda price: (-price.saving, price.name))
 
 
-def front_slope(front: Front, path: PlannedPath) -> float:
-    """Fall of the failure rate of the front per metre of length beyond ``path`` [1/m].
-
-    It is the slope of the line of least squares through the logarithms of the rates of ``path`` and of paths
-    at most ``NEARBY`` longer; 0 if none is clearly longer, since the front then ends where longer paths fail
-    no less.
-    """
-    lengths = np.array([p.objectives.length for p in front.paths])
-    rates = np.array([rate.failure for rate in front.rates])
-    length = path.objectives.length
-    near = (lengths >= length) & (lengths <= (1.0 + NEARBY) * length) & (rates > 0.0)
-    if near.sum() < 2 or np.ptp(lengths[near]) < ALIKE * length:
-        return 0.0
-    slope, level = np.polyfit(np.log(lengths[near] / length), np.log(rates[near]), 1)
-    return float(max(-slope, 0.0) * math.exp(level) / length)
+def _mean_and_error(sums: FloatArray) -> tuple[float, float]:
+    error = sums.std(ddof=1) / math.sqrt(len(sums)) if len(sums) > 1 else 0.0
+    return math.fsum(sums) / len(sums), float(error)
 
 
 def segment_limits(problem: Problem, x: FloatArray) -> SegmentLimits | None:

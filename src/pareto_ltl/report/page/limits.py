@@ -15,6 +15,7 @@ from pareto_ltl.report.limits import (
     price_rows,
     segment_rows,
     tight_places,
+    unsure_text,
 )
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.medium import AIR, Medium
@@ -27,7 +28,8 @@ def limit_texts(scene: Scene, plan: Plan, medium: Medium = AIR) -> dict[str, Any
         "fails": "" if plan.promise is None else probability_text(plan.promise.rate.failure),
         "tight_price": probability_text(TIGHT_PRICE),
         "tight_risk": probability_text(TIGHT_RISK * plan.epsilon),
-        "no_prices": NO_PRICES,
+        "no_prices": unsure_text(plan) or NO_PRICES,
+        "unsure": unsure_text(plan),
         "no_segments": NO_SEGMENTS,
         "prices": [
             {
