@@ -13,6 +13,7 @@ Eq. (M74) of docs/mathematics_methods.md.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
@@ -40,7 +41,9 @@ TRUST = 0.5  # trust region of the programme about the path [full steps]
 NEARBY = 0.05  # relative difference of lengths over which the slope of the front is taken
 ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
 LEAST_SHARE = 0.01  # prices below this share of the largest of their kind are left out
+MOST_STEPS = 400  # of a path: for 1,300 steps the convex programme needs 8 GiB
 FULL_SPEED = 0.98  # share of u_max from which a step uses all airspeed
+LOG = logging.getLogger(__name__)
 
 
 class Binding(NamedTuple):
@@ -93,7 +96,13 @@ def limits_of(
 
 
 def _solution(problem: Problem, path: PlannedPath, model: Descent) -> Solution | None:
-    """The programme about ``path``; None where paths do not end in it, or it has no solution."""
+    """The programme about ``path``; None where paths do not end in it, or it has no solution.
+
+    Paths of more than ``MOST_STEPS`` steps do not end in it either.
+    """
+    if len(path.u) > MOST_STEPS:
+        LOG.info("no prices of airspeed and epsilon: the path has more than %d steps", MOST_STEPS)
+        return None
     if problem.fidelity.judge != "flights" or problem.fidelity.refine == "none":
         return None
     length = path.objectives.length
