@@ -153,12 +153,12 @@ def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
 
 
 class _EpochEdges(NamedTuple):
-    """Edges of one epoch, sources ascending: ends, ``spared``, the number of letters, and all the letters."""
+    """Edges of one epoch, sources ascending: ends, ``spared``, numbers of letters, the letters."""
 
     source: IntArray
     target: IntArray
     spared: BoolArray
-    count: IntArray
+    listed: IntArray
     letter: IntArray
 
 
@@ -169,7 +169,7 @@ def _epoch_guards(logic: kd.Logic, delta: IntArray) -> _EpochEdges:
 
 
 def _guards_from(logic: kd.Logic, delta: IntArray, sources: IntArray) -> _EpochEdges:
-    """The edges from ``sources`` (S,), all at once: 16,384 states take 0.3 instead of 5 s one by one."""
+    """The edges from ``sources`` (S,), all at once: 16,384 states take 0.13 instead of 1.4 s."""
     reached = np.sort(np.column_stack([delta[sources], sources]), axis=1)
     usable = np.isfinite(logic.distance[reached])
     usable[:, 1:] &= reached[:, 1:] != reached[:, :-1]
