@@ -78,20 +78,22 @@ def sampled_paths(
         starts = found.result()
         times = steps_to_merge(problem, starts.values())
         if times > 1:
-            return _in_merged_steps(sweep, pool, forest, flights, times, progress)
-        ended = _two_searches(sweep, pool, starts, flights, progress)
+            merged = with_merged_steps(problem, times)
+            if runs := starts_in_merged_steps(problem, merged, forest, times):  # else the wind ends too soon
+                long = new_sweep(cfg, merged, flights.merged(merged, times), budget)
+                return _in_merged_steps(sweep, long, pool, runs, times, progress)
+        ended = _two_searches(sweep, pool, starts, progress)
     return _paths_of(sweep, ended, partial(repaired, sweep))
 
 
 def _two_searches(
-    sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start], flights: CommonFlights,
-    progress: Progress | None,
+    sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start], progress: Progress | None
 ) -> list[tuple[Candidate, Candidate]]:  # fmt: skip
     """What a coarse search and the search find, each before and after its last solve (``closed``)."""
     cfg, known = sweep.cfg, list[Candidate]()
     seen = looks(sweep, pool, starts)
     if coarse(cfg) != cfg:
-        rough = new_sweep(coarse(cfg), sweep.problem, flights, sweep.budget.until(COARSE_SHARE))
+        rough = new_sweep(coarse(cfg), sweep.problem, sweep.many, sweep.budget.until(COARSE_SHARE))
         known = searched(rough, pool, seen, progress, 0)
     found = searched(sweep, pool, [*seen, *(reassessed(sweep, sweep.few, k) for k in known)], progress)
     again = list(pool.map(partial(reassessed, sweep, sweep.flights), known))
@@ -100,28 +102,25 @@ def _two_searches(
 
 
 def _in_merged_steps(
-    sweep: Sweep, pool: ThreadPoolExecutor, forest: Forest, flights: CommonFlights, times: int,
+    sweep: Sweep, long: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start], times: int,
     progress: Progress | None,
 ) -> tuple[PlannedPath, ...]:  # fmt: skip
-    """The paths of two searches in steps ``times`` as long, then polished in the steps of the problem."""
-    merged = with_merged_steps(sweep.problem, times)
-    long = new_sweep(sweep.cfg, merged, flights.merged(merged, times), sweep.budget)
-    starts = starts_in_merged_steps(sweep.problem, merged, forest, times)
-    ended = _two_searches(long, pool, starts, flights.merged(merged, times), progress)
+    """The paths of two searches in the ``long`` steps, then polished in the steps of the problem."""
+    ended = _two_searches(long, pool, starts, progress)
     every = list(pool.map(partial(in_all_steps, sweep, times), ended))
     return _paths_of(sweep, every, partial(slower_runs, sweep, times))
 
 
 def _paths_of(
     sweep: Sweep, ended: Sequence[tuple[Candidate, Candidate]],
-    repaired: Callable[[Candidate], Iterable[Candidate]],
+    mended: Callable[[Candidate], Iterable[Candidate]],
 ) -> tuple[PlannedPath, ...]:  # fmt: skip
-    """The paths of candidates, each before and after its last solve; ``repaired`` mends one."""
+    """The paths of candidates, each before and after its last solve; ``mended`` are variants of one."""
     begun = {id(end): k for k, end in ended}
 
     def repairs(k: Candidate) -> Iterator[Candidate]:
         yield begun[id(k)]  # the last solves may have left a region that hardly any flight reaches
-        yield from repaired(k)
+        yield from mended(k)
 
     return planned_paths(sweep.problem, [end for _, end in ended], repairs)
 

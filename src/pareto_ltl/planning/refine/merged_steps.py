@@ -159,6 +159,6 @@ def _merged_gain(gain: float, times: int) -> float:
 
 
 def _kept_between(keep: FloatArray, at: IntArray) -> FloatArray:
-    """What θ keeps from each of the steps ``at`` to the next, (len(at) + 1, G); the first row is 1."""
+    """What θ keeps from each of the steps ``at`` to the next, (len(at) + 1, G); row 0: up to the first."""
     ends = [0, *(at + 1).tolist(), len(keep)]
     return np.array([keep[i:j].prod(axis=0) for i, j in pairwise(ends)])
