@@ -278,8 +278,9 @@ def language_inclusion(delta: TransitionArray, distance: FloatArray) -> BoolArra
         nearer = distance[columns[:, p]] < distance[p]
         # the first and the last such letter: with one of them, up to seven times as many pairs remain
         for letter in (nearer.argmax(axis=0), len(nearer) - 1 - nearer[::-1].argmax(axis=0)):
-            after = columns[letter]
-            holds[p] &= holds[after[np.arange(len(p)), p][:, None], after]
+            for k in np.unique(letter).tolist():  # taking whole rows is several times as fast as taking pairs
+                rows, after = p[letter == k], columns[k]
+                holds[rows] &= holds[after[rows]].take(after, axis=1)
         changed |= _exclude(holds, columns, p)
     while changed:
         changed = sum(_exclude(holds, columns, p) for p in blocks) > 0

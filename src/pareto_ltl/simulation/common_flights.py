@@ -14,6 +14,7 @@ from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.merged_steps import merged_draws
 from pareto_ltl.simulation.flights import (
     DRAWS,
     block_rows,
@@ -89,6 +90,12 @@ class DrawnFlights:
             draws = draws._replace(theta=np.ascontiguousarray(self.draws.theta[:, rows]))
         noise = np.ascontiguousarray(self.noise[:, rows])
         return replace(self, noise=noise, start=self.start[rows], draws=draws)
+
+    def merged(self, problem: Problem, times: int) -> DrawnFlights:
+        """The same flights in ``problem``, whose steps are ``times`` as long, in the coherent law."""
+        white = merged_draws(self.draws.white, times)
+        draws = self.draws._replace(law=problem.laws[self.law], white=white)
+        return replace(self, problem=problem, noise=np.ascontiguousarray(self.noise[::times]), draws=draws)
 
 
 def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> DrawnFlights:

@@ -14,11 +14,12 @@ With a time budget the sweeps end when most of it is spent. If some is left afte
 varied and polished again until it is spent (``improving``).
 
 A coarser search (:func:`coarse`) comes first: its paths are starts of the search, and stay on the front.
+Paths of many steps are searched for in fewer and longer ones (:mod:`~.merged_steps`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -38,6 +39,13 @@ from pareto_ltl.planning.refine.last_polish import (
 )
 from pareto_ltl.planning.refine.length_caps import front_of
 from pareto_ltl.planning.refine.levels import filled_gaps, swept_down, swept_up
+from pareto_ltl.planning.refine.merged_steps import (
+    in_all_steps,
+    slower_runs,
+    starts_in_merged_steps,
+    steps_to_merge,
+    with_merged_steps,
+)
 from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
 from pareto_ltl.planning.refine.sweep import Sweep, new_sweep, reassessed, smoothed
@@ -64,25 +72,57 @@ def sampled_paths(
     InfeasibleError
         If there were starts and none became a path; the message says what is wrong with the best one.
     """
-    known = list[Candidate]()
     with ThreadPoolExecutor(cores()) as pool:
-        starts = pool.submit(first_starts, problem, forest)
+        found = pool.submit(first_starts, problem, forest)
         sweep = new_sweep(cfg, problem, flights, budget)
-        seen = looks(sweep, pool, starts.result())
-        if coarse(cfg) != cfg:
-            rough = new_sweep(coarse(cfg), problem, flights, budget.until(COARSE_SHARE))
-            known = searched(rough, pool, seen, progress, 0)
-        found = searched(sweep, pool, [*seen, *(reassessed(sweep, sweep.few, k) for k in known)], progress)
-        again = list(pool.map(partial(reassessed, sweep, sweep.flights), known))
-        found += [k for k in again if not any(beats(other, k) for other in found)]
-        ended = list(pool.map(partial(closed, sweep), found))
-    begun = {id(end): k for end, k in zip(ended, found, strict=True)}
+        starts = found.result()
+        times = steps_to_merge(problem, starts.values())
+        if times > 1:
+            merged = with_merged_steps(problem, times)
+            if runs := starts_in_merged_steps(problem, merged, forest, times):  # else the wind ends too soon
+                long = new_sweep(cfg, merged, flights.merged(merged, times), budget)
+                return _in_merged_steps(sweep, long, pool, runs, times, progress)
+        ended = _two_searches(sweep, pool, starts, progress)
+    return _paths_of(sweep, ended, partial(repaired, sweep))
+
+
+def _two_searches(
+    sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start], progress: Progress | None
+) -> list[tuple[Candidate, Candidate]]:  # fmt: skip
+    """What a coarse search and the search find, each before and after its last solve (``closed``)."""
+    cfg, known = sweep.cfg, list[Candidate]()
+    seen = looks(sweep, pool, starts)
+    if coarse(cfg) != cfg:
+        rough = new_sweep(coarse(cfg), sweep.problem, sweep.many, sweep.budget.until(COARSE_SHARE))
+        known = searched(rough, pool, seen, progress, 0)
+    found = searched(sweep, pool, [*seen, *(reassessed(sweep, sweep.few, k) for k in known)], progress)
+    again = list(pool.map(partial(reassessed, sweep, sweep.flights), known))
+    found += [k for k in again if not any(beats(other, k) for other in found)]
+    return list(zip(found, pool.map(partial(closed, sweep), found), strict=True))
+
+
+def _in_merged_steps(
+    sweep: Sweep, long: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start], times: int,
+    progress: Progress | None,
+) -> tuple[PlannedPath, ...]:  # fmt: skip
+    """The paths of two searches in the ``long`` steps, then polished in the steps of the problem."""
+    ended = _two_searches(long, pool, starts, progress)
+    every = list(pool.map(partial(in_all_steps, sweep, times), ended))
+    return _paths_of(sweep, every, partial(slower_runs, sweep, times))
+
+
+def _paths_of(
+    sweep: Sweep, ended: Sequence[tuple[Candidate, Candidate]],
+    mended: Callable[[Candidate], Iterable[Candidate]],
+) -> tuple[PlannedPath, ...]:  # fmt: skip
+    """The paths of candidates, each before and after its last solve; ``mended`` are variants of one."""
+    begun = {id(end): k for k, end in ended}
 
     def repairs(k: Candidate) -> Iterator[Candidate]:
         yield begun[id(k)]  # the last solves may have left a region that hardly any flight reaches
-        yield from repaired(sweep, k)
+        yield from mended(k)
 
-    return planned_paths(problem, ended, repairs)
+    return planned_paths(sweep.problem, [end for _, end in ended], repairs)
 
 
 def coarse(cfg: RefineConfig) -> RefineConfig:

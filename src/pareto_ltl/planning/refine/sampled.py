@@ -70,6 +70,9 @@ class CommonFlights(Protocol):
     def only(self, rows: IntArray) -> CommonFlights:
         """The flights ``rows`` only."""
 
+    def merged(self, problem: Problem, times: int) -> CommonFlights:
+        """The same flights in ``problem``, whose steps are ``times`` as long."""
+
     def __len__(self) -> int: ...
 
 
