@@ -17,6 +17,7 @@ from numpy.random import SeedSequence
 from scipy.stats import fisher_exact
 
 from coherent import RARE
+from landmarks import LANDMARK_WAY, landmark_problem
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
@@ -26,11 +27,13 @@ from pareto_ltl.planning.refine.starts import (
     Start,
     first_starts,
     flipped_starts,
+    led_starts,
     line_starts,
     returning_starts,
     tree_starts,
 )
 from pareto_ltl.planning.routes.path_classes import path_class
+from pareto_ltl.planning.routes.sights import sights
 from pareto_ltl.planning.selection import hypervolume
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights, is_certain
@@ -143,6 +146,19 @@ def test_returning_paths_pass_each_place_a_second_time_and_avoid_obstacles(grown
             shapely.MultiPolygon([shapely.Polygon(corners) for corners in problem.scene.obstacles])
         )
         assert sum(visits(region, start.x) for region in regions) >= sum(before)
+
+
+def test_led_paths_meet_a_landmark_that_the_path_has_missed_and_come_back():
+    """Of three landmarks the path meets one, and an obstacle stands before another."""
+    marks, wall = (box(2, 12, 5, 15), box(9, 9, 10, 10), box(12, 2, 14, 4)), box(10, 0.5, 11, 8)
+    scene = make_scene({"a": box(13, 13, 19, 19)}, [wall], start=(2.0, 2.0))
+    problem = landmark_problem(replace(scene, landmarks=marks))
+    (start,) = led_starts(problem, propagate(problem, LANDMARK_WAY), "way")
+    assert sights(problem, LANDMARK_WAY).any(axis=0).tolist() == [False, True, False]
+    assert sights(problem, start.x)[:, 0].any()
+    assert problem.logic.distance[problem.states(start.x)[-1]] == 0.0
+    np.testing.assert_array_equal(start.x[[0, -1]], LANDMARK_WAY[[0, -1]])
+    assert not shapely.LineString(start.x).intersects(shapely.Polygon(wall))
 
 
 def visits(region: shapely.Polygon, x: FloatArray) -> float:

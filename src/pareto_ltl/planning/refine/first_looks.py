@@ -9,12 +9,15 @@ import numpy as np
 
 from pareto_ltl.planning.refine.length_caps import front_of
 from pareto_ltl.planning.refine.sampled import Candidate, path_length
-from pareto_ltl.planning.refine.starts import Start, StartKind, returning_starts
+from pareto_ltl.planning.refine.starts import Start, StartKind, led_starts, returning_starts, unlike_starts
 from pareto_ltl.planning.refine.sweep import COARSE, WARM, Sweep, on_other_sides, smoothed, timed_means
+from pareto_ltl.support.arrays import FloatArray, IntArray
 
 LOOSE = 1.1  # factor by which the first polish may lengthen a start
 LINES, GROWN, LONGEST = 12, 16, 4  # starts that are polished: the best lines and tree paths, and the longest
 FLIPPED = 2  # candidates that are tried on the other side of obstacles
+LED_ROUNDS = 2  # of leading the safest candidates through one landmark more
+LED, LED_LOOKS = 4, 6  # candidates that are led in a round, and copies that are polished
 HOPELESS = 0.3  # share of the success of the best start below which candidates are dropped
 
 
@@ -47,10 +50,22 @@ def first_looks(sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKin
         made = pool.map(lambda s: _first_look(sweep, s) if s is first or not sweep.over else None, some)
         return [k for k in made if k is not None]
 
-    found, known = looks(chosen), {kind for kind, _ in starts}
-    best = sorted(front_of(found), key=smoothed)[:FLIPPED]
+    found, known, tried = looks(chosen), {kind for kind, _ in starts}, set[StartKind]()
+    best = _safest(found, FLIPPED)
     again = [start for k in best for start in returning_starts(sweep.problem, k.flight, k.origin)]
-    return sorted([*found, *looks([*on_other_sides(sweep.problem, best, known), *again])], key=smoothed)
+    found += looks([*on_other_sides(sweep.problem, best, known), *again])
+    for _ in range(LED_ROUNDS):
+        led = [start for k in _safest(found, LED) for start in led_starts(sweep.problem, k.flight, k.origin)]
+        if unlike := {kind: s for kind, s in unlike_starts(sweep.problem, led).items() if kind not in tried}:
+            tried |= unlike.keys()
+            new = list(unlike.values())
+            found += looks(new[k] for k in _by_fronts(_flown_once(sweep, pool, new))[:LED_LOOKS])
+    return sorted(found, key=smoothed)
+
+
+def _safest(found: Iterable[Candidate], most: int) -> list[Candidate]:
+    """Non-dominated candidates, the safest first."""
+    return sorted(front_of(found), key=smoothed)[:most]
 
 
 def _promising(sweep: Sweep, pool: ThreadPoolExecutor, starts: Sequence[Start]) -> list[Start]:
@@ -59,10 +74,17 @@ def _promising(sweep: Sweep, pool: ThreadPoolExecutor, starts: Sequence[Start]) 
     The best are taken by whole fronts of failure and length. Lines do not compete with tree paths: every seed
     has the same ones.
     """
-    import moocore
-
     if not starts:
         return []
+    rows, grown = _flown_once(sweep, pool, starts), np.array([start.grown for start in starts])
+    order = _by_fronts(rows)
+    lines, trees = order[~grown[order]][:LINES], order[grown[order]][:GROWN]
+    longest = np.argsort(-rows[:, 1], kind="stable")[:LONGEST]
+    return [starts[k] for k in dict.fromkeys([*lines.tolist(), *trees.tolist(), *longest.tolist()])]
+
+
+def _flown_once(sweep: Sweep, pool: ThreadPoolExecutor, starts: Sequence[Start]) -> FloatArray:
+    """Smoothed failure and length [m] of each start in one simulation, (n, 2)."""
     width = sweep.polish_of(COARSE, 1).widths[0]
 
     def row(start: Start) -> tuple[float, float]:
@@ -70,11 +92,14 @@ def _promising(sweep: Sweep, pool: ThreadPoolExecutor, starts: Sequence[Start]) 
         k = sweep.refiner.assessed(flight, sweep.few, width)
         return k.smoothed, k.length
 
-    rows, grown = np.array(list(pool.map(row, starts))), np.array([start.grown for start in starts])
-    order = np.lexsort((rows[:, 0], moocore.pareto_rank(rows)))
-    lines, trees = order[~grown[order]][:LINES], order[grown[order]][:GROWN]
-    longest = np.argsort(-rows[:, 1], kind="stable")[:LONGEST]
-    return [starts[k] for k in dict.fromkeys([*lines.tolist(), *trees.tolist(), *longest.tolist()])]
+    return np.array(list(pool.map(row, starts)))
+
+
+def _by_fronts(rows: FloatArray) -> IntArray:
+    """The order of rows (failure, length) by whole fronts, the safest of a front first."""
+    import moocore
+
+    return np.lexsort((rows[:, 0], moocore.pareto_rank(rows)))
 
 
 def _first_look(sweep: Sweep, start: Start) -> Candidate:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -22,6 +23,7 @@ from pareto_ltl.planning.routes.orders import possible_orders
 from pareto_ltl.planning.routes.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
 from pareto_ltl.planning.routes.roadmap import led_lines, roadmap_lines
 from pareto_ltl.planning.routes.search_map import blocked_area, meets
+from pareto_ltl.planning.routes.sights import sights
 from pareto_ltl.planning.routes.taut_lines import taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.support.arrays import FloatArray
@@ -201,4 +203,29 @@ def returning_starts(problem: Problem, flight: Flight, origin: str) -> list[Star
         y = np.vstack([x[: t + 1], there, x[t], rest])
         if not meets(blocked, y[t : t + 3], y[t + 1 : t + 4]).any():
             found.append(Start(y, f"{origin}, returning"))
+    return found
+
+
+def led_starts(problem: Problem, flight: Flight, origin: str) -> list[Start]:
+    """Copies of ``flight``, each led through one landmark on the way to one visit, where it does not meet it.
+
+    A copy flies to the middle of the landmark and back. It leaves the flight as far before the nearest step
+    as the landmark lies away, and is back as far behind it.
+    """
+    if not len(problem.landmarks):
+        return []
+    x, blocked, crossed, found = flight.x, blocked_area(problem), sights(problem, flight.x), list[Start]()
+    turns = [0, *(np.flatnonzero(np.diff(problem.states(x))) + 1).tolist()]
+    for k, corners in enumerate(problem.landmarks):
+        middle = corners.mean(axis=0)
+        gap = np.linalg.norm(x - middle, axis=1)
+        for begin, end in pairwise(turns):
+            if end - begin < 2 or crossed[begin:end, k].any():
+                continue
+            t = begin + int(np.argmin(gap[begin : end + 1]))
+            away = int(np.ceil(gap[t] / problem.reach))
+            out, back = max(begin, t - away), min(end, t + away)
+            if not meets(blocked, x[[out, back]], np.broadcast_to(middle, (2, 2))).any():
+                y = np.vstack([x[: out + 1], middle, x[back:]])
+                found.append(Start(y, f"{origin}, through landmark {k + 1}"))
     return found
