@@ -8,7 +8,7 @@ from itertools import compress, groupby
 
 import numpy as np
 from scipy.special import betaincinv
-from scipy.stats import chi2, hypergeom, ks_2samp
+from scipy.stats import chi2, chi2_contingency, hypergeom, ks_2samp
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl_verify.fixes import Filters
@@ -21,6 +21,7 @@ from pareto_ltl_verify.wind_tables import at_step, square_of
 
 SHORTEST = 1e-12  # share of a step; shorter pieces of it are rounding
 RARE = 1e-7  # significance level of each statistical claim: probability that correct results fail it
+CELL = 30  # flights in a cell of a χ² test
 NONE: Label = frozenset()
 NEAR = 1.0  # [m] a position that is closer to an obstacle's face may count on either side
 
@@ -303,6 +304,17 @@ def same_rate(failures: int, runs: int, others: int, other_runs: int) -> float:
     """p value of Fisher's exact test, two-sided, that two rates are equal."""
     law = hypergeom(runs + other_runs, failures + others, runs)
     return float(min(1.0, 2 * min(law.cdf(failures), law.sf(failures - 1))))
+
+
+def same_counts(one: IntArray, other: IntArray) -> float:
+    """p value that the numbers 0, 1, 2, ... of two samples have the same distribution.
+
+    χ² test of homogeneity. Neighbouring numbers are joined until about ``CELL`` of both samples have them.
+    """
+    size = np.bincount(np.concatenate([one, other]))
+    cell = np.unique((np.cumsum(size) - 1) // CELL, return_inverse=True)[1].ravel()
+    table = np.array([np.bincount(cell[sample], minlength=cell.max() + 1) for sample in (one, other)])
+    return 1.0 if table.shape[1] == 1 else float(chi2_contingency(table, correction=False).pvalue)
 
 
 def same_distribution(a: FloatArray, b: FloatArray, grain: float) -> float:

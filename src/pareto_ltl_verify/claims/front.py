@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from scipy.stats import binom, ks_2samp
+from scipy.stats import binom
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl_verify import laws
@@ -17,7 +17,7 @@ from pareto_ltl_verify.claims.search import tree_names, vertex_path
 from pareto_ltl_verify.claims.verdict import Claim, Verdict, close, likely, no_fault, number
 from pareto_ltl_verify.dominated_volume import volume
 from pareto_ltl_verify.evidence import Evidence
-from pareto_ltl_verify.flights import RARE, clopper_pearson, same_rate
+from pareto_ltl_verify.flights import RARE, clopper_pearson, same_counts, same_rate
 
 MOST_PATHS = 6  # paths of the front whose bounds are computed again
 FLOWN_PATHS = 3  # paths of the front that are simulated again
@@ -276,7 +276,7 @@ def new_front_rates(result: Evidence) -> Verdict | None:
 def shared_failures(result: Evidence) -> Verdict | None:
     """Paths of the front fail in the same winds: the number of them that fail in a flight, as in new flights.
 
-    The flights of each path alone are judged by the claims above. Kolmogorov-Smirnov.
+    The flights of each path alone are judged by the claims above. χ² test of homogeneity.
     """
     if not flights_judge(result):
         return None
@@ -287,7 +287,7 @@ def shared_failures(result: Evidence) -> Verdict | None:
     for k in chosen:
         x = result.front_simulator(k).fly(NEW_RUNS, np.random.default_rng(20181012))
         flown += result.ground.failed(x)
-    chance = float(ks_2samp(failed[chosen].sum(axis=0), flown).pvalue)
+    chance = same_counts(failed[chosen].sum(axis=0), flown)
     return likely(f"{len(chosen)} of {len(result.front)} paths", chance, RARE)
 
 

@@ -38,6 +38,7 @@ SLOPE_OF = 0.05  # relative length over which slopes to longer and to shorter pa
 STEEPEST = 300.0  # relative fall of the failures by a relative length, where no path is shorter
 PRICED = 40_000  # flights that a price is computed from
 WIDTH = 1e-3  # share of the map's size within which flights count for a price
+SHOWN = 4.0  # standard errors of a price that is shown, at least
 ERRORS = 4.0  # factor by which the stated error may differ from the expected one
 
 
@@ -123,12 +124,15 @@ def _error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
     """The fault of the error of a price; empty if it is right, or the plan is an earlier one without errors.
 
     With s = σ(-m/τ) and margins m of constant density ρ near 0, the price is ρ, and its variance
-    Σ (s (1 - s) / (n τ))² = ρ / (6 n τ).
+    Σ (s (1 - s) / (n τ))² = ρ / (6 n τ). If the error is then larger than the price, no flight comes near
+    the limit: such a price must not be certain enough to be shown.
     """
     width = WIDTH * float(np.ptp(result.ground.bounds, axis=0).mean())
     expected = np.sqrt(row["saving"] / (6.0 * PRICED * width))
-    largest = np.inf if _is_tight(result) else ERRORS * expected
-    if "error" not in row or expected / ERRORS <= row["error"] <= largest:
+    rare = expected > row["saving"]
+    least = row["saving"] / SHOWN if rare else expected / ERRORS
+    largest = np.inf if rare or _is_tight(result) else ERRORS * expected
+    if "error" not in row or least <= row["error"] <= largest:
         return ""
     return f"error {row['error']:.3g} a metre, expected about {expected:.3g}"
 
