@@ -183,8 +183,8 @@ class Replans:
         return float(old.mean()), float(new.mean()), bool(paired_difference(old, new)[2] < 0.0)
 
     def stop(self) -> None:
-        """End a process that still runs."""
-        if self.process is not None and self.process.poll() is None:
+        """End a process that still runs, and close the pipe of one whose answer nobody has read."""
+        if self.process is not None:
             self.process.kill()
             self.process.communicate()
 

@@ -72,7 +72,11 @@ def limits_of(
     if len(path.u) > MOST_STEPS:
         LOG.info("no prices of airspeed, length and epsilon: the path has more than %d steps", MOST_STEPS)
     limits = segment_limits(problem, path.x)
-    found = [list(_block_bindings(problem, path, limits, positions)) for positions in blocks]
+    found, flights = list[list[Binding]](), 0
+    for positions in blocks:
+        found.append(list(_block_bindings(problem, path, limits, positions)))
+        flights += len(positions)
+    found = _without_rare(problem, found, flights)
     if limits is not None:
         for row in chain(*found):
             if row.kind in ("obstacle", "border") and row.step is not None:
@@ -83,6 +87,25 @@ def limits_of(
     return limits, tuple(price for price in (*places, *chain(*others)) if price.saving > 0.0)
 
 
+def _without_rare(problem: Problem, blocks: list[list[Binding]], flights: int) -> list[list[Binding]]:
+    """The rows of limits that at least one of all ``flights`` comes near.
+
+    A price p is the density of the margins at 0, and 6 n τ p the effective number of flights in it. Below
+    one it is the tail of the smoothing, not a property of the flights.
+    """
+    sums: dict[tuple[str, str], float] = defaultdict(float)
+    for row in chain(*blocks):
+        sums[row.kind, row.name] += row.saving / len(blocks)
+    effective = 6.0 * flights * _width(problem)
+    near = {limit for limit, price in sums.items() if limit[0] in LIMITS or effective * price >= 1.0}
+    return [[row for row in rows if (row.kind, row.name) in near] for rows in blocks]
+
+
+def _width(problem: Problem) -> float:
+    """The width τ [m] of the smoothed failure whose slopes are prices."""
+    return WIDTH * float(np.ptp(problem.scene.bounds, axis=0).mean())
+
+
 def _block_bindings(
     problem: Problem, path: PlannedPath, limits: SegmentLimits | None, positions: FloatArray
 ) -> Iterator[Binding]:
@@ -91,8 +114,7 @@ def _block_bindings(
         return
     model, slope = margin_model(problem), km.Slope(np.zeros((len(path.x), 2)), np.zeros((len(path.x), 3)))
     scratch = margin_scratch(model, len(positions), len(path.x))
-    width = WIDTH * float(np.ptp(problem.scene.bounds, axis=0).mean())
-    off = deviations_from(positions, path.x)
+    width, off = _width(problem), deviations_from(positions, path.x)
     value = float(km.smoothed_failure(model, path.x, off, width, slope, scratch))
     local = Descent(slope.gradient, slope.hessian, max(value, LEAST_VALUE))
     yield from _bindings(problem, model, positions, width, scratch)
