@@ -183,7 +183,7 @@ class Replans:
         return float(old.mean()), float(new.mean()), bool(paired_difference(old, new)[2] < 0.0)
 
     def stop(self) -> None:
-        """End a process that still runs, and close the pipe of one whose answer nobody has read."""
+        """End a process that still runs, and close the pipe of one whose answer was not read."""
         if self.process is not None:
             self.process.kill()
             self.process.communicate()
