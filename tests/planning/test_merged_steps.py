@@ -11,10 +11,11 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels.geometry import locate_cells
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.growth import grow_forest
+from pareto_ltl.planning.long_steps import with_merged_steps
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine import merged_steps, sampled_paths
 from pareto_ltl.planning.refine.epsilon import keeps_epsilon
-from pareto_ltl.planning.refine.merged_steps import steps_to_merge, with_merged_steps
+from pareto_ltl.planning.refine.merged_steps import steps_to_merge
 from pareto_ltl.planning.refine.sampled import divided
 from pareto_ltl.planning.refine.starts import Start, first_starts
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset

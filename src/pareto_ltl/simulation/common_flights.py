@@ -12,9 +12,9 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.planning.long_steps import merged_draws
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.merged_steps import merged_draws
 from pareto_ltl.simulation.flights import (
     DRAWS,
     block_rows,

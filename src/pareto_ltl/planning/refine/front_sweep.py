@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 
+from pareto_ltl.planning.long_steps import with_merged_steps
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.refine.first_looks import hopeless_above, looks
@@ -44,7 +45,6 @@ from pareto_ltl.planning.refine.merged_steps import (
     slower_runs,
     starts_in_merged_steps,
     steps_to_merge,
-    with_merged_steps,
 )
 from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
