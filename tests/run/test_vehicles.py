@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -172,14 +173,19 @@ def test_a_wind_of_another_level_is_told_and_that_of_another_medium_refused(
     assert gap in result.plan.not_covered
 
 
+def write_table(path: Path, hours: Iterable[int], northwards: float, eastwards: float) -> None:
+    """A table of flows that grow by ``northwards`` and ``eastwards`` [m/s] a degree."""
+    rows = [
+        f"2018-10-09T{hour:02d}:00:00Z,{lat},{lon},{northwards * (lat - 30)},{eastwards * (lon + 80)}"
+        for hour in hours for lat in (34, 36, 38, 40) for lon in (-96, -92, -88)
+    ]  # fmt: skip
+    path.write_text("\n".join(["time,lat,lon,u,v", *rows]) + "\n")
+
+
 def test_the_stated_level_of_a_table_stands_in_all_that_a_run_writes(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    rows = [
-        f"2018-10-09T{hour:02d}:00:00Z,{lat},{lon},{0.1 * (lat - 30)},{0.02 * (lon + 80)}"
-        for hour in (0, 3, 6) for lat in (34, 36, 38, 40) for lon in (-96, -92, -88)
-    ]  # fmt: skip
-    (tmp_path / "w.csv").write_text("\n".join(["time,lat,lon,u,v", *rows]) + "\n")
+    write_table(tmp_path / "w.csv", (0, 3, 6), 0.1, 0.02)
     small = SMALL | {"fidelity": "paper", "robot": "fixed_wing", "report": {"formats": ["png"], "page": True}}
     wind = QUICK_WIND | {"source": str(tmp_path / "w.csv"), "forecast_error": "none"}
     gap = "the robot flies 100 m above ground (robot.level), and the wind used is 10 m above ground"
@@ -203,11 +209,7 @@ def test_a_mission_in_the_water_is_told_in_words_of_the_water_and_verified(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """A table for a glider has its current; everything that states a rate or a speed says so."""
-    rows = [
-        f"2018-10-09T{hour:02d}:00:00Z,{lat},{lon},{0.002 * (lat - 30)},{0.0005 * (lon + 80)}"
-        for hour in (0, 6, 12) for lat in (34, 36, 38, 40) for lon in (-96, -92, -88)
-    ]  # fmt: skip
-    (tmp_path / "w.csv").write_text("\n".join(["time,lat,lon,u,v", *rows]) + "\n")
+    write_table(tmp_path / "w.csv", (0, 6, 12), 0.002, 0.0005)
     small = SMALL | {"robot": "underwater_glider", "report": {"formats": ["png"], "page": True}}
     wind = QUICK_WIND | {"source": str(tmp_path / "w.csv"), "forecast_error": "none", "noise_min": 0.01}
     out = tmp_path / "g"

@@ -76,29 +76,18 @@ def limits_of(
     for positions in blocks:
         found.append(list(_block_bindings(problem, path, limits, positions)))
         flights += len(positions)
-    found = _without_rare(problem, found, flights)
+    prices = _priced([[row for row in rows if row.kind not in LIMITS] for rows in found])
+    # a price p is the density of the margins at 0, and 6 n τ p the effective number of flights in it: below
+    # one it is the tail of the smoothing, not a property of the flights
+    near = [price for price in prices if 6.0 * flights * _width(problem) * price.saving >= 1.0]
     if limits is not None:
+        barriers = {price.name for price in near if price.kind in ("obstacle", "border")}
         for row in chain(*found):
-            if row.kind in ("obstacle", "border") and row.step is not None:
+            if row.kind in ("obstacle", "border") and row.name in barriers and row.step is not None:
                 limits.price[row.step] += row.saving / len(found)
-    places = _priced([[row for row in rows if row.kind not in LIMITS] for rows in found])
-    places = [price for price in places if price.saving >= LEAST_SHARE * places[0].saving]
+    places = [price for price in near if price.saving >= LEAST_SHARE * near[0].saving]
     others = (_priced([[row for row in rows if row.kind == kind] for rows in found]) for kind in LIMITS)
     return limits, tuple(price for price in (*places, *chain(*others)) if price.saving > 0.0)
-
-
-def _without_rare(problem: Problem, blocks: list[list[Binding]], flights: int) -> list[list[Binding]]:
-    """The rows of limits that at least one of all ``flights`` comes near.
-
-    A price p is the density of the margins at 0, and 6 n τ p the effective number of flights in it. Below
-    one it is the tail of the smoothing, not a property of the flights.
-    """
-    sums: dict[tuple[str, str], float] = defaultdict(float)
-    for row in chain(*blocks):
-        sums[row.kind, row.name] += row.saving / len(blocks)
-    effective = 6.0 * flights * _width(problem)
-    near = {limit for limit, price in sums.items() if limit[0] in LIMITS or effective * price >= 1.0}
-    return [[row for row in rows if (row.kind, row.name) in near] for rows in blocks]
 
 
 def _width(problem: Problem) -> float:
