@@ -19,14 +19,16 @@ Analysis, 3rd ed., section 3.6).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.readings import Readings, iso, wrap_longitude
-from pareto_ltl.wind.snapshots import Snapshot
+from pareto_ltl.wind.snapshots import Snapshot, one_level, readings_of
 
 FEWEST_MEMBERS = 2
 NEAR_NODE = 1e-3  # [deg] closer nodes of two members count as the same node
@@ -52,9 +54,7 @@ def ensemble_readings(
     DataError
         If no valid time has two members, or levels differ.
     """
-    levels = sorted({snap.level for snap in snapshots})
-    if len(levels) > 1:
-        raise DataError(f"wind files hold several levels ({', '.join(levels)}); pick one with wind.level")
+    one_level(snapshots)
     groups = _by_time(snapshots)
     times = sorted(time for time, group in groups.items() if len(group) >= FEWEST_MEMBERS)
     if not times:
@@ -70,23 +70,19 @@ def ensemble_readings(
     left_out = len(groups) - len(times)
     said = [f"{len(names)} members, at least {fewest} at each time"]
     said += [f"{left_out} times with a single member left out"] if left_out else []
-    return Readings(
-        times=np.array(times),
-        points=tuple(points for points, _, _ in found),
-        winds=tuple(mean for _, mean, _ in found),
-        geographic=True,
-        files=files,
+    return readings_of(
+        [mean for mean, _ in found],
+        files,
         remarks=tuple(f"mean of {len(groups[time])} members" for time in times),
-        origins=tuple(
-            tuple(dict.fromkeys(file for snap in groups[time].values() for file in snap.files))
-            for time in times
-        ),
-        leads=np.array([min(snap.lead for snap in groups[time].values()) for time in times]),
-        level=levels[0],
         notes=(*notes, *said),
-        members=tuple(deviations for _, _, deviations in found),
+        members=tuple(deviations for _, deviations in found),
         forecast_share=1.0 - share,
     )
+
+
+def prior_weight(cfg: WindConfig) -> float:
+    """ν of the settings; with ``wind.forecast_error=none``, only the members determine the error."""
+    return 0.0 if cfg.forecast_error == "none" else cfg.ensemble_prior
 
 
 def _by_time(snapshots: Sequence[Snapshot]) -> dict[float, dict[str, Snapshot]]:
@@ -104,8 +100,8 @@ def _by_time(snapshots: Sequence[Snapshot]) -> dict[float, dict[str, Snapshot]]:
 
 def _mean_and_deviations(
     group: dict[str, Snapshot], names: Sequence[str], share: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Nodes (N, 2) [deg], mean (N, 2) [m/s] and weighted deviations (N, 2, M) [m/s] of one time.
+) -> tuple[Snapshot, FloatArray]:
+    """The mean wind of one time and the weighted deviations (N, 2, M) [m/s] from it.
 
     M is the number of members over all times; members without a field at this time have deviation 0.
 
@@ -118,9 +114,10 @@ def _mean_and_deviations(
     mean, n = stack.mean(axis=-1), stack.shape[-1]
     weight = np.sqrt(share * (1.0 + 1.0 / n) / (n - 1))
     deviations = np.zeros((*mean.shape, len(names)))
-    columns = [names.index(name) for name in aligned]
-    deviations[..., columns] = weight * (stack - mean[..., None])
-    return first.points[everywhere], mean, deviations
+    deviations[..., [names.index(name) for name in aligned]] = weight * (stack - mean[..., None])
+    lead = min(snap.lead for snap in group.values())
+    files = tuple(dict.fromkeys(file for snap in group.values() for file in snap.files))
+    return replace(first, lead=lead, points=first.points[everywhere], winds=mean, files=files), deviations
 
 
 def _at_nodes(snap: Snapshot, nodes: FloatArray) -> FloatArray:
