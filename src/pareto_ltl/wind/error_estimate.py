@@ -43,7 +43,6 @@ from pareto_ltl.wind.snapshots import Snapshot
 
 FEWEST_PAIRS = 5  # for an entry of a table
 LENGTHS = np.geomspace(2e4, 4e6, 1000)  # candidates [m]
-
 DIRECT, ASYMMETRY = "forecast and analysis of one time", "asymmetry"
 ANALYSES, MIXED = "two analyses", "a forecast and an analysis"
 Differences = dict[float, list[tuple[float, FloatArray]]]  # by lead or lag: cycles and differences
@@ -69,6 +68,11 @@ class ErrorTable:
     sd: tuple[Interval, ...]
     pairs: IntArray
     ways: tuple[str, ...]
+
+    @property
+    def values(self) -> FloatArray:
+        """The root mean squares without their intervals, (n,) [m/s]."""
+        return np.array([sd.value for sd in self.sd])
 
 
 @dataclass(frozen=True, slots=True)
@@ -368,9 +372,9 @@ def estimated_law(estimate: ErrorEstimate, name: str, usual: ForecastError) -> F
     ``usual`` is scaled to the spread of the winds if its level differs.
     """
     law = replace(usual.for_winds(estimate.level, estimate.spread), name=name, spread=estimate.spread)
-    found: dict[str, Any] = {"lags": estimate.change.at, "change_sd": _values(estimate.change)}
+    found: dict[str, Any] = {"lags": estimate.change.at, "change_sd": estimate.change.values}
     if (table := estimate.forecast) is not None:
-        found |= {"leads": np.append(0.0, table.at), "forecast_sd": np.append(0.0, _values(table))}
+        found |= {"leads": np.append(0.0, table.at), "forecast_sd": np.append(0.0, table.values)}
     if (length := estimate.forecast_length.length) is not None:
         found["forecast_length"] = length.value
     if (length := estimate.change_length.length) is not None:
@@ -397,10 +401,14 @@ def error_document(
     document = law.document()
     forecast, change = document["forecast"], document["change"]
     if estimate.forecast is not None:
-        forecast |= _columns(estimate.forecast, zero=True)
+        columns = _columns(estimate.forecast)
+        by_definition = (0.0, 0.0, None, "by definition")  # of lead 0
+        forecast |= {
+            name: [first, *columns[name]] for name, first in zip(columns, by_definition, strict=True)
+        }
     forecast |= _ends("length", estimate.forecast_length.length)
     forecast |= _ends("persistence", estimate.persistence.value)
-    change |= _columns(estimate.change, zero=False) | _ends("length", estimate.change_length.length)
+    change |= _columns(estimate.change) | _ends("length", estimate.change_length.length)
     head = {key: document[key] for key in ("schema", "name")} | {"origin": origin_text(estimate, usual)}
     tail = {"analysis_error": analysis_error, "files": {file.name: file_fingerprint(file) for file in files}}
     return head | document | tail
@@ -432,23 +440,11 @@ def unknown_parts(estimate: ErrorEstimate) -> dict[str, str]:
     return {name: reason for name, (found, reason) in parts.items() if found is None}
 
 
-def _values(table: ErrorTable) -> FloatArray:
-    return np.array([sd.value for sd in table.sd])
-
-
-def _columns(table: ErrorTable, *, zero: bool) -> dict[str, list[Any]]:
-    """Intervals, pairs and methods; with ``zero``, a first entry for lead 0, which is 0 by definition."""
-    first: list[Any] = [0.0] if zero else []
-    return {
-        "sd_low": first + [sd.low for sd in table.sd],
-        "sd_high": first + [sd.high for sd in table.sd],
-        "pairs": ([None] if zero else []) + table.pairs.tolist(),
-        "ways": (["by definition"] if zero else []) + list(table.ways),
-    }
+def _columns(table: ErrorTable) -> dict[str, list[Any]]:
+    low, high = ([getattr(sd, end) for sd in table.sd] for end in ("low", "high"))
+    return {"sd_low": low, "sd_high": high, "pairs": table.pairs.tolist(), "ways": list(table.ways)}
 
 
 def _ends(name: str, found: Interval | None) -> dict[str, float | None]:
-    return {
-        f"{name}_low": None if found is None else found.low,
-        f"{name}_high": None if found is None else found.high,
-    }
+    low, high = (None, None) if found is None else (found.low, found.high)
+    return {f"{name}_low": low, f"{name}_high": high}

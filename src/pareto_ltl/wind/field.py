@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.wind.fit_cache import WindTable, WindTask, cached_wind_table, tabulate_wind
 from pareto_ltl.wind.gp import Hyper
@@ -42,7 +42,11 @@ def fit_wind_field(
     """
     lattice = wind_lattice(cfg, scene)
     if not any(len(points) for points in observations.points):
-        return _calm_field(lattice, observations.source)
+        still, time = np.zeros((1, *lattice.shape, 2)), np.zeros(1)
+        return WindField(
+            lattice.origin, lattice.spacing, time, still, still.copy(), np.zeros((1, 2)),
+            until=math.inf, source=observations.source,
+        )  # fmt: skip
     seen = observations_until(observations, horizon)
     if cfg.hold_last:  # the last field is valid for longer
         seen = replace(seen, until=float(seen.times[-1]) + HOUR * cfg.max_gap)
@@ -119,20 +123,6 @@ def _warn_about_score(table: WindTable, cfg: WindConfig) -> None:
         )  # fmt: skip
 
 
-def _calm_field(lattice: NodeLattice, source: str) -> WindField:
-    still = np.zeros((1, *lattice.shape, 2))
-    return WindField(
-        origin=lattice.origin,
-        spacing=lattice.spacing,
-        times=np.zeros(1),
-        mean=still,
-        latent_var=still.copy(),
-        gust_var=np.zeros((1, 2)),
-        until=math.inf,
-        source=source,
-    )
-
-
 def _wind_modes(
     cfg: WindConfig, seen: WindObservations, lattice: NodeLattice, table: WindTable
 ) -> WindModes | None:
@@ -163,9 +153,7 @@ def modes_lattice(cfg: WindConfig, scene: Scene) -> NodeLattice:
     extent = scene.bounds[1] - scene.bounds[0]
     side = float(extent.max())
     spacing = min(max(cfg.modes_spacing, side / MOST_MODE_CELLS), side / FEWEST_MODE_CELLS)
-    cells = np.ceil(extent / spacing - 1e-9).astype(int) + 2
-    origin = scene.bounds.mean(axis=0) - 0.5 * spacing * cells
-    return NodeLattice(origin, spacing, (int(cells[0]) + 1, int(cells[1]) + 1))
+    return _centred_lattice(scene, spacing, np.ceil(extent / spacing - 1e-9).astype(int) + 2)
 
 
 def wind_lattice(cfg: WindConfig, scene: Scene) -> NodeLattice:
@@ -178,7 +166,11 @@ def wind_lattice(cfg: WindConfig, scene: Scene) -> NodeLattice:
     padding = min(cfg.padding, side)
     spacing = max(min(cfg.spacing, side / FEWEST_CELLS), (side + 2 * padding) / MOST_CELLS)
     extent = scene.bounds[1] - scene.bounds[0] + 2 * padding
-    cells = np.maximum(1, np.ceil(extent / spacing - 1e-9)).astype(int)
+    return _centred_lattice(scene, spacing, np.maximum(1, np.ceil(extent / spacing - 1e-9)).astype(int))
+
+
+def _centred_lattice(scene: Scene, spacing: float, cells: IntArray) -> NodeLattice:
+    """The lattice of ``cells`` (2,) around the middle of ``scene``."""
     origin = scene.bounds.mean(axis=0) - 0.5 * spacing * cells
     return NodeLattice(origin, spacing, (int(cells[0]) + 1, int(cells[1]) + 1))
 

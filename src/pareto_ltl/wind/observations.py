@@ -32,22 +32,16 @@ OLDEST_HELD = 48.0  # [h] longest time for which a message advises to hold the l
 LOG = logging.getLogger(__name__)
 
 
-class _Counts(NamedTuple):
-    """Numbers of readings at one time: used and all of those beside the map, used and all near it."""
-
-    own: int
-    beside: int
-    used: int
-    near: int
-
-
 class _Placed(NamedTuple):
-    """Positions (n, 2) [m], winds (n, 2) [m/s] and deviations of members (n, 2, M) [m/s] at one time."""
+    """Positions (n, 2) [m], winds (n, 2) [m/s] and deviations of members (n, 2, M) [m/s] at one time.
+
+    ``counts`` are numbers of readings: used and all of those beside the map, used and all near it.
+    """
 
     points: FloatArray
     winds: FloatArray
     members: FloatArray
-    counts: _Counts
+    counts: tuple[int, int, int, int]
 
 
 def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObservations:
@@ -277,7 +271,7 @@ def _readings_in_plane(cfg: WindConfig, scene: Scene, readings: Readings, k: int
     beside = gap[close] <= max(min(cfg.padding, side), half_way)
     chosen = thinned(points[close], beside, scene.bounds.mean(axis=0), cfg.max_points)
     used = close[chosen]
-    counts = _Counts(int(beside[chosen].sum()), int(beside.sum()), len(used), len(close))
+    counts = int(beside[chosen].sum()), int(beside.sum()), len(used), len(close)
     return _Placed(points[used], winds[used], members[used], counts)
 
 
@@ -306,7 +300,7 @@ def thinned(points: FloatArray, beside: BoolArray, centre: FloatArray, most: int
     return np.sort(farthest_points(points, most, own))
 
 
-def _log_thinning(cfg: WindConfig, readings: Readings, counts: Sequence[_Counts]) -> None:
+def _log_thinning(cfg: WindConfig, readings: Readings, counts: Sequence[tuple[int, int, int, int]]) -> None:
     """Log how many readings the fit uses, if it does not use all near the map."""
     own, beside, used, near = np.array(counts).T
     if (used < near).any():

@@ -59,6 +59,10 @@ def is_data_file(file: Path) -> bool:
     return not file.name.startswith(".") and file.suffix.lower() not in (".idx", ".md", ".txt", ".json")
 
 
+Reader = Callable[[WindConfig, Wanted], Readings]
+Files = Callable[[WindConfig, Wanted], tuple[Path, ...]]
+
+
 @dataclass(frozen=True, slots=True)
 class WindSource:
     """One value of ``wind.source``.
@@ -74,8 +78,8 @@ class WindSource:
         The value of ``wind.forecast_error=auto``.
     """
 
-    read: Callable[[WindConfig, Wanted], Readings]
-    files: Callable[[WindConfig, Wanted], tuple[Path, ...]]
+    read: Reader
+    files: Files
     forecast_error: str = "gfs"
 
 
@@ -150,7 +154,7 @@ def _read_given(_cfg: WindConfig, _wanted: Wanted) -> Readings:
     )
 
 
-_READERS = {
+_READERS: dict[str, tuple[Reader, Files]] = {
     "sample": (lambda cfg, _: read_csv_files((SAMPLE_FILE,), cfg.max_speed), lambda *_: (SAMPLE_FILE,)),
     "csv": (_read_csv, data_files),
     "grib": (_read_grib, data_files),

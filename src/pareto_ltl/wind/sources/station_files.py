@@ -69,7 +69,7 @@ def read_station_files(files: tuple[Path, ...], max_speed: float, area: GeoBox |
         If a file is not a table of reports, a time in it is not valid, or there is no usable report.
     """
     found = [_reports_of(file, max_speed) for file in files]
-    dropped = sum((reports.dropped for reports in found), Counter())
+    dropped: Counter[str] = sum((reports.dropped for reports in found), Counter())
     gusts = sum(reports.gusts for reports in found)
     stations = [name for reports in found for name in reports.stations]
     times, places, winds = (
