@@ -47,6 +47,7 @@ LEVELS = {
 }
 STEP_TYPES = {"avg": "average", "max": "maximum", "min": "minimum"}
 EARTH_AXES = ("regular_ll", "regular_gg", "mercator")  # grids whose axes are east and north
+PROJECTED = ("lambert", "polar_stereographic")  # grids in the plane of a projection
 Message = Any  # of cfgrib: a mapping of keys of ecCodes
 
 
@@ -286,22 +287,11 @@ def _nodes_of(message: Message, file: Path, scan: _Scan) -> Nodes:
 
 def _grid_crs(message: Message, file: Path) -> str:
     """PROJ string of the projection of the model; directions do not depend on the radius of the sphere."""
-
-    def number(name: str) -> float:
-        return float(message[f"{name}:float"])
-
-    kind = message["gridType"]
-    if kind == "lambert":
-        lines = f"+lat_1={number('Latin1InDegrees')} +lat_2={number('Latin2InDegrees')}"
-        middle = f"+lat_0={number('LaDInDegrees')} +lon_0={number('LoVInDegrees')}"
-        return f"+proj=lcc {lines} {middle} +R=6371229 +no_defs"
-    if kind == "polar_stereographic":
-        pole = -90 if number("southPoleOnProjectionPlane") else 90
-        middle = f"+lat_ts={number('LaDInDegrees')} +lon_0={number('orientationOfTheGridInDegrees')}"
-        return f"+proj=stere +lat_0={pole} {middle} +R=6371229 +no_defs"
+    if (kind := message["gridType"]) in PROJECTED:
+        return re.sub(r"\+[abR]=\S+", "", message["projString"]) + " +R=6371229 +no_defs"
     raise DataError(
         f"wind file {file}: winds follow a grid of type {kind}, which cannot be turned to the east; "
-        "expected lambert, polar_stereographic or a latitude-longitude grid"
+        f"expected {', '.join(PROJECTED)} or a latitude-longitude grid"
     )
 
 
