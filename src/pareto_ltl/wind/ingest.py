@@ -48,7 +48,7 @@ def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, 
     selected = _times_between(readings, ingest)
     nodes = common_nodes(readings, selected, ingest)
     winds = np.stack([winds_at(readings, k, nodes) for k in selected])
-    write_csv_table(out, readings.times[selected], nodes, winds, leads=readings.leads[selected])
+    write_csv_table(out, readings.times[selected], nodes, winds, readings.leads[selected])
     text = json.dumps(_table_provenance(cfg, ingest, readings, selected, nodes), indent=1, ensure_ascii=False)
     write_text(out.with_suffix(".json"), text + "\n")
     return out

@@ -141,7 +141,7 @@ def earth_relative(
 
 def _turned(wind: GridWind, max_speed: float) -> tuple[Snapshot, _LeftOut]:
     snap, pressure = wind.snap, wind.pressure
-    here, level = np.isfinite(snap.winds).all(axis=1), parse_level(snap.level)
+    here, level = np.asarray(np.isfinite(snap.winds).all(axis=1)), parse_level(snap.level)
     missing, below = len(here) - int(here.sum()), None
     if level.kind == PRESSURE and pressure is not None and len(pressure) == len(here):
         ground = here & (pressure < level.value)

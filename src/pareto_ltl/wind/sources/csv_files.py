@@ -65,36 +65,29 @@ def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
             mixed.append(time)
         lead = np.nan if np.isnan(own).all() else float(np.nanmax(own))
         fields.append(Snapshot(float(time), lead, table[rows, 2:4], table[rows, 4:], "10m", files))
-    return readings_of(fields, files, geographic=not planes[0], notes=_lead_notes(mixed))
-
-
-def _lead_notes(mixed: list[float]) -> tuple[str, ...]:
-    if not mixed:
-        return ()
-    more = f" and {len(mixed) - 1} more times" if len(mixed) > 1 else ""
-    return (f"rows of {iso(mixed[0])}{more} differ in lead_hours: the largest is used for the whole time",)
+    notes: tuple[str, ...] = ()
+    if mixed:
+        more = f" and {len(mixed) - 1} more times" if len(mixed) > 1 else ""
+        notes = (
+            f"rows of {iso(mixed[0])}{more} differ in lead_hours: the largest is used for the whole time",
+        )
+    return readings_of(fields, files, geographic=not planes[0], notes=notes)
 
 
 def write_csv_table(
-    path: Path,
-    times: FloatArray,
-    points: FloatArray,
-    winds: FloatArray,
-    decimals: int = 2,
-    leads: FloatArray | None = None,
+    path: Path, times: FloatArray, points: FloatArray, winds: FloatArray, leads: FloatArray
 ) -> None:
     """Write ``winds`` (K, N, 2) [m/s] at ``times`` (K,) [s since 1970] and ``points`` (N, 2), lon, lat [deg].
 
     ``leads`` (K,) [s] are written to the column ``lead_hours``; if none is known, the column is left out.
     """
-    each = np.full(len(times), np.nan) if leads is None else leads
-    known = bool(np.isfinite(each).any())
+    known = bool(np.isfinite(leads).any())
     lines = [",".join((*GEOGRAPHIC_COLUMNS, LEAD_COLUMN) if known else GEOGRAPHIC_COLUMNS)]
-    for time, lead, rows in zip(times, each, winds, strict=True):
+    for time, lead, rows in zip(times, leads, winds, strict=True):
         stamp = iso(time)
         end = "" if not known else "," if np.isnan(lead) else f",{lead / HOUR:.6g}"
         for (lon, lat), (u, v) in zip(points, rows, strict=True):
-            lines.append(f"{stamp},{lat:.8g},{lon:.8g},{u + 0.0:.{decimals}f},{v + 0.0:.{decimals}f}{end}")
+            lines.append(f"{stamp},{lat:.8g},{lon:.8g},{u + 0.0:.2f},{v + 0.0:.2f}{end}")
     write_text(path, "\n".join(lines) + "\n")
 
 
