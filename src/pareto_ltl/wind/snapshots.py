@@ -132,7 +132,8 @@ def earth_relative(
 ) -> Snapshots:
     """The winds turned to east and north, without nodes that have no value or are below ground.
 
-    ``notes`` are completed by notes on these nodes. DataError if a wind is above ``max_speed`` [m/s].
+    ``notes``, which are read after all winds, are completed by notes on these nodes. DataError if a wind is
+    above ``max_speed`` [m/s].
     """
     turned = [_turned(wind, max_speed) for wind in found]
     more = _left_out_notes(level, [count for _, count in turned])

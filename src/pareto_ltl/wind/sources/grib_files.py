@@ -167,7 +167,7 @@ def grib_snapshots(
         for kind, count in sorted(scan.left_out.items())
     ]
     keys = sorted(key for key, pair in scan.fields.items() if pair.keys() - {SURFACE_PRESSURE})
-    found = [_wind_of(*key, scan.fields[key], scan.level) for key in keys]
+    found = (_wind_of(*key, scan.fields[key], scan.level) for key in keys)
     return earth_relative(found, files, scan.level, max_speed, notes)
 
 

@@ -133,14 +133,16 @@ def netcdf_snapshots(
         if wanted.kind == PRESSURE:
             raise DataError(f"wind.level={level} is a pressure; currents are at depths such as wind.level=0m")
         wanted = Level(DEPTH, wanted.value)
-    found: list[GridWind] = []
     notes: dict[str, None] = {}
-    for path in files:
-        with _open_dataset(path) as data:
-            pair = _pair_at(path, _components(path, data, quantity), quantity, wanted)
-            notes |= dict.fromkeys(_pair_notes(pair, wanted))
-            found += _winds(path, pair, area)
-    return earth_relative(found, files, wanted, max_speed, notes)
+
+    def found() -> Iterator[GridWind]:
+        for path in files:
+            with _open_dataset(path) as data:
+                pair = _pair_at(path, _components(path, data, quantity), quantity, wanted)
+                notes.update(dict.fromkeys(_pair_notes(pair, wanted)))
+                yield from _winds(path, pair, area)
+
+    return earth_relative(found(), files, wanted, max_speed, notes)
 
 
 @contextmanager
