@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind import ensemble, field, sources
+from pareto_ltl.wind import field, sources
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import ENSEMBLE
-from pareto_ltl.wind.snapshots import Snapshot
+from pareto_ltl.wind.snapshots import Snapshot, ensemble_readings
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
@@ -48,7 +48,7 @@ def members(count, hours=(0.0, 3.0, 6.0), seed=0, length=4.0, sd=2.0):
 
 
 def read(snapshots, prior=10.0):
-    return ensemble.ensemble_readings(snapshots, FILES, prior)
+    return ensemble_readings(snapshots, FILES, prior)
 
 
 def test_deviations_have_the_covariance_of_the_members():
@@ -169,7 +169,7 @@ def test_lagged_analyses_of_the_shared_cycles_say_how_far_the_wind_will_change()
             )
             for back in (0, 1, 2)
         ]  # fmt: skip
-        found = ensemble.ensemble_readings(lagged, FILES, 0.0)
+        found = ensemble_readings(lagged, FILES, 0.0)
         sd = np.sqrt((found.members[0] ** 2).sum(axis=-1))
         z.append((analyses[k + 1].winds[inside] - found.winds[0]) / np.maximum(sd, 0.3))
     spread = np.sqrt(np.mean(np.square(z)))

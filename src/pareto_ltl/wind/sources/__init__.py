@@ -17,10 +17,9 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
-from pareto_ltl.wind.ensemble import ensemble_readings, prior_weight
 from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, table_level
 from pareto_ltl.wind.readings import CALM, Readings
-from pareto_ltl.wind.snapshots import latest_readings
+from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings, prior_weight
 from pareto_ltl.wind.sources.csv_files import read_csv_files
 from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 from pareto_ltl.wind.sources.magic import first_bytes, format_of

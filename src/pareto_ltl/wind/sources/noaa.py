@@ -23,10 +23,9 @@ from pareto_ltl.support.files import write_bytes, write_json
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.wind.area import Wanted
-from pareto_ltl.wind.ensemble import ensemble_readings, prior_weight
 from pareto_ltl.wind.levels import parse_level
 from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
-from pareto_ltl.wind.snapshots import latest_readings
+from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings, prior_weight
 from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 from pareto_ltl.wind.sources.noaa_models import MODELS, NoaaModel, parse_idx, wind_parts
 
