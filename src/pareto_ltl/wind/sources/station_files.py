@@ -47,15 +47,13 @@ DROPPED = {
 
 
 class _Reports(NamedTuple):
-    """Usable reports: stations (N,), times (N,) [s since 1970], places (N, 2) [deg], winds (N, 2) [m/s].
+    """Usable reports: stations (N,), and time [s since 1970], lon, lat [deg], u, v [m/s] in ``table`` (N, 5).
 
     ``dropped`` counts the other reports by flaw, ``gusts`` those with a gust.
     """
 
     stations: list[str]
-    times: FloatArray
-    places: FloatArray
-    winds: FloatArray
+    table: FloatArray
     dropped: Counter[str]
     gusts: int
 
@@ -72,9 +70,8 @@ def read_station_files(files: tuple[Path, ...], max_speed: float, area: GeoBox |
     dropped: Counter[str] = sum((reports.dropped for reports in found), Counter())
     gusts = sum(reports.gusts for reports in found)
     stations = [name for reports in found for name in reports.stations]
-    times, places, winds = (
-        np.concatenate([getattr(reports, name) for reports in found]) for name in ("times", "places", "winds")
-    )
+    table = np.concatenate([reports.table for reports in found])
+    times, places, winds = table[:, 0], table[:, 1:3], table[:, 3:]
     total = len(times) + dropped.total()
     lost = ", ".join(f"{dropped[name]} {text}" for name, text in DROPPED.items() if dropped[name]) or "none"
     if not len(times):
@@ -140,13 +137,13 @@ def _reports_of(file: Path, max_speed: float) -> _Reports:
     times = [_time(f"wind file {file}, row {rows[i][0]}", cells["time"][i]) for i in used]
     angles = [math.radians(direction[i]) if blows[i] else 0.0 for i in used]
     turned = np.array([(-math.sin(angle), -math.cos(angle)) for angle in angles]).reshape(-1, 2)
+    winds = speed[used, None] * KNOT * turned + 0.0
+    gusts = sum(not math.isnan(_number(cell)) for cell in cells.get("gust", ()))
     return _Reports(
         [cells["station"][i] for i in used],
-        np.array(times),
-        np.column_stack([wrap_longitude(lon[used]), lat[used]]),
-        speed[used, None] * KNOT * turned + 0.0,
+        np.column_stack([times, wrap_longitude(lon[used]), lat[used], winds]),
         Counter(flaw[flaw != ""].tolist()),
-        sum(not math.isnan(_number(cell)) for cell in cells.get("gust", ())),
+        gusts,
     )
 
 
