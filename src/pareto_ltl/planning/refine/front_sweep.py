@@ -107,8 +107,9 @@ def _two_searches(
     if coarse(cfg) != cfg:
         rough = new_sweep(coarse(cfg), sweep.problem, sweep.many, sweep.budget.until(COARSE_SHARE))
         known = searched(rough, pool, seen, progress, 0)
-    found = searched(sweep, pool, [*seen, *(reassessed(sweep, sweep.few, k) for k in known)], progress)
+    # By all flights: the coarse search has fitted its paths to the first of them.
     again = list(pool.map(partial(reassessed, sweep, sweep.flights), known))
+    found = searched(sweep, pool, [*seen, *again], progress)
     found += [k for k in again if not any(beats(other, k) for other in found)]
     return list(zip(found, pool.map(partial(closed, sweep), found), strict=True))
 
