@@ -15,7 +15,7 @@ from pareto_ltl.logic.clocks import clock_name, clock_windows, end_clock, read_s
 from pareto_ltl.logic.formula import parse_formula, positive_normal_form
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.logic.timed import keep_clear, letter_of, timed_letters, window_patterns
-from pareto_ltl.planning.epochs import epochs_of
+from pareto_ltl.planning.pack_logic import epochs_of
 from pareto_ltl.settings import MissionConfig
 from pareto_ltl.support.errors import DataError, FormulaError
 from pareto_ltl.world.windows import Window

@@ -374,7 +374,7 @@ def within_capacity(cfg: SelectionConfig, front: Front, problem: Problem) -> Fro
             )  # fmt: skip
         return front
     if len(possible) == 0:
-        from pareto_ltl.planning.endurance import capacity_advice
+        from pareto_ltl.planning.shortest_mission import capacity_advice
 
         raise InfeasibleError(
             f"every path of the front needs more than robot.power.capacity = {energy_text(model.capacity)}; "

@@ -16,7 +16,7 @@ from pareto_ltl.logic.timed import places_of
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath, counted_rate
-from pareto_ltl.simulation.failure_times import failure_times
+from pareto_ltl.simulation.flights import failure_times
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits

@@ -84,8 +84,7 @@ def _check_sample(robot: RobotConfig, wind: WindConfig) -> None:
 def make_scene(inputs: StageInputs) -> Scene:
     """The map; without ``mission.start_time`` the robot departs at the first wind time."""
     from pareto_ltl.logic.mission import region_use
-    from pareto_ltl.world.random_maps import add_random_places
-    from pareto_ltl.world.scene_settings import scene_from_settings
+    from pareto_ltl.world.scene_settings import add_random_places, scene_from_settings
     from pareto_ltl.world.scene_sketch import MissionUse
 
     settings = inputs.settings

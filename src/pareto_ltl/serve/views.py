@@ -26,7 +26,7 @@ from pareto_ltl.run.newer_wind import issued
 from pareto_ltl.run.records import PLAN, SCENE, WIND
 from pareto_ltl.run.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl.simulation.failure_times import CAUSES
+from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value

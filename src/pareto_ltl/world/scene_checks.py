@@ -15,22 +15,21 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.names import name_fault
 from pareto_ltl.world import projection
-from pareto_ltl.world.altitude import sketch_at_altitude
 from pareto_ltl.world.cells import convex_pieces
 from pareto_ltl.world.fix_shapes import FixShape
+from pareto_ltl.world.polygons import outlines_of
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_faults import MapFaults
 from pareto_ltl.world.scene_shapes import (
     clipped_parts,
     drawn_shape,
     inside_of,
     outside_parts,
+    sketch_at_altitude,
     straightened_bounds,
     with_buffer,
 )
 from pareto_ltl.world.scene_simplify import MANY_CORNERS, DrawnMap, simplified_map
-from pareto_ltl.world.scene_sketch import DrawingRules, MissionUse, Place, SceneSketch
-from pareto_ltl.world.shapes import outlines_of
+from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, Place, SceneSketch
 from pareto_ltl.world.windows import TimedPlace
 
 if TYPE_CHECKING:

@@ -16,10 +16,10 @@ from pareto_ltl.support.reading import Advice, parse_json, read_bounded, refuse_
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world.fix_shapes import fix_document, read_fix
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_faults import MapFaults
 from pareto_ltl.world.scene_geojson import crs_name, sketch_features
 from pareto_ltl.world.scene_kml import SUFFIXES, kml_features
 from pareto_ltl.world.scene_sketch import (
+    MapFaults,
     Place,
     SceneSketch,
     called,

@@ -19,8 +19,7 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
 from pareto_ltl.world.fix_shapes import read_fix
-from pareto_ltl.world.scene_faults import MapFaults
-from pareto_ltl.world.scene_sketch import Place, SceneSketch, called, read_corners, read_start
+from pareto_ltl.world.scene_sketch import MapFaults, Place, SceneSketch, called, read_corners, read_start
 from pareto_ltl.world.windows import TimedPlace
 
 BOUNDS_MARGIN = 0.05  # margin around a map without a border, as a share of its extent

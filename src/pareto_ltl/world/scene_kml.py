@@ -26,7 +26,7 @@ from pareto_ltl.support.reading import (
     refuse_many_features,
     refuse_special,
 )
-from pareto_ltl.world.scene_faults import MapFaults
+from pareto_ltl.world.scene_sketch import MapFaults
 
 MOST_ELEMENTS = 1_000_000
 SUFFIXES = (".kml", ".kmz")
