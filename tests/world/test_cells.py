@@ -414,18 +414,14 @@ def test_half_planes_hold_exactly_the_points_inside(corners, seed):
 
 @given(every_map)
 @some
-def test_the_graph_knows_areas_and_centroids(scene):
+def test_moments_are_area_and_centroid(scene):
     made = workspace.decompose(scene)
-    net = workspace.cell_graph(made)
-    assert sorted(net.nodes) == list(range(len(made.cells)))
-    assert {tuple(sorted(e)) for e in net.edges} == {tuple(d) for d in made.doors.tolist()}
-    for i, polygon in enumerate(polygons(made.cells)):
-        assert net.nodes[i]["area"] == pytest.approx(polygon.area, rel=1e-6)
+    for cell, polygon in zip(made.cells, polygons(made.cells), strict=True):
+        area, centroid = workspace.moments(cell)
+        assert area == pytest.approx(polygon.area, rel=1e-6)
         if polygon.area > 1e-6 * size(scene) ** 2:
             middle = shapely.get_coordinates(polygon.centroid)[0]
-            np.testing.assert_allclose(net.nodes[i]["centroid"], middle, atol=1e-6 * size(scene))
-    for i, j, distance in net.edges(data="distance"):
-        assert distance == pytest.approx(np.linalg.norm(net.nodes[i]["centroid"] - net.nodes[j]["centroid"]))
+            np.testing.assert_allclose(centroid, middle, atol=1e-6 * size(scene))
 
 
 def test_an_unknown_region_is_named_with_its_closest_match():

@@ -23,7 +23,6 @@ from pareto_ltl.world.polygons import GridRing, convex_parts, drop_flat, ring_ed
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
-    import networkx as nx
     import shapely
 
 GRID_FRACTION = 2.0**-40  # grid step over the size of the map
@@ -148,22 +147,6 @@ def convex_pieces(scene: Scene, polygons: Iterable[shapely.Geometry]) -> tuple[F
     )
 
 
-def cell_graph(decomposition: Decomposition) -> nx.Graph:
-    """Graph of the cells: nodes have ``centroid`` (2,) [m], ``area`` [m²] and ``label``; doors are edges.
-
-    An edge has the ``distance`` [m] between the two centroids.
-    """
-    import networkx as nx
-
-    net = nx.Graph()
-    for i, (cell, label) in enumerate(zip(decomposition.cells, decomposition.labels, strict=True)):
-        area, centroid = moments(cell)
-        net.add_node(i, centroid=centroid, area=area, label=label)
-    for i, j in decomposition.doors.tolist():
-        net.add_edge(i, j, distance=float(math.dist(net.nodes[i]["centroid"], net.nodes[j]["centroid"])))
-    return net
-
-
 def half_planes(polygon: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Outward unit normals a (n, 2) and offsets b (n,) [m] of a convex polygon: a' x <= b inside."""
     along = np.roll(polygon, -1, axis=0) - polygon
@@ -188,13 +171,14 @@ def cells_of_points(decomposition: Decomposition, points: FloatArray) -> IntArra
     point outside all cells because of rounding, it is the cell with the largest :func:`inside_depth`.
     """
     points = np.asarray(points, float).reshape(-1, 2)
-    close = EDGE_FRACTION * _map_size(decomposition)
+    corners = np.concatenate([*decomposition.cells, *decomposition.obstacles])
+    close = EDGE_FRACTION * float(np.ptp(corners, axis=0).max())
     room = np.stack([inside_depth(cell, points) for cell in decomposition.cells], axis=1)
-    holds = room >= -close
+    holds, covered = room >= -close, np.zeros(len(points), bool)
+    for part in decomposition.obstacles:
+        covered |= inside_depth(part, points) >= 0
     found = np.where(holds.any(axis=1), holds.argmax(axis=1), room.argmax(axis=1))
-    nowhere = ~holds.any(axis=1) & (
-        _covered_points(decomposition, points) | (room.max(axis=1) < -100 * close)
-    )
+    nowhere = ~holds.any(axis=1) & (covered | (room.max(axis=1) < -100 * close))
     return np.where(nowhere, -1, found)
 
 
@@ -221,16 +205,6 @@ def locator(decomposition: Decomposition, bounds: FloatArray) -> Locator:
     )
 
 
-def _reachable_cells(doors: IntArray, start: int) -> set[int]:
-    """Cells connected to ``start`` by ``doors``; without networkx, whose import takes 0.3 s."""
-    reached, fresh = {start}, {start}
-    while fresh:
-        ahead = doors[np.isin(doors, list(fresh)).any(axis=1)]
-        fresh = set(ahead.ravel().tolist()) - reached
-        reached |= fresh
-    return reached
-
-
 def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Iterable[str]) -> tuple[str, ...]:
     """Names in ``atoms`` whose regions no sequence of doors connects to the start.
 
@@ -241,6 +215,9 @@ def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Itera
     DataError
         If the start lies inside an obstacle.
     """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import breadth_first_order
+
     names = sorted(set(atoms))
     for name in names:
         if name not in scene.regions:
@@ -259,8 +236,10 @@ def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Itera
         raise DataError(
             f"the start {scene.start.tolist()} [m] lies in no free cell; move it out of the obstacle"
         )
-    reached = _reachable_cells(decomposition.doors, start)
-    shown = frozenset[str]().union(*(decomposition.labels[i] for i in reached))
+    cells, doors = len(decomposition.cells), decomposition.doors
+    net = csr_matrix((np.ones(len(doors)), doors.T), shape=(cells, cells))
+    reached = breadth_first_order(net, start, directed=False, return_predecessors=False)
+    shown = frozenset[str]().union(*(decomposition.labels[i] for i in reached.tolist()))
     return tuple(name for name in names if name not in shown)
 
 
@@ -404,18 +383,6 @@ def _shared_edges(rings: Sequence[GridRing]) -> IntArray:
 
 
 # --- points -----------------------------------------------------------------------------------------
-
-
-def _map_size(decomposition: Decomposition) -> float:
-    return float(np.ptp(np.concatenate([*decomposition.cells, *decomposition.obstacles]), axis=0).max())
-
-
-def _covered_points(decomposition: Decomposition, points: FloatArray) -> BoolArray:
-    """Which points lie in an obstacle or on its edges."""
-    covered = np.zeros(len(points), bool)
-    for part in decomposition.obstacles:
-        covered |= inside_depth(part, points) >= 0
-    return covered
 
 
 def _cell_meets_boxes(cell: FloatArray, middle: FloatArray, half: FloatArray) -> BoolArray:

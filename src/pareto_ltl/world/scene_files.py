@@ -14,21 +14,12 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import Advice, parse_json, read_bounded, refuse_many_features
 from pareto_ltl.support.schemas import check_document
+from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.fix_shapes import fix_document, read_fix
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_geojson import crs_name, sketch_features
 from pareto_ltl.world.scene_kml import SUFFIXES, kml_features
-from pareto_ltl.world.scene_sketch import (
-    MapFaults,
-    Place,
-    SceneSketch,
-    called,
-    numbered_outlines,
-    read_bounds,
-    read_landmarks,
-    read_places,
-    read_start,
-)
+from pareto_ltl.world.scene_sketch import MapFaults, Place, SceneSketch
 from pareto_ltl.world.windows import TimedPlace, Window
 
 SCENE_FILES = Advice("check scene.file", "correct the map: GeoJSON, KML or a run's scene.json")
@@ -122,7 +113,10 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
     names = data.get("obstacle_names") or ()
     if names and len(names) != len(data["obstacles"]):
         faults.add(f"{where}: {len(names)} obstacle_names for {len(data['obstacles'])} obstacles")
-    obstacles, landmarks = numbered_outlines(data.get("obstacles", ())), data.get("landmarks") or ()
+    obstacles, landmarks = (
+        sk.numbered_outlines(data.get("obstacles", ())),
+        data.get("landmarks") or (),
+    )
     fixes = data.get("landmark_fixes") or ()
     if fixes and len(fixes) != len(landmarks):
         faults.add(f"{where}: {len(fixes)} landmark_fixes for {len(landmarks)} landmarks")
@@ -131,22 +125,22 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
         obstacles = [(name or key, drawn) for (key, drawn), name in zip(obstacles, names, strict=True)]
     return SceneSketch(
         where=where,
-        bounds=read_bounds(where, "bounds", data["bounds"]),
-        start=read_start(where, "start", data.get("start") or []),
+        bounds=sk.read_bounds(where, "bounds", data["bounds"]),
+        start=sk.read_start(where, "start", data.get("start") or []),
         regions=tuple(
             place
             for name, drawn in data["regions"].items()
             for place in (
-                read_places(faults, "region", [(name, drawn)], np.copy)
+                sk.read_places(faults, "region", [(name, drawn)], np.copy)
                 if drawn
-                else [Place(name, called("region", name))]
+                else [Place(name, sk.called("region", name))]
             )
         ),
-        obstacles=read_places(faults, "obstacle", obstacles, np.copy),
+        obstacles=sk.read_places(faults, "obstacle", obstacles, np.copy),
         show=lambda point: f"({point[0]:.6g} m, {point[1]:.6g} m)",
         crs=data.get("crs"),
         time_zero=data.get("time_zero"),
-        landmarks=read_landmarks(faults, landmarks, fixes, np.copy),
+        landmarks=sk.read_landmarks(faults, landmarks, fixes, np.copy),
         border=data.get("border"),
         timed=tuple(
             TimedPlace(name, w["region"], w.get("begin"), w.get("end"), name in (data.get("forbidden") or ()))

@@ -11,21 +11,15 @@ from __future__ import annotations
 import zipfile
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
+from pareto_ltl.support import reading
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import (
-    MAX_BYTES,
-    MAX_DEPTH,
-    Advice,
-    read_bounded,
-    refuse_many_features,
-    refuse_special,
-)
+from pareto_ltl.support.reading import MAX_BYTES, MAX_DEPTH, Advice
 from pareto_ltl.world.scene_sketch import MapFaults
 
 MOST_ELEMENTS = 1_000_000
@@ -37,40 +31,14 @@ FOLDERS = {  # names of folders in lower case, without a plural s
 GEOMETRIES = ("Point", "LineString", "LinearRing", "Polygon", "MultiGeometry")
 
 
-@dataclass(slots=True)
-class Element:
-    """An XML element: tag without prefix, attributes, text and child elements."""
-
-    tag: str
-    attributes: dict[str, str]
-    text: str = ""
-    inner: list[Element] = field(default_factory=list)
-
-    def first(self, *tags: str) -> Element | None:
-        """The first child with one of ``tags``; None if there is none."""
-        return next((element for element in self.inner if element.tag in tags), None)
-
-    def said(self, tag: str) -> str:
-        """The text of the first child with the tag ``tag``; empty if there is none."""
-        found = self.first(tag)
-        return "" if found is None else found.text.strip()
-
-    def all(self, tag: str) -> Iterator[Element]:
-        """All descendants with the tag ``tag``, in the order of the file."""
-        for element in self.inner:
-            if element.tag == tag:
-                yield element
-            yield from element.all(tag)
-
-
 def kml_features(path: Path, advice: Advice, faults: MapFaults, role: str = "") -> list[dict[str, Any]]:
     """The Placemarks of a KML or KMZ file as GeoJSON features; others are ``faults``.
 
     ``role`` is used for Placemarks without a role. DataError if the file is neither KML nor KMZ.
     """
     where = f"scene file {path}"
-    data = _kmz_content(path, advice) if path.suffix.lower() == ".kmz" else read_bounded(path, advice)
-    refuse_many_features(where, data, rb"</(?:[\w.-]+:)?Placemark\s*>")
+    data = _kmz_content(path, advice) if path.suffix.lower() == ".kmz" else reading.read_bounded(path, advice)
+    reading.refuse_many_features(where, data, rb"</(?:[\w.-]+:)?Placemark\s*>")
     root = _parsed(where, data)
     if root.tag != "kml":
         raise DataError(f"{where} has the root element {shown_text(root.tag)!r}; expected kml")
@@ -80,7 +48,7 @@ def kml_features(path: Path, advice: Advice, faults: MapFaults, role: str = "") 
 
 def _kmz_content(path: Path, advice: Advice) -> bytes:
     """The content of the first KML file in a KMZ archive."""
-    refuse_special(path)
+    reading.refuse_special(path)
     try:
         with zipfile.ZipFile(path) as archive:
             name = next(name for name in archive.namelist() if name.lower().endswith(".kml"))
@@ -101,36 +69,39 @@ def _kmz_content(path: Path, advice: Advice) -> bytes:
 
 
 def _parsed(where: str, data: bytes) -> Element:
-    """The root element of an XML text; DataError if it is not XML or has a document type."""
-    parser, top = expat.ParserCreate(), Element("", {})
-    stack, count = [top], 0
+    """The root element of an XML text, with tags without prefixes.
+
+    DataError if it is not XML or has a document type.
+    """
+    parser, builder, depth, count = expat.ParserCreate(), TreeBuilder(), 0, 0
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal count
-        count += 1
-        if len(stack) > MAX_DEPTH or count > MOST_ELEMENTS:
+        nonlocal depth, count
+        depth, count = depth + 1, count + 1
+        if depth > MAX_DEPTH or count > MOST_ELEMENTS:
             raise DataError(f"{where} is nested too deeply or has more than {MOST_ELEMENTS:,} elements")
-        element = Element(name.rpartition(":")[2], attributes)
-        stack[-1].inner.append(element)
-        stack.append(element)
+        builder.start(name.rpartition(":")[2], attributes)
 
-    def end(_: str) -> None:
-        stack.pop()
-
-    def text(more: str) -> None:
-        stack[-1].text += more
+    def end(name: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(name.rpartition(":")[2])
 
     def refuse(*_: Any) -> None:
         raise DataError(f"{where} has a document type (DOCTYPE), which no map needs; remove it")
 
     parser.buffer_text = True
     parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = text, refuse
+    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = builder.data, refuse
     try:
         parser.Parse(data, True)
     except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two: an unknown encoding
         raise DataError(f"{where} is not XML as KML is written ({error}); correct the map") from None
-    return top.inner[0]
+    return builder.close()
+
+
+def _text(element: Element | None) -> str:
+    return "" if element is None else (element.text or "").strip()
 
 
 # --- Placemarks ---------------------------------------------------------------------------------------
@@ -138,11 +109,11 @@ def _parsed(where: str, data: bytes) -> Element:
 
 def _placemarks(element: Element, role: str) -> Iterator[tuple[Element, str]]:
     """Every Placemark, with the role of the nearest folder that has one."""
-    for inner in element.inner:
+    for inner in element:
         if inner.tag == "Placemark":
             yield inner, role
         elif inner.tag in ("Document", "Folder"):
-            yield from _placemarks(inner, _named_role(inner.said("name")) or role)
+            yield from _placemarks(inner, _named_role(_text(inner.find("name"))) or role)
 
 
 def _named_role(name: str) -> str:
@@ -151,13 +122,14 @@ def _named_role(name: str) -> str:
 
 
 def _feature(where: str, place: Element, role: str) -> dict[str, Any]:
-    name = place.said("name")
-    span = place.first("TimeSpan")
-    properties: dict[str, Any] = {"from": span.said("begin"), "until": span.said("end")} if span else {}
-    for data in place.all("Data"):
-        properties[data.attributes.get("name", "").strip().lower()] = data.said("value")
-    for data in place.all("SimpleData"):
-        properties[data.attributes.get("name", "").strip().lower()] = data.text.strip()
+    name = _text(place.find("name"))
+    span = place.find("TimeSpan")
+    times = {} if span is None else {"from": _text(span.find("begin")), "until": _text(span.find("end"))}
+    properties: dict[str, Any] = times
+    for data in place.iter("Data"):
+        properties[data.get("name", "").strip().lower()] = _text(data.find("value"))
+    for data in place.iter("SimpleData"):
+        properties[data.get("name", "").strip().lower()] = _text(data)
     own = _named_role(name)
     properties["role"] = properties.get("role") or role or (own if own in ("start", "border") else None)
     if properties["role"] is None:
@@ -166,7 +138,7 @@ def _feature(where: str, place: Element, role: str) -> dict[str, Any]:
             "Obstacles, Landmarks, Border or Start, or give it the ExtendedData role"
         )
     properties["name"] = properties.get("name") or name or None
-    shape = place.first(*GEOMETRIES)
+    shape = next((element for element in place if element.tag in GEOMETRIES), None)
     if shape is None:
         raise DataError(f"{where}: Placemark {shown_text(name)!r} has no {', '.join(GEOMETRIES[:-1])}")
     geometry = _geometry(f"{where}: Placemark {shown_text(name)!r}", shape)
@@ -176,15 +148,11 @@ def _feature(where: str, place: Element, role: str) -> dict[str, Any]:
 def _geometry(what: str, shape: Element) -> dict[str, Any]:
     """A KML geometry as a GeoJSON geometry."""
     if shape.tag == "MultiGeometry":
-        inner = [_geometry(what, part) for part in shape.inner if part.tag in GEOMETRIES]
+        inner = [_geometry(what, part) for part in shape if part.tag in GEOMETRIES]
         return {"type": "GeometryCollection", "geometries": inner}
     if shape.tag == "Polygon":
-        outer = shape.first("outerBoundaryIs")
-        rings = [
-            *([outer] if outer else []),
-            *(part for part in shape.inner if part.tag == "innerBoundaryIs"),
-        ]
-        inside = [ring for boundary in rings for ring in boundary.all("LinearRing")]
+        rings = [*shape.findall("outerBoundaryIs")[:1], *shape.findall("innerBoundaryIs")]
+        inside = [ring for boundary in rings for ring in boundary.iter("LinearRing")]
         return {"type": "Polygon", "coordinates": [_corners(what, ring) for ring in inside]}
     corners = _corners(what, shape)
     if shape.tag == "Point":
@@ -195,9 +163,7 @@ def _geometry(what: str, shape: Element) -> dict[str, Any]:
 def _corners(what: str, shape: Element) -> list[list[float]]:
     """[Longitude, latitude] of each corner [deg]."""
     try:
-        return [
-            [float(number) for number in corner.split(",")[:2]]
-            for corner in shape.said("coordinates").split()
-        ]
+        corners = _text(shape.find("coordinates")).split()
+        return [[float(number) for number in corner.split(",")[:2]] for corner in corners]
     except ValueError:
         raise DataError(f"{what}: its coordinates are no numbers; expected longitude,latitude ...") from None

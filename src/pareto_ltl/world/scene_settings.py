@@ -14,23 +14,11 @@ from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world import projection
+from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_checks import checked_scene
 from pareto_ltl.world.scene_files import sketch_file
-from pareto_ltl.world.scene_sketch import (
-    DrawingRules,
-    MapFaults,
-    MissionUse,
-    SceneSketch,
-    numbered_outlines,
-    read_bounds,
-    read_landmarks,
-    read_places,
-    read_start,
-    read_timed,
-    unknown_use,
-)
-from pareto_ltl.world.windows import TimedPlace
+from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, SceneSketch, unknown_use
 
 PLACEMENT_TRIES = 20_000  # random positions tried for one disc
 CORNER_RANGE = (5, 9)  # of a polygon: smallest number, largest number + 1
@@ -92,9 +80,9 @@ def _sketch(cfg: SceneConfig) -> SceneSketch:
 def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
     where = f"scene {cfg.name!r}"
     faults = MapFaults(where)
-    bounds = [got for _, got in faults.each([cfg.bounds], lambda v: read_bounds(where, "scene.bounds", v))]
-    starts = [got for _, got in faults.each([cfg.start], lambda v: read_start(where, "scene.start", v))]
-    middle = bounds[0].mean(axis=0) if bounds and cfg.centre is not None else np.zeros(2)
+    bounds = faults.tried(lambda: sk.read_bounds(where, "scene.bounds", cfg.bounds))
+    start = faults.tried(lambda: sk.read_start(where, "scene.start", cfg.start))
+    middle = np.zeros(2) if bounds is None or cfg.centre is None else bounds.mean(axis=0)
 
     def metres(corners: FloatArray) -> FloatArray:
         scaled: FloatArray = (corners - middle) * cfg.unit
@@ -104,24 +92,23 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
         x, y = point / cfg.unit + middle
         return f"({x:.6g}, {y:.6g})"
 
-    regions = read_places(faults, "region", cfg.regions.items(), metres)
-    obstacles = read_places(faults, "obstacle", numbered_outlines(cfg.obstacles), metres)
-    landmarks = read_landmarks(faults, cfg.landmarks, (), metres)
-    timed: list[TimedPlace] = []
-    with faults.noted():
-        timed += read_timed(where, cfg.windows, cfg.regions)
-    if not bounds:
+    regions = sk.read_places(faults, "region", cfg.regions.items(), metres)
+    obstacles = sk.read_places(faults, "obstacle", sk.numbered_outlines(cfg.obstacles), metres)
+    landmarks = sk.read_landmarks(faults, cfg.landmarks, (), metres)
+    timed = faults.tried(lambda: tuple(sk.read_timed(where, cfg.windows, cfg.regions))) or ()
+    if bounds is None:
         faults.refuse()
+    assert bounds is not None
     return SceneSketch(
         where=where,
-        bounds=metres(bounds[0]),
-        start=metres(starts[0]) if starts else np.zeros(0),
+        bounds=metres(bounds),
+        start=np.zeros(0) if start is None else metres(start),
         regions=regions,
         obstacles=obstacles,
         show=show,
         crs=projection.local_plane(*cfg.centre) if cfg.centre is not None else None,
         landmarks=landmarks,
-        timed=tuple(timed),
+        timed=timed,
         faults=tuple(faults.texts),
     )
 

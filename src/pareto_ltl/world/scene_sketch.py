@@ -353,6 +353,12 @@ class MapFaults:
         except DataError as error:
             self.add(str(error))
 
+    def tried(self, make: Callable[[], Made]) -> Made | None:
+        """The result of ``make``; None, with its message added, if it raises a DataError."""
+        with self.noted():
+            return make()
+        return None
+
     def each(self, items: Iterable[Item], make: Callable[[Item], Made]) -> list[tuple[Item, Made]]:
         """The ``items`` for which ``make`` raises no DataError, with its results."""
         found: list[tuple[Item, Made]] = []
