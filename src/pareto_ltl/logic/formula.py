@@ -301,7 +301,9 @@ def _formula_tokens(text: str) -> Iterator[_FormulaToken]:
             continue
         match = _TOKEN_PATTERN.match(text, column)
         if match is None:
-            found, hint = _foreign_operator(text[column:])
+            rest = text[column:]
+            found = next(filter(rest.startswith, _FOREIGN_OPERATORS), rest[0])
+            hint = f"; write '{_FOREIGN_OPERATORS[found]}'" if found in _FOREIGN_OPERATORS else ""
             if found == '"':
                 hint = '; a name in quotes ends with another ", and has no backslash in it'
             raise _formula_error(
@@ -313,13 +315,6 @@ def _formula_tokens(text: str) -> Iterator[_FormulaToken]:
         yield _FormulaToken(_SPELLINGS.get(match[0], kind), match[0], column)
         column = match.end()
     yield _FormulaToken("end", "", len(text))
-
-
-def _foreign_operator(rest: str) -> tuple[str, str]:
-    for spelling, ours in _FOREIGN_OPERATORS.items():
-        if rest.startswith(spelling):
-            return spelling, f"; write '{ours}'"
-    return rest[0], ""
 
 
 # Writing

@@ -39,10 +39,6 @@ MOST_RUNS = 16  # runs of steps stored at a time; the cheapest are dropped, whic
 # --- memory of the models ---------------------------------------------------------------------
 
 
-def _no_memory(_law: kd.IndependentLaw, _rows: int) -> None:
-    return None
-
-
 def _coherent_memory(law: kd.CoherentLaw, rows: int) -> kd.CoherentMemory:
     return kd.CoherentMemory(np.zeros((rows, 2, 2, law.modes.psi.shape[-1]), np.float32))
 
@@ -59,14 +55,10 @@ def _landmark_memory(law: kd.LandmarkLaw, rows: int) -> kd.LandmarkMemory:
 
 
 LAW_MEMORY: dict[type, Callable[[Any, int], kd.Memory]] = {
-    kd.IndependentLaw: _no_memory,
+    kd.IndependentLaw: lambda _law, _rows: None,
     kd.CoherentLaw: _coherent_memory,
     kd.LandmarkLaw: _landmark_memory,
 }
-
-
-def _no_runs(_bound: kd.StepBound, _rows: int) -> None:
-    return None
 
 
 def _path_runs(bound: kd.PathBound, rows: int) -> kd.PathMemory:
@@ -75,7 +67,7 @@ def _path_runs(bound: kd.PathBound, rows: int) -> kd.PathMemory:
 
 
 COLLISION_MEMORY: dict[type, Callable[[Any, int], kd.CollisionMemory]] = {
-    kd.StepBound: _no_runs,
+    kd.StepBound: lambda _bound, _rows: None,
     kd.PathBound: _path_runs,
 }
 
@@ -236,10 +228,10 @@ def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: flo
     alone = flight if problem.world.law is independent else propagate(problem, flight.x, independent)
     ordered = ordered_mission_risk(problem, flight)
     paper = theorem2_mission_risk(problem, alone, cell)
-    judged = {
-        kd.Theorem2: lambda: paper if alone is flight else theorem2_mission_risk(problem, flight, cell),
-        kd.Ordered: lambda: ordered,
-    }[type(problem.world.mission)]()
+    if isinstance(problem.world.mission, kd.Ordered):
+        judged = ordered
+    else:
+        judged = paper if alone is flight else theorem2_mission_risk(problem, flight, cell)
     return Objectives(
         costs=path_costs(problem, flight.x, flight.u),
         mission_risk=judged,

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -126,16 +127,12 @@ def _scaled(
     return Scaled(float(beta[0]), float(beta[1] * factor), weight, per_length, missions, scored)
 
 
-def _tchebycheff(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> Scaled:
-    return _scaled(cfg, problem, number, rng, scored=True)
-
-
 def _mixed(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> Scaled:
     return _scaled(cfg, problem, number, rng, scored=number % 2 == 1)  # half of the trees
 
 
 RULE_MAKERS: dict[str, Callable[..., Dominance | Scaled]] = {
-    "dominance": _dominance, "scaled": _scaled, "tchebycheff": _tchebycheff, "mixed": _mixed,
+    "dominance": _dominance, "scaled": _scaled, "tchebycheff": partial(_scaled, scored=True), "mixed": _mixed,
 }  # fmt: skip
 
 
