@@ -92,14 +92,11 @@ def explain_no_path(
     long_step = _step_advice(cfg, problem, FAR_TOO_LONG)
     if not long_step and (fault := mission_fault(problem)):
         return fault
-    if (
-        seeds is not None
-        and not long_step
-        and (fault := _longer_advice(_Trials(cfg, problem, seeds), forest))
-    ):
+    trials = None if seeds is None or long_step else _Trials(cfg, problem, seeds)
+    if trials and (fault := _longer_advice(trials, forest)):
         return fault
-    open_border = "" if seeds is None or long_step else _open_border_advice(_Trials(cfg, problem, seeds))
-    if seeds is not None and not long_step and (advised := _tried_advice(cfg, problem, forest, seeds)):
+    open_border = _open_border_advice(trials) if trials else ""
+    if trials and (advised := _tried_advice(trials, forest)):
         return advised + open_border
     if not long_step and len(problem.logic.delta) == 1 and (fault := cautious_fault(problem)):
         return fault + open_border
@@ -164,9 +161,9 @@ def _longer_advice(trials: _Trials, forest: Forest) -> str:
     return longer_fault(problem, steps * problem.motion.dt) if steps > problem.horizon else ""
 
 
-def _tried_advice(cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: SeedSequence) -> str:
+def _tried_advice(trials: _Trials, forest: Forest) -> str:
     """The advice that a growth under other limits has confirmed; empty if there is none."""
-    trials = _Trials(cfg, problem, seeds)
+    cfg, problem = trials.cfg, trials.problem
     blocked = sum(tree.reach["blocked"] for tree in forest.trees) > 0
     for n_max in (cfg.n_max, *(times * cfg.n_max for times in MORE_VERTICES)):
         if trials.spent():
@@ -282,15 +279,20 @@ def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
 
 def _lost_mission(automaton: Automaton) -> str:
     """The cause of a failed mission: a forbidden region, or the end of a time span of the formula or map."""
-    ends = [
-        f"{name if window.region else 'the time span'} {window}"
-        for name, window in automaton.windows.items()
-        if np.isfinite(window.end) and name not in automaton.forbidden
-    ]
+    ends = late_spans(automaton)
     spans = f"make its time spans longer ({'; '.join(ends)}), or let the robot fly faster" if ends else ""
     if automaton.trap < 0 and ends:  # no region that the robot can enter makes the mission fail
         return f"were too late for the mission: {spans}"
     return f"broke the mission: move the regions that it forbids{f', or {spans}' if spans else ''}"
+
+
+def late_spans(automaton: Automaton) -> list[str]:
+    """The time spans of the formula or of the map that can end too early, as texts."""
+    return [
+        f"{name if window.region else 'the time span'} {window}"
+        for name, window in automaton.windows.items()
+        if np.isfinite(window.end) and name not in automaton.forbidden
+    ]
 
 
 def _nearest_miss(problem: Problem, forest: Forest) -> str:

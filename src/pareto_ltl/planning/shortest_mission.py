@@ -19,6 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
+from pareto_ltl.planning.no_path import late_spans
 from pareto_ltl.planning.power import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front
@@ -256,11 +257,7 @@ def _end_of_wind(problem: Problem) -> str:
 
 def _too_late(problem: Problem, lines: Sequence[FloatArray], seconds: float) -> str:
     """Time spans of the formula or of the map end too early."""
-    spans = [
-        f"{name if window.region else 'the time span'} {window}"
-        for name, window in problem.automaton.windows.items()
-        if np.isfinite(window.end) and name not in problem.automaton.forbidden
-    ]
+    spans = late_spans(problem.automaton)
     if not spans:
         return ""
     u_max = _least_airspeed(problem, partial(_in_time, lines=lines, slack=SLACK))
@@ -323,7 +320,7 @@ def _vehicle(problem: Problem, line: FloatArray) -> str:
     for name in choices("robot"):
         robot: RobotConfig = section_of("robot", name)
         model = energy_model(robot.power)
-        if model is None or model.capacity is None or _is_under_water(robot):
+        if model is None or model.capacity is None or "depth" in str(robot.level):  # under water
             continue
         needed = energy_at(problem, line, model, robot.u_max)
         if needed <= MARGIN * model.capacity:
@@ -335,7 +332,3 @@ def _vehicle(problem: Problem, line: FloatArray) -> str:
         f"take robot={name}, which needs {energy_text(needed)} of its {energy_text(capacity)} in this wind "
         f"(its level is {robot.level})"
     )
-
-
-def _is_under_water(robot: RobotConfig) -> bool:
-    return "depth" in str(robot.level)
