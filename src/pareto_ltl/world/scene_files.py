@@ -110,19 +110,16 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
     where = f"scene file {path}"
     faults = MapFaults(where)
     _check_departure(where, data.get("time_zero"))
-    names = data.get("obstacle_names") or ()
-    if names and len(names) != len(data["obstacles"]):
-        faults.add(f"{where}: {len(names)} obstacle_names for {len(data['obstacles'])} obstacles")
-    obstacles, landmarks = (
-        sk.numbered_outlines(data.get("obstacles", ())),
-        data.get("landmarks") or (),
-    )
-    fixes = data.get("landmark_fixes") or ()
+    landmarks = data.get("landmarks") or ()
+    obstacles = sk.numbered_outlines(data.get("obstacles", ()))
+    names, fixes = data.get("obstacle_names") or (), data.get("landmark_fixes") or ()
+    if names and len(names) != len(obstacles):
+        faults.add(f"{where}: {len(names)} obstacle_names for {len(obstacles)} obstacles")
+    elif names:
+        obstacles = [(name or key, drawn) for (key, drawn), name in zip(obstacles, names, strict=True)]
     if fixes and len(fixes) != len(landmarks):
         faults.add(f"{where}: {len(fixes)} landmark_fixes for {len(landmarks)} landmarks")
         fixes = ()
-    if not faults.texts and names:
-        obstacles = [(name or key, drawn) for (key, drawn), name in zip(obstacles, names, strict=True)]
     return SceneSketch(
         where=where,
         bounds=sk.read_bounds(where, "bounds", data["bounds"]),
