@@ -13,7 +13,7 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.costs import path_costs
 from pareto_ltl.planning.pack_logic import PATH_LIVE, empty_letters, helpful_delta, live_rows
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import probability_text
@@ -285,11 +285,10 @@ def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool
 def with_supporting_lines(problem: Problem, flight: Flight) -> kd.Faces:
     """The barriers with the supporting lines of all near segments of ``flight`` as further faces."""
     from pareto_ltl.kernels.supporting_lines import FAR, lines_of_each
-    from pareto_ltl.planning.barriers import LEAST, barrier_polygons
 
     faces, corners = problem.barriers, barrier_polygons(problem)
     line = np.empty((len(flight.u), len(corners.radius), 4))
-    lines_of_each(corners, flight.x, flight.cov, LEAST, line)
+    lines_of_each(corners, flight.x, flight.cov, LEAST_VARIANCE, line)
     normals, offsets, counts = [np.empty((0, 2))], [np.empty(0)], [0]
     for j, (first, last) in enumerate(pairwise(faces.ptr.tolist())):
         rows = line[(line[:, j, 3] > 0.0) & (line[:, j, 3] < FAR), j]

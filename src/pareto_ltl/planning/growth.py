@@ -25,10 +25,9 @@ from pareto_ltl.kernels.dijkstra import Product
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.kernels.neighbours import Bins
 from pareto_ltl.kernels.parents import Dominance, Scaled
-from pareto_ltl.planning.barriers import start_risk
 from pareto_ltl.planning.evaluate import collision_memory, law_memory
 from pareto_ltl.planning.pack_logic import empty_letters, live_rows, tree_rows
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import Problem, start_risk
 from pareto_ltl.planning.product_graph import cell_fans, empty_heap, product_graph
 from pareto_ltl.planning.records import Forest, Tree
 from pareto_ltl.settings import PlannerConfig

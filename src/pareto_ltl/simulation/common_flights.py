@@ -12,9 +12,8 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot
-from pareto_ltl.planning.long_steps import merged_draws
 from pareto_ltl.planning.power import EnergyModel
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import Problem, merged_draws
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.cores import cores

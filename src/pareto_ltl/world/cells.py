@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 GRID_FRACTION = 2.0**-40  # grid step over the size of the map
 EDGE_FRACTION = 1e-11  # of the size of the map; a point this close to an edge counts as on it
-LOCATOR_BUCKETS = 64  # of a Locator, along each axis
+BUCKETS = 64  # of the grid that finds the cell of a point, along each axis
 THINNEST = 1024.0  # [grid steps], about 1e-9 of the map; thinner convex parts are rounding errors
 SHORTEST_DOOR = 4.0  # [grid steps]; shorter contacts are rounding errors
 
@@ -73,29 +73,6 @@ class Decomposition(Displayed):
             "convex parts of obstacles": f"{len(self.obstacles):,}",
             "regions": listed_text(self.regions),
         }
-
-
-@dataclass(frozen=True, slots=True)
-class Locator:
-    """A grid of buckets over the bounds, with the cells that may contain a point of each bucket.
-
-    Attributes
-    ----------
-    origin : (2,) float
-        South-west corner [m].
-    inverse : (2,) float
-        Number of buckets per metre along x and y [1/m].
-    shape : (2,) int
-        Number of buckets along x and y; bucket (i, j) has the number ``i * shape[1] + j``.
-    ptr : (shape[0] * shape[1] + 1,) int, index : (ptr[-1],) int
-        The cells of bucket k, in ascending order, are ``index[ptr[k]:ptr[k + 1]]``.
-    """
-
-    origin: FloatArray
-    inverse: FloatArray
-    shape: IntArray
-    ptr: IntArray
-    index: IntArray
 
 
 def decompose(scene: Scene) -> Decomposition:
@@ -182,27 +159,20 @@ def cells_of_points(decomposition: Decomposition, points: FloatArray) -> IntArra
     return np.where(nowhere, -1, found)
 
 
-def locator(decomposition: Decomposition, bounds: FloatArray) -> Locator:
-    """Candidate cells of each bucket of a 64 x 64 grid over ``bounds`` (2, 2) [m].
+def bucket_cells(decomposition: Decomposition, bounds: FloatArray) -> tuple[IntArray, IntArray]:
+    """Candidate cells of each bucket of a 64 x 64 grid over ``bounds`` (2, 2) [m]: arrays ``ptr``, ``index``.
 
-    A cell is a candidate unless a face of the cell or of the bucket separates the two (separating axis
-    theorem). Buckets are enlarged by 1e-6, so that rounding does not exclude a cell.
+    Bucket (i, j), column i and row j, has the number k = 64 i + j and, in ascending order, the cells
+    ``index[ptr[k]:ptr[k + 1]]``. A cell is a candidate unless a face of the cell or of the bucket separates
+    the two (separating axis theorem). Buckets are enlarged by 1e-6, so that rounding does not exclude a cell.
     """
-    size = (bounds[1] - bounds[0]) / LOCATOR_BUCKETS
-    west_to_east, south_to_north = (
-        bounds[0][:, None] + size[:, None] * (np.arange(LOCATOR_BUCKETS) + 0.5)
-    ).tolist()
+    size = (bounds[1] - bounds[0]) / BUCKETS
+    west_to_east, south_to_north = (bounds[0][:, None] + size[:, None] * (np.arange(BUCKETS) + 0.5)).tolist()
     middle = np.array([[x, y] for x in west_to_east for y in south_to_north])
     half = 0.5 * size * (1 + 1e-6)
     near = np.stack([_cell_meets_boxes(cell, middle, half) for cell in decomposition.cells], axis=1)
     ptr = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
-    return Locator(
-        origin=np.array(bounds[0]),
-        inverse=1 / size,
-        shape=np.array([LOCATOR_BUCKETS, LOCATOR_BUCKETS]),
-        ptr=ptr.astype(np.int64),
-        index=np.nonzero(near)[1].astype(np.int64),
-    )
+    return ptr.astype(np.int64), np.nonzero(near)[1].astype(np.int64)
 
 
 def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Iterable[str]) -> tuple[str, ...]:

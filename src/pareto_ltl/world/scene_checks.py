@@ -17,9 +17,8 @@ from pareto_ltl.support.names import name_fault
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_shapes as draw
 from pareto_ltl.world.cells import convex_pieces
-from pareto_ltl.world.fix_shapes import FixShape
 from pareto_ltl.world.polygons import outlines_of
-from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.scene_simplify import MANY_CORNERS, DrawnMap, simplified_map
 from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, Place, SceneSketch
 from pareto_ltl.world.windows import TimedPlace

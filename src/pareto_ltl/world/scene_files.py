@@ -15,8 +15,7 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import Advice, parse_json, read_bounded, refuse_many_features
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world import scene_sketch as sk
-from pareto_ltl.world.fix_shapes import fix_document, read_fix
-from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene import Scene, fix_document, read_fix
 from pareto_ltl.world.scene_geojson import crs_name, sketch_features
 from pareto_ltl.world.scene_kml import SUFFIXES, kml_features
 from pareto_ltl.world.scene_sketch import MapFaults, Place, SceneSketch

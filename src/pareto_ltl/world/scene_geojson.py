@@ -18,7 +18,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
-from pareto_ltl.world.fix_shapes import read_fix
+from pareto_ltl.world.scene import read_fix
 from pareto_ltl.world.scene_sketch import MapFaults, Place, SceneSketch, called, read_corners, read_start
 from pareto_ltl.world.windows import TimedPlace
 

@@ -17,7 +17,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import LONGEST_LINE, shown_text
-from pareto_ltl.world.fix_shapes import FixShape, read_fix
+from pareto_ltl.world.scene import FixShape, read_fix
 from pareto_ltl.world.windows import TimedPlace
 
 ENDING = 40  # characters of a message for the number of faults that are left out

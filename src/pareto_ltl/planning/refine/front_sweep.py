@@ -25,8 +25,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 
-from pareto_ltl.planning.long_steps import with_merged_steps
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.refine.first_looks import hopeless_above, looks
 from pareto_ltl.planning.refine.improving import improved_fronts
