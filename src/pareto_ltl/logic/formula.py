@@ -122,7 +122,7 @@ def caret_lines(text: str, column: int) -> str:
     return f"{before}{line[first:beyond]}{after}\n{' ' * (len(before) + column - first)}^"
 
 
-def positive_normal_form(tree: Formula) -> Formula:
+def positive_normal_form(tree: Formula, text: str = "") -> Formula:
     """The positive normal form, with negation of propositions only and operators ``& | X F U M``.
 
         !X p = X !p,   !(p R q) = !p U !q,   !(p W q) = !p M !q,   !G p = F !p
@@ -134,10 +134,15 @@ def positive_normal_form(tree: Formula) -> Formula:
     ------
     FormulaError
         If the normal form needs ``G``, ``R`` or ``W``, or a time span is below a temporal operator; the
-        message names the operator as the user wrote it.
+        message names the operator as the user wrote it, and a note points at it in ``text`` if that is given.
     """
-    _check_spans(tree)
-    return _NormalForm().of(tree, None)
+    try:
+        _check_spans(tree)
+        return _NormalForm().of(tree, None)
+    except FormulaError as error:
+        if text and error.column is not None:
+            error.add_note(caret_lines(text, error.column))
+        raise
 
 
 def _check_spans(tree: Formula) -> None:

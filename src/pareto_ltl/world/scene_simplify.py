@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -53,11 +53,15 @@ class DrawnMap:
     kept_out: frozenset[str] = frozenset()
     visited: frozenset[str] = frozenset()
 
+    @property
+    def shapes(self) -> list[Any]:
+        """The shapes of all places."""
+        return [*self.regions.values(), *(shape for _, shape in (*self.obstacles, *self.landmarks))]
+
 
 def simplified_map(sketch: SceneSketch, rules: DrawingRules, drawn: DrawnMap) -> tuple[DrawnMap, float]:
     """``drawn`` with fewer corners, and the largest distance that an outline moved [m]; logs each change."""
-    places = [*drawn.regions.values(), *(shape for _, shape in (*drawn.obstacles, *drawn.landmarks))]
-    if rules.simplify == 0 or not any(_has_many_corners(place) for place in places):
+    if rules.simplify == 0 or not any(map(_has_many_corners, drawn.shapes)):
         return drawn, 0.0
     work = _Simplifier.of(sketch, rules, drawn)
     obstacles = [(what, part) for what, polygon in drawn.obstacles for part in work.widened(what, polygon)]
@@ -89,8 +93,7 @@ class _Simplifier:
 
         size = float((sketch.bounds[1] - sketch.bounds[0]).max())
         start, border = shapely.Point(sketch.start), shapely.box(*sketch.bounds.ravel()).exterior
-        shapes = [*drawn.regions.values(), *(shape for _, shape in (*drawn.obstacles, *drawn.landmarks))]
-        parts = [part for shape in shapes for part in shapely.get_parts(shape).tolist()]
+        parts = [part for shape in drawn.shapes for part in shapely.get_parts(shape).tolist()]
         spared = [shape for name, shape in drawn.regions.items() if name not in drawn.kept_out]
         limit = MAP_SHARE * size if isinstance(rules.simplify, str) else float(rules.simplify)
         room = Room.of([*parts, start, border], size)
@@ -113,40 +116,48 @@ class _Simplifier:
 
     def widened(self, what: str, polygon: Any) -> Sequence[Any]:
         """Simpler polygons that cover the part of ``polygon`` within the bounds; itself if there are none."""
-        before = corner_count(polygon)
-        if before <= MANY_CORNERS:
-            return [polygon]
-        tolerance = self.room.tolerance(polygon, self.most)
-        for _ in range(TRIES):
-            found = widened_polygon(polygon, tolerance)
-            if corner_count(found) >= before:
-                break
-            if self._harmless(polygon, found):
-                self._note(what, before, corner_count(found), tolerance, "outwards")
-                return clipped_parts(self.sketch, found)
-            tolerance /= 2
-        return [polygon]
+        found = self._simpler(what, polygon, widened_polygon, self._harmless, "outwards")
+        return [polygon] if found is polygon else clipped_parts(self.sketch, found)
 
     def narrowed(self, what: str, shape: shapely.Geometry) -> shapely.Geometry:
         """``shape`` with each part with many corners replaced by a simpler one inside it."""
         import shapely
 
-        parts = shapely.get_parts(shape).tolist()
-        for k, part in enumerate(parts):
-            before = corner_count(part)
-            if before <= MANY_CORNERS:
-                continue
-            tolerance = self.room.tolerance(part, self.most)
-            for _ in range(TRIES):
-                found = narrowed_polygon(part, tolerance)
-                if corner_count(found) >= before:
-                    break
-                if shapely.area(found) >= (1 - LOST) * part.area:
-                    parts[k] = found
-                    self._note(what, before, corner_count(found), tolerance, "inwards")
-                    break
-                tolerance /= 2
+        def large(part: Any, found: Any) -> bool:
+            return bool(shapely.area(found) >= (1 - LOST) * part.area)
+
+        parts = [
+            self._simpler(what, part, narrowed_polygon, large, "inwards")
+            for part in shapely.get_parts(shape).tolist()
+        ]
         return parts[0] if len(parts) == 1 else shapely.union_all(parts)
+
+    def _simpler(
+        self,
+        what: str,
+        polygon: Any,
+        make: Callable[[Any, float], Any],
+        allowed: Callable[[Any, Any], bool],
+        side: str,
+    ) -> Any:
+        """The result of ``make`` with the largest ``allowed`` tolerance; ``polygon`` if there is none."""
+        before = corner_count(polygon)
+        if before <= MANY_CORNERS:
+            return polygon
+        tolerance = self.room.tolerance(polygon, self.most)
+        for _ in range(TRIES):
+            found = make(polygon, tolerance)
+            if corner_count(found) >= before:
+                break
+            if allowed(polygon, found):
+                self.farthest = max(self.farthest, tolerance)
+                LOG.info(
+                    "%s: %s corners simplified to %s, at most %s %s (scene.simplify)",
+                    what, f"{before:,}", f"{corner_count(found):,}", distance_text(tolerance), side,
+                )  # fmt: skip
+                return found
+            tolerance /= 2
+        return polygon
 
     def _harmless(self, polygon: Any, found: Any) -> bool:
         """Whether the start and most of each spared shape remain outside the enlarged polygon."""
@@ -160,13 +171,6 @@ class _Simplifier:
             for other in self.spared
             if grown.intersects(other)
         )
-
-    def _note(self, what: str, before: int, after: int, tolerance: float, side: str) -> None:
-        self.farthest = max(self.farthest, tolerance)
-        LOG.info(
-            "%s: %s corners simplified to %s, at most %s %s (scene.simplify)",
-            what, f"{before:,}", f"{after:,}", distance_text(tolerance), side,
-        )  # fmt: skip
 
 
 # --- simpler outlines -------------------------------------------------------------------------------
