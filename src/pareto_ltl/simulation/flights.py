@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.kernels import data as kd
@@ -278,8 +279,6 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
 
 def within_reach(marks: kd.Landmarks, flight: Flight) -> bool:
     """Whether a flight may enter a landmark, within ``FARTHEST`` deviations of its path."""
-    import shapely
-
     reach = FARTHEST * float(np.sqrt(flight.cov[:, [0, 2]].sum(axis=1).max()))
     gap = shapely.distance(shapely.LineString(flight.x), shapely.points(marks.disc[:, :2]))
     return bool((gap <= marks.disc[:, 2] + reach).any())

@@ -11,9 +11,10 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import shapely
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed, listed_text
@@ -21,9 +22,6 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.world.polygons import GridRing, convex_parts, drop_flat, ring_edges
 from pareto_ltl.world.scene import Scene
-
-if TYPE_CHECKING:
-    import shapely
 
 GRID_FRACTION = 2.0**-40  # grid step over the size of the map
 EDGE_FRACTION = 1e-11  # of the size of the map; a point this close to an edge counts as on it
@@ -224,23 +222,17 @@ def _grid_step(scene: Scene) -> float:
 
 
 def _snapped_polygon(corners: FloatArray, step: float) -> shapely.Geometry:
-    import shapely
-
     return _snapped_shape(shapely.Polygon(corners), step)
 
 
 def _snapped_region(outlines: Sequence[FloatArray], step: float) -> shapely.Geometry:
     """The union of the polygons of a region, in grid steps."""
-    import shapely
-
     found = [_snapped_polygon(corners, step) for corners in outlines]
     return found[0] if len(found) == 1 else shapely.union_all(found, grid_size=1.0)
 
 
 def _snapped_shape(shape: shapely.Geometry, step: float) -> shapely.Geometry:
     """``shape`` [m] in grid steps, made valid if snapping made corners or edges coincide."""
-    import shapely
-
     return shapely.set_precision(shapely.transform(shape, lambda corners: np.rint(corners / step)), 1.0)
 
 
@@ -251,8 +243,6 @@ def _box_outline(bounds: FloatArray) -> FloatArray:
 
 def _outermost_polygons(polygons: Sequence[shapely.Geometry]) -> list[shapely.Geometry]:
     """``polygons`` without those inside another one."""
-    import shapely
-
     if not polygons:
         return []
     inner, outer = shapely.STRtree(polygons).query(polygons, predicate="covered_by")
@@ -265,8 +255,6 @@ def _outermost_polygons(polygons: Sequence[shapely.Geometry]) -> list[shapely.Ge
 
 def _polygon_rings(face: Any) -> list[GridRing]:
     """Outline (counter-clockwise) and holes (clockwise) of a polygon, in grid steps."""
-    import shapely
-
     face = shapely.orient_polygons(face)
     rings = [shapely.get_coordinates(ring)[:-1].tolist() for ring in (face.exterior, *face.interiors)]
     return [[(int(x), int(y)) for x, y in ring] for ring in rings]
@@ -274,8 +262,6 @@ def _polygon_rings(face: Any) -> list[GridRing]:
 
 def _convex_rings(polygon: shapely.Geometry) -> list[GridRing]:
     """Convex parts of a shape in grid steps, without flat corners."""
-    import shapely
-
     found = []
     for piece in shapely.get_parts(polygon):
         outline, *holes = _polygon_rings(piece)
@@ -315,8 +301,6 @@ def _labelled_cells(
     box: shapely.Geometry, obstacles: Sequence[shapely.Geometry], regions: dict[str, shapely.Geometry]
 ) -> list[tuple[GridRing, frozenset[str]]]:
     """Convex rings with all shared corners, and their labels, sorted by number of labels, names, position."""
-    import shapely
-
     outlines = shapely.boundary([box, *obstacles, *regions.values()])
     faces = shapely.get_parts(shapely.polygonize([shapely.union_all(outlines, grid_size=1.0)]))
     inside = shapely.point_on_surface(faces)
@@ -332,8 +316,6 @@ def _labelled_cells(
 
 def _points_within(polygons: Sequence[shapely.Geometry], points: Any) -> BoolArray:
     """Which ``points`` (shapely points) lie in any of ``polygons``, (P,)."""
-    import shapely
-
     inside = np.zeros(len(points), bool)
     if len(polygons):
         inside[shapely.STRtree(polygons).query(points, predicate="intersects")[0]] = True

@@ -11,14 +11,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import shapely
 
 from pareto_ltl.support.arrays import FloatArray
-
-if TYPE_CHECKING:
-    import shapely
 
 Corner = tuple[float, float]
 Triangle = tuple[Corner, Corner, Corner]
@@ -88,8 +86,6 @@ def drop_flat(ring: GridRing) -> GridRing:
 
 def triangulate(rings: Sequence[GridRing]) -> list[GridCorner]:
     """Constrained Delaunay triangulation of a polygon: counter-clockwise triangles of its corners."""
-    import shapely
-
     polygon = shapely.Polygon(rings[0], rings[1:])
     found = shapely.get_coordinates(shapely.constrained_delaunay_triangles(polygon)).astype(np.int64)
     return [_oriented_left(*((x, y) for x, y in three)) for three in found.reshape(-1, 4, 2)[:, :3].tolist()]
@@ -129,8 +125,6 @@ def outlines_of(shape: shapely.Geometry) -> tuple[FloatArray, ...]:
 
     A polygon without holes is not changed. One with holes is cut along diagonals into few polygons.
     """
-    import shapely
-
     found: list[FloatArray] = []
     for part in shapely.get_parts(shape).tolist():
         if part.geom_type != "Polygon" or part.is_empty:
@@ -148,8 +142,6 @@ def united_rings(outlines: Sequence[FloatArray]) -> list[list[FloatArray]]:
 
     This is the inverse of :func:`outlines_of`.
     """
-    import shapely
-
     if len(outlines) < 2:
         return [[outline] for outline in outlines]
     whole = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
@@ -165,8 +157,6 @@ def _without_holes(polygon: Any) -> list[FloatArray]:
     Each starts as a triangle of the constrained Delaunay triangulation. A triangle is added across an edge if
     its third corner is not yet in the outline, so that the outline never touches itself.
     """
-    import shapely
-
     found = shapely.get_coordinates(shapely.constrained_delaunay_triangles(polygon)).reshape(-1, 4, 2)
     triangles: list[Triangle] = [_left_turn(*map(tuple, three)) for three in found[:, :3].tolist()]
     owner = {edge: k for k, (a, b, c) in enumerate(triangles) for edge in ((a, b), (b, c), (c, a))}

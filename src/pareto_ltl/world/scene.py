@@ -10,9 +10,10 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 
 from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.arrays import FloatArray, require_shape
@@ -20,9 +21,6 @@ from pareto_ltl.support.display import Displayed, distance_text, listed_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.world.windows import Window
-
-if TYPE_CHECKING:
-    import shapely
 
 FIX_KEYS = ("sd", "along", "across", "bearing")
 MOST_SD = 1e6  # [m] largest standard deviation, as of robot.fix_sd
@@ -174,8 +172,6 @@ class FixShape(NamedTuple):
         """The same with a bearing; DataError if it needs one, and ``area`` has no longer side."""
         if self.along == self.across or not math.isnan(self.bearing):
             return self
-        import shapely
-
         corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(area))
         sides = np.diff(corners[:3], axis=0)
         long, short = sorted(np.linalg.norm(sides, axis=1).tolist(), reverse=True)

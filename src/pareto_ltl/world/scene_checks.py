@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import shapely
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
@@ -22,9 +23,6 @@ from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.scene_simplify import MANY_CORNERS, DrawnMap, simplified_map
 from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, Place, SceneSketch
 from pareto_ltl.world.windows import TimedPlace
-
-if TYPE_CHECKING:
-    import shapely
 
 LOG = logging.getLogger(__name__)
 
@@ -152,8 +150,6 @@ def _checked_shapes(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults)
 
 def _drawn_region(sketch: SceneSketch, place: Place) -> shapely.Geometry:
     """The shape of a region; an obstacle that is active for a limited time is clipped to the bounds."""
-    import shapely
-
     shape = draw.drawn_shape(sketch, place)
     return shapely.union_all(draw.clipped_parts(sketch, shape)) if place.solid else shape
 
@@ -175,8 +171,6 @@ def _with_margin(
     sketch: SceneSketch, place: Place, shape: shapely.Geometry, use: MissionUse | None, kept_out: bool
 ) -> shapely.Geometry:
     """A region with its buffer: enlarged if the mission only avoids it, else reduced."""
-    import shapely
-
     if not place.buffer:
         return shape
     if place.polygons and use and place.name in use.visited & use.forbidden:
@@ -193,8 +187,6 @@ def _with_margin(
 
 def _apart(sketch: SceneSketch, drawn: DrawnMap) -> DrawnMap:
     """``drawn`` with the enlarged obstacles cut out of visited regions and landmarks."""
-    import shapely
-
     barriers, faults = np.array([polygon for _, polygon in drawn.obstacles]), MapFaults(sketch.where)
 
     def rest(what: str, shape: shapely.Geometry) -> shapely.Geometry:
@@ -227,8 +219,6 @@ def _drawn_landmark(
     sketch: SceneSketch, place: Place, obstacles: Sequence[tuple[str, Any]]
 ) -> shapely.Geometry:
     """A landmark reduced by its buffer; DataError if it is outside the bounds or overlaps an obstacle."""
-    import shapely
-
     shape = draw.drawn_shape(sketch, place)
     for name, outline in obstacles:
         common = shapely.intersection(shape, outline)
@@ -248,8 +238,6 @@ def _convex_landmarks(
     sketch: SceneSketch, scene: Scene, drawn: DrawnMap
 ) -> Iterator[tuple[FloatArray, FixShape | None]]:
     """Landmarks as convex polygons, with the errors of their fixes; those that are not convex are split."""
-    import shapely
-
     for place, (what, shape) in zip(sketch.landmarks, drawn.landmarks, strict=True):
         fix = place.fix and place.fix.in_area(sketch.where, what, shape)
         for part in shapely.get_parts(shape).tolist():
@@ -293,14 +281,10 @@ def _check_region_name(sketch: SceneSketch, name: str) -> None:
 
 def _start_points(sketch: SceneSketch) -> shapely.MultiPoint:
     """The start, or no point if the map has none."""
-    import shapely
-
     return shapely.MultiPoint(sketch.start.reshape(-1, 2))
 
 
 def _check_inside(sketch: SceneSketch, what: str, shape: shapely.Geometry) -> None:
-    import shapely
-
     points: FloatArray = shapely.get_coordinates(shape)
     if not len(points):
         return
@@ -353,8 +337,6 @@ def _overlaps(
     sketch: SceneSketch, regions: Mapping[str, shapely.Geometry], obstacles: Sequence[tuple[str, Any]]
 ) -> Iterator[str]:
     """Messages about obstacles and regions that have a common area beyond rounding errors."""
-    import shapely
-
     names, places = list(regions), list(regions.values())
     tree, outside = shapely.STRtree(places), set[int]()
     for what, polygon in obstacles:

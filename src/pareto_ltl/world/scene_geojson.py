@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import shapely
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
@@ -358,8 +359,6 @@ def _unwrapped(drawn: Sequence[Drawn]) -> list[Drawn]:
 
 def _is_rectangle(border: Place) -> bool:
     """Whether the sides of a border are meridians and parallels."""
-    import shapely
-
     polygon = shapely.Polygon(border.polygons[0][0])
     box = shapely.envelope(polygon).area
     return bool(polygon.area >= (1 - RECTANGULAR) * box)

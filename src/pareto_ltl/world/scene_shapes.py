@@ -7,18 +7,16 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import shapely
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, listed_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene_sketch import DrawingRules, Place, SceneSketch
-
-if TYPE_CHECKING:
-    import shapely
 
 LOG = logging.getLogger(__name__)
 
@@ -32,8 +30,6 @@ def drawn_shape(sketch: SceneSketch, place: Place) -> shapely.Geometry:
 
     Parts that overlap or touch are merged. An outline without holes keeps its corners, counter-clockwise.
     """
-    import shapely
-
     found = []
     for rings in place.polygons:
         outline, *holes = [_simple_outline(sketch, place.what, ring) for ring in rings]
@@ -63,8 +59,6 @@ def with_buffer(
     DataError
         If nothing is left.
     """
-    import shapely
-
     if not place.buffer:
         return shape
     wide = place.buffer * largest_scale(sketch) / math.cos(math.pi / (4 * ARC))  # arcs contain the circle
@@ -99,8 +93,6 @@ def inside_of(sketch: SceneSketch, fence: Place) -> shapely.Geometry:
 
 def outside_parts(sketch: SceneSketch, fence: Place) -> list[Any]:
     """The polygons that lie within the bounds and outside of a border ``fence`` reduced by its buffer."""
-    import shapely
-
     outside = shapely.difference(shapely.box(*sketch.bounds.ravel()), inside_of(sketch, fence))
     return [part for part in shapely.get_parts(outside).tolist() if _is_thick(sketch, part)]
 
@@ -113,8 +105,6 @@ def straightened_bounds(sketch: SceneSketch, inside: shapely.Geometry) -> FloatA
     length and within ``ALMOST_STRAIGHT``, moves to the innermost of these corners, unless that would cut off
     the start or a part of a region or a landmark.
     """
-    import shapely
-
     bounds, corners = sketch.bounds.copy(), shapely.get_coordinates(inside)
     sides = bounds[1] - bounds[0]
     places = [
@@ -137,8 +127,6 @@ def clipped_parts(sketch: SceneSketch, shape: shapely.Geometry) -> list[Any]:
 
     Cut polygons thinner than ``THINNEST`` are left out: they lie along an edge of the map.
     """
-    import shapely
-
     low, high = sketch.bounds
     box: shapely.Polygon = shapely.box(*low, *high)
     found: list[Any] = []
@@ -164,8 +152,6 @@ def _is_thick(sketch: SceneSketch, part: Any) -> bool:
 
 def _simple_outline(sketch: SceneSketch, what: str, corners: FloatArray) -> FloatArray:
     """``corners`` in counter-clockwise order; DataError if the polygon is degenerate or crosses itself."""
-    import shapely
-
     if _is_flat(corners, sketch.tolerance):
         raise DataError(
             f"{sketch.where}: {what} is degenerate: all its corners lie on one line, from "
@@ -182,8 +168,6 @@ def _simple_outline(sketch: SceneSketch, what: str, corners: FloatArray) -> Floa
 
 def refuse_crossings(outlines: Sequence[FloatArray]) -> None:
     """ValueError if one of ``outlines``, each (n, 2), crosses itself, as no outline of a result does."""
-    import shapely
-
     for corners in outlines:
         if not shapely.Polygon(corners).is_valid:
             raise ValueError(f"the outline from {corners[0].tolist()} on crosses itself")
@@ -191,8 +175,6 @@ def refuse_crossings(outlines: Sequence[FloatArray]) -> None:
 
 def _invalid_spot(polygon: shapely.Polygon, corners: FloatArray) -> FloatArray:
     """The position at which GEOS finds ``polygon`` invalid, (2,) [m]."""
-    import shapely
-
     spot = re.search(r"\[(\S+) (\S+)\]", shapely.is_valid_reason(polygon))
     return np.array([float(v) for v in spot.groups()]) if spot else corners[0]
 

@@ -14,16 +14,14 @@ import logging
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import shapely
 
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.world.scene_shapes import clipped_parts
 from pareto_ltl.world.scene_sketch import DrawingRules, SceneSketch
-
-if TYPE_CHECKING:
-    import shapely
 
 LOG = logging.getLogger(__name__)
 
@@ -71,8 +69,6 @@ def simplified_map(sketch: SceneSketch, rules: DrawingRules, drawn: DrawnMap) ->
 
 
 def _has_many_corners(shape: shapely.Geometry) -> bool:
-    import shapely
-
     return any(corner_count(part) > MANY_CORNERS for part in shapely.get_parts(shape).tolist())
 
 
@@ -89,8 +85,6 @@ class _Simplifier:
 
     @classmethod
     def of(cls, sketch: SceneSketch, rules: DrawingRules, drawn: DrawnMap) -> _Simplifier:
-        import shapely
-
         size = float((sketch.bounds[1] - sketch.bounds[0]).max())
         start, border = shapely.Point(sketch.start), shapely.box(*sketch.bounds.ravel()).exterior
         parts = [part for shape in drawn.shapes for part in shapely.get_parts(shape).tolist()]
@@ -101,8 +95,6 @@ class _Simplifier:
 
     def region(self, drawn: DrawnMap, name: str, shape: shapely.Geometry) -> shapely.Geometry:
         """A region enlarged, reduced, or unchanged if the mission both visits and avoids it."""
-        import shapely
-
         what = f"region {name!r}"
         if name in drawn.kept_out:
             parts = [part for one in shapely.get_parts(shape).tolist() for part in self.widened(what, one)]
@@ -121,7 +113,6 @@ class _Simplifier:
 
     def narrowed(self, what: str, shape: shapely.Geometry) -> shapely.Geometry:
         """``shape`` with each part with many corners replaced by a simpler one inside it."""
-        import shapely
 
         def large(part: Any, found: Any) -> bool:
             return bool(shapely.area(found) >= (1 - LOST) * part.area)
@@ -161,8 +152,6 @@ class _Simplifier:
 
     def _harmless(self, polygon: Any, found: Any) -> bool:
         """Whether the start and most of each spared shape remain outside the enlarged polygon."""
-        import shapely
-
         if found.intersects(self.start) and not polygon.intersects(self.start):
             return False
         grown = shapely.difference(found, polygon)
@@ -186,14 +175,10 @@ class Room:
     @classmethod
     def of(cls, shapes: Iterable[shapely.Geometry], size: float) -> Room:
         """Make the record of ``shapes`` on a map of ``size`` [m]."""
-        import shapely
-
         return cls(shapely.STRtree(list(shapes)), size)
 
     def tolerance(self, shape: shapely.Polygon, most: float) -> float:
         """How far [m] the outline of ``shape`` may move, at most ``most``, so that all gaps stay open."""
-        import shapely
-
         widest = min(most, OWN_SHARE * math.sqrt(shape.area))
         near = self.tree.query(shape, predicate="dwithin", distance=widest / GAP_SHARE)
         gaps = shapely.distance(shape, self.tree.geometries[near])
@@ -202,8 +187,6 @@ class Room:
 
 def corner_count(shape: shapely.Geometry) -> int:
     """Number of corners of all rings of a shape."""
-    import shapely
-
     return int(shapely.get_num_coordinates(shape)) - len(shapely.get_rings(shapely.get_parts(shape)))
 
 
@@ -234,8 +217,6 @@ def narrowed_polygon(polygon: shapely.Polygon, tolerance: float) -> shapely.Geom
 
 def without_pools(polygon: shapely.Polygon, size: float) -> shapely.Polygon:
     """``polygon`` without the holes whose area is at most the area of a circle with radius ``size`` [m]."""
-    import shapely
-
     holes = [ring for ring in polygon.interiors if shapely.Polygon(ring).area > math.pi * size**2]
     return shapely.Polygon(polygon.exterior, holes)
 
@@ -246,8 +227,6 @@ def _moved(polygon: shapely.Polygon, distance: float) -> Any:
     GEOS (3.12 and later) also removes the first corner of a ring if it is near the simplified outline, which
     may then deviate by twice the tolerance. If this breaks a guarantee, half the tolerance is used.
     """
-    import shapely
-
     moved, limit = shapely.buffer(polygon, distance, quad_segs=ARC), WITHIN * abs(distance)
     found = shapely.simplify(moved, limit)
     outer, inner = (found, polygon) if distance > 0.0 else (polygon, found)
