@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.planning.no_path import late_spans
+from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.power import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front
@@ -266,6 +266,15 @@ def _too_late(problem: Problem, lines: Sequence[FloatArray], seconds: float) -> 
         f"no path completes the mission in time: the shortest line {_duration(problem, seconds)} and is too "
         f"late for its time spans ({'; '.join(spans)}): make them longer{cure}"
     )
+
+
+def late_spans(automaton: Automaton) -> list[str]:
+    """The time spans of the formula or of the map that can end too early, as texts."""
+    return [
+        f"{name if window.region else 'the time span'} {window}"
+        for name, window in automaton.windows.items()
+        if np.isfinite(window.end) and name not in automaton.forbidden
+    ]
 
 
 def _least_airspeed(problem: Problem, works: Callable[[Problem], bool]) -> float | None:
