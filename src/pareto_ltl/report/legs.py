@@ -21,7 +21,7 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
 from pareto_ltl.support.medium import AIR, Medium
-from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.projection import utc_times
 from pareto_ltl.world.scene import Scene
 
 FAR = 99.0  # standard deviations; larger clearances are shown as "over 99 sd"

@@ -175,7 +175,7 @@ def rule_of_the_rest(cfg: SelectionConfig, path: PlannedPath, step: int) -> Sele
 def scene_from(scene: Scene, start: FloatArray, moment: float) -> Scene:
     """``scene`` with a departure ``moment`` [s] later from ``start``."""
     from pareto_ltl.logic.timed import later_windows
-    from pareto_ltl.world.navigation import utc_times
+    from pareto_ltl.world.projection import utc_times
 
     inside = (scene.bounds[0] <= start) & (start <= scene.bounds[1])
     if not inside.all():

@@ -223,7 +223,7 @@ def make_plan(inputs: StageInputs) -> Plan:
     from pareto_ltl.simulation.flights import simulate_flights
     from pareto_ltl.simulation.promise import promise_path
     from pareto_ltl.wind.coverage import coverage_of, held_warning
-    from pareto_ltl.world.navigation import navigate
+    from pareto_ltl.world.projection import navigate
 
     settings, problem = inputs.settings, inputs[PROBLEM]
     front = within_capacity(settings.selection, inputs[FRONT], problem)

@@ -31,7 +31,7 @@ from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
-from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.projection import utc_times
 
 KEPT_RUNS = 3  # results in memory
 FLIGHTS = 60  # that are shown of a point

@@ -154,11 +154,11 @@ def claim_stands(rate: FailureRate, claimed: FailureRate) -> bool:
     Eq. (M60) of docs/mathematics_methods.md.
     """
     if rate.method == WEIGHTED:
-        chance = binomial_tail(claimed.runs - claimed.failures, claimed.runs, 1.0 - rate.low)
+        chance = float(binomial_tail(claimed.runs - claimed.failures, claimed.runs, 1.0 - rate.low))
     else:
         total, failures = rate.runs + claimed.runs, rate.failures + claimed.failures
         chance = hypergeometric_tail(rate.failures, total, failures, rate.runs)
-    return bool(chance >= DOUBT)
+    return chance >= DOUBT
 
 
 def linearity(problem: Problem, wind: WindField, cov: FloatArray) -> float:

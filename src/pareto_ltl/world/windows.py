@@ -110,12 +110,12 @@ def seconds_after(what: str, value: Any, departure: str | None) -> float:
     if (duration := duration_seconds(text)) is not None:
         return duration
     try:
-        moment = _utc(text)
-    except ValueError:
+        moment = utc_moment(text)
+    except (ValueError, OverflowError):
         raise DataError(f"{what} is {shown_text(repr(value))}; {_EXPECTED}") from None
     if departure is None:
         raise DataError(f"{what} is {shown_text(text)}; the departure has no date: set mission.start_time")
-    return (moment - _utc(departure)).total_seconds()
+    return (moment - utc_moment(departure)).total_seconds()
 
 
 def duration_seconds(text: str, unit: str | None = None) -> float | None:
@@ -132,9 +132,10 @@ def duration_seconds(text: str, unit: str | None = None) -> float | None:
     return number * UNITS[own]
 
 
-def _utc(text: str) -> datetime:
+def utc_moment(text: str) -> datetime:
+    """The moment of an ISO 8601 time, in UTC unless it names a zone; ValueError for other texts."""
     moment = datetime.fromisoformat(text)
-    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
+    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
 def missed_windows(windows: Mapping[str, Window], last: float) -> list[str]:

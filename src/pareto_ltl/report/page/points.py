@@ -18,7 +18,7 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
-from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.projection import utc_times
 from pareto_ltl.world.scene import Scene
 
 MOST_LEGS = 3000  # legs of all complete paths, at most: 200 bytes each
