@@ -12,7 +12,7 @@ right::
     atom     = "true" | "false" | name | '"' name of any characters '"' | "(" formula ")"
 
 ``F`` and ``G`` may have a time span that counts from departure, ``F[0,6h] a``
-(:mod:`pareto_ltl.logic.clocks`). ``G``, ``R`` and ``W`` are part of the grammar, so that the error can name
+(:mod:`pareto_ltl.world.windows`). ``G``, ``R`` and ``W`` are part of the grammar, so that the error can name
 the operator that is not co-safe.
 """
 
@@ -24,11 +24,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-from pareto_ltl.logic.clocks import Span, clock_windows, end_clock, read_span, shown_span, span_clock
 from pareto_ltl.support.display import listed_text
 from pareto_ltl.support.errors import FormulaError
 from pareto_ltl.support.messages import SHOWN_WIDTH, shown_text
 from pareto_ltl.support.names import QUOTED, name_fault, quoted_name
+from pareto_ltl.world.windows import Span, clock_windows, end_clock, read_span, shown_span, span_clock
 
 MAX_DEPTH = 200  # nesting levels, below the recursion limit of Python; a sequence of n goals has 2 n
 

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl.logic import hoa, patterns
 from pareto_ltl.logic.automaton import Automaton, Letter, translate
-from pareto_ltl.logic.clocks import clock_windows
 from pareto_ltl.logic.formula import check_names, parse_formula, positive_normal_form
 from pareto_ltl.logic.timed import keep_clear, timed_letters
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.world.windows import Window
+from pareto_ltl.world.windows import Window, clock_windows
 
 if TYPE_CHECKING:
     from pareto_ltl.settings import MissionConfig
