@@ -113,16 +113,8 @@ def draw_automaton(
             axes.add_patch(Circle((x, y), STATE_RADIUS - 0.06, fill=False, ec=colour, lw=1.0))
         axes.text(x, y, str(q), ha="center", va="center", color=colour, fontsize=10)
     x, y = place[automaton.initial]
-    axes.add_patch(
-        FancyArrowPatch(
-            (x - STATE_RADIUS - 0.6, y),
-            (x - STATE_RADIUS, y),
-            color=STATE_COLOUR,
-            shrinkA=0,
-            shrinkB=0,
-            **head,
-        )
-    )
+    entry = (x - STATE_RADIUS - 0.6, y), (x - STATE_RADIUS, y)
+    axes.add_patch(FancyArrowPatch(*entry, color=STATE_COLOUR, shrinkA=0, shrinkB=0, **head))
     for edge in drawn_edges(place, texts):
         colour = TRAP_COLOUR if edge.end == automaton.trap else STATE_COLOUR
         axes.add_patch(FancyArrowPatch(path=_curve_path(edge.curve), color=colour, **head))

@@ -13,14 +13,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import (
-    WEIGHTED,
-    FailureRate,
-    Front,
-    PlannedPath,
-    Promise,
-    counted_rate,
-)
+from pareto_ltl.planning.records import WEIGHTED, FailureRate, Front, PlannedPath, Promise, counted_rate
 from pareto_ltl.planning.selection_rules import choose_path, part_of_front, selection_rule
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.judging import count_failures
