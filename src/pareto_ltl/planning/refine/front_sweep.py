@@ -27,8 +27,7 @@ from itertools import chain, count
 
 import numpy as np
 
-from pareto_ltl.planning.long_steps import with_merged_steps
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.refine.first_looks import FLIPPED, hopeless_above, looks
 from pareto_ltl.planning.refine.last_polish import (

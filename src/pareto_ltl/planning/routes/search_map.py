@@ -19,7 +19,8 @@ from pareto_ltl.planning.pack import pack_barriers, pack_faces
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import convex_obstacles, convex_pieces
-from pareto_ltl.world.outlines import (
+from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene_simplify import (
     CLOSED,
     Room,
     corner_count,
@@ -27,7 +28,6 @@ from pareto_ltl.world.outlines import (
     widened_polygon,
     without_pools,
 )
-from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     import shapely
