@@ -13,7 +13,7 @@ from omegaconf.errors import (
     ValidationError,
 )
 
-from pareto_ltl.cli.arguments import EXPECTED_ERRORS
+from pareto_ltl.cli.output import EXPECTED_ERRORS
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.kinds import kind_at, kind_problem, kind_text

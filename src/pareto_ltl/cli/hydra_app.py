@@ -15,7 +15,6 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from pareto_ltl.cli.arguments import run_reported
 from pareto_ltl.cli.command_table import PipelineCommand, command_named
 from pareto_ltl.cli.composition import (
     ComposedHydra,
@@ -27,7 +26,7 @@ from pareto_ltl.cli.composition import (
     prepare,
 )
 from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
-from pareto_ltl.cli.output import Answer, Output, answered, print_problem
+from pareto_ltl.cli.output import Answer, Output, answered, collected_warnings, print_problem, run_reported
 from pareto_ltl.cli.setting_keys import settings_from
 from pareto_ltl.run.directory import discard_try
 from pareto_ltl.run.pipeline import Pipeline, run_claimed
@@ -158,13 +157,12 @@ class HydraJob:
     def finish(self, found: SweepSummary) -> None:
         """Set the answer of a sweep; its code is 0 if all jobs have answers ("infeasible" is one), else 2."""
         self.codes[:] = [0 if set(found.counts) <= {"ok", "infeasible"} else 2]
-        from pareto_ltl.cli.sweep_command import summary_answer
+        from pareto_ltl.cli.summary import sweep_answer
 
-        self.answer = summary_answer(found, found.place / "summary.html")
+        self.answer = sweep_answer(found, found.place / "summary.html")
 
     def _single_job(self, config: DictConfig) -> int:
         from pareto_ltl.cli.summary import run_answer
-        from pareto_ltl.cli.warning_lines import collected_warnings
 
         directory = Path(HydraConfig.get().runtime.output_dir)
         shown = _relative_path(directory)

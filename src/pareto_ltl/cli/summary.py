@@ -1,20 +1,26 @@
-"""The table at the end of a run: failure rate of the plan, bounds, and times."""
+"""What is printed at the end of a run or a sweep: failure rate of the plan, bounds, times, tables."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
+from itertools import chain, groupby
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from pareto_ltl.cli.markdown_text import shown_markdown
-from pareto_ltl.cli.output import Answer
+from pareto_ltl.cli.output import Answer, shown_table
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.support.medium import AIR, Medium, medium_of
 from pareto_ltl.support.schemas import read_document
 
+if TYPE_CHECKING:
+    from pareto_ltl.studies.sweeps.summary import SweepSummary
+
 MOST_WARNINGS = 5  # warnings that are printed, at most
+WIDTH = 78  # columns of a terminal that tables fit into, without the edges of a table
+GAP = 2  # columns between two columns of a table of a study
+FAILED = "failed"  # the column that a table has before others
 
 
 def run_answer(
@@ -226,3 +232,43 @@ def _simulated_row(metrics: Mapping[str, float], key: str, flows: str) -> tuple[
 def _rate_text(metrics: Mapping[str, float], key: str, interval: str) -> str:
     """A rate with its interval, from the metrics ``INTERVAL_low`` and ``INTERVAL_high``."""
     return rate_text(metrics[key], metrics[f"{interval}_low"], metrics[f"{interval}_high"])
+
+
+# --- tables of studies -------------------------------------------------------------------------
+
+
+def shown_markdown(text: str, source: str) -> Iterator[object]:
+    """The parts of ``text``; of a table that is too wide, the columns that fit, and a line on the others."""
+    from rich.markdown import Markdown
+
+    for is_table, block in groupby(text.splitlines(), key=lambda line: line.startswith("|")):
+        if not is_table:
+            yield Markdown("\n".join(block))
+            continue
+        header, _, *rows = ([cell.strip() for cell in line.strip("|").split(" | ")] for line in block)
+        fitting = fitting_columns([header, *rows])
+        names, *cells = ([row[k] for k in fitting] for row in (header, *rows))
+        yield shown_table(names, cells, left=names, gap=GAP)
+        if left := [name for k, name in enumerate(header) if k not in fitting]:
+            yield f"{len(left)} more column{'s' * (len(left) > 1)} in {source}: {', '.join(left)}"
+
+
+def fitting_columns(rows: Sequence[Sequence[str]], width: int = WIDTH) -> list[int]:
+    """The columns that fit into ``width``: the first one, failures, then the others from the left."""
+    used, fitting = 0, list[int]()
+    for k in sorted(range(len(rows[0])), key=lambda k: (k > 0, rows[0][k] != FAILED)):
+        used += max(len(row[k]) for row in rows) + GAP
+        if used > width and fitting:
+            break
+        fitting.append(k)
+    return sorted(fitting)
+
+
+# --- sweeps ---------------------------------------------------------------------------------
+
+
+def sweep_answer(found: SweepSummary, page: Path) -> Answer:
+    """The answer of a sweep whose summary is the file ``page``."""
+    from pareto_ltl.studies.sweeps.summary import summary_content
+
+    return Answer(summary_content(found), [found.line(), f"summary in {page}"], [page])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
+from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
@@ -23,12 +22,11 @@ EVERYWHERE = "all"
 LONGEST_NAME = 200  # as the schema has it
 
 
-def wind_error_command(argv: Sequence[str]) -> Answer:
+def wind_error(options: Namespace) -> Answer:
     """Estimate and write the law of errors."""
-    options = _wind_error_arguments().parse_args(argv)
     area = outline_of(options.area)
-    files = _files_in(options.directory)
-    _check_out(options.out, options.directory)
+    files = _files_in(options.folder)
+    _check_out(options.out, options.folder)
     reports = _station_files(options.stations)
 
     from pareto_ltl.report.wind_error import draw_wind_error
@@ -42,7 +40,7 @@ def wind_error_command(argv: Sequence[str]) -> Answer:
     draws = Resampling(options.seed, options.block)
     estimate = estimate_errors(snapshots, area, draws, HOUR * options.max_lag)
     usual = forecast_error_law("gfs", "gfs")
-    law = estimated_law(estimate, options.name or options.directory.resolve().name[:LONGEST_NAME], usual)
+    law = estimated_law(estimate, options.name or options.folder.resolve().name[:LONGEST_NAME], usual)
     told = _told_by_stations(snapshots, reports, area, draws)
     document = error_document(estimate, law, usual.name, (*files, *reports), told)
     write_json(options.out, document)
@@ -199,56 +197,3 @@ def _interval(found: Interval | None, unit: float, digits: int) -> str:
     if found is None:
         return "(not from these data)"
     return f"(95 %: {found.low * unit:.{digits}f} to {found.high * unit:.{digits}f})"
-
-
-def _wind_error_arguments() -> CommandArguments:
-    parser = CommandArguments(
-        prog="pareto-ltl wind-error",
-        description="Estimate the error of forecasts and the change of the wind from a folder of past GRIB "
-        "files, analyses among them, and write the law as JSON and as a figure (.png, .svg beside it). Plan "
-        "with it: wind.forecast_error=FILE.json.",
-    )
-    parser.add_argument("directory", type=Path, metavar="DIR", help="folder of GRIB files of one grid")
-    parser.add_argument("--out", type=Path, default=Path("wind_error.json"), metavar="FILE.json",
-                        help="output file (default wind_error.json)")  # fmt: skip
-    parser.add_argument("--level", default="10m", help="level of the winds, for example 80m or 925hPa")
-    parser.add_argument("--area", metavar="CORNERS", help="outline of the nodes, 'lon,lat lon,lat ...', or "
-                        "all (default: the contiguous United States without their rim)")  # fmt: skip
-    parser.add_argument("--stations", type=Path, nargs="+", default=(), metavar="FILE",
-                        help="METAR tables of the same times, for the error of analyses")  # fmt: skip
-    parser.add_argument(
-        "--name", type=_short, help="name of the law in reports (default: name of the folder)"
-    )
-    parser.add_argument("--max-lag", type=_positive, default=48.0, metavar="HOURS",
-                        help="longest change of the wind (default 48)")  # fmt: skip
-    parser.add_argument("--seed", type=_count, default=0, help="of the bootstrap (default 0)")
-    parser.add_argument("--block", type=_block, metavar="CYCLES", help="successive cycles that the bootstrap "
-                        "draws together (default: the cube root of their number)")  # fmt: skip
-    return parser
-
-
-def _short(text: str) -> str:
-    if not 0 < len(text) <= LONGEST_NAME:
-        raise argparse.ArgumentTypeError(f"a name has 1 to {LONGEST_NAME} characters")
-    return text
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0 < value < 1e6:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of hours above 0")
-    return value
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 2**63:
-        raise argparse.ArgumentTypeError(f"{text} is not a seed; expected an integer of 0 or more")
-    return value
-
-
-def _block(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of cycles, at least 1")
-    return value
