@@ -44,7 +44,7 @@ def serve(options: Namespace, output: Output) -> int:
     """Serve the desk until Ctrl-C or a signal; return 0."""
     if missing := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
         raise ConfigError(f"serve needs {' and '.join(missing)}: pip install 'pareto-ltl[serve]'")
-    from pareto_ltl.serve.server import serve_desk
+    from pareto_ltl.serve.app import serve_desk
 
     def opened(address: str) -> None:
         print_answer(Answer({"address": address}, [address], [address]), output)
