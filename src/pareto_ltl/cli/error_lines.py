@@ -16,7 +16,7 @@ from omegaconf.errors import (
 from pareto_ltl.cli.output import EXPECTED_ERRORS
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.kinds import kind_at, kind_problem, kind_text
+from pareto_ltl.settings.checks import kind_at, kind_problem, kind_text
 from pareto_ltl.support.messages import shown_text, shown_value
 
 CONFIGURATION_ERRORS: tuple[type[Exception], ...] = (

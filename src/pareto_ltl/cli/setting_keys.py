@@ -14,7 +14,7 @@ from hydra.core.override_parser.types import ChoiceSweep, Override, QuotedString
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.kinds import field_kinds
+from pareto_ltl.settings.checks import field_kinds
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text, shown_value
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.limits import Price, SegmentLimits
-from pareto_ltl.settings import FidelityConfig, models_of
+from pareto_ltl.settings import FidelityConfig
+from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import (

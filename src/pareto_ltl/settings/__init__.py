@@ -10,16 +10,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from pareto_ltl.settings.checks import (
-    LARGEST_SEED,
-    CheckedSettings,
-    Declaration,
-    check_folder_name,
-    declarations,
-    setting,
-)
-from pareto_ltl.settings.departure import DepartureConfig
-from pareto_ltl.settings.fidelity import BORDERS, LAWS, PAPER, PRESETS, FidelityConfig, models_of, preset
+from pareto_ltl.settings.checks import LARGEST_SEED, CheckedSettings, check_folder_name, setting
+from pareto_ltl.settings.checks import declarations as declarations
+from pareto_ltl.settings.fidelity import PRESETS as PRESETS
+from pareto_ltl.settings.fidelity import FidelityConfig
+from pareto_ltl.settings.fidelity import preset as preset
 from pareto_ltl.settings.outputs import (
     DeploymentConfig,
     ExportsConfig,
@@ -35,20 +30,22 @@ from pareto_ltl.settings.planner import (
     SelectionConfig,
     SmoothingConfig,
 )
-from pareto_ltl.settings.replanning import ReplanningConfig
-from pareto_ltl.settings.robot import POWER_KINDS, PowerConfig, RobotConfig
+from pareto_ltl.settings.robot import PowerConfig as PowerConfig
+from pareto_ltl.settings.robot import RobotConfig
 from pareto_ltl.settings.studies import (
-    METHODS,
     AblationConfig,
     CompareConfig,
     ConvergenceConfig,
+    DepartureConfig,
     EvaluationConfig,
     ForecastTestConfig,
     HindcastConfig,
+    ReplanningConfig,
     SitlConfig,
 )
 from pareto_ltl.settings.wind import WindConfig, usual_level
-from pareto_ltl.settings.world import MissionConfig, RandomSceneConfig, SceneConfig
+from pareto_ltl.settings.world import MissionConfig, SceneConfig
+from pareto_ltl.settings.world import RandomSceneConfig as RandomSceneConfig
 
 
 @dataclass
@@ -98,46 +95,3 @@ class Settings(CheckedSettings):
 def as_dict(settings: Any) -> dict[str, Any]:
     """Settings, or one section of them, as nested dictionaries and lists that YAML and JSON can hold."""
     return asdict(settings)
-
-
-__all__ = [
-    "BORDERS",
-    "LAWS",
-    "METHODS",
-    "PAPER",
-    "POWER_KINDS",
-    "PRESETS",
-    "AblationConfig",
-    "CompareConfig",
-    "ConvergenceConfig",
-    "Declaration",
-    "DepartureConfig",
-    "DeploymentConfig",
-    "EvaluationConfig",
-    "ExportsConfig",
-    "FidelityConfig",
-    "ForecastTestConfig",
-    "HindcastConfig",
-    "IngestConfig",
-    "LogicConfig",
-    "MissionConfig",
-    "PipelineConfig",
-    "PlannerConfig",
-    "PowerConfig",
-    "RandomSceneConfig",
-    "RefineConfig",
-    "ReplanningConfig",
-    "ReportConfig",
-    "RobotConfig",
-    "SceneConfig",
-    "SelectionConfig",
-    "Settings",
-    "SitlConfig",
-    "SmoothingConfig",
-    "SweepConfig",
-    "WindConfig",
-    "as_dict",
-    "declarations",
-    "models_of",
-    "preset",
-]

@@ -14,7 +14,7 @@ from types import NoneType, UnionType
 from typing import Any
 
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings, preset
-from pareto_ltl.settings.kinds import field_kinds, kind_problem
+from pareto_ltl.settings.checks import field_kinds, kind_problem
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choice_file, choices

@@ -1,4 +1,4 @@
-"""Declarations of settings: unit, range and meaning are written once, beside the setting.
+"""Declarations of settings: type, unit, range and meaning are written once, beside the setting.
 
 :func:`setting` declares a field; :class:`CheckedSettings` checks every field of a section when the section
 is made. ``pareto-ltl --help=all`` prints the declarations.
@@ -8,23 +8,89 @@ from __future__ import annotations
 
 import math
 import re
+import typing
 from collections.abc import Iterator
 from copy import deepcopy
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from datetime import datetime
+from functools import lru_cache
 from numbers import Integral, Real
+from types import NoneType, UnionType
 from typing import Any, ClassVar
 
-from pareto_ltl.settings.kinds import field_kinds, fits_kind, kind_problem
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import extension_names
 from pareto_ltl.support.messages import shown_value
 
+KIND_TEXTS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+ITEM_TEXTS = {int: "whole numbers", float: "numbers", str: "texts"}
 DECLARED = "declared"  # key of a field's metadata
 FIRST_YEAR, LAST_YEAR = 1900, 2200  # of a departure or a wind time; any other year is an error of the user
 LARGEST_SEED = 2**63 - 1
 FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}(?<!\.)")  # Windows drops a dot at the end
 DEVICES = ("con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(10)))
+
+
+# --- types -----------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def field_kinds(schema: Any) -> dict[str, Any]:
+    """The type of each field of the dataclass ``schema``, by field name."""
+    hints = typing.get_type_hints(schema)
+    return {item.name: hints[item.name] for item in fields(schema)}  # a class variable is no field
+
+
+def kind_at(schema: type, key: str) -> Any:
+    """The type of the setting ``key`` below ``schema``, e.g. ``planner.trees``; None if there is none."""
+    kind: Any = schema
+    for part in key.split("."):
+        if not is_dataclass(kind):
+            return None
+        kind = field_kinds(typing.cast(type, kind)).get(part)
+    return kind
+
+
+def fits_kind(value: Any, kind: Any) -> bool:
+    """Whether ``value`` has the type ``kind``; NumPy numbers count as numbers, booleans do not."""
+    if kind is Any:
+        return True
+    if isinstance(kind, UnionType):
+        return any(fits_kind(value, arm) for arm in kind.__args__)
+    if kind is NoneType:
+        return value is None
+    if typing.get_origin(kind) is list:
+        (item,) = typing.get_args(kind)
+        return isinstance(value, list) and all(fits_kind(part, item) for part in value)
+    if typing.get_origin(kind) is dict:
+        return isinstance(value, dict)
+    if kind in (int, float):
+        return isinstance(value, Integral if kind is int else Real) and not isinstance(value, bool)
+    return isinstance(value, kind)
+
+
+def kind_text(kind: Any) -> str:
+    """A type in words: "a whole number", "a list of numbers", "text or null"."""
+    if isinstance(kind, UnionType):
+        return " or ".join("null" if arm is NoneType else kind_text(arm) for arm in kind.__args__)
+    if typing.get_origin(kind) is list:
+        (item,) = typing.get_args(kind)
+        return f"a list of {ITEM_TEXTS[item]}" if item in ITEM_TEXTS else "a list"
+    if typing.get_origin(kind) is dict:
+        return "a mapping of names to values"
+    if is_dataclass(kind):
+        return "a choice, a mapping or a settings object"
+    return KIND_TEXTS.get(kind, str(getattr(kind, "__name__", kind)))
+
+
+def kind_problem(key: str, value: Any, kind: Any) -> str:
+    """Message for a ``value`` of ``key`` that does not have the type ``kind``."""
+    whole = kind is int and isinstance(value, float) and value.is_integer()
+    cure = f"; write it in digits, {int(value)}" if whole and abs(value) < 1e18 else ""
+    return f"{key} must be {kind_text(kind)}, got {shown_value(value)}{cure}"
+
+
+# --- ranges ----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +103,6 @@ class Declaration:
         Smallest and largest value, both allowed.
     above, below : float or None
         Limits that are excluded.
-    not_negative : bool
-        The same as ``least=0``; the message then says "must not be negative".
     distinct : bool
         The setting is a list that must not be empty and must not hold a value twice.
     remark : str
@@ -55,7 +119,6 @@ class Declaration:
     most: float | None = None
     above: float | None = None
     below: float | None = None
-    not_negative: bool = False
     choices: tuple[str, ...] = ()
     distinct: bool = False
     remark: str = ""
@@ -81,8 +144,6 @@ class Declaration:
         if self.above == 0:
             upper = "" if self.most is None else f" and at most {limit_text(self.most)}"
             return f"positive{upper}{remark}"
-        if self.not_negative:
-            return f"not negative{remark}"
         return f"at least {limit_text(self.least)}{remark}" if self.least is not None else ""
 
     def demand(self) -> str:
@@ -95,7 +156,7 @@ class Declaration:
         unit = f" [{self.unit}]" if self.unit else ""
         if text.startswith(("between", "in ")):
             return f"lie {text}{unit}"
-        return f"{text.replace('not ', 'not be ') if self.not_negative else f'be {text}'}{unit}"
+        return f"be {text}{unit}"
 
     def allows(self, value: Any) -> bool:
         """Whether one value (for a list: one item) is in the range; False for NaN if there is a range."""
@@ -103,9 +164,8 @@ class Declaration:
             return value in self.choices or value in self.all_choices()
         if not self.range_text() or (isinstance(value, str) and value in self.words):
             return True
-        least = 0.0 if self.not_negative else self.least
         return is_finite(value) and (
-            (least is None or value >= least)
+            (self.least is None or value >= self.least)
             and (self.most is None or value <= self.most)
             and (self.above is None or value > self.above)
             and (self.below is None or value < self.below)

@@ -1,11 +1,18 @@
-"""Settings of the studies: pipelines compare, convergence, ablation, hindcast and forecast_test."""
+"""Settings of the studies, each a pipeline."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from pareto_ltl.settings.checks import LARGEST_SEED, CheckedSettings, check_outline, other_default, setting
+from pareto_ltl.settings.checks import (
+    LARGEST_SEED,
+    CheckedSettings,
+    check_outline,
+    check_time,
+    other_default,
+    setting,
+)
 from pareto_ltl.settings.fidelity import (
     COLLISION_BOUNDS,
     LAWS,
@@ -18,6 +25,7 @@ from pareto_ltl.settings.wind import GP_KERNELS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
+KEEP = ("all", "recommended")  # starts of a departure study whose directories are written
 METHODS = ("paper", "smoothed", "full", "cc_rrt", "ml_rrt", "calm_shortest")
 FACTOR_SECTIONS = {  # sections of the factors of an ablation
     **dict.fromkeys(("trees", "beta", "epsilon", "n_max"), "planner"),
@@ -226,6 +234,83 @@ class HindcastConfig(ForecastTestConfig):
     bins: int = other_default(ForecastTestConfig, "bins", 8)
     fidelities: list[str] = other_default(ForecastTestConfig, "fidelities", list(PRESETS))
     plans: int = other_default(ForecastTestConfig, "plans", 3)
+
+
+@dataclass
+class DepartureConfig(CheckedSettings):
+    """Starts that pipelines=departure plans and compares (docs/departure.md)."""
+
+    section: ClassVar[str] = "departure"
+    starts: list[Any] = setting([], "departure times, ISO 8601 UTC; empty: set by first, last and every")
+    first: str | None = setting(None, "earliest start; null: mission.start_time, else the first wind time")
+    last: str | None = setting(None, "latest start; null: the last wind time")
+    every: float | None = setting(
+        None, "time between two starts; null: every wind time", unit="h", above=0, most=1e5
+    )
+    arrive_by: str | None = setting(
+        None, "latest arrival; if set, the latest starts that arrive by this time are planned"
+    )
+    most: int = setting(
+        8, "with arrive_by: number of starts to find that arrive in time", least=1, most=10_000
+    )
+    flights: int = setting(
+        10_000,
+        "fresh flights of each path of the front of each start, used to compare the starts",
+        least=100,
+        most=1e8,
+    )
+    seeds: int = setting(
+        3,
+        "seeds with which a start is planned if it may be the best; 1: the spread between seeds is not known",
+        least=1,
+        most=10,
+    )
+    quick: bool = setting(
+        True,
+        "whether starts are compared with a coarser refinement; the recommended start is then planned "
+        "in full",
+    )
+    keep: str = setting("all", "starts whose results directories are written to starts/", choices=KEEP)
+
+    def check_combinations(self) -> None:
+        """Refuse values that are not times, and starts that are given both as a list and as a range."""
+        for key in ("first", "last", "arrive_by"):
+            check_time(f"departure.{key}", getattr(self, key))
+        for time in self.starts:
+            if not isinstance(time, str):
+                raise ConfigError(
+                    f"departure.starts must be a list of ISO 8601 times, got {shown_value(time)} in it"
+                )
+            check_time("departure.starts", time)
+        if self.starts and (self.first or self.last or self.every):
+            raise ConfigError(
+                "departure.starts lists the starts itself: leave out departure.first, last and every"
+            )
+
+
+@dataclass
+class ReplanningConfig(CheckedSettings):
+    """Flights of pipelines=replanning, with and without new plans on the way (docs/replanning.md)."""
+
+    section: ClassVar[str] = "replanning"
+    flights: int = setting(100, "number of true winds in which the plan is flown", least=1, most=1e6)
+    fixes: list[int] = setting(
+        [1, 2, 4], "numbers of fixes, evenly spaced over the plan: a row for each", least=1, most=1000,
+        distinct=True,
+    )  # fmt: skip
+    every: float | None = setting(
+        None, "time between two fixes, for one row instead of replanning.fixes; null: the rows of "
+        "replanning.fixes, and one with fixes at the landmarks that the plan relies on", unit="h",
+        above=0, most=1e4,
+    )  # fmt: skip
+    fix_sd: float = setting(
+        500.0, "standard deviation of a fix in each direction", unit="m", above=0, most=1e6
+    )
+    forecasts: float | None = setting(
+        None, "time between two newer forecasts, for two further rows, with them alone and with the last "
+        "fixes; null: no such rows", unit="h",
+        above=0, most=1e4,
+    )  # fmt: skip
 
 
 @dataclass
