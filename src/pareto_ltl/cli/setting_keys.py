@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import difflib
 import sys
 import typing
 from dataclasses import is_dataclass
@@ -14,9 +13,10 @@ from hydra.core.override_parser.types import ChoiceSweep, Override, QuotedString
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from pareto_ltl.settings import Settings
+from pareto_ltl.settings.building import settings_of, unknown_setting
 from pareto_ltl.settings.checks import field_kinds
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_text, shown_value
+from pareto_ltl.support.messages import shown_value
 
 GROUPS_WITHOUT_SECTION = ("experiment", "sweep")  # groups without a section of the settings
 
@@ -27,10 +27,8 @@ def settings_from(config: DictConfig) -> Settings:
         config = copy.deepcopy(config)
         with open_dict(config):
             del config["hydra"]
-    _refuse_extra_keys(config, Settings, "")
-    settings = OmegaConf.to_object(config)
-    assert isinstance(settings, Settings)
-    return settings
+    values: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    return settings_of(values)
 
 
 def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
@@ -50,7 +48,7 @@ def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
         types = field_kinds(typing.cast(type, known))
         if part not in types:
             groups = [] if section else [g for g in GROUPS_WITHOUT_SECTION if loader.get_group_options(g)]
-            raise _unknown_setting(section, part, [*types, *groups])
+            raise unknown_setting(section, part, [*types, *groups])
         known, section = types[part], f"{section}{part}."
 
 
@@ -75,20 +73,3 @@ def _refuse_odd_choice(override: Override, choices: list[str]) -> None:
         if not isinstance(one, str | list | QuotedString):
             key = override.key_or_group
             raise ConfigError(f"{key} must be one of {names} (a choice), got {shown_value(one)}")
-
-
-def _refuse_extra_keys(config: DictConfig, schema: Any, section: str) -> None:
-    """Raise ConfigError for keys that the schema lacks: Hydra lets ``+`` and files add them."""
-    types = field_kinds(schema)
-    for key, inner in config.items_ex(resolve=False):
-        if key not in types:
-            raise _unknown_setting(section, str(key), list(types))
-        if is_dataclass(types[str(key)]) and isinstance(inner, DictConfig):
-            _refuse_extra_keys(inner, types[str(key)], f"{section}{key}.")
-
-
-def _unknown_setting(section: str, part: str, known: list[str]) -> ConfigError:
-    known = list(dict.fromkeys(known))  # sweep is a group and a section
-    near = next(iter(difflib.get_close_matches(part, known, n=1)), None)
-    hint = f"did you mean {section}{near}?" if near else f"there are {', '.join(known)}"
-    return ConfigError(f"unknown setting {shown_text(section + part)}; {hint}")
