@@ -1,1 +1,1 @@
-"""What Hydra finds: the sweeper that does no job twice, a launcher for Dask, and folders of other packages."""
+"""What Hydra finds: a sweeper that does no job twice, a launcher for Dask, folders of other packages."""

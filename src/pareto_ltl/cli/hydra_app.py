@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -15,7 +16,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from pareto_ltl.cli.command_table import PipelineCommand, command_named
+from pareto_ltl.cli.command_table import COMMANDS, PIPELINE_COMMANDS, PipelineCommand, command_named
 from pareto_ltl.cli.composition import (
     ComposedHydra,
     check_settings,
@@ -39,6 +40,9 @@ if TYPE_CHECKING:
     from pareto_ltl.studies.sweeps.summary import SweepSummary
 
 
+SETTINGS_WORDS = {"sweep", *(command.name for command in PIPELINE_COMMANDS)}  # settings follow these commands
+
+
 def run_hydra(argv: Sequence[str], command: str | None = None, output: Output = Output.TEXT) -> int:
     """Run the command line ``argv`` after ``command``; return the exit code.
 
@@ -56,8 +60,6 @@ def _run_arguments(argv: Sequence[str], command: str | None, output: Output) -> 
         print(_help_for(arguments, command))
         return 0
     if arguments.shell_completion:
-        from pareto_ltl.cli.completion import complete_shell
-
         return complete_shell(arguments)
     if arguments.hydra_help or arguments.cfg or arguments.info:
         with opened_hydra(arguments) as hydra:
@@ -113,6 +115,46 @@ def _show_configuration(hydra: ComposedHydra, arguments: argparse.Namespace) -> 
         hydra.show_cfg(name, arguments.overrides, arguments.cfg, arguments.package, arguments.resolve)
     else:
         hydra.show_info(arguments.info, name, arguments.overrides)
+
+
+# --- tab completion --------------------------------------------------------------------------
+
+
+def complete_shell(arguments: argparse.Namespace) -> int:
+    """Install, remove or answer tab completion: ``-sc install=bash``, ``-sc query=bash``; return 0."""
+    asked = [word.partition("=")[0] for word in arguments.overrides]
+    if asked not in (["install"], ["uninstall"], ["query"]):
+        raise ConfigError(
+            "-sc needs install=SHELL, uninstall=SHELL or query=SHELL; SHELL is bash, zsh or fish"
+        )
+    sys.argv[:1] = ["pareto-ltl"]  # the program that Hydra completes, also under python -m
+    if asked != ["query"]:
+        with opened_hydra(arguments) as hydra:
+            hydra.shell_completion(config_name(arguments), arguments.overrides)
+        return 0
+    with suppress(*CONFIGURATION_ERRORS):  # a line that cannot be read has no completion
+        _complete_line(arguments)
+    return 0
+
+
+def _complete_line(arguments: argparse.Namespace) -> None:
+    """Print the words that can follow the line in ``COMP_LINE``."""
+    line = os.environ.get("COMP_LINE", "")
+    words = line.split()[1:]
+    last = words.pop() if words and not line.endswith(" ") else ""
+    if not words:
+        found = [command.name for command in COMMANDS if command.name.startswith(last)]
+        print("\n".join(found))
+    elif words[0] in SETTINGS_WORDS:
+        words = words[1:]
+    elif words[0] in {command.name for command in COMMANDS}:
+        return
+    typed = parse_flags(words)
+    mode = ["-m"] if typed.multirun else []
+    os.environ["COMP_LINE"] = " ".join(["pareto-ltl", *mode, *typed.overrides, last])
+    arguments.config_dir = typed.config_dir
+    with opened_hydra(arguments) as hydra:
+        hydra.shell_completion(config_name(arguments), arguments.overrides)
 
 
 # --- jobs ------------------------------------------------------------------------------------
