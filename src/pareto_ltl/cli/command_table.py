@@ -12,15 +12,8 @@ from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pareto_ltl.cli.arguments import (
-    accepted,
-    read_fix,
-    read_formats,
-    read_length,
-    read_metres,
-    read_number,
-    read_share,
-)
+from pareto_ltl.cli import arguments as read
+from pareto_ltl.cli.arguments import accepted
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
@@ -121,7 +114,7 @@ PIPELINE_COMMANDS = (
     PipelineCommand("ingest", "wind files to one small table of readings", ("ingest", "wind")),
 )
 DIR = argument("directory", "DIR", "for example outputs/phi2/2026-01-31_12-00-00", type=Path)
-POINT = argument("--point", "N", "path number N of front.csv; default: the plan", type=read_number)
+POINT = argument("--point", "N", "path number N of front.csv; default: the plan", type=read.read_number)
 PORT = accepted(int, lambda port: 0 <= port <= 65_535, "a port, 0 to 65535")
 TOOL_COMMANDS = (
     ToolCommand(
@@ -164,14 +157,14 @@ TOOL_COMMANDS = (
             DIR,
             (
                 argument("--failure", "P", "the shortest path with at most this failure rate: 0.02 or 2%%",
-                         type=read_share),
+                         type=read.read_share),
                 argument("--energy", "P", "the path with the least energy and at most this failure rate: "
-                         "0.02 or 2%%", type=partial(read_share, flag="--energy")),
+                         "0.02 or 2%%", type=partial(read.read_share, flag="--energy")),
                 argument("--length", "L", "the safest path of at most this length: 1900km, 1.9e6 (m), "
-                         "1020nmi", type=read_length),
+                         "1020nmi", type=read.read_length),
                 flag("--knee", "the knee of the front: beyond it, a lower failure rate costs the most "
                      "length"),
-                argument("--point", "N", "path number N of front.csv", type=read_number),
+                argument("--point", "N", "path number N of front.csv", type=read.read_number),
                 argument("--rule", "NAME", "the path that this rule picks, one of selection.rule; also of "
                          "another package"),
             ),
@@ -189,12 +182,12 @@ TOOL_COMMANDS = (
         (
             DIR,
             POINT,
-            argument("--formats", "A,B", "default: the formats of the run", type=read_formats),
+            argument("--formats", "A,B", "default: the formats of the run", type=read.read_formats),
             argument("--to", "DIR2", "default: DIR/exports, or DIR/exports_point_N", type=Path),
             argument("--altitude", "M", "height above the start [m]; default: the height of the wind",
-                     type=partial(read_metres, "--altitude")),
+                     type=partial(read.read_metres, "--altitude")),
             argument("--between", ("LOW", "HIGH"), "heights above the WGS 84 ellipsoid [m], for f3548",
-                     nargs=2, type=partial(read_metres, "--between")),
+                     nargs=2, type=partial(read.read_metres, "--between")),
         ),
     ),
     ToolCommand(
@@ -244,7 +237,7 @@ TOOL_COMMANDS = (
                      "is the time of the last fix"),
             argument("--fix", "LAT,LON,SD", "measured position [deg] and its standard deviation [m]; X,Y,SD "
                      "[m] on a map without a place on Earth; write --fix=... if the first number is negative",
-                     type=read_fix),
+                     type=read.read_fix),
             argument("--fixes", "FILE.csv", "several fixes: columns time,lat,lon,sd_m or time,x,y,sd_m, with "
                      "times as for --time", type=Path),
             argument("--wind", "PATH", "a newer forecast for the rest of the flight: a file or folder for "

@@ -213,21 +213,16 @@ class HydraJob:
             with collected_warnings() as warnings:
                 quiet = ProgressBar(shown=False) if self.output is Output.QUIET else None
                 metrics = run_claimed(checked, directory, self.argv, _task_overrides(), quiet)
-        except CONFIGURATION_ERRORS as error:
-            gone = isinstance(error, ConfigError | DataError | FormulaError) and not _chosen_directory()
-            place = "" if gone and discard_try(directory) else f" [{shown}]"
-            return self._fails(f"{explain_error(error)}{place}", 2)
         except Exception as error:
-            log = shown / "run.log"
-            return self._fails(f"{one_line(error)} (this is a bug; the traceback is in {log})", 1)
+            before_stages = isinstance(error, ConfigError | DataError | FormulaError)
+            gone = before_stages and not _chosen_directory() and discard_try(directory)
+            line, code = _failure(error, shown, kept=not gone)
+            print_problem(line)
+            self.answer = Answer({"error": line})
+            return code
         verbose = self.output is Output.VERBOSE
         self.answer = run_answer(checked.settings, shown, metrics, warnings, verbose=verbose)
         return 0
-
-    def _fails(self, line: str, code: int) -> int:
-        print_problem(line)
-        self.answer = Answer({"error": line})
-        return code
 
     def _sweep_job(self, config: DictConfig) -> int:
         """Run one job of a sweep, unless it has its answer; print one line about it."""
@@ -248,14 +243,18 @@ class HydraJob:
             print(f"{told}: {ended}", flush=True)
         except InfeasibleError:
             print(f"{told}: infeasible", flush=True)  # an answer; the table has the reason
-        except CONFIGURATION_ERRORS as error:
-            print_problem(f"{told}: {explain_error(error)} [{_relative_path(directory)}]")
-            return 2
         except Exception as error:
-            log = _relative_path(directory) / "run.log"
-            print_problem(f"{told}: {one_line(error)} (this is a bug; the traceback is in {log})")
-            return 1
+            line, code = _failure(error, _relative_path(directory))
+            print_problem(f"{told}: {line}")
+            return code
         return 0
+
+
+def _failure(error: Exception, place: Path, *, kept: bool = True) -> tuple[str, int]:
+    """The line for an error of a run in ``place``, and its exit code; ``kept``: whether ``place`` remains."""
+    if isinstance(error, CONFIGURATION_ERRORS):
+        return f"{explain_error(error)} [{place}]" if kept else explain_error(error), 2
+    return f"{one_line(error)} (this is a bug; the traceback is in {place / 'run.log'})", 1
 
 
 def _chosen_directory() -> bool:

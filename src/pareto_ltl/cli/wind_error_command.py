@@ -13,6 +13,7 @@ from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.readings import HOUR
 
 if TYPE_CHECKING:
+    from pareto_ltl.wind.area import GeoBox
     from pareto_ltl.wind.block_bootstrap import Interval, Resampling
     from pareto_ltl.wind.error_estimate import ErrorEstimate, ErrorTable
     from pareto_ltl.wind.forecast_error import ForecastError
@@ -27,22 +28,27 @@ def wind_error(options: Namespace) -> Answer:
     area = outline_of(options.area)
     files = _files_in(options.folder)
     _check_out(options.out, options.folder)
-    reports = _station_files(options.stations)
+    for file in options.stations:
+        if not file.is_file():
+            raise ConfigError(f"--stations {file}: there is no such file; name tables of METAR reports")
+    import numpy as np
 
     from pareto_ltl.report.wind_error import draw_wind_error
     from pareto_ltl.support.files import write_json
+    from pareto_ltl.wind.area import box_of
     from pareto_ltl.wind.block_bootstrap import Resampling
     from pareto_ltl.wind.error_document import error_document, estimated_law
     from pareto_ltl.wind.error_estimate import estimate_errors
     from pareto_ltl.wind.forecast_error import forecast_error_law
 
-    snapshots = _snapshots(files, options.level, area)
+    box = None if area is None else box_of(np.array(area, float))
+    snapshots = _snapshots(files, options.level, box)
     draws = Resampling(options.seed, options.block)
     estimate = estimate_errors(snapshots, area, draws, HOUR * options.max_lag)
     usual = forecast_error_law("gfs", "gfs")
     law = estimated_law(estimate, options.name or options.folder.resolve().name[:LONGEST_NAME], usual)
-    told = _told_by_stations(snapshots, reports, area, draws)
-    document = error_document(estimate, law, usual.name, (*files, *reports), told)
+    told = _told_by_stations(snapshots, options.stations, box, draws)
+    document = error_document(estimate, law, usual.name, (*files, *options.stations), told)
     write_json(options.out, document)
     drawn = draw_wind_error(options.out.parent, options.out.stem, estimate, law, usual)
     written = (options.out, *drawn)
@@ -102,44 +108,24 @@ def _files_in(folder: Path) -> tuple[Path, ...]:
     return files
 
 
-def _snapshots(
-    files: tuple[Path, ...], level: str, area: Sequence[Sequence[float]] | None
-) -> tuple[Snapshot, ...]:
-    import numpy as np
-
+def _snapshots(files: tuple[Path, ...], level: str, box: GeoBox | None) -> tuple[Snapshot, ...]:
     from pareto_ltl.settings import WindConfig
-    from pareto_ltl.wind.area import box_of
     from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
 
-    box = None if area is None else box_of(np.array(area, float))
     return grib_snapshots_apart(files, WindConfig().max_speed, level, box).winds
 
 
-def _station_files(named: Sequence[Path]) -> tuple[Path, ...]:
-    for file in named:
-        if not file.is_file():
-            raise ConfigError(f"--stations {file}: there is no such file; name tables of METAR reports")
-    return tuple(named)
-
-
 def _told_by_stations(
-    snapshots: Sequence[Snapshot],
-    files: tuple[Path, ...],
-    area: Sequence[Sequence[float]] | None,
-    draws: Resampling,
+    snapshots: Sequence[Snapshot], files: Sequence[Path], box: GeoBox | None, draws: Resampling
 ) -> dict[str, float] | str:
     """The error of analyses from station reports, or why it is not known."""
     if not files:
         return "not estimated: no station reports were given (--stations)"
-    import numpy as np
-
     from pareto_ltl.settings import WindConfig
     from pareto_ltl.wind.analysis_error import analysis_error
-    from pareto_ltl.wind.area import box_of
     from pareto_ltl.wind.sources.station_files import read_station_files
 
-    box = None if area is None else box_of(np.array(area, float))
-    found = analysis_error(snapshots, read_station_files(files, WindConfig().max_speed, box), draws)
+    found = analysis_error(snapshots, read_station_files(tuple(files), WindConfig().max_speed, box), draws)
     return found if isinstance(found, str) else found.document()
 
 
