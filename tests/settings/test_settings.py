@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
 import pytest
@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from pareto_ltl import settings as package
-from pareto_ltl.settings import PRESETS, FidelityConfig, SelectionConfig, Settings, as_dict, preset
+from pareto_ltl.settings import PRESETS, FidelityConfig, SelectionConfig, Settings, preset
 from pareto_ltl.settings.checks import CheckedSettings, Declaration, check_value, declarations
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices, resource_folder
@@ -190,4 +190,4 @@ def test_two_settings_share_no_list() -> None:
     one.robot.a[0][0] = 2.0
     one.hindcast.area[0][0] = 0.0
     assert two == Settings()
-    assert as_dict(two) != as_dict(one)
+    assert asdict(two) != asdict(one)

@@ -195,33 +195,32 @@ def composed_config(hydra: ComposedHydra, arguments: argparse.Namespace, mode: R
 
 
 @dataclass(frozen=True, slots=True)
-class PreparedRun:
-    """One run: its settings and stages, made and checked once."""
+class Prepared:
+    """A run or a sweep, made and checked once.
+
+    Attributes
+    ----------
+    config : DictConfig
+        The composed configuration.
+    pipeline : Pipeline or None
+        Settings and stages of a run; None for a sweep, whose jobs make theirs.
+    """
 
     config: DictConfig
-    pipeline: Pipeline
+    pipeline: Pipeline | None = None
 
     def start(self, hydra: ComposedHydra, name: str, job: TaskFunction) -> None:
-        """Let Hydra call ``job`` in the results directory, which is locked for this run."""
+        """Let Hydra call ``job``: for a run in its directory, which is locked for it, else for each point."""
+        if self.pipeline is None:
+            hydra.multirun(config_name=name, task_function=job, overrides=[])
+            return
         directory = Path(str(self.config.hydra.run.dir))
         OmegaConf.update(self.config, "hydra.run.dir", str(directory))  # the same time of day in both
         with claimed_directory(directory, self.pipeline.table.files):
             hydra.run(config_name=name, task_function=job, overrides=[])
 
 
-@dataclass(frozen=True, slots=True)
-class PreparedSweep:
-    """Many runs: each job makes its settings."""
-
-    config: DictConfig
-    pipeline: None = None
-
-    def start(self, hydra: ComposedHydra, name: str, job: TaskFunction) -> None:
-        """Run the sweeper and the launcher of the configuration."""
-        hydra.multirun(config_name=name, task_function=job, overrides=[])
-
-
-def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> PreparedRun | PreparedSweep:
+def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> Prepared:
     """Compose the configuration of the command line and run every check; nothing is written.
 
     For a sweep, the first and the last point are checked here; its sweeper checks all.
@@ -241,7 +240,7 @@ def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> PreparedRun 
         raise ConfigError("hydra.run.dir is empty: name a folder for the results, or leave it out")
     if config.hydra.mode is None:
         _pin(config, "hydra.mode", RunMode.RUN.name)
-    return PreparedRun(config, checked)
+    return Prepared(config, checked)
 
 
 def check_settings(settings: Settings) -> Pipeline:
@@ -251,7 +250,7 @@ def check_settings(settings: Settings) -> Pipeline:
 
 def _prepare_sweep(
     hydra: ComposedHydra, arguments: argparse.Namespace, config: DictConfig, overrides: Sequence[Override]
-) -> PreparedSweep:
+) -> Prepared:
     _check_launcher(config)
     grid = [*parsed_overrides(hydra.config_loader, _grid_of(config)), *overrides]
     grid = list({override.get_key_element(): override for override in grid}.values())  # the last one counts
@@ -272,7 +271,7 @@ def _prepare_sweep(
     _pin(config, "hydra.sweep.dir", place, written=f"'{place}'")
     if config.hydra.mode != RunMode.MULTIRUN:
         _pin(config, "hydra.mode", RunMode.MULTIRUN.name)
-    return PreparedSweep(config)
+    return Prepared(config)
 
 
 def _pin(config: DictConfig, key: str, value: str, written: str | None = None) -> None:

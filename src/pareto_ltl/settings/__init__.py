@@ -7,8 +7,7 @@ and meaning (:func:`pareto_ltl.settings.checks.setting`). ``cli`` turns a compos
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 from pareto_ltl.settings.checks import LARGEST_SEED, CheckedSettings, check_folder_name, setting
 from pareto_ltl.settings.checks import declarations as declarations
@@ -90,8 +89,3 @@ class Settings(CheckedSettings):
     def border(self) -> str:
         """``wall`` if leaving the map is a failure, else ``open``; a map file may set it differently."""
         return self.fidelity.border if self.scene.border == "auto" else self.scene.border
-
-
-def as_dict(settings: Any) -> dict[str, Any]:
-    """Settings, or one section of them, as nested dictionaries and lists that YAML and JSON can hold."""
-    return asdict(settings)
