@@ -45,6 +45,7 @@ from pareto_ltl.settings.studies import (
 from pareto_ltl.settings.wind import WindConfig, usual_level
 from pareto_ltl.settings.world import MissionConfig, SceneConfig
 from pareto_ltl.settings.world import RandomSceneConfig as RandomSceneConfig
+from pareto_ltl.support.medium import WATER, Medium, medium_of
 
 
 @dataclass
@@ -89,3 +90,8 @@ class Settings(CheckedSettings):
     def border(self) -> str:
         """``wall`` if leaving the map is a failure, else ``open``; a map file may set it differently."""
         return self.fidelity.border if self.scene.border == "auto" else self.scene.border
+
+    @property
+    def medium(self) -> Medium:
+        """Water for a current, whose level may lack the word depth, and for a robot at a depth; else air."""
+        return WATER if self.wind.source == "currents" else medium_of(self.robot.level, self.wind.level)
