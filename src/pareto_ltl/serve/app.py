@@ -27,7 +27,7 @@ from pareto_ltl.serve.folder import DeskFolder
 from pareto_ltl.serve.plans import Job, Plans
 from pareto_ltl.serve.server import Guard, loopback_server
 from pareto_ltl.support.errors import ConfigError, DataError, ParetoLtlError
-from pareto_ltl.support.reading import shown_json
+from pareto_ltl.support.reading import read_json, shown_json
 
 MOST_TIME = 1e8  # [s] after departure
 GRACE = 2  # [s] for open streams when the server ends
@@ -204,8 +204,8 @@ def plan_beacons(asked: Asked) -> Answer:
 
 @operation("GET", PLAN + "/departures")
 def plan_departures(asked: Asked) -> Answer:
-    """Failure of each start at common lengths."""
-    return views.departures_view(asked.done)
+    """Starts, common lengths [m] and failure of each start at them."""
+    return read_json(asked.done / "departures.json")
 
 
 @operation("GET", PLAN + "/exports/{kind}")
