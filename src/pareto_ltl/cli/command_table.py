@@ -76,43 +76,27 @@ class ToolCommand(Command):
 
 
 PIPELINE_COMMANDS = (
-    PipelineCommand(
-        "plan", "plan a mission, simulate the plan and draw it", ("mission", "planner", "selection")
-    ),
+    PipelineCommand("plan", "plan a mission, simulate the plan and draw it",
+                    ("mission", "planner", "selection")),
     PipelineCommand("compare", "several planners in the same winds", ("compare", "evaluation")),
-    PipelineCommand(
-        "convergence", "bound and simulated failure as the trees grow", ("convergence", "evaluation")
-    ),
+    PipelineCommand("convergence", "bound and simulated failure as the trees grow",
+                    ("convergence", "evaluation")),
     PipelineCommand("ablation", "one setting changed at a time", ("ablation", "evaluation")),
-    PipelineCommand(
-        "hindcast",
-        "a test of interpolation: plans from few readings, flown in full fields",
-        ("hindcast", "evaluation"),
-    ),
-    PipelineCommand(
-        "forecast_test", "plans made hours ahead, flown through later winds", ("forecast_test", "evaluation")
-    ),
-    PipelineCommand(
-        "departure",
-        "the mission planned for many departure times, which are compared",
-        ("departure", "evaluation"),
-    ),
-    PipelineCommand(
-        "replanning",
-        "a plan flown in true winds, with and without replanning at each fix",
-        ("replanning", "evaluation"),
-    ),
-    PipelineCommand(
-        "replan_test",
-        "random missions flown through later winds, with and without replanning",
-        ("replanning", "forecast_test", "evaluation"),
-    ),
+    PipelineCommand("hindcast", "a test of interpolation: plans from few readings, flown in full fields",
+                    ("hindcast", "evaluation")),
+    PipelineCommand("forecast_test", "plans made hours ahead, flown through later winds",
+                    ("forecast_test", "evaluation")),
+    PipelineCommand("departure", "the mission planned for many departure times, which are compared",
+                    ("departure", "evaluation")),
+    PipelineCommand("replanning", "a plan flown in true winds, with and without replanning at each fix",
+                    ("replanning", "evaluation")),
+    PipelineCommand("replan_test", "random missions flown through later winds, with and without replanning",
+                    ("replanning", "forecast_test", "evaluation")),
     PipelineCommand("sitl", "a plan flown by an independent aircraft, JSBSim, in the same winds", ("sitl",)),
-    PipelineCommand(
-        "wind", "the wind over a map and its standard deviation, without a plan", ("wind", "scene")
-    ),
+    PipelineCommand("wind", "the wind over a map and its standard deviation, without a plan",
+                    ("wind", "scene")),
     PipelineCommand("ingest", "wind files to one small table of readings", ("ingest", "wind")),
-)
+)  # fmt: skip
 DIR = argument("directory", "DIR", "for example outputs/phi2/2026-01-31_12-00-00", type=Path)
 POINT = argument("--point", "N", "path number N of front.csv; default: the plan", type=read.read_number)
 PORT = accepted(int, lambda port: 0 <= port <= 65_535, "a port, 0 to 65535")
