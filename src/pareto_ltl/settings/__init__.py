@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from pareto_ltl.settings.checks import LARGEST_SEED, CheckedSettings, check_folder_name, setting
+from pareto_ltl.settings.checks import SEEDS, CheckedSettings, check_folder_name, setting
 from pareto_ltl.settings.checks import declarations as declarations
 from pareto_ltl.settings.fidelity import PRESETS as PRESETS
 from pareto_ltl.settings.fidelity import FidelityConfig
@@ -53,7 +53,7 @@ class Settings(CheckedSettings):
     """All settings of a run, one section for each part of the program."""
 
     name: str = setting("plan", "name of the run, and of the folder of its results")
-    seed: int = setting(0, "seed of all random numbers except in random maps", least=0, most=LARGEST_SEED)
+    seed: int = setting(0, "seed of all random numbers except in random maps", SEEDS)
     fidelity: FidelityConfig = field(default_factory=FidelityConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
     mission: MissionConfig = field(default_factory=MissionConfig)

@@ -26,7 +26,7 @@ KIND_TEXTS = {int: "a whole number", float: "a number", str: "text", bool: "true
 ITEM_TEXTS = {int: "whole numbers", float: "numbers", str: "texts"}
 DECLARED = "declared"  # key of a field's metadata
 FIRST_YEAR, LAST_YEAR = 1900, 2200  # of a departure or a wind time; any other year is an error of the user
-LARGEST_SEED = 2**63 - 1
+SEEDS = f"[0, {2**63 - 1}]"
 FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}(?<!\.)")  # Windows drops a dot at the end
 DEVICES = ("con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(10)))
 
@@ -99,10 +99,8 @@ class Declaration:
 
     Attributes
     ----------
-    least, most : float or None
-        Smallest and largest value, both allowed.
-    above, below : float or None
-        Limits that are excluded.
+    within : str
+        The allowed numbers as an interval, ``[a, b]``, ``(a, b)`` without its ends or ``(0, b]``; empty: all.
     distinct : bool
         The setting is a list that must not be empty and must not hold a value twice.
     remark : str
@@ -114,11 +112,8 @@ class Declaration:
     """
 
     meaning: str
+    within: str = ""
     unit: str | None = None
-    least: float | None = None
-    most: float | None = None
-    above: float | None = None
-    below: float | None = None
     choices: tuple[str, ...] = ()
     distinct: bool = False
     remark: str = ""
@@ -134,17 +129,18 @@ class Declaration:
         return " or ".join([self._number_range(), *self.words])
 
     def _number_range(self) -> str:
-        remark = f" ({self.remark})" if self.remark else ""
         if self.choices:
             return f"one of {', '.join(self.all_choices())}"
-        if self.above is not None and self.below is not None:
-            return f"between {self.above:g} and {self.below:g}, both excluded{remark}"
-        if self.least is not None and self.most is not None:
-            return f"in [{limit_text(self.least)}, {limit_text(self.most)}]{remark}"
-        if self.above == 0:
-            upper = "" if self.most is None else f" and at most {limit_text(self.most)}"
-            return f"positive{upper}{remark}"
-        return f"at least {limit_text(self.least)}{remark}" if self.least is not None else ""
+        if not self.within:
+            return ""
+        low, high = map(limit_text, interval_ends(self.within))
+        texts = {
+            "()": f"between {low} and {high}, both excluded",
+            "[]": f"in [{low}, {high}]",
+            "(]": f"positive and at most {high}",
+        }
+        text = texts[self.within[0] + self.within[-1]]
+        return f"{text} ({self.remark})" if self.remark else text
 
     def demand(self) -> str:
         """The range as it follows "must" in an error message, e.g. "be positive [s]"."""
@@ -164,12 +160,11 @@ class Declaration:
             return value in self.choices or value in self.all_choices()
         if not self.range_text() or (isinstance(value, str) and value in self.words):
             return True
-        return is_finite(value) and (
-            (self.least is None or value >= self.least)
-            and (self.most is None or value <= self.most)
-            and (self.above is None or value > self.above)
-            and (self.below is None or value < self.below)
-        )
+        if not is_finite(value) or not self.within:
+            return is_finite(value)
+        low, high = interval_ends(self.within)
+        above = value >= low if self.within[0] == "[" else value > low
+        return above and (value <= high if self.within[-1] == "]" else value < high)
 
 
 def is_number(value: Any) -> bool:
@@ -187,9 +182,16 @@ def limit_text(limit: float) -> str:
     return f"{limit:.10g}" if abs(limit) <= 1e6 else f"{limit:g}".replace("e+0", "e").replace("e+", "e")
 
 
-def setting(default: Any, meaning: str, **limits: Any) -> Any:
-    """A dataclass field with default, meaning and ``limits`` (the attributes of :class:`Declaration`)."""
-    return _declared_field(default, Declaration(meaning, **limits))
+@lru_cache
+def interval_ends(text: str) -> tuple[float, float]:
+    """The ends of an interval such as ``[0, 1e6]``; whole numbers are exact."""
+    low, high = (int(end) if end.isdigit() else float(end) for end in text[1:-1].split(", "))
+    return low, high
+
+
+def setting(default: Any, meaning: str, within: str = "", **more: Any) -> Any:
+    """A dataclass field with a default; the others are the attributes of :class:`Declaration`."""
+    return _declared_field(default, Declaration(meaning, within, **more))
 
 
 def other_default(section: type[CheckedSettings], name: str, default: Any) -> Any:
