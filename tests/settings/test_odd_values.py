@@ -17,8 +17,7 @@ from hydra.errors import ConfigCompositionException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
-from pareto_ltl.cli.setting_keys import settings_from
+from pareto_ltl.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, settings_from
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.settings.checks import check_folder_name, check_time, field_kinds, fits_kind, kind_problem

@@ -26,9 +26,8 @@ from pareto_ltl.cli.composition import (
     parse_flags,
     prepare,
 )
-from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
 from pareto_ltl.cli.output import Answer, Output, answered, collected_warnings, print_problem, run_reported
-from pareto_ltl.cli.setting_keys import settings_from
+from pareto_ltl.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, settings_from
 from pareto_ltl.run.directory import discard_try
 from pareto_ltl.run.pipeline import Pipeline, run_claimed
 from pareto_ltl.run.progress import ProgressBar
