@@ -26,7 +26,7 @@ class Argument(NamedTuple):
     options: Mapping[str, Any]
 
 
-def argument(name: str, metavar: str | None, meaning: str, **options: Any) -> Argument:
+def argument(name: str, metavar: str | tuple[str, ...] | None, meaning: str, **options: Any) -> Argument:
     """An argument with a value."""
     return Argument(name, {"metavar": metavar, "help": meaning, **options})
 
