@@ -127,7 +127,7 @@ def settings_files(place: Path) -> Fuzz:
 
 def _compose(words: Sequence[str]) -> object:
     from pareto_ltl.cli.composition import opened_hydra, parse_flags, prepare
-    from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
+    from pareto_ltl.cli.setting_keys import CONFIGURATION_ERRORS, explain_error
 
     try:
         arguments = parse_flags(words)
@@ -161,8 +161,7 @@ def _command_lines() -> st.SearchStrategy[list[str]]:
 def command_words(place: Path) -> Fuzz:
     """Checks of words that do not compose the configuration, which would take 0.1 s."""
     from pareto_ltl.cli import composition
-    from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
-    from pareto_ltl.cli.setting_keys import refuse_unknown_key
+    from pareto_ltl.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, refuse_unknown_key
 
     with composition.opened_hydra(composition.parse_flags([])) as hydra:
         loader = hydra.config_loader
