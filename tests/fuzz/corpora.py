@@ -21,7 +21,7 @@ from pareto_ltl.planning.records import (
     Promise,
     Tree,
 )
-from pareto_ltl.run import results
+from pareto_ltl.run import plan_files, record_files
 from pareto_ltl.settings import Settings, as_dict, preset
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.studies.sweeps.manifest import SweepManifest, SweepPoint
@@ -175,24 +175,24 @@ def wind() -> WindField:
 def write_run(place: Path, seed: int = 0) -> None:
     """A results directory of small records."""
     place.mkdir(parents=True)
-    results.write_scene(place, scene())
-    results.write_decomposition(place, decompose(scene()))
-    results.write_automaton(place, translate("F(a & F b)", [(), ("a",), ("b",)]))
+    record_files.write_scene(place, scene())
+    record_files.write_cells(place, decompose(scene()))
+    record_files.write_automaton(place, translate("F(a & F b)", [(), ("a",), ("b",)]))
     write_netcdf(wind(), place / "wind.nc", scene())
-    results.write_forest(place, Forest((tree(), tree()), np.array([[0, 3], [1, 2]]), 0.0))
+    record_files.write_forest(place, Forest((tree(), tree()), np.array([[0, 3], [1, 2]]), 0.0))
     rate, flown = FailureRate("coherent", 0.15, 0.13, 0.17, 20), flight()
     front = Front(
         (flown, flight(2)), (flown.objectives,), 0.5, np.ones(2), (rate, rate), (rate,),
         failed=np.zeros((2, 20), bool), models=preset("full"),
     )  # fmt: skip
-    results.write_front(place, front)
+    plan_files.write_front(place, front)
     told = ("F(a & F b)", ("a", "b"), 1800.0, 30.0, 0.05, "full", "threshold", (0.5, 0.25, 0.25))
     known = navigate(scene(), flown.t, flown.x, flown.u)
     made = Plan(flown, *told, {"alpha": 0.1}, Promise(rate, rate, 0.1, 0.2, False), known)
-    results.write_plan(place, made)
+    plan_files.write_plan(place, made)
     x = np.zeros((5, 4, 2))
     flags = x[:, 0, 0] == 0, x[:, 0, 1] > 0, x[:, 0, 1] < 0
-    results.write_deployments(place, {"coherent": Deployment("coherent", x, *flags)})
+    record_files.write_deployments(place, {"coherent": Deployment("coherent", x, *flags)})
     (place / "config_resolved.yaml").write_text(yaml.safe_dump(settings(), sort_keys=False))
     record = {"status": "ok", "error": None, "measured": True, "argv": ["+experiment=phi1"], "inputs": {}}
     record |= {

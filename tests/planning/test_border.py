@@ -21,7 +21,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.planning.selection import tree_front
-from pareto_ltl.run.results import read_deployments, write_deployments
+from pareto_ltl.run.record_files import read_deployments, write_deployments
 from pareto_ltl.settings import (
     FidelityConfig,
     PlannerConfig,

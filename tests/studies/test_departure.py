@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.run.interface import choose
+from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.results import Results
 from pareto_ltl.settings import DepartureConfig, Settings
 from pareto_ltl.studies.departure import repeat_seed

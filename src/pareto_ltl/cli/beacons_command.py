@@ -27,10 +27,9 @@ def beacons_command(argv: Sequence[str]) -> Answer:
     if not options.directory.is_dir():
         raise DataError(f"{options.directory}: no such folder; give a results directory")
     from pareto_ltl.run.beacons import beacon_document, beacon_lines, beacons, write_beacons
-    from pareto_ltl.run.exporting import run_with_plan
-    from pareto_ltl.run.interface import PlanningResult
+    from pareto_ltl.run.results import PlanningResult, planned_run
 
-    run = run_with_plan(options.directory)
+    run = planned_run(options.directory)
     found = beacons(
         PlanningResult(run), radius=options.radius, number=options.number, flights=options.flights
     )

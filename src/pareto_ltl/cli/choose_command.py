@@ -63,9 +63,9 @@ def choose_command(argv: Sequence[str]) -> Answer:
 def _choose(options: argparse.Namespace, argv: Sequence[str]) -> Answer:
     from pareto_ltl.cli.summary import run_answer
     from pareto_ltl.cli.warning_lines import collected_warnings
-    from pareto_ltl.run.choosing import Choice, choose_from_results, default_place
-    from pareto_ltl.run.interface import load_results
+    from pareto_ltl.run.choosing import Choice, chosen_run, default_place
     from pareto_ltl.run.metrics import run_metrics
+    from pareto_ltl.run.results import load_results
     from pareto_ltl.studies.stages import application_stages
 
     choice = Choice(
@@ -80,7 +80,7 @@ def _choose(options: argparse.Namespace, argv: Sequence[str]) -> Answer:
     place = options.out or default_place(results.directory, choice)
     table = application_stages(results.settings)
     with collected_warnings() as warnings:
-        run = choose_from_results(results, choice, table, place, ("pareto-ltl", "choose", *argv))
+        run = chosen_run(results, choice, place, table, ("pareto-ltl", "choose", *argv))
     return run_answer(run.settings, place, run_metrics(run.records, run.seconds), warnings)
 
 

@@ -52,7 +52,7 @@ def _export(options: argparse.Namespace) -> Answer:
         settings |= {"altitude_lower": low, "altitude_upper": high}
     if not options.directory.is_dir():
         raise DataError(f"{options.directory}: no such folder; give a results directory")
-    from pareto_ltl.run.exporting import export
+    from pareto_ltl.run.interface import export
 
     place = options.directory / ("exports" if point is None else f"exports_point_{point}")
     written = export(options.directory, options.to or place, formats, point=point, **settings)

@@ -45,8 +45,7 @@ def replan_command(argv: Sequence[str]) -> Answer:
 
 
 def _replan(options: argparse.Namespace) -> Answer:
-    from pareto_ltl.run.interface import replan
-    from pareto_ltl.run.replan_files import comparison_lines, replan_document
+    from pareto_ltl.run.replanning import comparison_lines, replan, replan_document
 
     if options.time is None and options.fixes is None:
         raise ConfigError(

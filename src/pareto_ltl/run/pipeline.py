@@ -16,18 +16,25 @@ from typing import Any
 
 from pareto_ltl.run import provenance
 from pareto_ltl.run.directory import RUN_LOG, claimed_directory
-from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.run.records import AUTOMATON, FOREST, PLAN, SCENE, RecordKey, Records, T
-from pareto_ltl.run.sizes import check_sizes
-from pareto_ltl.run.stage_table import FIGURES, Progress, Stage, StageInputs, StageTable
+from pareto_ltl.run.progress import ProgressBar, watcher
+from pareto_ltl.run.records import AUTOMATON, DEPLOYMENTS, FOREST, PLAN, SCENE, RecordKey, Records, T
+from pareto_ltl.run.stage_table import FIGURES, Stage, StageInputs, StageTable
 from pareto_ltl.run.stages import PLAN_TABLE
-from pareto_ltl.run.watching import watcher
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.budget import Budget
+from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
+from pareto_ltl.support.memory import require_memory
 from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger("pareto_ltl")
+VERTEX_BYTES = 150  # of a vertex, with fidelity=paper and one obstacle
+POSITION_BYTES = 16
+WRITTEN = 2.0  # copies of the positions while deployments.npz is packed
+STUDIES = (  # in several processes
+    "comparison", "convergence", "ablation", "hindcast", "forecast_test", "departure", "replanning",
+    "replan_test",
+)  # fmt: skip
 
 
 # --- checks before anything is made ------------------------------------------------------------
@@ -128,6 +135,28 @@ def _check_mission(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
     positive(parse(formula))  # the automaton stage gets the same tree from the cache of ``parse``
 
 
+def check_sizes(settings: Settings, stages: Collection[str]) -> None:
+    """Raise ConfigError if the trees or the flights of ``settings`` can never fit into memory.
+
+    ``planning/growth.py`` and ``simulation/flights.py`` check again when map and wind are known and the need
+    is exact.
+    """
+    planner, flights = settings.planner, settings.deployment
+    if any(stage in stages for stage in (FOREST.name, *STUDIES)):
+        jobs = (settings.evaluation.jobs or cores()) if FOREST.name not in stages else 1
+        busy = f" in each of {jobs} processes (evaluation.jobs)" if jobs > 1 else ""
+        trees = f"{planner.trees} trees{busy}"
+        require_memory(
+            jobs * planner.trees * VERTEX_BYTES, "planner.n_max", planner.n_max, trees, "planner.trees"
+        )
+        if "convergence" in stages:
+            sizes = max(settings.convergence.sizes)
+            require_memory(planner.trees * VERTEX_BYTES, "convergence.sizes", sizes, trees, "planner.trees")
+    if DEPLOYMENTS.name in stages:
+        each = 2 * POSITION_BYTES * len(flights.laws) * WRITTEN
+        require_memory(each, "deployment.runs", flights.runs, "the positions of all simulated flights")
+
+
 # --- making ------------------------------------------------------------------------------------
 
 
@@ -166,11 +195,6 @@ class Run:
     def __getitem__(self, key: RecordKey[T]) -> T:
         return self.records[key]
 
-    @property
-    def stage_progress(self) -> Progress | None:
-        """The function to which a stage reports its progress; None if it is not shown."""
-        return self.progress
-
     def make(self, key: RecordKey[T]) -> T:
         """The record of ``key``; if it does not exist, it is made, after the records that it needs."""
         if key not in self.records:
@@ -188,9 +212,7 @@ class Run:
                 record = stage.make(StageInputs(stage, self))
                 self.records[stage.makes] = record
                 if self.directory is not None:
-                    from pareto_ltl.run.results import save_record
-
-                    save_record(self.directory, stage.makes, record)
+                    stage.save(self.directory, record)
                     watcher().made(stage.makes, self.records)
         finally:
             self.seconds[stage.name] = time.perf_counter() - start
@@ -306,9 +328,8 @@ def _end_status(error: BaseException) -> str:
 def _save_given(run: Run, place: Path) -> None:
     """Write the records that were given, so that the directory is complete."""
     for key in run.records:
-        from pareto_ltl.run.results import save_record
-
-        save_record(place, key, run.records[key])
+        if key.name in run.table:
+            run.table.maker_of(key).save(place, run.records[key])
 
 
 def _close(

@@ -1,41 +1,236 @@
-"""The plan on disk: ``plan.json``, whose schema is part of the package, and ``plan.csv``."""
+"""Front, plan and extra paths on disk.
+
+``front.csv`` has the numbers and texts of a :class:`Front` for people, ``front.npz`` its arrays, with all
+that is needed to fly each path. ``plan.json``, whose schema is part of the package, has all of a
+:class:`Plan`, ``plan.csv`` its positions. A file of extra paths (``selection.extra_paths``) is a
+``front.npz``, of which only the positions are read, or one that :func:`write_extra_paths` made.
+"""
 
 from __future__ import annotations
 
+import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pareto_ltl.planning.costs import cost_named, known_costs
 from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.records import (
     RISKS,
     FailureRate,
+    Front,
     Objectives,
     Plan,
     PlannedPath,
     Promise,
 )
-from pareto_ltl.run.file_shape import inside, shaped
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.files import write_csv, write_json
-from pareto_ltl.support.names import joined_names
-from pareto_ltl.support.schemas import read_document
+from pareto_ltl.run.record_files import stored
+from pareto_ltl.settings import models_of
+from pareto_ltl.support.arrays import FloatArray, require_shape
+from pareto_ltl.support.files import write_csv, write_json, write_npz
+from pareto_ltl.support.names import joined_names, split_names
+from pareto_ltl.support.reading import inside, read_text, shaped
 from pareto_ltl.world.navigation import Navigation
 
+RISK_COLUMNS = ("mission_risk", "collision_risk", "mission_risk_ordered", "mission_risk_paper")
+FRONT_HEADER = (
+    "path", "failure", "failure_low", "failure_high", "law", "runs", "length_m", *RISK_COLUMNS, "steps",
+    "duration_s", "order", "origin",
+)  # fmt: skip
+NO_RATE = (math.nan, math.nan, math.nan, "", "")
+PATH_ARRAYS = ("t", "x", "cov", "q", "u")
 PLAN_SCHEMA = "pareto_ltl.plan/2"
 PLAN_SCHEMAS = {
     PLAN_SCHEMA: "plan",
     "pareto_ltl.plan/1": "plan_1",
 }  # identifier in the file: name of the schema file
 TABLE_HEADER = ("step", "t_s", "x_m", "y_m", "u_x_m_s", "u_y_m_s", "cov_xx", "cov_xy", "cov_yy", "q", "label")
+LIMIT_KEYS = tuple(field.name for field in fields(SegmentLimits))  # of each segment
+NAVIGATION_KEYS = tuple(field.name for field in fields(Navigation))
+EXTRA_FILE = "extra_paths.npz"
+ExtraPath = tuple[str, FloatArray]  # how it was made, and its positions (T+1, 2) [m]
+
+
+def _checked(path: PlannedPath, prefix: str = "") -> PlannedPath:
+    """``path``; raises ValueError if the shapes of its arrays do not fit together."""
+    size = len(path.t)
+    shapes = {"x": (size, 2), "cov": (size, 2, 2), "q": (size,), "u": (size - 1, 2)}
+    for name, shape in shapes.items():
+        require_shape(f"{prefix}{name}", getattr(path, name), *shape)
+    if len(path.label) != size:
+        raise ValueError(f"{prefix}label must have {size} entries, got {len(path.label)}")
+    return path
+
+
+# --- front -----------------------------------------------------------------------------------
+
+
+def write_front(directory: Path, front: Front) -> None:
+    """Write ``front.csv`` and ``front.npz``."""
+    rows = [
+        (
+            number,
+            *((r.failure, r.low, r.high, r.law, r.runs) if (r := rate) else NO_RATE),
+            *_length_and_risks(path.objectives),
+            len(path.u),
+            path.t[-1] - path.t[0],
+            path.order,
+            path.origin,
+            *path.objectives.further_costs.values(),
+        )
+        for number, (path, rate) in enumerate(
+            zip(front.paths, front.rates or [None] * len(front.paths), strict=True)
+        )
+    ]
+    further = [cost_named(name).column for path in front.paths[:1] for name in path.objectives.further_costs]
+    write_npz(directory / "front.npz", _front_arrays(front))
+    write_csv(directory / "front.csv", (*FRONT_HEADER, *further), rows)  # where it is, the other one is too
+
+
+def _length_and_risks(o: Objectives) -> list[float]:
+    return [o.length, *(getattr(o, name) for name in RISK_COLUMNS)]
+
+
+def _front_arrays(front: Front) -> dict[str, NDArray[Any]]:
+    arrays: dict[str, NDArray[Any]] = {
+        "fidelity": np.array([front.models.label]),
+        "reference": np.asarray(front.reference, float),
+        "hypervolume": np.array([front.hypervolume]),
+        "raw": np.array([_length_and_risks(o) for o in front.raw]).reshape(-1, 1 + len(RISK_COLUMNS)),
+        "failed": front.failed,
+        "raw_rates": np.array([[r.failure, r.low, r.high, r.runs] for r in front.raw_rates]).reshape(-1, 4),
+    }
+    for name in front.raw[0].further_costs if front.raw else ():
+        arrays[f"raw_{name}"] = np.array([o.costs[name] for o in front.raw], float)
+    for number, path in enumerate(front.paths):
+        key = path_key(number)
+        arrays |= {f"{key}/{name}": getattr(path, name) for name in PATH_ARRAYS}
+        arrays[f"{key}/label"] = np.array([joined_names(label) for label in path.label], np.str_)
+        arrays[f"{key}/fixes"] = np.array(path.fixes, np.int64)
+    return arrays
+
+
+def path_key(number: int) -> str:
+    """The name of a path in ``front.npz``."""
+    return f"path_{number:03d}"
+
+
+def read_front(place: Path | str) -> Front:
+    """The front in a results directory, as it was written.
+
+    Raises
+    ------
+    DataError
+        If a file is missing or damaged, or if the two do not fit together.
+    """
+    table = inside(place, "front.csv")
+    text = read_text(table)
+    with shaped(table, "a front"):
+        rows = list(csv.DictReader(text.splitlines()))
+        names = {cost.column: cost.name for cost in known_costs() if cost.column not in FRONT_HEADER}
+        further = {names[column]: column for row in rows[:1] for column in row if column in names}
+        costs = [_objectives(row, further) for row in rows]
+        rates = tuple(_rate(row) for row in rows if row["failure"])
+    with stored(place, "front.npz", "a front") as arrays:
+        models = models_of(str(arrays["fidelity"].item()))
+        count = sum(key.endswith("/x") for key in arrays)
+        if count != len(rows):
+            raise ValueError(f"it holds {count} paths, and front.csv {len(rows)}")
+        return Front(
+            paths=tuple(_path(arrays, k, row, costs[k]) for k, row in enumerate(rows)),
+            raw=_raw_objectives(arrays, further),
+            hypervolume=float(arrays["hypervolume"].item()),
+            reference=np.asarray(arrays["reference"], float),
+            rates=rates,
+            raw_rates=tuple(
+                FailureRate(models.law, failure, low, high, int(runs))
+                for failure, low, high, runs in arrays["raw_rates"].reshape(-1, 4).tolist()
+            ),
+            failed=arrays["failed"],
+            models=models,
+        )
+
+
+def _raw_objectives(arrays: Mapping[str, NDArray[Any]], further: Mapping[str, str]) -> tuple[Objectives, ...]:
+    """The objectives of the paths before refinement; ``further`` are the names of costs other than length."""
+    rows = arrays["raw"].reshape(-1, 1 + len(RISK_COLUMNS)).tolist()
+    others = {name: arrays[f"raw_{name}"].tolist() for name in further} if rows else {}
+    return tuple(
+        Objectives(
+            {"length": row[0]} | {name: column[k] for name, column in others.items()},
+            **dict(zip(RISK_COLUMNS, row[1:], strict=True)),
+        )
+        for k, row in enumerate(rows)
+    )
+
+
+def _objectives(row: Mapping[str, str], further: Mapping[str, str]) -> Objectives:
+    """The objectives of a row; ``further`` are the columns of costs other than length, by name."""
+    costs = {name: float(row[column] or "nan") for name, column in {"length": "length_m", **further}.items()}
+    return Objectives(costs, **{name: float(row[name] or "nan") for name in RISK_COLUMNS})
+
+
+def _rate(row: Mapping[str, str]) -> FailureRate:
+    failure, low, high = (float(row[key]) for key in ("failure", "failure_low", "failure_high"))
+    return FailureRate(row["law"], failure, low, high, int(row["runs"]))
+
+
+def _path(
+    arrays: Mapping[str, NDArray[Any]], number: int, row: Mapping[str, str], costs: Objectives
+) -> PlannedPath:
+    key = path_key(number)
+    path = PlannedPath(
+        **{name: arrays[f"{key}/{name}"] for name in PATH_ARRAYS},
+        label=tuple(split_names(names) for names in arrays[f"{key}/label"].tolist()),
+        objectives=costs,
+        origin=row["origin"],
+        fixes=tuple(arrays[f"{key}/fixes"].tolist()),
+        order=row["order"],
+    )
+    return _checked(path, f"{key}/")
+
+
+# --- extra paths -----------------------------------------------------------------------------
+
+
+def write_extra_paths(file: Path, paths: Sequence[ExtraPath]) -> None:
+    """Write ``paths`` as ``path_000/x``, ``path_000/origin`` and so on."""
+    arrays: dict[str, Any] = {}
+    for number, (origin, x) in enumerate(paths):
+        arrays |= {f"{path_key(number)}/x": x, f"{path_key(number)}/origin": np.array([origin], np.str_)}
+    write_npz(file, arrays)
+
+
+def read_extra_paths(place: Path | str) -> list[ExtraPath]:
+    """The paths in a ``front.npz``, in the results directory that has one, or in an extra file.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, or does not contain paths.
+    """
+    with stored(Path(place).expanduser(), "front.npz", "paths of a front") as arrays:
+        paths = []
+        for number in range(sum(key.endswith("/x") for key in arrays)):
+            key = path_key(number)
+            x = np.ascontiguousarray(arrays[f"{key}/x"], float)
+            if x.ndim != 2 or x.shape[1] != 2 or len(x) < 2 or not np.isfinite(x).all():
+                raise ValueError(f"{key}/x must be finite positions of shape (T+1, 2), got {x.shape}")
+            known = arrays.get(f"{key}/origin")
+            paths.append((f"extra path {number}" if known is None else str(known.item()), x))
+        return paths
+
+
+# --- plan ------------------------------------------------------------------------------------
 
 
 def write_plan(directory: Path, plan: Plan) -> None:
-    """Write both files."""
+    """Write ``plan.json`` and ``plan.csv``."""
     path = plan.path
     content = {
         "schema": PLAN_SCHEMA,
@@ -72,15 +267,9 @@ def write_plan(directory: Path, plan: Plan) -> None:
 
 def promise_document(promise: Promise) -> dict[str, Any]:
     """The rate, then claim, bound, linearity and the result of the test."""
-    return asdict(promise.rate) | {
-        "claimed": asdict(promise.claimed),
-        "bound": promise.bound,
-        "linearity": promise.linearity,
-        "passed": promise.passed,
-    }
-
-
-LIMIT_KEYS = tuple(field.name for field in fields(SegmentLimits))  # of each segment
+    document = asdict(promise)
+    rate: dict[str, Any] = document.pop("rate")
+    return rate | document
 
 
 def _limits_document(limits: SegmentLimits | None) -> dict[str, Any]:
@@ -100,9 +289,6 @@ def _limits(content: Mapping[str, Any]) -> SegmentLimits | None:
     return SegmentLimits(tuple(nearest), *(np.array(column, float) for column in numbers))
 
 
-NAVIGATION_KEYS = tuple(field.name for field in fields(Navigation))
-
-
 def _navigation_document(navigation: Navigation | None) -> dict[str, Any]:
     return {key: None if navigation is None else getattr(navigation, key) for key in NAVIGATION_KEYS}
 
@@ -119,9 +305,7 @@ def read_plan(place: Path | str) -> Plan:
 
     Files of schema ``pareto_ltl.plan/1`` are read too; they hold neither promise nor navigation.
     """
-    path = inside(place, "plan.json")
-    content = read_document(path, PLAN_SCHEMAS)
-    with shaped(path, "a plan"):
+    with stored(place, "plan.json", "a plan", PLAN_SCHEMAS) as content:
         selection = dict(content["selection"])
         return Plan(
             path=_flight(content),
@@ -158,15 +342,13 @@ def _promise(content: Mapping[str, Any] | None) -> Promise | None:
 def _navigation(content: Mapping[str, Any]) -> Navigation | None:
     if content.get("airspeed") is None:
         return None
-    steps = len(content["u"])
-    times = content["time_utc"]
+    steps, times = len(content["u"]), content["time_utc"]
+    sizes = {"airspeed": steps, "lat": steps + 1, "lon": steps + 1, "heading_true": steps}
     return Navigation(
-        airspeed=_numbers(content, "airspeed", steps),
         time_utc=None if times is None else tuple(times),
         crs=content["crs"],
         **{
-            key: None if content[key] is None else _numbers(content, key, size)
-            for key, size in (("lat", steps + 1), ("lon", steps + 1), ("heading_true", steps))
+            key: None if content[key] is None else _numbers(content, key, size) for key, size in sizes.items()
         },
     )
 
@@ -199,13 +381,7 @@ def _flight(content: Mapping[str, Any]) -> PlannedPath:
         fixes=tuple(content.get("fixes", ())),
         order=content.get("order", ""),
     )
-    steps = len(flight.t)
-    shapes = {"x": (steps, 2), "cov": (steps, 2, 2), "q": (steps,), "u": (steps - 1, 2)}
-    for name, shape in shapes.items():
-        if getattr(flight, name).shape != shape:
-            raise ValueError(f"{name} must have shape {shape}, got {getattr(flight, name).shape}")
-    if len(flight.label) != steps:
-        raise ValueError(f"label must have {steps} entries, got {len(flight.label)}")
+    _checked(flight)
     if not all(map(_is_covariance, flight.cov)):
         raise ValueError("cov must have symmetric matrices without negative eigenvalues")
     return flight

@@ -18,6 +18,7 @@ from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.support.files import FULL_DISK
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
 from pareto_ltl.support.messages import shown_line
+from pareto_ltl.support.reading import inside
 from pareto_ltl.support.resources import checkout
 
 if TYPE_CHECKING:
@@ -166,7 +167,6 @@ def input_hashes(settings: Settings) -> dict[str, str]:
 
 def input_files(settings: Settings) -> list[Path]:
     """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
-    from pareto_ltl.run.file_shape import inside
     from pareto_ltl.wind.sources import wind_source
 
     maps = [Path(settings.scene.file).expanduser()] if settings.scene.file else []

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.logic.clocks import clock_windows
-from pareto_ltl.run.exporting import run_with_plan
-from pareto_ltl.run.interface import PlanningResult, choose, load_results, simulate
+from pareto_ltl.run.choosing import choose
+from pareto_ltl.run.interface import simulate
 from pareto_ltl.run.page_stage import (
     DEPLOYMENT_STREAM,
     MOST_RUNS,
@@ -20,18 +20,8 @@ from pareto_ltl.run.page_stage import (
     write_page,
 )
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    FORECASTS,
-    FRONT,
-    PLAN,
-    PROBLEM,
-    SCENE,
-    WIND,
-    RecordKey,
-)
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, FORECASTS, FRONT, PLAN, PROBLEM, SCENE, WIND
+from pareto_ltl.run.results import Planned, PlanningResult, Results, load_results, place_of, planned_run
 from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES
 from pareto_ltl.settings.outputs import PAGE_FILE
@@ -59,7 +49,7 @@ def page_of(planned: Results | str | Path, *, again: bool = False) -> Path:
     return path if path.is_file() and not again else page(results, path)
 
 
-def page(planned: PlanningResult | Results | str | Path, path: str | Path) -> Path:
+def page(planned: Planned, path: str | Path) -> Path:
     """Write the page of a plan as the file ``path``; return it.
 
     Parameters
@@ -74,8 +64,7 @@ def page(planned: PlanningResult | Results | str | Path, path: str | Path) -> Pa
     """
     if isinstance(planned, PlanningResult):
         run = planned.run
-        needed: tuple[RecordKey[Any], ...] = (PROBLEM, FRONT, PLAN, FORECASTS)
-        for key in needed:
+        for key in (PROBLEM, FRONT, PLAN, FORECASTS):
             run.make(key)
         origin, seeds = origin_in_memory(run.settings), stage_seeds(run.settings.seed, DEPLOYMENT_STREAM)
         return write_page(Path(path), shown_run(run.settings, run.records, origin, seeds))
@@ -126,13 +115,13 @@ def open_page(path: Path) -> bool:
         return False
 
 
-def show(planned: PlanningResult | Results | str | Path) -> Path:
+def show(planned: Planned) -> Path:
     """Open the page of a plan in the default browser; return its path, also if there is no browser.
 
     The page of a results directory is its ``report.html``; the page of a plan in memory is written to a new
     temporary folder.
     """
-    place = planned.run.directory if isinstance(planned, PlanningResult) else planned
+    place = place_of(planned)
     if place is None:
         from tempfile import mkdtemp
 
@@ -151,15 +140,13 @@ class Explanation:
     document: dict[str, Any]
 
 
-def explain(
-    planned: PlanningResult | Results | str | Path, *, point: int | None = None, limits: bool = False
-) -> str:
+def explain(planned: Planned, *, point: int | None = None, limits: bool = False) -> str:
     """The text of :func:`explanation`, of all legs."""
     return "\n".join(explanation(planned, point=point, limits=limits).lines)
 
 
 def explanation(
-    planned: PlanningResult | Results | str | Path, *, point: int | None = None, limits: bool = False,
+    planned: Planned, *, point: int | None = None, limits: bool = False,
     each: bool = False,
 ) -> Explanation:  # fmt: skip
     """Text on the legs of a plan: its goal, the closest obstacle, the share of flights failed by its end.
@@ -186,7 +173,7 @@ def explanation(
     from pareto_ltl.report.legs import plan_legs, plan_lines
     from pareto_ltl.report.limits import limit_lines, price_rows, segment_rows
 
-    run = run_with_plan(planned)
+    run = planned_run(planned)
     if point is not None:
         run = choose(planned, point=point).run
     problem, plan = run.make(PROBLEM), run.make(PLAN)

@@ -15,7 +15,6 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.run.compiling import compiling_in_two
 from pareto_ltl.run.front_stage import FOREST_STREAM, make_front
 from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, make_page
 from pareto_ltl.run.provenance import wanted_wind
@@ -184,6 +183,7 @@ def _check_level(robot: RobotConfig, wind: WindField) -> None:
 def make_forest(inputs: StageInputs) -> Forest:
     """The search trees (Algorithm 1)."""
     from pareto_ltl.planning import growth
+    from pareto_ltl.run.warmup import compiling_in_two
 
     settings, problem = inputs.settings, inputs[PROBLEM]
     importing = Thread(target=_import_report, args=(settings.report,), daemon=True)
@@ -332,65 +332,46 @@ def make_wind_table(inputs: StageInputs) -> Path:
 
 EXPORT_STREAM = "export"
 FIGURE_FILES = tuple(f"figures/*.{kind}" for kind in FIGURE_FORMATS)
+RECORD_FILES, PLAN_FILES = "pareto_ltl.run.record_files", "pareto_ltl.run.plan_files"
+SHOWN = (FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS)  # in figures and page, as far as they exist
 PLAN_STAGES = (
-    Stage(makes=READINGS, make=make_readings),
-    Stage(makes=SCENE, make=make_scene, needs=(READINGS,), writes=("scene.json",)),
-    Stage(makes=DECOMPOSITION, make=make_decomposition, needs=(SCENE,), writes=("cells.json",)),
+    Stage(READINGS, make_readings),
+    Stage(SCENE, make_scene, (READINGS,), writes=("scene.json",), codec=f"{RECORD_FILES}:scene"),
     Stage(
-        makes=AUTOMATON,
-        make=make_automaton,
-        needs=(SCENE, DECOMPOSITION),
-        writes=("automaton.json", "automaton.hoa"),
-    ),
-    Stage(makes=OBSERVATIONS, make=make_observations, needs=(READINGS, SCENE)),
-    Stage(makes=WIND, make=make_wind, needs=(OBSERVATIONS, SCENE), writes=("wind.nc",)),
-    Stage(makes=PROBLEM, make=make_problem, needs=(SCENE, WIND, DECOMPOSITION, AUTOMATON)),
-    Stage(makes=FOREST, make=make_forest, needs=(PROBLEM,), stream=FOREST_STREAM, writes=("trees.npz",)),
-    Stage(
-        makes=FRONT,
-        make=make_front,
-        needs=(PROBLEM, FOREST),
-        uses=(CANDIDATES,),
-        stream="front",
-        writes=("front.csv", "front.npz"),
+        DECOMPOSITION, make_decomposition, (SCENE,), writes=("cells.json",), codec=f"{RECORD_FILES}:cells"
     ),
     Stage(
-        makes=PLAN,
-        make=make_plan,
-        needs=(PROBLEM, WIND, FRONT),
-        stream="plan",
-        writes=("plan.json", "plan.csv"),
+        AUTOMATON, make_automaton, (SCENE, DECOMPOSITION),
+        writes=("automaton.json", "automaton.hoa"), codec=f"{RECORD_FILES}:automaton",
     ),
-    Stage(makes=FORECASTS, make=make_forecasts, needs=(PROBLEM, PLAN)),
+    Stage(OBSERVATIONS, make_observations, (READINGS, SCENE)),
+    Stage(WIND, make_wind, (OBSERVATIONS, SCENE), writes=("wind.nc",), codec=f"{RECORD_FILES}:wind"),
+    Stage(PROBLEM, make_problem, (SCENE, WIND, DECOMPOSITION, AUTOMATON)),
     Stage(
-        makes=DEPLOYMENTS,
-        make=make_deployments,
-        needs=(PROBLEM, PLAN),
-        stream=DEPLOYMENT_STREAM,
-        writes=("deployments.npz",),
+        FOREST, make_forest, (PROBLEM,), stream=FOREST_STREAM,
+        writes=("trees.npz",), codec=f"{RECORD_FILES}:forest",
     ),
     Stage(
-        makes=EXPORTS,
-        make=make_export,
-        needs=(PROBLEM, PLAN),
-        stream=EXPORT_STREAM,
-        writes=tuple(EXPORT_FILES.values()),
+        FRONT, make_front, (PROBLEM, FOREST), (CANDIDATES,), stream="front",
+        writes=("front.csv", "front.npz"), codec=f"{PLAN_FILES}:front",
     ),
     Stage(
-        makes=FIGURES,
-        make=make_report,
-        needs=(SCENE, DECOMPOSITION, WIND),
-        uses=(FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS),
-        shows=FIGURE_FILES,
+        PLAN, make_plan, (PROBLEM, WIND, FRONT), stream="plan",
+        writes=("plan.json", "plan.csv"), codec=f"{PLAN_FILES}:plan",
+    ),
+    Stage(FORECASTS, make_forecasts, (PROBLEM, PLAN)),
+    Stage(
+        DEPLOYMENTS, make_deployments, (PROBLEM, PLAN), stream=DEPLOYMENT_STREAM,
+        writes=("deployments.npz",), codec=f"{RECORD_FILES}:deployments",
     ),
     Stage(
-        makes=PAGE,
-        make=make_page,
-        needs=(SCENE, WIND),
-        uses=(AUTOMATON, PROBLEM, FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS),
-        stream=DEPLOYMENT_STREAM,
+        EXPORTS, make_export, (PROBLEM, PLAN), stream=EXPORT_STREAM, writes=tuple(EXPORT_FILES.values())
+    ),
+    Stage(FIGURES, make_report, (SCENE, DECOMPOSITION, WIND), SHOWN, shows=FIGURE_FILES),
+    Stage(
+        PAGE, make_page, (SCENE, WIND), (AUTOMATON, PROBLEM, *SHOWN), stream=DEPLOYMENT_STREAM,
         shows=(PAGE_FILE,),
     ),
-    Stage(makes=WIND_TABLE, make=make_wind_table, needs=(READINGS,)),
-)
+    Stage(WIND_TABLE, make_wind_table, (READINGS,)),
+)  # fmt: skip
 PLAN_TABLE = StageTable(PLAN_STAGES)

@@ -23,11 +23,10 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.selection_rules import within_capacity
 from pareto_ltl.report.records import Study
 from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.extra_paths import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.pipeline import Run, carry_out
+from pareto_ltl.run.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.run.quick import quick_settings
 from pareto_ltl.run.records import (
     AUTOMATON,
     DECOMPOSITION,
@@ -39,6 +38,7 @@ from pareto_ltl.run.records import (
     SCENE,
     Records,
 )
+from pareto_ltl.run.rest_of_flight import quick_settings
 from pareto_ltl.run.stage_table import named_child, stage_seeds
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings

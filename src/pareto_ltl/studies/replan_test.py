@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.newer_wind import NewWind
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PLAN, PROBLEM, Records
+from pareto_ltl.run.rest_of_flight import NewWind
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights

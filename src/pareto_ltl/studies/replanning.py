@@ -21,11 +21,10 @@ from pareto_ltl.exports.held_course import held_problem
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.newer_wind import NewWind
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.quick import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES
 from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.replanning import Replanned, replanned
+from pareto_ltl.run.rest_of_flight import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES, NewWind
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import ReplanningConfig, Settings
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights

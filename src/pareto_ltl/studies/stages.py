@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
 
 WORLD = (OBSERVATIONS, DECOMPOSITION, AUTOMATON, SCENE)  # records from which a study plans
+STUDY_FILES = "pareto_ltl.run.record_files:study"
 MAP = (SCENE, DECOMPOSITION)  # records of figures with a map
 
 
@@ -84,6 +85,7 @@ class StudyKind:
             needs=self.needs,
             writes=self.tables,
             shows=("tables.md",),
+            codec=STUDY_FILES,
         )
         if self.figures:
             name, needs = f"{self.name}{FIGURES}", (*self.drawn_on, self.key)
