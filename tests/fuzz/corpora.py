@@ -11,6 +11,8 @@ import numpy as np
 import yaml
 
 from pareto_ltl.logic import translate
+from pareto_ltl.logic.automaton_files import write_automaton
+from pareto_ltl.planning import plan_files
 from pareto_ltl.planning.records import (
     FailureRate,
     Forest,
@@ -21,9 +23,8 @@ from pareto_ltl.planning.records import (
     Promise,
     Tree,
 )
-from pareto_ltl.run import plan_files, record_files
 from pareto_ltl.settings import Settings, as_dict, preset
-from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.simulation.records import Deployment, write_deployments
 from pareto_ltl.studies.sweeps.manifest import SweepManifest, SweepPoint
 from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.forecast_error import forecast_error_law
@@ -32,6 +33,7 @@ from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindEvidence, WindFie
 from pareto_ltl.world.cells import decompose
 from pareto_ltl.world.navigation import navigate
 from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene_files import write_cells, write_scene
 
 FORMULAS = (
     *("F(a & F b & F c)", "!a U b", "F(a & F(b & F c)) | F(a & F(d & F c))", "true", "X X a", "a M b"),
@@ -175,11 +177,11 @@ def wind() -> WindField:
 def write_run(place: Path, seed: int = 0) -> None:
     """A results directory of small records."""
     place.mkdir(parents=True)
-    record_files.write_scene(place, scene())
-    record_files.write_cells(place, decompose(scene()))
-    record_files.write_automaton(place, translate("F(a & F b)", [(), ("a",), ("b",)]))
+    write_scene(place, scene())
+    write_cells(place, decompose(scene()))
+    write_automaton(place, translate("F(a & F b)", [(), ("a",), ("b",)]))
     write_netcdf(wind(), place / "wind.nc", scene())
-    record_files.write_forest(place, Forest((tree(), tree()), np.array([[0, 3], [1, 2]]), 0.0))
+    plan_files.write_forest(place, Forest((tree(), tree()), np.array([[0, 3], [1, 2]]), 0.0))
     rate, flown = FailureRate("coherent", 0.15, 0.13, 0.17, 20), flight()
     front = Front(
         (flown, flight(2)), (flown.objectives,), 0.5, np.ones(2), (rate, rate), (rate,),
@@ -192,7 +194,7 @@ def write_run(place: Path, seed: int = 0) -> None:
     plan_files.write_plan(place, made)
     x = np.zeros((5, 4, 2))
     flags = x[:, 0, 0] == 0, x[:, 0, 1] > 0, x[:, 0, 1] < 0
-    record_files.write_deployments(place, {"coherent": Deployment("coherent", x, *flags)})
+    write_deployments(place, {"coherent": Deployment("coherent", x, *flags)})
     (place / "config_resolved.yaml").write_text(yaml.safe_dump(settings(), sort_keys=False))
     record = {"status": "ok", "error": None, "measured": True, "argv": ["+experiment=phi1"], "inputs": {}}
     record |= {

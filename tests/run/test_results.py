@@ -18,6 +18,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from pareto_ltl.logic import Automaton, translate
+from pareto_ltl.planning import plan_files
+from pareto_ltl.planning.plan_files import NAVIGATION_KEYS
 from pareto_ltl.planning.records import (
     FailureRate,
     Forest,
@@ -28,8 +30,6 @@ from pareto_ltl.planning.records import (
     Promise,
     Tree,
 )
-from pareto_ltl.run import plan_files, record_files
-from pareto_ltl.run.plan_files import NAVIGATION_KEYS
 from pareto_ltl.run.results import Results
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import preset
@@ -315,11 +315,11 @@ def test_a_spoilt_file_is_named_in_one_line(name: str, spoil: str, tmp_path: Pat
     ],
 )
 def test_a_tree_that_no_growth_makes_is_refused(name: str, array: Any, words: str, tmp_path: Path) -> None:
-    record_files.write_forest(tmp_path, forest())
+    plan_files.write_forest(tmp_path, forest())
     arrays = read_npz(tmp_path / "trees.npz")
     write_npz(tmp_path / "trees.npz", arrays | {f"tree_003/{name}": array})
     with pytest.raises(DataError, match=words):
-        record_files.read_forest(tmp_path)
+        plan_files.read_forest(tmp_path)
 
 
 def test_a_plan_of_another_schema_is_refused_by_name(tmp_path: Path) -> None:

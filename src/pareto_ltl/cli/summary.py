@@ -123,7 +123,7 @@ def limit_rows(directory: Path, medium: Medium = AIR) -> Iterator[tuple[str, str
     """The segment of the plan in ``directory`` that is closest to its chance constraint, if there is one."""
     if not (directory / "plan.json").is_file():
         return
-    from pareto_ltl.run.plan_files import read_plan
+    from pareto_ltl.planning.plan_files import read_plan
 
     plan = read_plan(directory)
     if plan.limits is not None:

@@ -101,7 +101,7 @@ def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tup
 def extra_paths(place: str | None, problem: Problem) -> tuple[PlannedPath, ...]:
     """The paths of the file ``place`` that can be flown in ``problem``; a WARNING names the others."""
     from pareto_ltl.planning.evaluate import completing_path
-    from pareto_ltl.run.plan_files import read_extra_paths
+    from pareto_ltl.planning.plan_files import read_extra_paths
 
     able = []
     for origin, x in [] if place is None else read_extra_paths(place):

@@ -332,24 +332,24 @@ def make_wind_table(inputs: StageInputs) -> Path:
 
 EXPORT_STREAM = "export"
 FIGURE_FILES = tuple(f"figures/*.{kind}" for kind in FIGURE_FORMATS)
-RECORD_FILES, PLAN_FILES = "pareto_ltl.run.record_files", "pareto_ltl.run.plan_files"
+MAP_FILES, PLAN_FILES = "pareto_ltl.world.scene_files", "pareto_ltl.planning.plan_files"
 SHOWN = (FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS)  # in figures and page, as far as they exist
 PLAN_STAGES = (
     Stage(READINGS, make_readings),
-    Stage(SCENE, make_scene, (READINGS,), writes=("scene.json",), codec=f"{RECORD_FILES}:scene"),
+    Stage(SCENE, make_scene, (READINGS,), writes=("scene.json",), codec=f"{MAP_FILES}:scene"),
     Stage(
-        DECOMPOSITION, make_decomposition, (SCENE,), writes=("cells.json",), codec=f"{RECORD_FILES}:cells"
+        DECOMPOSITION, make_decomposition, (SCENE,), writes=("cells.json",), codec=f"{MAP_FILES}:cells"
     ),
     Stage(
         AUTOMATON, make_automaton, (SCENE, DECOMPOSITION),
-        writes=("automaton.json", "automaton.hoa"), codec=f"{RECORD_FILES}:automaton",
+        writes=("automaton.json", "automaton.hoa"), codec="pareto_ltl.logic.automaton_files:automaton",
     ),
     Stage(OBSERVATIONS, make_observations, (READINGS, SCENE)),
-    Stage(WIND, make_wind, (OBSERVATIONS, SCENE), writes=("wind.nc",), codec=f"{RECORD_FILES}:wind"),
+    Stage(WIND, make_wind, (OBSERVATIONS, SCENE), writes=("wind.nc",), codec="pareto_ltl.wind.netcdf:wind"),
     Stage(PROBLEM, make_problem, (SCENE, WIND, DECOMPOSITION, AUTOMATON)),
     Stage(
         FOREST, make_forest, (PROBLEM,), stream=FOREST_STREAM,
-        writes=("trees.npz",), codec=f"{RECORD_FILES}:forest",
+        writes=("trees.npz",), codec=f"{PLAN_FILES}:forest",
     ),
     Stage(
         FRONT, make_front, (PROBLEM, FOREST), (CANDIDATES,), stream="front",
@@ -362,7 +362,7 @@ PLAN_STAGES = (
     Stage(FORECASTS, make_forecasts, (PROBLEM, PLAN)),
     Stage(
         DEPLOYMENTS, make_deployments, (PROBLEM, PLAN), stream=DEPLOYMENT_STREAM,
-        writes=("deployments.npz",), codec=f"{RECORD_FILES}:deployments",
+        writes=("deployments.npz",), codec="pareto_ltl.simulation.records:deployments",
     ),
     Stage(
         EXPORTS, make_export, (PROBLEM, PLAN), stream=EXPORT_STREAM, writes=tuple(EXPORT_FILES.values())

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.exports.navigation_log import expected_winds
+from pareto_ltl.planning.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.selection_rules import within_capacity
 from pareto_ltl.report.records import Study
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.pipeline import Run, carry_out
-from pareto_ltl.run.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.records import (
     AUTOMATON,

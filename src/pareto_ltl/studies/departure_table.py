@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.planning.plan_files import ExtraPath
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.plan_files import ExtraPath
 from pareto_ltl.settings import DepartureConfig, Settings
 from pareto_ltl.studies.departure_fronts import (
     NEARLY,

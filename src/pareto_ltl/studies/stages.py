@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
 
 WORLD = (OBSERVATIONS, DECOMPOSITION, AUTOMATON, SCENE)  # records from which a study plans
-STUDY_FILES = "pareto_ltl.run.record_files:study"
+STUDY_FILES = "pareto_ltl.report.records:study"
 MAP = (SCENE, DECOMPOSITION)  # records of figures with a map
 
 

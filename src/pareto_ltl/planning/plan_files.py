@@ -1,4 +1,4 @@
-"""Front, plan and extra paths on disk.
+"""Trees, front, plan and extra paths on disk.
 
 ``front.csv`` has the numbers and texts of a :class:`Front` for people, ``front.npz`` its arrays, with all
 that is needed to fly each path. ``plan.json``, whose schema is part of the package, has all of a
@@ -23,20 +23,24 @@ from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.records import (
     RISKS,
     FailureRate,
+    Forest,
     Front,
     Objectives,
     Plan,
     PlannedPath,
     Promise,
+    Tree,
 )
-from pareto_ltl.run.record_files import stored
 from pareto_ltl.settings import models_of
+from pareto_ltl.support.archives import stored
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.files import write_csv, write_json, write_npz
 from pareto_ltl.support.names import joined_names, split_names
 from pareto_ltl.support.reading import inside, read_text, shaped
 from pareto_ltl.world.navigation import Navigation
 
+COLLISION_COLUMNS = "collision_columns"  # number of last columns of Tree.risk; missing if there are none
+TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "beta")
 RISK_COLUMNS = ("mission_risk", "collision_risk", "mission_risk_ordered", "mission_risk_paper")
 FRONT_HEADER = (
     "path", "failure", "failure_low", "failure_high", "law", "runs", "length_m", *RISK_COLUMNS, "steps",
@@ -65,6 +69,45 @@ def _checked(path: PlannedPath, prefix: str = "") -> PlannedPath:
     if len(path.label) != size:
         raise ValueError(f"{prefix}label must have {size} entries, got {len(path.label)}")
     return path
+
+
+# --- trees -----------------------------------------------------------------------------------
+
+
+def write_forest(directory: Path, forest: Forest) -> None:
+    """Write ``trees.npz``."""
+    arrays: dict[str, NDArray[Any]] = {"accepted": forest.accepted}
+    columns = {tree.risk.shape[1] for tree in forest.trees}
+    if collision := max(columns, default=forest.mission_columns) - forest.mission_columns:
+        arrays[COLLISION_COLUMNS] = np.array(collision)  # write_npz stores it with shape (1,)
+    for number, tree in enumerate(forest.trees):
+        arrays |= {f"tree_{number:03d}/{name}": getattr(tree, name) for name in TREE_ARRAYS}
+        causes = sorted(tree.reach)
+        arrays[f"tree_{number:03d}/causes"] = np.array(causes, dtype=np.str_)
+        arrays[f"tree_{number:03d}/counts"] = np.array([tree.reach[cause] for cause in causes], float)
+    write_npz(directory / "trees.npz", arrays)
+
+
+def read_forest(place: Path | str) -> Forest:
+    """The forest, without times (NaN): an archive must not depend on the speed of the machine."""
+    with stored(place, "trees.npz", "a forest") as arrays:
+        names = sorted({key.partition("/")[0] for key in arrays if "/" in key})
+        trees = tuple(_tree(arrays, name) for name in names)
+        columns = trees[0].risk.shape[1] - int(np.asarray(arrays.get(COLLISION_COLUMNS, 0)).item())
+        return Forest(trees, arrays["accepted"], math.nan, columns)
+
+
+def _tree(arrays: Mapping[str, NDArray[Any]], name: str) -> Tree:
+    counts = zip(arrays[f"{name}/causes"].tolist(), arrays[f"{name}/counts"].tolist(), strict=True)
+    tree = Tree(**{key: arrays[f"{name}/{key}"] for key in TREE_ARRAYS}, seconds=math.nan, reach=dict(counts))
+    size = len(tree.parent)
+    require_shape(f"{name}/x", tree.x, size, 2)
+    require_shape(f"{name}/risk", tree.risk, size, None)
+    for key in ("step", "q", "cell", "length"):
+        require_shape(f"{name}/{key}", getattr(tree, key), size)
+    if (tree.parent >= np.arange(size)).any() or (tree.parent < -1).any():
+        raise ValueError(f"a vertex of {name} does not come after its parent")
+    return tree
 
 
 # --- front -----------------------------------------------------------------------------------
