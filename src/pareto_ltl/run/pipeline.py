@@ -73,23 +73,19 @@ def check_pipeline(settings: Settings, table: StageTable, given: Collection[Reco
             raise ConfigError(f"pipelines.stages lists {name!r} twice; list it once")
         seen.add(name)
         stage = table[name]
-        if stage.makes not in given:
-            _check_stage(stage, stages, given)
-            stages.append(stage)
+        if stage.makes in given:
+            continue
+        made = {*given, *(other.makes for other in stages)}
+        if missing := [key.name for key in stage.needs if key not in made]:
+            raise ConfigError(
+                f"pipelines.stages: {name!r} needs {', '.join(missing)}, which no earlier stage makes; "
+                f"list {'it' if len(missing) == 1 else 'them'} before {name!r}"
+            )
+        stages.append(stage)
     _check_mission(settings, [stage.makes for stage in stages])
     _check_selection(settings, [stage.makes for stage in stages])
     check_sizes(settings, listed)
     return Pipeline(settings, table, tuple(stages))
-
-
-def _check_stage(stage: Stage[Any], before: Sequence[Stage[Any]], given: Collection[RecordKey[Any]]) -> None:
-    """Raise ConfigError for a stage that lacks a record."""
-    made = {*given, *(other.makes for other in before)}
-    if missing := [key.name for key in stage.needs if key not in made]:
-        raise ConfigError(
-            f"pipelines.stages: {stage.name!r} needs {', '.join(missing)}, which no earlier stage makes; "
-            f"list {'it' if len(missing) == 1 else 'them'} before {stage.name!r}"
-        )
 
 
 def _check_selection(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
@@ -292,44 +288,30 @@ def carry_out(
     if place is None:
         raise ValueError("the run has no directory: create it with Run(..., directory=PATH)")
     place.mkdir(parents=True, exist_ok=True)
-    heeding = run.budget.ends_at_key()
-    with logging_to(place / RUN_LOG), heeding, run.progress or ProgressBar() as bar:
-        run.progress = bar
-        return _recorded(run, stages, place, provenance.begin(run.settings, argv, overrides))
-
-
-def _recorded(
-    run: Run, stages: Sequence[Stage[Any]], place: Path, record: dict[str, Any]
-) -> dict[str, float]:
-    """Run all stages; ``run.json`` has the present status at any moment."""
-    try:
-        LOG.info("run %s, seed %d", run.settings.name, run.settings.seed)
-        provenance.write_settings(place, run.settings)
-        provenance.write(place, record)
-        _save_given(run, place)
-        make_all(run, stages)
-        table = _close(run, place, record, "ok")
-    except BaseException as error:
-        expected = isinstance(error, ParetoLtlError | OSError | KeyboardInterrupt)
-        with suppress(OSError):  # a full disk must not hide the error
-            LOG.error("%s", provenance.one_line(error), exc_info=None if expected else error)
-        with suppress(OSError):
-            _close(run, place, record, _end_status(error), error)
-        raise
-    return table
+    with logging_to(place / RUN_LOG), run.budget.ends_at_key(), run.progress or ProgressBar() as run.progress:
+        record = provenance.begin(run.settings, argv, overrides)
+        try:
+            LOG.info("run %s, seed %d", run.settings.name, run.settings.seed)
+            provenance.write_settings(place, run.settings)
+            provenance.write(place, record)  # with the present status at any moment
+            for key in run.records:  # those that were given, so that the directory is complete
+                if key.name in run.table:
+                    run.table.maker_of(key).save(place, run.records[key])
+            make_all(run, stages)
+            return _close(run, place, record, "ok")
+        except BaseException as error:
+            expected = isinstance(error, ParetoLtlError | OSError | KeyboardInterrupt)
+            with suppress(OSError):  # a full disk must not hide the error
+                LOG.error("%s", provenance.one_line(error), exc_info=None if expected else error)
+            with suppress(OSError):
+                _close(run, place, record, _end_status(error), error)
+            raise
 
 
 def _end_status(error: BaseException) -> str:
     if isinstance(error, KeyboardInterrupt):  # also for SIGTERM (support/stopping.py)
         return "stopped"
     return "infeasible" if isinstance(error, InfeasibleError) else "failed"
-
-
-def _save_given(run: Run, place: Path) -> None:
-    """Write the records that were given, so that the directory is complete."""
-    for key in run.records:
-        if key.name in run.table:
-            run.table.maker_of(key).save(place, run.records[key])
 
 
 def _close(
@@ -341,9 +323,17 @@ def _close(
 
     table = run_metrics(run.records, run.seconds)
     measured = status == "ok" or (status == "infeasible" and FOREST in run.records)
-    ended = provenance.end(record, run.settings, status, run.seconds, error)
-    ended |= {"outputs": provenance.file_hashes(_tables_elsewhere(run))}
-    provenance.write(place, ended | {"measured": measured})  # metrics.json follows
+    elsewhere = [made for made in run.records.values() if isinstance(made, Path)]  # tables in other folders
+    ended = {
+        "status": status,
+        "error": None if error is None else provenance.one_line(error),
+        "finished": provenance.now(),
+        "inputs": provenance.input_hashes(run.settings),
+        "seconds": dict(run.seconds),
+        "outputs": provenance.file_hashes(elsewhere),
+        "measured": measured,
+    }
+    provenance.write(place, record | ended)  # metrics.json follows
     if measured:
         write_json(place / "metrics.json", table)
     return table
@@ -360,11 +350,6 @@ class RunLogFile(logging.FileHandler):
         """Close the file; errors of writing were raised earlier."""
         with suppress(OSError):  # raised by an earlier write
             super().close()
-
-
-def _tables_elsewhere(run: Run) -> list[Path]:
-    """Files that stages wrote outside the results directory: their record is the path."""
-    return [record for record in run.records.values() if isinstance(record, Path)]
 
 
 @contextmanager

@@ -142,22 +142,6 @@ def on_map(problem: Problem, place: FloatArray) -> bool:
 # --- several ------------------------------------------------------------------------------------
 
 
-def read_fixes(path: Path | str, problem: Problem, plan: Plan) -> tuple[Fix, ...]:
-    """The fixes of a CSV file with the columns ``time,lat,lon,sd_m`` or ``time,x,y,sd_m``, in order of time.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read or has other columns.
-    ConfigError
-        If a fix cannot be used, or two contradict each other.
-    """
-    rows = fix_rows(Path(path).expanduser(), on_earth=problem.scene.crs is not None)
-    return checked_fixes(
-        problem, [placed_fix(problem, plan, time, found, what) for what, time, found in rows]
-    )
-
-
 def fix_rows(file: Path, *, on_earth: bool) -> list[tuple[str, str, list[float]]]:
     """Place in the file, time, and the three numbers of each fix; DataError for another content."""
     columns = COLUMNS[on_earth]
@@ -177,18 +161,13 @@ def fix_rows(file: Path, *, on_earth: bool) -> list[tuple[str, str, list[float]]
         if len(row) != len(head):
             raise DataError(f"{what}: {len(row)} values for {len(head)} columns; expected {','.join(head)}")
         cells = dict(zip(head, row, strict=True))
-        found.append((what, cells["time"], _numbers(cells, columns, what)))
+        time, *numbers = (cells[name] for name in columns)
+        try:
+            found.append((what, time, [float(number) for number in numbers]))
+        except ValueError:
+            text = shown_value(",".join(numbers))
+            raise DataError(f"{what}: {text} are not three numbers; expected {','.join(columns)}") from None
     return found
-
-
-def _numbers(cells: dict[str, str], columns: Sequence[str], what: str) -> list[float]:
-    try:
-        return [float(cells[name]) for name in columns[1:]]
-    except ValueError:
-        text = ",".join(cells[name] for name in columns[1:])
-        raise DataError(
-            f"{what}: {shown_value(text)} are not three numbers; expected {','.join(columns)}"
-        ) from None
 
 
 def checked_fixes(problem: Problem, fixes: Iterable[Fix]) -> tuple[Fix, ...]:
@@ -309,7 +288,15 @@ def fixes_from(
     fix: Sequence[float] | None,
     fixes: str | Path | Sequence[Sequence[Any]] | None,
 ) -> tuple[Fix, ...]:
-    """The fixes that a user gives: one at ``time``, or a file or rows (time, latitude, longitude, sd)."""
+    """The fixes that a user gives: one at ``time``, or a file or rows (time, latitude, longitude, sd).
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read or has other columns.
+    ConfigError
+        If a fix cannot be used, or two contradict each other.
+    """
     problem, plan = run.make(PROBLEM), run.make(PLAN)
     if fix is not None and fixes is not None:
         raise ConfigError("fix and fixes are both given: put all fixes into the file, with their times")
@@ -320,14 +307,15 @@ def fixes_from(
     if fixes is None:
         return ()
     if isinstance(fixes, str | Path):
-        return read_fixes(fixes, problem, plan)
-    if wrong := [k for k, row in enumerate(fixes) if len(row) != 4]:
+        rows: Iterable[Any] = fix_rows(Path(fixes).expanduser(), on_earth=problem.scene.crs is not None)
+    elif wrong := [k for k, row in enumerate(fixes) if len(row) != 4]:
         raise ConfigError(
             f"fix {wrong[0]} has {len(fixes[wrong[0]])} values; expected time, latitude, longitude (or x, y) "
             "and standard deviation"
         )
-    placed = [placed_fix(problem, plan, row[0], row[1:], f"fix {k}") for k, row in enumerate(fixes)]
-    return checked_fixes(problem, placed)
+    else:
+        rows = ((f"fix {k}", row[0], row[1:]) for k, row in enumerate(fixes))
+    return checked_fixes(problem, [placed_fix(problem, plan, when, at, what) for what, when, at in rows])
 
 
 def planned_step(problem: Problem, plan: Plan, time: float | str | None, fixes: Sequence[Fix]) -> int:

@@ -65,25 +65,7 @@ def begin(settings: Settings, argv: Sequence[str], overrides: Sequence[str] = ()
         "git": git_state(checkout()),
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in PACKAGES},
-        "started": _now(),
-    }
-
-
-def end(
-    record: Mapping[str, Any],
-    settings: Settings,
-    status: str,
-    seconds: Mapping[str, float],
-    error: BaseException | None,
-) -> dict[str, Any]:
-    """``record`` with status, error, input files and ``seconds`` of the stages [s]."""
-    return {
-        **record,
-        "status": status,
-        "error": None if error is None else one_line(error),
-        "finished": _now(),
-        "inputs": input_hashes(settings),
-        "seconds": dict(seconds),
+        "started": now(),
     }
 
 
@@ -192,5 +174,6 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _now() -> str:
+def now() -> str:
+    """The time in UTC, as ``run.json`` has it."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")

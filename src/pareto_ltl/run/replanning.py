@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.planning.records import NO_PROMISE
+from pareto_ltl.planning.records import NO_PROMISE, counted_rate
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Run, carry_out
 from pareto_ltl.run.position_fixes import Situation, fixes_from, planned_step, situation_at
@@ -224,8 +224,6 @@ def replanned(
     InfeasibleError
         If no path completes the mission from there.
     """
-    from pareto_ltl.planning.records import counted_rate
-
     began = clock.perf_counter()
     problem, plan = run.make(PROBLEM), run.make(PLAN)
     step = planned_step(problem, plan, time, fixes)
@@ -294,7 +292,6 @@ def _carried_on(
     run: Run, problem: Problem, plan: Plan, situation: Situation, rest: PlannedPath, began: float
 ) -> Replanned:
     """The result without a fix: the rest of the old plan, with the failure rate of the whole plan."""
-    from pareto_ltl.planning.records import counted_rate
     from pareto_ltl.simulation.judging import which_fail
     from pareto_ltl.world.navigation import navigate
 
@@ -315,7 +312,7 @@ def _carried_on(
 # --- files and summary ----------------------------------------------------------------------------
 
 
-def write_replanned(done: Replanned, run: Run, place: Path, source: str, argv: Sequence[str] = ()) -> None:
+def write_replanned(done: Replanned, run: Run, place: Path, source: str) -> None:
     """Write a results directory of the new plan; without a fix, the rest of the old one as ``plan.json``."""
     with claimed_directory(place, run.table.files):
         if done.run is not None:
@@ -329,7 +326,7 @@ def write_replanned(done: Replanned, run: Run, place: Path, source: str, argv: S
                 replace(settings, mission=mission), run.table, records, dict(done.run.seconds), place
             )
             stages = [run.table[name] for name in settings.pipelines.stages]
-            carry_out(written, [s for s in stages if s.makes not in written.records], argv)
+            carry_out(written, [s for s in stages if s.makes not in written.records])
         else:
             place.mkdir(parents=True, exist_ok=True)
             run.table.maker_of(PLAN).save(place, done.plan)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,17 +13,21 @@ from pareto_ltl.run import provenance
 from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
     DEPLOYMENTS,
     FOREST,
     FRONT,
     PLAN,
     PROBLEM,
+    SCENE,
+    WIND,
     RecordKey,
     Records,
     RecordView,
     T,
 )
-from pareto_ltl.run.stage_table import Stage, with_extension_stages
+from pareto_ltl.run.stage_table import with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES, PLAN_TABLE
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import read_settings_file
@@ -93,14 +97,11 @@ class Results(RecordView):
     def __getitem__(self, key: RecordKey[T]) -> T:
         return PLAN_TABLE.maker_of(key).load(self.directory)
 
-    def records(self) -> Records:
-        """The records whose files exist; each is read when it is asked for."""
+    def records(self, required: Sequence[RecordKey[Any]] = ()) -> Records:
+        """The ``required`` records, and those whose files exist; each is read when it is asked for."""
         stages = (stage for stage in PLAN_STAGES if stage.codec)
-        return self.read_later(s for s in stages if (self.directory / s.writes[0]).is_file())
-
-    def read_later(self, stages: Iterable[Stage[Any]]) -> Records:
-        """The records of ``stages``, which have files; each is read when it is asked for."""
-        return Records(unread={stage.makes: partial(stage.load, self.directory) for stage in stages})
+        there = (s for s in stages if s.makes in required or (self.directory / s.writes[0]).is_file())
+        return Records(unread={stage.makes: partial(stage.load, self.directory) for stage in there})
 
     def facts(self) -> Mapping[str, str]:
         """Directory, and name, seed, fidelity and status of the run."""
@@ -146,6 +147,7 @@ def _mission_drawing(view: RecordView, **options: Any) -> Drawing:
 
 # --- the run of a plan, to continue from --------------------------------------------------------
 
+WITH_PLAN = (SCENE, DECOMPOSITION, AUTOMATON, WIND, FOREST, PLAN)  # read, never made again
 Planned = PlanningResult | Results | str | Path  # what the functions of the Python interface take
 
 
@@ -197,11 +199,11 @@ def planned_run(planned: Planned, needed: Sequence[RecordKey[Any]] = (PLAN,)) ->
         raise DataError(
             f"{directory}: its run made no {' and no '.join(missing)}; name the results directory of a plan"
         )
-    records = results.read_later(s for s in PLAN_STAGES if s.codec and s.name in listed)
+    records = results.records((*WITH_PLAN, *needed))
     with shaped(directory / "metrics.json", "the metrics of a run"):
         seconds = float(results.metrics["growth_seconds"])
     records.read_later(FOREST, lambda: replace(results.forest, seconds=seconds))
     states = records[PLAN].path.q
-    if not ((states >= 0) & (states < results.automaton.n_states)).all():
+    if not ((states >= 0) & (states < records[AUTOMATON].n_states)).all():
         raise DataError(f"{directory}: plan.json names states that automaton.json lacks; run the plan again")
     return Run(settings, with_extension_stages(PLAN_STAGES, listed), records)

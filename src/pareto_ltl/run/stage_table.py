@@ -55,8 +55,9 @@ class StageInputs:
 
     @property
     def records(self) -> Records:
-        """A new store of the records that the stage needs, for studies that make further plans."""
-        return Records({key: self[key] for key in self._stage.needs})
+        """A new store of the records that the stage needs, and of those that it uses and that exist."""
+        used = {key: record for key in self._stage.uses if (record := self.get(key)) is not None}
+        return Records({key: self[key] for key in self._stage.needs} | used)
 
     @property
     def settings(self) -> Settings:

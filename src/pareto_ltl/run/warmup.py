@@ -254,30 +254,28 @@ def compiling_in_two(settings: Settings, budget: Budget) -> Iterator[None]:
     from pareto_ltl.kernels.code_cache import compilation_watched
 
     kind = kind_of(settings)
-    started: list[subprocess.Popen[bytes]] = []
     if kind is None or not _may_start():
         yield
         return
+    started: list[subprocess.Popen[bytes]] = []
     with ExitStack() as held:
 
         def start(kernel: str) -> None:
             if kernel == GROWTH and not started:
-                with suppress(OSError, TakenError):
-                    held.enter_context(_only_one())
+                with suppress(OSError, TakenError):  # another run has a second process
+                    locks = cache_root() / LOCKS_FOLDER
+                    locks.mkdir(parents=True, exist_ok=True)
+                    held.enter_context(hold_lock(locks / "compiling", wait=False))
                     folder = held.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
                     started.append(_process(kind, folder))
+                    held.callback(started[0].wait)
+                    held.callback(started[0].kill)
 
-        try:
-            with compilation_watched(start):
-                yield
-            latest = time.monotonic() + LONGEST
-            for process in started:
-                while process.poll() is None and time.monotonic() < latest and not budget.over():
-                    time.sleep(PAUSE)
-        finally:
-            for process in started:
-                process.kill()
-                process.wait()
+        with compilation_watched(start):
+            yield
+        latest = time.monotonic() + LONGEST
+        while started and started[0].poll() is None and time.monotonic() < latest and not budget.over():
+            time.sleep(PAUSE)
 
 
 def kind_of(settings: Settings) -> str | None:
@@ -292,15 +290,6 @@ def kind_of(settings: Settings) -> str | None:
 def _may_start() -> bool:
     """Whether there is a core for a second process, and this one is not a worker of a sweep or study."""
     return cores() > 1 and multiprocessing.parent_process() is None and not getattr(sys, "frozen", False)
-
-
-@contextmanager
-def _only_one() -> Iterator[None]:
-    """Hold the lock of second processes; TakenError if another run has one."""
-    folder = cache_root() / LOCKS_FOLDER
-    folder.mkdir(parents=True, exist_ok=True)
-    with hold_lock(folder / "compiling", wait=False):
-        yield
 
 
 def _process(kind: str, folder: str) -> subprocess.Popen[bytes]:
