@@ -7,7 +7,6 @@ from pathlib import Path
 
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.output import Answer
-from pareto_ltl.support.errors import DataError
 
 
 def beacons_command(argv: Sequence[str]) -> Answer:
@@ -24,8 +23,6 @@ def beacons_command(argv: Sequence[str]) -> Answer:
     parser.add_argument("--flights", type=int, default=2000, metavar="N", help="flights that compare places")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the folder beacons in DIR")
     options = parser.parse_args(argv)
-    if not options.directory.is_dir():
-        raise DataError(f"{options.directory}: no such folder; give a results directory")
     from pareto_ltl.run.beacons import beacon_document, beacon_lines, beacons, write_beacons
     from pareto_ltl.run.results import PlanningResult, planned_run
 

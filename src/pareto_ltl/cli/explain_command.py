@@ -9,7 +9,6 @@ from textwrap import wrap
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.choose_command import read_number
 from pareto_ltl.cli.output import Answer
-from pareto_ltl.support.errors import DataError
 
 COLUMNS = 80
 LEG_NUMBER = "  12-14  "  # at the begin of a line on legs
@@ -32,8 +31,6 @@ def explain_command(argv: Sequence[str]) -> Answer:
     )
     options = parser.parse_args(argv)
     point = None if options.point is None else read_number(options.point)
-    if not options.directory.is_dir():
-        raise DataError(f"{options.directory}: no such folder; give a results directory")
     from pareto_ltl.run.showing import explanation
 
     told = explanation(options.directory, point=point, limits=options.limits, each=options.legs)

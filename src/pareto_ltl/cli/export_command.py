@@ -11,7 +11,7 @@ from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.choose_command import read_number
 from pareto_ltl.cli.output import Answer
 from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
 
@@ -50,8 +50,6 @@ def _export(options: argparse.Namespace) -> Answer:
     if options.between is not None:
         low, high = (read_metres("--between", text) for text in options.between)
         settings |= {"altitude_lower": low, "altitude_upper": high}
-    if not options.directory.is_dir():
-        raise DataError(f"{options.directory}: no such folder; give a results directory")
     from pareto_ltl.run.interface import export
 
     place = options.directory / ("exports" if point is None else f"exports_point_{point}")
