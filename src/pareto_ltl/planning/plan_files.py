@@ -386,8 +386,9 @@ def _navigation(content: Mapping[str, Any]) -> Navigation | None:
     if content.get("airspeed") is None:
         return None
     steps, times = len(content["u"]), content["time_utc"]
-    sizes = {"airspeed": steps, "lat": steps + 1, "lon": steps + 1, "heading_true": steps}
+    sizes = {"lat": steps + 1, "lon": steps + 1, "heading_true": steps}
     return Navigation(
+        airspeed=_numbers(content, "airspeed", steps),
         time_utc=None if times is None else tuple(times),
         crs=content["crs"],
         **{
