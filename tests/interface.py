@@ -21,7 +21,7 @@ from pareto_ltl.exports import dead_reckoning, flight_card
 from pareto_ltl.planning.costs import COSTS, cost_named
 from pareto_ltl.planning.plan_files import FRONT_HEADER, TABLE_HEADER
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.kinds import field_kinds
+from pareto_ltl.settings.checks import field_kinds
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.schemas import SCHEMA_NAMES, schema_text
 

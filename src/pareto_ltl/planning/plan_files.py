@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.planning.costs import cost_named, known_costs
-from pareto_ltl.planning.limits import Price, SegmentLimits
+from pareto_ltl.planning.costs import Price, SegmentLimits, cost_named, known_costs
 from pareto_ltl.planning.records import (
     RISKS,
     FailureRate,
@@ -31,13 +30,13 @@ from pareto_ltl.planning.records import (
     Promise,
     Tree,
 )
-from pareto_ltl.settings import models_of
+from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.support.archives import stored
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.files import write_csv, write_json, write_npz
 from pareto_ltl.support.names import joined_names, split_names
 from pareto_ltl.support.reading import inside, read_text, shaped
-from pareto_ltl.world.navigation import Navigation
+from pareto_ltl.world.projection import Navigation
 
 COLLISION_COLUMNS = "collision_columns"  # number of last columns of Tree.risk; missing if there are none
 TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "beta")
