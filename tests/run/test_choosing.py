@@ -185,7 +185,7 @@ def test_a_wish_that_cannot_be_met_is_one_line(
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        (shutil.rmtree, "no such folder; give a results directory"),
+        (shutil.rmtree, "there is no run.json"),
         (lambda place: (place / "front.npz").unlink(), "front.npz: cannot be read"),
         (lambda place: (place / "front.csv").write_text("path\n"), "front.npz: not a front (it holds"),
         (lambda place: (place / "automaton.json").write_text("{}"), "automaton.json: lacks 'formula'"),

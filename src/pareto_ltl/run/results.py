@@ -160,8 +160,6 @@ def load_results(directory: str | Path | Results) -> Results:
         If the directory holds no run.
     """
     results = directory if isinstance(directory, Results) else Results(directory)
-    if not results.directory.is_dir():
-        raise DataError(f"{results.directory}: no such folder; give a results directory")
     if not (results.directory / "run.json").is_file():
         raise DataError(f"{results.directory}: there is no run.json; name a results directory")
     return results
