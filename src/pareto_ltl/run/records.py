@@ -30,21 +30,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class RecordKey(Generic[T]):
-    """The key of a record of type ``T``; ``name`` is the name of the stage that makes it.
-
-    As an attribute of a :class:`RecordView` it gives the record: ``view.plan`` is ``view[PLAN]``.
-    """
+    """The key of a record of type ``T``; ``name`` is the name of the stage that makes it."""
 
     name: str
-
-    @overload
-    def __get__(self, view: None, kind: type | None = None) -> RecordKey[T]: ...
-
-    @overload
-    def __get__(self, view: RecordView, kind: type | None = None) -> T: ...
-
-    def __get__(self, view: RecordView | None, kind: type | None = None) -> RecordKey[T] | T:
-        return self if view is None else view[self]
 
 
 READINGS: RecordKey[Readings] = RecordKey("readings")
@@ -126,6 +114,22 @@ class Records:
         return Records(self._content | {key: record}, self._unread)
 
 
+class RecordOf(Generic[T]):
+    """An attribute of a :class:`RecordView`: the record of ``key``."""
+
+    def __init__(self, key: RecordKey[T]) -> None:
+        self.key = key
+
+    @overload
+    def __get__(self, view: None, kind: type) -> RecordOf[T]: ...
+
+    @overload
+    def __get__(self, view: RecordView, kind: type) -> T: ...
+
+    def __get__(self, view: RecordView | None, kind: type) -> RecordOf[T] | T:
+        return self if view is None else view[self.key]
+
+
 class RecordView(Displayed):
     """The records of a run as attributes, or as ``view[KEY]``; a subclass defines where they come from."""
 
@@ -134,19 +138,19 @@ class RecordView(Displayed):
     def __getitem__(self, key: RecordKey[T]) -> T:
         raise NotImplementedError
 
-    scene = SCENE
+    scene = RecordOf(SCENE)
     """The map (``Scene``)."""
-    decomposition = DECOMPOSITION
+    decomposition = RecordOf(DECOMPOSITION)
     """The convex cells of the map (``Decomposition``)."""
-    automaton = AUTOMATON
+    automaton = RecordOf(AUTOMATON)
     """The minimal automaton of the mission (``Automaton``)."""
-    wind = WIND
+    wind = RecordOf(WIND)
     """The wind that the plan was made for (``WindField``)."""
-    forest = FOREST
+    forest = RecordOf(FOREST)
     """The search trees (``Forest``)."""
-    front = FRONT
+    front = RecordOf(FRONT)
     """The non-dominated paths (``Front``)."""
-    plan = PLAN
+    plan = RecordOf(PLAN)
     """The path to fly (``Plan``)."""
-    deployments = DEPLOYMENTS
+    deployments = RecordOf(DEPLOYMENTS)
     """The simulated flights by wind law (``Deployment``)."""

@@ -33,6 +33,7 @@ from pareto_ltl.run.records import (
     PROBLEM,
     SCENE,
     WIND,
+    RecordKey,
     Records,
 )
 from pareto_ltl.run.rest_of_flight import AUTOMATON_FILE, NewWind, remaining_path, run_of_the_rest, scene_from
@@ -63,7 +64,7 @@ ADVICE = {
     "is not known, and the new plan arrives before",
     "alarm": f"{NO_PROMISE}; check the alarm before the new plan is flown",
 }
-KEPT = (SCENE, DECOMPOSITION, AUTOMATON, WIND, PROBLEM, FOREST, FRONT)
+KEPT: tuple[RecordKey[Any], ...] = (SCENE, DECOMPOSITION, AUTOMATON, WIND, PROBLEM, FOREST, FRONT)
 
 
 @dataclass(frozen=True, slots=True, repr=False)

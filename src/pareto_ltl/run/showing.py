@@ -19,7 +19,17 @@ from pareto_ltl.run.page_stage import (
     write_page,
 )
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, FORECASTS, FRONT, PLAN, PROBLEM, SCENE, WIND
+from pareto_ltl.run.records import (
+    AUTOMATON,
+    DECOMPOSITION,
+    FORECASTS,
+    FRONT,
+    PLAN,
+    PROBLEM,
+    SCENE,
+    WIND,
+    RecordKey,
+)
 from pareto_ltl.run.results import Planned, PlanningResult, Results, load_results, place_of, planned_run
 from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES
@@ -64,7 +74,8 @@ def page(planned: Planned, path: str | Path) -> Path:
     """
     if isinstance(planned, PlanningResult):
         run = planned.run
-        for key in (PROBLEM, FRONT, PLAN, FORECASTS):
+        needed: tuple[RecordKey[Any], ...] = (PROBLEM, FRONT, PLAN, FORECASTS)
+        for key in needed:
             run.make(key)
         origin, seeds = origin_in_memory(run.settings), stage_seeds(run.settings.seed, DEPLOYMENT_STREAM)
         return write_page(Path(path), shown_run(run.settings, run.records, origin, seeds))
