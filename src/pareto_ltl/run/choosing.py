@@ -11,22 +11,10 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.run import records as keys
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Run, carry_out
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    FOREST,
-    FRONT,
-    OBSERVATIONS,
-    PLAN,
-    PROBLEM,
-    READINGS,
-    SCENE,
-    WIND,
-    RecordKey,
-    Records,
-)
+from pareto_ltl.run.records import Records
 from pareto_ltl.run.results import Planned, PlanningResult, place_of, planned_run
 from pareto_ltl.run.stage_table import Stage, StageTable
 from pareto_ltl.settings import SelectionConfig, Settings
@@ -37,8 +25,8 @@ from pareto_ltl.support.errors import ConfigError, InfeasibleError
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Front
 
-KEPT: tuple[RecordKey[Any], ...] = (SCENE, DECOMPOSITION, AUTOMATON, WIND, FOREST, FRONT)
-RAW: tuple[RecordKey[Any], ...] = (READINGS, OBSERVATIONS)  # from which the wind was made
+KEPT = (*keys.GROUND, keys.FOREST, keys.FRONT)
+RAW = (keys.READINGS, keys.OBSERVATIONS)  # from which the wind was made
 
 
 def choose(
@@ -213,14 +201,14 @@ def chosen_run(
     InfeasibleError
         If the front has no such path.
     """
-    run, source = planned_run(planned, (FRONT, PLAN)), place_of(planned, place)
+    run, source = planned_run(planned, (keys.FRONT, keys.PLAN)), place_of(planned, place)
     settings = replace(run.settings, selection=choice.settings(run.settings.selection))
-    require_choice(choice, run.make(FRONT), str(source or "the front"))
+    require_choice(choice, run.make(keys.FRONT), str(source or "the front"))
     records = Records({key: run.make(key) for key in KEPT})
     other = Run(settings, table or run.table, records, directory=place)
     if place is None:
-        records[PROBLEM] = run.make(PROBLEM)
-        other.make(PLAN)
+        records[keys.PROBLEM] = run.make(keys.PROBLEM)
+        other.make(keys.PLAN)
         return other
     with claimed_directory(place, other.table.files):
         carry_out(other, later_stages(settings, other.table), argv)

@@ -53,6 +53,8 @@ FIGURES: RecordKey[tuple[Path, ...]] = RecordKey("report")
 PAGE: RecordKey[tuple[Path, ...]] = RecordKey("page")
 WIND_TABLE: RecordKey[Path] = RecordKey("table")
 
+GROUND: tuple[RecordKey[Any], ...] = (SCENE, DECOMPOSITION, AUTOMATON, WIND)  # of which a problem is made
+
 
 class Records:
     """Records by key; each value has the type of its key. :meth:`replaced` makes a changed copy.

@@ -21,21 +21,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl.planning.records import NO_PROMISE, counted_rate
+from pareto_ltl.run import records as keys
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Run, carry_out
 from pareto_ltl.run.position_fixes import Situation, fixes_from, planned_step, situation_at
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    FOREST,
-    FRONT,
-    PLAN,
-    PROBLEM,
-    SCENE,
-    WIND,
-    RecordKey,
-    Records,
-)
+from pareto_ltl.run.records import Records
 from pareto_ltl.run.rest_of_flight import AUTOMATON_FILE, NewWind, remaining_path, run_of_the_rest, scene_from
 from pareto_ltl.run.results import Planned, place_of, planned_run
 from pareto_ltl.run.stage_table import stage_seeds
@@ -64,7 +54,6 @@ ADVICE = {
     "is not known, and the new plan arrives before",
     "alarm": f"{NO_PROMISE}; check the alarm before the new plan is flown",
 }
-KEPT: tuple[RecordKey[Any], ...] = (SCENE, DECOMPOSITION, AUTOMATON, WIND, PROBLEM, FOREST, FRONT)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -138,7 +127,7 @@ class Replanned(Displayed):
         """The map with the new plan, and the rest of the old one dashed."""
         from pareto_ltl.report.notebook import replanned_drawing
 
-        scene = None if self.run is None else self.run.make(SCENE)
+        scene = None if self.run is None else self.run.make(keys.SCENE)
         return replanned_drawing(self.plan, self.rest, scene=scene, **options)
 
 
@@ -226,7 +215,7 @@ def replanned(
         If no path completes the mission from there.
     """
     began = clock.perf_counter()
-    problem, plan = run.make(PROBLEM), run.make(PLAN)
+    problem, plan = run.make(keys.PROBLEM), run.make(keys.PLAN)
     step = planned_step(problem, plan, time, fixes)
     situation = situation_at(run, step, tuple(fixes), ahead=wind is not None)
     rest = remaining_path(problem, plan.path, step)
@@ -236,16 +225,17 @@ def replanned(
     situation = replace(situation, alarms=(*situation.alarms, *alarms))
     for alarm in situation.alarms:
         LOG.warning("ALARM: %s", alarm)
-    other.make(PLAN)
+    other.make(keys.PLAN)
     seconds = clock.perf_counter() - began
     other, flown = never_worse(other, rest)
     if situation.alarms:
-        other.records[PLAN] = other.make(PLAN).without_promise()
+        other.records[keys.PLAN] = other.make(keys.PLAN).without_promise()
     new, *others = (counted_rate(problem.fidelity.law, int(row.sum()), len(row)) for row in flown)
     difference = paired_difference(flown[1], flown[0]) if others else (math.nan, math.nan, math.nan)
     return Replanned(
-        situation, other, other.make(PLAN), rest, others[0] if others else None, new, difference, seconds,
-        "" if wind is None else str(wind) if isinstance(wind, str | Path) else other.make(WIND).source,
+        situation, other, other.make(keys.PLAN), rest, others[0] if others else None, new, difference,
+        seconds,
+        "" if wind is None else str(wind) if isinstance(wind, str | Path) else other.make(keys.WIND).source,
     )  # fmt: skip
 
 
@@ -258,14 +248,14 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     """
     from pareto_ltl.simulation.judging import which_fail_each
 
-    problem, cfg = other.make(PROBLEM), other.settings.selection
+    problem, cfg = other.make(keys.PROBLEM), other.settings.selection
     seeds = stage_seeds(other.settings.seed, STREAM)
     if len(rest.u) > len(problem.wind.slot):
-        return other, list(which_fail_each(problem, [other.make(PLAN).path], cfg.runs, seeds))
-    old, new = which_fail_each(problem, [rest, other.make(PLAN).path], cfg.runs, seeds)
+        return other, list(which_fail_each(problem, [other.make(keys.PLAN).path], cfg.runs, seeds))
+    old, new = which_fail_each(problem, [rest, other.make(keys.PLAN).path], cfg.runs, seeds)
     if paired_difference(old, new)[1] <= 0.0:
         return other, [new, old]
-    front = other.make(FRONT)
+    front = other.make(keys.FRONT)
     tried = _safer_points(front, float(old.mean()))
     if not tried:
         return other, [new, old]
@@ -274,10 +264,11 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     row = held[0] if held else int(np.argmin(failed.sum(axis=1)))
     LOG.info("the choice of selection.rule=%s fails more often than the rest of the old plan", cfg.rule)
     selection = replace(cfg, rule="point", point=tried[row])
-    records = Records({key: other.make(key) for key in KEPT})
+    kept = (*keys.GROUND, keys.PROBLEM, keys.FOREST, keys.FRONT)
+    records = Records({key: other.make(key) for key in kept})
     settings = replace(other.settings, selection=selection)
     safer = Run(settings, other.table, records, dict(other.seconds))
-    safer.make(PLAN)
+    safer.make(keys.PLAN)
     return safer, [failed[row], old]
 
 
@@ -322,7 +313,7 @@ def write_replanned(done: Replanned, run: Run, place: Path, source: str) -> None
             if done.situation.alarms:
                 left = [name for name in settings.pipelines.stages if name not in OF_RATES]
                 settings = replace(settings, pipelines=replace(settings.pipelines, stages=left))
-                records = Records({key: records[key] for key in records if key is not FRONT})
+                records = Records({key: records[key] for key in records if key is not keys.FRONT})
             written = Run(
                 replace(settings, mission=mission), run.table, records, dict(done.run.seconds), place
             )
@@ -330,7 +321,7 @@ def write_replanned(done: Replanned, run: Run, place: Path, source: str) -> None
             carry_out(written, [s for s in stages if s.makes not in written.records])
         else:
             place.mkdir(parents=True, exist_ok=True)
-            run.table.maker_of(PLAN).save(place, done.plan)
+            run.table.maker_of(keys.PLAN).save(place, done.plan)
         write_json(place / "replan.json", replan_document(done, source))
 
 

@@ -10,23 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run import provenance
+from pareto_ltl.run import records as keys
 from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    DEPLOYMENTS,
-    FOREST,
-    FRONT,
-    PLAN,
-    PROBLEM,
-    SCENE,
-    WIND,
-    RecordKey,
-    Records,
-    RecordView,
-    T,
-)
+from pareto_ltl.run.records import RecordKey, Records, RecordView, T
 from pareto_ltl.run.stage_table import with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES, PLAN_TABLE
 from pareto_ltl.settings import Settings
@@ -64,7 +51,7 @@ class PlanningResult(RecordView):
     @property
     def problem(self) -> Problem:
         """Map, wind, automaton and robot as the arrays that planning reads."""
-        return self[PROBLEM]
+        return self[keys.PROBLEM]
 
     @property
     def metrics(self) -> dict[str, float]:
@@ -79,7 +66,7 @@ class PlanningResult(RecordView):
 
     def plot(self, **options: Any) -> Drawing:
         """The map with trees, plan and simulated flights."""
-        return _mission_drawing(self, deployments=self.run.records.get(DEPLOYMENTS), **options)
+        return _mission_drawing(self, deployments=self.run.records.get(keys.DEPLOYMENTS), **options)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -147,7 +134,6 @@ def _mission_drawing(view: RecordView, **options: Any) -> Drawing:
 
 # --- the run of a plan, to continue from --------------------------------------------------------
 
-WITH_PLAN = (SCENE, DECOMPOSITION, AUTOMATON, WIND, FOREST, PLAN)  # read, never made again
 Planned = PlanningResult | Results | str | Path  # what the functions of the Python interface take
 
 
@@ -173,7 +159,7 @@ def place_of(planned: Planned, out: Path | None = None) -> Path | None:
     return place
 
 
-def planned_run(planned: Planned, needed: Sequence[RecordKey[Any]] = (PLAN,)) -> Run:
+def planned_run(planned: Planned, needed: Sequence[RecordKey[Any]] = (keys.PLAN,)) -> Run:
     """The run of a plan; the records of a results directory are read when they are asked for.
 
     Raises
@@ -190,7 +176,7 @@ def planned_run(planned: Planned, needed: Sequence[RecordKey[Any]] = (PLAN,)) ->
     settings = results.settings
     listed = settings.pipelines.stages
     missing = [key.name for key in needed if key.name not in listed]
-    if missing == [FRONT.name] and (directory / "replan.json").is_file():
+    if missing == [keys.FRONT.name] and (directory / "replan.json").is_file():
         raise DataError(
             f"{directory}: the plan was made after an alarm (replan.json), so that its front has no failure "
             "rates to choose by; replan with a correct fix or forecast"
@@ -199,11 +185,11 @@ def planned_run(planned: Planned, needed: Sequence[RecordKey[Any]] = (PLAN,)) ->
         raise DataError(
             f"{directory}: its run made no {' and no '.join(missing)}; name the results directory of a plan"
         )
-    records = results.records((*WITH_PLAN, *needed))
+    records = results.records((*keys.GROUND, keys.FOREST, keys.PLAN, *needed))  # never made again
     with shaped(directory / "metrics.json", "the metrics of a run"):
         seconds = float(results.metrics["growth_seconds"])
-    records.read_later(FOREST, lambda: replace(results.forest, seconds=seconds))
-    states = records[PLAN].path.q
-    if not ((states >= 0) & (states < records[AUTOMATON].n_states)).all():
+    records.read_later(keys.FOREST, lambda: replace(results.forest, seconds=seconds))
+    states = records[keys.PLAN].path.q
+    if not ((states >= 0) & (states < records[keys.AUTOMATON].n_states)).all():
         raise DataError(f"{directory}: plan.json names states that automaton.json lacks; run the plan again")
     return Run(settings, with_extension_stages(PLAN_STAGES, listed), records)
