@@ -16,14 +16,14 @@ from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.interface import choose
 from pareto_ltl.run.results import Results
 from pareto_ltl.settings import DepartureConfig, Settings
-from pareto_ltl.studies.departure import repeat_seed
+from pareto_ltl.studies.departure import candidate_starts, repeat_seed
 from pareto_ltl.studies.departure_fronts import Comparison, compare_fronts, flown_front
-from pareto_ltl.studies.departure_starts import candidate_starts, folder_name
 from pareto_ltl.studies.departure_table import (
     Delivered,
     Found,
     compared_paths,
     delivered_text,
+    folder_name,
     fronts_in_time,
     noise_text,
     recommendation_text,

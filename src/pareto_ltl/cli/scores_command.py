@@ -62,7 +62,7 @@ def scores_command(argv: Sequence[str]) -> Answer:
 
 
 def _document(mine: Promises, found: Sequence[Compared]) -> dict[str, object]:
-    from pareto_ltl.studies import skill
+    from pareto_ltl.studies import calibration
     from pareto_ltl.studies.promises import score_parts
 
     parts = {name.replace("Brier score", "brier"): value for name, value in score_parts(mine).items()}
@@ -73,7 +73,7 @@ def _document(mine: Promises, found: Sequence[Compared]) -> dict[str, object]:
         "promised": float(mine.promised.mean()),
         "failed": float(mine.realised.mean()),
         **parts,
-        **skill.situation_columns(mine.realised, mine.situations),
+        **calibration.situation_columns(mine.realised, mine.situations),
         "compared": [
             {name: value for name, value in asdict(one).items() if not name.startswith("curve")}
             for one in found

@@ -12,7 +12,7 @@ from pareto_ltl.cli.output import Answer, Output, answered
 from pareto_ltl.support.errors import ConfigError
 
 if TYPE_CHECKING:
-    from pareto_ltl.studies.sweeps.summary import SweepSummary
+    from pareto_ltl.studies.sweep_summary import SweepSummary
 
 
 def sweep_command(argv: Sequence[str], output: Output) -> int:
@@ -34,8 +34,8 @@ def _summary_of_folder(argv: Sequence[str]) -> Answer:
             "name the folder of a sweep (multirun/phi2), or settings to run (+experiment=phi2 seed=0,1); "
             "see pareto-ltl sweep --help"
         )
-    from pareto_ltl.studies.sweeps.manifest import OLDER_SWEEPS, FigureChoice
-    from pareto_ltl.studies.sweeps.summary import write_summary
+    from pareto_ltl.studies.sweep_summary import write_summary
+    from pareto_ltl.studies.sweeps import OLDER_SWEEPS, FigureChoice
 
     figure = FigureChoice(options.x, options.y, options.by)
     found = write_summary(options.directory, options.sweep, figure)
@@ -45,7 +45,7 @@ def _summary_of_folder(argv: Sequence[str]) -> Answer:
 
 def summary_answer(found: SweepSummary, page: Path) -> Answer:
     """The answer of a sweep whose summary is the file ``page``."""
-    from pareto_ltl.studies.sweeps.summary import summary_content
+    from pareto_ltl.studies.sweep_summary import summary_content
 
     return Answer(summary_content(found), [found.line(), f"summary in {page}"], [page])
 
