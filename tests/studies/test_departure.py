@@ -189,6 +189,12 @@ def test_paths_and_starts_that_arrive_late_are_not_compared() -> None:
     assert [len(x) for _, x in compared_paths(cfg, 0.0, found)] == [2, 2]
 
 
+def test_a_start_may_have_no_plan_with_a_further_seed() -> None:
+    none = {"planned": False, "reason": "no path completes the mission"}
+    rows, _ = compared({0.0: [result(GOOD), none], 3600.0: [result(WORSE), result(WORSE)]})
+    assert [(row["recommended"], row["seeds"], row["paths"]) for row in rows] == [(True, 2, 2), (False, 2, 2)]
+
+
 def test_the_paths_for_the_full_plan_are_the_best_of_all_seeds() -> None:
     found: Found = {0.0: [result({1000.0: 200, 1500.0: 60}), result({1100.0: 150, 1400.0: 70, 1600.0: 61})]}
     kept = compared_paths(DepartureConfig(flights=2000), 0.0, found)

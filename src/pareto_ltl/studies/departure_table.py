@@ -97,7 +97,7 @@ def fronts_in_time(cfg: DepartureConfig, found: Found) -> dict[float, list[Flown
 def _front_of(paths: Sequence[Mapping[str, Any]], flights: int) -> FlownFront:
     failed = [tables.text_to_flags(path["failed"]) for path in paths]
     lengths = np.array([path["length_m"] for path in paths])
-    return departure_fronts.flown_front(lengths, np.array(failed, bool).reshape(len(paths), -1) if paths else np.zeros((0, flights), bool))
+    return departure_fronts.flown_front(lengths, np.array(failed, bool).reshape(len(paths), flights))
 
 
 def compared_paths(cfg: DepartureConfig, time: float, found: Found) -> list[ExtraPath]:
@@ -353,7 +353,7 @@ def recommendation_text(rows: Sequence[Columns], comparison: Comparison) -> str:
             f"{least}.{others}"
         )
     if not rivals:
-        late = any(row["planned"] for row in rows[1:])
+        late = any(row["planned"] and not row["on_time"] for row in rows)
         return f"{named}: no other start has a plan{' in time' if late else ''}."
     nearest = min(rivals, key=lambda row: float(row["ratio"]))
     return (
