@@ -28,7 +28,7 @@ from typing import Any, Generic, TypeVar
 from pareto_ltl.run import provenance
 from pareto_ltl.run.directory import RUN_LOG
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.locks import has_note, hold_passing_lock, is_held, process_note
+from pareto_ltl.support.locks import has_note, hold_lock, is_held, process_note
 from pareto_ltl.support.run_status import RUN_LOCK
 from pareto_ltl.support.schemas import read_document
 
@@ -121,7 +121,7 @@ class StoredJob(ABC):
         """
         self.lock.parent.mkdir(parents=True, exist_ok=True)
         busy = is_held(self.lock)
-        with hold_passing_lock(self.lock, note=process_note()) as killed_holder:
+        with hold_lock(self.lock, note=process_note()) as killed_holder:
             if not killed_holder and (resume or busy) and self.settled():
                 return False
             self.clear()

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from pareto_ltl.report.metric_names import is_probability, metric_label
-from pareto_ltl.settings import LAWS
+from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.studies import sweeps
 from pareto_ltl.studies.sweeps import FigureChoice, SeedGroup, SweepManifest, SweepRow, column_names, is_seed
 from pareto_ltl.support.display import interval_text, probability_text

@@ -1,7 +1,7 @@
 """Sweeps: the list of the runs on disk, a row for each run, and a group for all seeds of the other settings.
 
 ``sweep_summary`` writes the tables, the figure and the page from them. Neither imports Hydra;
-``hydra_plugins.pareto_ltl_sweeper`` connects them.
+``hydra_plugins.pareto_ltl_plugins`` connects them.
 """
 
 from __future__ import annotations
