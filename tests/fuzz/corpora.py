@@ -26,7 +26,7 @@ from pareto_ltl.planning.records import (
 )
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.simulation.records import Deployment, write_deployments
-from pareto_ltl.studies.sweeps.manifest import SweepManifest, SweepPoint
+from pareto_ltl.studies.sweeps import SweepManifest, SweepPoint
 from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.netcdf import write_netcdf

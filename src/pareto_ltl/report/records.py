@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -67,7 +67,7 @@ class Study:
         Further data for figures (paths, flights); not written to disk.
     """
 
-    tables: Mapping[str, tuple[Mapping[str, Any], ...]]
+    tables: Mapping[str, Sequence[Mapping[str, Any]]]
     numbers: Mapping[str, float]
     text: str
     pictures: Mapping[str, Any] = field(default_factory=dict)
