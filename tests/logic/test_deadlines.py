@@ -19,8 +19,7 @@ from pareto_ltl.planning.epochs import epochs_of
 from pareto_ltl.settings import MissionConfig
 from pareto_ltl.support.errors import DataError, FormulaError
 from pareto_ltl.world.windows import Window
-from pareto_ltl_verify.formula import Dfa, first_difference, normal_form, read_formula
-from pareto_ltl_verify.timetable import clock_of
+from pareto_ltl_verify.formula import Dfa, clock_of, first_difference, normal_form, read_formula
 
 seconds = st.integers(0, 400).map(lambda k: 450.0 * k)
 spans = st.tuples(seconds, seconds).filter(lambda span: span[0] < span[1])
