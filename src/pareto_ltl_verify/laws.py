@@ -7,7 +7,6 @@ coefficients θ of the wind field, so that a position fix is a Kalman update of 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -270,43 +269,37 @@ def fly_means(law: Law, x: FloatArray) -> Course:
     """The course along the means ``x`` (T+1, 2) [m], with the controls that they need."""
     course = _empty(law, len(x) - 1)
     course.x[:] = x
-    robot = law.robot
-
-    def steer(t: int) -> None:
-        free = robot.a @ x[t] + robot.dt * course.drift[t]
-        course.u[t] = np.linalg.solve(robot.b, x[t + 1] - free) / robot.dt
-
-    return _flown(law, course, steer)
+    return _flown(law, course, along_means=True)
 
 
 def fly_controls(law: Law, start: FloatArray, u: FloatArray) -> Course:
     """The course of the controls ``u`` (T, 2) [m/s] from ``start`` (2,) [m]."""
     course = _empty(law, len(u))
     course.x[0], course.u[:] = start, u
-    robot = law.robot
-
-    def move(t: int) -> None:
-        course.x[t + 1] = robot.a @ course.x[t] + robot.dt * (robot.b @ u[t] + course.drift[t])
-
-    return _flown(law, course, move)
+    return _flown(law, course, along_means=False)
 
 
 def _empty(law: Law, steps: int) -> Course:
-    pairs = np.empty((5, steps, 2))
+    pairs = np.empty((3, steps, 2))
     return Course(
         x=np.empty((steps + 1, 2)), u=pairs[0], cov=np.empty((steps + 1, 2, 2)), speed=np.empty(steps),
         drift=pairs[1], F=np.empty((steps, 2, 2)), psi=np.zeros((steps, 2, law.modes)), white=pairs[2],
     )  # fmt: skip
 
 
-def _flown(law: Law, course: Course, finish_step: Callable[[int], None]) -> Course:
-    n = law.modes
-    belief = Belief(law.robot.start_sd**2 * np.eye(2), np.zeros((2, 2)), np.zeros((2, n)), np.eye(n))
+def _flown(law: Law, course: Course, *, along_means: bool) -> Course:
+    """The course with all rows filled; each step determines its control or the next mean."""
+    n, robot = law.modes, law.robot
+    belief = Belief(robot.start_sd**2 * np.eye(2), np.zeros((2, 2)), np.zeros((2, n)), np.eye(n))
     for t in range(len(course.u)):
         course.cov[t] = belief.unknown + belief.known
         course.cross.append(belief.cross)
         belief = law.advance(course, t, belief)
-        finish_step(t)
+        free = robot.a @ course.x[t] + robot.dt * course.drift[t]
+        if along_means:
+            course.u[t] = np.linalg.solve(robot.b, course.x[t + 1] - free) / robot.dt
+        else:
+            course.x[t + 1] = free + robot.dt * robot.b @ course.u[t]
     course.cov[-1] = belief.unknown + belief.known
     course.cross.append(belief.cross)
     return course

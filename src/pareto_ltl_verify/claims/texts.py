@@ -59,7 +59,7 @@ def texts(result: Evidence) -> Verdict | None:
         if assumed and assumed in stated:  # files of earlier versions do not have it
             parts.insert(stated.index(assumed), assumed)
         words = [part for part in stated if part not in parts] or parts * (stated != parts)
-        faults += [f"{key}: {' '.join(words)}"] * bool(words)
+        faults += [f"{key.replace('_', ' ')}: {' '.join(words)}"] * bool(words)
     return no_fault(f"{len(plan['not_covered'].split('; '))} errors not covered", faults)
 
 
