@@ -28,14 +28,15 @@ def test_the_checker_lands_as_many_robots_as_the_planner(tmp_path: Path) -> None
     run = planned_run(load_results(tmp_path))
     problem, path = run.make(PROBLEM), run.make(PLAN).path
     assert problem.energy is not None
-    checker, told = open_evidence(tmp_path).simulator("coherent"), {}
+    evidence, told = open_evidence(tmp_path), {}
+    checker = evidence.simulator("coherent", evidence.x, evidence.u)
     for share in (1.0, 1.005, 1.02):
         capacity = share * problem.energy.of(path.u, problem.motion.dt)
         limited = replace(problem, energy=EnergyModel(problem.energy.curve, capacity))
         ours = simulate_flights(limited, path.u, RUNS, "coherent", SeedSequence(1), path.x).failed.sum()
         robot = replace(checker.law.robot, capacity=capacity)
         theirs = replace(checker, law=replace(checker.law, robot=robot)).fly(RUNS, np.random.default_rng(2))
-        failed = open_evidence(tmp_path).ground.failed(theirs).sum()
+        failed = evidence.ground.failed(theirs).sum()
         assert same_rate(int(ours), RUNS, int(failed), RUNS) > RARE
         told[share] = float(ours) / RUNS
     assert told[1.0] > told[1.02]
