@@ -31,7 +31,7 @@ from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindEvidence, WindField, WindModes
 from pareto_ltl.world.cells import decompose
-from pareto_ltl.world.navigation import navigate
+from pareto_ltl.world.projection import navigate
 from pareto_ltl.world.scene import Scene
 
 FORMULAS = (

@@ -14,9 +14,9 @@ from pareto_ltl.wind.readings import HOUR
 
 if TYPE_CHECKING:
     from pareto_ltl.wind.area import GeoBox
-    from pareto_ltl.wind.block_bootstrap import Interval, Resampling
     from pareto_ltl.wind.error_estimate import ErrorEstimate, ErrorTable
     from pareto_ltl.wind.forecast_error import ForecastError
+    from pareto_ltl.wind.matched_fields import Interval, Resampling
     from pareto_ltl.wind.snapshots import Snapshot
 
 EVERYWHERE = "all"
@@ -36,10 +36,9 @@ def wind_error(options: Namespace) -> Answer:
     from pareto_ltl.report.wind_error import draw_wind_error
     from pareto_ltl.support.files import write_json
     from pareto_ltl.wind.area import box_of
-    from pareto_ltl.wind.block_bootstrap import Resampling
-    from pareto_ltl.wind.error_document import error_document, estimated_law
-    from pareto_ltl.wind.error_estimate import estimate_errors
+    from pareto_ltl.wind.error_estimate import error_document, estimate_errors, estimated_law
     from pareto_ltl.wind.forecast_error import forecast_error_law
+    from pareto_ltl.wind.matched_fields import Resampling
 
     box = None if area is None else box_of(np.array(area, float))
     snapshots = _snapshots(files, options.level, box)
@@ -110,7 +109,7 @@ def _files_in(folder: Path) -> tuple[Path, ...]:
 
 def _snapshots(files: tuple[Path, ...], level: str, box: GeoBox | None) -> tuple[Snapshot, ...]:
     from pareto_ltl.settings import WindConfig
-    from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
+    from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 
     return grib_snapshots_apart(files, WindConfig().max_speed, level, box).winds
 
@@ -134,7 +133,7 @@ def _told_by_stations(
 
 def estimate_lines(estimate: ErrorEstimate, law: ForecastError, usual: ForecastError) -> Iterator[str]:
     """Lines of text: the tables with the packaged law, the scalars, and what the data do not determine."""
-    from pareto_ltl.wind.error_document import unknown_parts
+    from pareto_ltl.wind.error_estimate import unknown_parts
 
     other = usual.for_winds(estimate.level, estimate.spread)
     yield (

@@ -13,7 +13,7 @@ from pareto_ltl.exports.geojson import titled_outlines, tube_rings
 from pareto_ltl.exports.gpx import region_text
 from pareto_ltl.exports.xml_text import add, xml_bytes
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.shapes import united_rings
+from pareto_ltl.world.polygons import united_rings
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 TUBE = 0.95  # share of whole flights that stay in the area that is drawn

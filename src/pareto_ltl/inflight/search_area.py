@@ -21,7 +21,7 @@ from pareto_ltl.exports.xml_text import add, xml_bytes
 from pareto_ltl.inflight.watch import Event
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_bytes
-from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.projection import utc_times
 from pareto_ltl.world.scene import Scene
 
 SHARES = (0.5, 0.9, 0.99)  # probabilities of the areas

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pareto_ltl.planning.limits import PRICE_KINDS, Price
+from pareto_ltl.planning.costs import PRICE_KINDS, Price
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report.legs import step_times
 from pareto_ltl.support.display import SLOW, probability_text

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from pareto_ltl.planning.limits import SegmentLimits
+from pareto_ltl.planning.costs import SegmentLimits
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report import style
 from pareto_ltl.report.limits import PriceRow, points_text, price_rows, priced_obstacles

@@ -26,12 +26,12 @@ from pareto_ltl.run.newer_wind import issued
 from pareto_ltl.run.records import PLAN, SCENE, WIND
 from pareto_ltl.run.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl.simulation.failure_times import CAUSES
+from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
-from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.projection import utc_times
 
 KEPT_RUNS = 3  # results in memory
 FLIGHTS = 60  # that are shown of a point

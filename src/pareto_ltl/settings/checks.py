@@ -164,7 +164,8 @@ class Declaration:
             return is_finite(value)
         low, high = interval_ends(self.within)
         above = value >= low if self.within[0] == "[" else value > low
-        return above and (value <= high if self.within[-1] == "]" else value < high)
+        below = value <= high if self.within[-1] == "]" else value < high
+        return bool(above and below)
 
 
 def is_number(value: Any) -> bool:
