@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from shapely import Point, Polygon, box
 
-from pareto_ltl.settings import RandomSceneConfig, SceneConfig
+from pareto_ltl.settings import SceneConfig
+from pareto_ltl.settings.world import RandomSceneConfig
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world.scene_settings import add_random_places
 

@@ -17,7 +17,8 @@ from pareto_ltl.planning.pack_logic import Epoch, epochs_of, pack_corners, pack_
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.turns import turns_of
-from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
+from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, WindConfig
+from pareto_ltl.settings.fidelity import PAPER
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.records import FORECAST, HELD, PARTS, SPACE, TIME, WindField, WindModes

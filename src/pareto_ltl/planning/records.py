@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.planning.costs import Price, SegmentLimits, cost_named
-from pareto_ltl.settings import FidelityConfig, models_of
+from pareto_ltl.settings import FidelityConfig
+from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import Displayed, distance_text, interval_text, probability_text, rate_text

@@ -10,7 +10,8 @@ import numpy as np
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Front, PlannedPath, objective_row
-from pareto_ltl.settings import PAPER, FidelityConfig
+from pareto_ltl.settings import FidelityConfig
+from pareto_ltl.settings.fidelity import PAPER
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import binomial_tail
 from pareto_ltl.support.errors import InfeasibleError

@@ -129,12 +129,6 @@ def wind_view(directory: Path) -> dict[str, Any]:
     return shown | {"issued": dated and dated[0]}
 
 
-def departures_view(directory: Path) -> dict[str, Any]:
-    """``departures.json``: starts, common lengths [m] and failure of each start at them."""
-    found: dict[str, Any] = read_json(directory / "departures.json")
-    return found
-
-
 @one_at_a_time
 def beacons_view(directory: Path) -> dict[str, Any]:
     """The places of ``beacons.csv`` [deg], the failure with a beacon at each, and the summary."""

@@ -209,3 +209,13 @@ class _Simplifier:
             return part
         found = self.simpler(shapely.Polygon(part), narrowed_polygon)
         return shapely.get_coordinates(shapely.orient_polygons(found))[:-1]
+
+
+def sights(problem: Problem, x: FloatArray) -> BoolArray:
+    """Whether each leg of the means ``x`` (T+1, 2) [m] crosses each landmark, (T, K)."""
+    import shapely
+
+    crossed = np.zeros((max(len(x) - 1, 0), len(problem.landmarks)), bool)
+    for k, corners in enumerate(problem.landmarks):
+        crossed[:, k] = meets(shapely.Polygon(corners), x[:-1], x[1:])
+    return crossed
