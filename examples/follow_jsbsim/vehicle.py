@@ -24,7 +24,7 @@ import pareto_ltl
 from pareto_ltl.exports.navigation_log import navigation_log
 from pareto_ltl.run.records import PLAN, PROBLEM
 from pareto_ltl.run.results import planned_run
-from pareto_ltl.simulation.aircraft import FOOT, Cessna, Orders
+from pareto_ltl.simulation.aircraft import Cessna, Orders
 from pareto_ltl.simulation.flights import DRAWS
 from pareto_ltl.studies.sitl import flight_air
 
@@ -76,7 +76,7 @@ class Aircraft(Point):
     def measured(self) -> tuple[float, float]:
         """As compass and pitot tube measure them, without errors."""
         heading = math.degrees(self.cessna.plane["attitude/heading-true-rad"])
-        return heading, self.cessna.read("airspeed") * FOOT
+        return heading, self.cessna.airspeed
 
 
 def heard(link: mavutil.mavfile, vehicle: Point) -> bool:

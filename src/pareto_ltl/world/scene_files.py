@@ -140,7 +140,8 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
         obstacles = [(name or key, drawn) for (key, drawn), name in zip(obstacles, names, strict=True)]
     if fixes and len(fixes) != len(landmarks):
         faults.add(f"{where}: {len(fixes)} landmark_fixes for {len(landmarks)} landmarks")
-        fixes = ()
+    elif fixes:
+        landmarks = [{"corners": drawn, "fix": fix} for drawn, fix in zip(landmarks, fixes, strict=True)]
     return SceneSketch(
         where=where,
         bounds=sk.read_bounds(where, "bounds", data["bounds"]),
@@ -158,7 +159,7 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
         show=lambda point: f"({point[0]:.6g} m, {point[1]:.6g} m)",
         crs=data.get("crs"),
         time_zero=data.get("time_zero"),
-        landmarks=sk.read_landmarks(faults, landmarks, fixes, np.copy),
+        landmarks=sk.read_places(faults, "landmark", sk.numbered_outlines(landmarks), np.copy),
         border=data.get("border"),
         timed=tuple(
             TimedPlace(name, w["region"], w.get("begin"), w.get("end"), name in (data.get("forbidden") or ()))
