@@ -26,8 +26,8 @@ from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 if TYPE_CHECKING:
-    from pareto_ltl.studies.sweeps.manifest import SweepManifest
-    from pareto_ltl.studies.sweeps.summary import SweepSummary
+    from pareto_ltl.studies.sweep_summary import SweepSummary
+    from pareto_ltl.studies.sweeps import SweepManifest
 
 SWEEP_LOCK = ".sweep.lock"
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -61,9 +61,9 @@ class PointsSweeper(BasicSweeper):
         from pareto_ltl.cli.composition import check_settings
         from pareto_ltl.cli.setting_keys import settings_from
         from pareto_ltl.run.provenance import config_hash
-        from pareto_ltl.studies.sweeps.manifest import FigureChoice, SweepManifest, SweepPoint
-        from pareto_ltl.studies.sweeps.runs import KEY_DIGITS
-        from pareto_ltl.studies.sweeps.summary import check_figure
+        from pareto_ltl.studies.jobs import KEY_DIGITS
+        from pareto_ltl.studies.sweep_summary import check_figure
+        from pareto_ltl.studies.sweeps import FigureChoice, SweepManifest, SweepPoint
 
         assert self.config is not None
         overrides = self._overrides(arguments)
@@ -90,9 +90,8 @@ class PointsSweeper(BasicSweeper):
         """Run the points without an answer and write the summary, also when that is interrupted."""
         from pareto_ltl.cli.output import print_problem
         from pareto_ltl.cli.summary import sweep_answer
-        from pareto_ltl.studies.jobs import JobQueue
-        from pareto_ltl.studies.sweeps.runs import RunJob
-        from pareto_ltl.studies.sweeps.summary import write_summary
+        from pareto_ltl.studies.jobs import JobQueue, RunJob
+        from pareto_ltl.studies.sweep_summary import write_summary
 
         def launch(batch: Sequence[RunJob]) -> None:
             size = self._batch_size() or len(batch)
