@@ -69,6 +69,6 @@ def test_summary_of_two_thousand_jobs(benchmark, tmp_path):
             }
         )
     (place / "sweep.json").write_text(json.dumps(content | {"points": points}))
-    words = [sys.executable, "-m", "pareto_ltl.cli.sweep", str(place)]
+    words = [sys.executable, "-m", "pareto_ltl", "sweep", str(place)]
     done = benchmark.pedantic(subprocess.run, (words,), {"capture_output": True, "text": True}, rounds=2)
     assert done.stdout.startswith("2000 ok of 2000 jobs"), done.stderr

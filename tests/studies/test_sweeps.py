@@ -20,12 +20,12 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from pareto_ltl import settings as config
 from pareto_ltl.cli import composition
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
+from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.studies import jobs, sweeps
 from pareto_ltl.studies import sweep_summary as summary
 from pareto_ltl.studies.jobs import JobQueue, JobState, RunJob
@@ -690,8 +690,8 @@ def test_numbers_keep_the_digits_that_matter() -> None:
 
 
 def test_every_fidelity_and_law_of_the_settings_can_be_swept() -> None:
-    rates = {f"{rate}_{law}" for rate in sweeps.POOLED_RATES for law in config.LAWS}
-    metrics = dict.fromkeys(rates, 0.5) | {f"runs_{law}": 10.0 for law in config.LAWS}
+    rates = {f"{rate}_{law}" for rate in sweeps.POOLED_RATES for law in LAWS}
+    metrics = dict.fromkeys(rates, 0.5) | {f"runs_{law}": 10.0 for law in LAWS}
     row = sweeps.SweepRow("job", {}, JobState("ok", metrics=metrics))
     (group,) = sweeps.seed_groups([row])
     assert set(group.rates) == rates | {"completed"}

@@ -311,7 +311,7 @@ TOOL_COMMANDS = (
         "forecast test of the same missions, for example of another version. Draws scores_FIDELITY.png and "
         ".svg. Needs the extra scores.",
         (
-            DIR,
+            argument("folder", "DIR", "the results directory of a forecast test", type=Path),
             argument("other", "OTHER", "another forecast test", type=Path, nargs="?"),
             argument("--fidelity", "NAME", "preset of planning; default: the first in DIR"),
             argument("--names", "NAME", "of DIR and OTHER in the figure; default: their folders", nargs=2),

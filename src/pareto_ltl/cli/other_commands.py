@@ -209,13 +209,13 @@ def scores(options: Namespace) -> Answer:
 
     promises.require_scores()
     names = options.names or (None, None)
-    mine = promises.read_promises(options.directory, options.fidelity, names[0])
+    mine = promises.read_promises(options.folder, options.fidelity, names[0])
     others = [*promises.references(mine)]
     if options.other:
         others.append(promises.read_promises(options.other, mine.fidelity, names[1]))
     found = [promises.compared(mine, other) for other in others]
     shown = found[-1] if options.other else found[0]
-    folder = options.out or options.directory / "scores"
+    folder = options.out or options.folder / "scores"
     folder.mkdir(parents=True, exist_ok=True)
     written = draw_promises(folder, promises.diagrams(mine, others, shown))
     parts = promises.score_parts(mine)
