@@ -18,11 +18,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.inflight.sends import KINDS, Sender, at_leg, at_status
-from pareto_ltl.inflight.telemetry import Reading
-from pareto_ltl.inflight.typed import Typed
-from pareto_ltl.inflight.vehicle import Vehicle
-from pareto_ltl.inflight.watch import Event, Watch
+from pareto_ltl.inflight.telemetry import Reading, Typed
+from pareto_ltl.inflight.vehicle import KINDS, Sender, Vehicle, at_leg, at_status
+from pareto_ltl.inflight.watch import Event, Watch, alarm, event_of
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.reading import refuse_special
 
@@ -259,12 +257,12 @@ class Link:
         """Send what follows from an event; yields what was sent, and alarms about it."""
         time, sends = event["time"], self.settings.sends
         for kind, text in self.sender.checked():
-            yield {"event": "alarm", "time": time, "kind": kind, "text": text}
+            yield alarm(time, kind, text)
         if len(self.vehicle.strangers) > self.known:
             self.known = len(self.vehicle.strangers)
             others = ", ".join(map(str, sorted(self.vehicle.strangers)))
             text = f"vehicle {self.vehicle.system} is followed; others on this link are ignored: {others}"
-            yield {"event": "alarm", "time": time, "kind": "vehicles", "text": text}
+            yield alarm(time, "vehicles", text)
         if not self.vehicle.heard or not sends:
             return
         if "prologue" in sends and not self.prepared:
@@ -286,11 +284,11 @@ class Link:
         self.prepared = True
         if vehicle.armed:
             text = "the vehicle is armed already: origin, home and position are not sent; set them by hand"
-            yield {"event": "alarm", "time": time, "kind": "prologue", "text": text}
+            yield alarm(time, "prologue", text)
             return
         yield from self._sent(((f"{message['name']}", message) for message in self.settings.prologue), time)
 
     def _sent(self, messages: Iterator[tuple[str, dict[str, Any]]], time: float) -> Iterator[Event]:
         for text, message in messages:
             self.sender.send(message)
-            yield {"event": "sent", "time": time, "text": text, "command": message.get("command")}
+            yield event_of("sent", time, text=text, command=message.get("command"))

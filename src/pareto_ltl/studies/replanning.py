@@ -17,7 +17,7 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from pareto_ltl.exports.held_course import held_problem
+from pareto_ltl.exports.exported import held_problem
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.report.records import Study
