@@ -24,7 +24,8 @@ def front_command(argv: Sequence[str]) -> Answer:
     )
     parser.add_result()
     options = parser.parse_args(argv)
-    from pareto_ltl.report.page.points import chosen_number, shown_points
+    from pareto_ltl.report.limits import chosen_number
+    from pareto_ltl.report.page.points import shown_points
     from pareto_ltl.run.interface import load_results
     from pareto_ltl.run.records import FRONT, PLAN
 

@@ -99,13 +99,13 @@ def fix_ranks(folders: Sequence[Path]) -> dict[str, Any]:
 
 def draw_watch(results: Results, folder: Path) -> Path | None:
     """Draw the journal of ``folder`` on the map of ``results``; None without a status."""
-    from pareto_ltl.report.watch import watch_figure
+    from pareto_ltl.report.plan_maps import watch_figure
     from pareto_ltl.report.study_axes import save_figures
 
     events = list(read_journal(folder / NAME))
     if not any(event["event"] in ("status", "end") for event in events):
         return None
-    draw = partial(watch_figure, results.scene, results.decomposition, results.plan, events)
+    draw = partial(watch_figure, results.scene, results.plan, events)
     return save_figures(folder, results.settings.report, {"follow": draw})[0]
 
 

@@ -92,21 +92,19 @@ def _draw_panel(
 ) -> None:
     """The map of one method: its planned path and flights of the first wind law."""
     draw_ground(chart, scene, decomposition)
-    name_regions(chart, scene, decomposition, dense_path(panel["x"]) if panel["planned"] else None)
+    name_regions(chart, scene, dense_path(panel["x"]) if panel["planned"] else None)
     if panel["planned"]:
         flights = next(iter(panel["flights"].values()))  # flights of two laws would cover each other
         draw_flights(chart, flights, cfg.paths)
         chart.ax.plot(
-            *(panel["x"] * chart.per_metre).T,
+            *panel["x"].T,
             color=style.BLACK,
             lw=1.1,
             ls=(0, (3.5, 1.5)),
             zorder=6,
             path_effects=style.white_halo(1.8),
         )
-    chart.ax.plot(
-        *(scene.start * chart.per_metre), marker="o", ms=4, mfc="white", mec="black", mew=0.9, zorder=8
-    )
+    chart.ax.plot(*scene.start, marker="o", ms=4, mfc="white", mec="black", mew=0.9, zorder=8)
 
 
 def _panel_caption(panel: FigureRow) -> list[str]:

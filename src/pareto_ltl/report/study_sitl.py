@@ -47,7 +47,7 @@ def sitl_figure(world: tuple[Scene, Decomposition], study: Study, drawn: int) ->
     draw_lines(chart, flown.steps.x[:drawn], **STEPS_LOOK)
     draw_lines(chart, flown.aircraft.x[:drawn], **AIRCRAFT_LOOK)
     draw_endpoints(chart, scene, None)
-    name_regions(chart, scene, decomposition, flown.steps.x.mean(axis=0))
+    name_regions(chart, scene, flown.steps.x.mean(axis=0))
     rates = [f"{100 * numbers[f'{name}_failure']:.1f} %" for name in ("sitl", "sitl_steps")]
     keys = [
         Line2D([], [], color=style.VERMILLION, label=f"JSBSim, c172x: {rates[0]} fail"),

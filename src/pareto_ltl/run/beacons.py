@@ -11,7 +11,7 @@ import numpy as np
 from pareto_ltl.run.exporting import run_with_plan
 from pareto_ltl.run.interface import PlanningResult
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import DECOMPOSITION, PLAN, PROBLEM, SCENE
+from pareto_ltl.run.records import PLAN, PROBLEM, SCENE
 from pareto_ltl.run.results import Results
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.simulation.beacons import BeaconMap, BeaconPlaces, beacon_map
@@ -128,7 +128,7 @@ def place_text(scene: Scene, places: BeaconPlaces, number: int) -> str:
 
 def write_beacons(run: Run, found: BeaconMap, folder: Path) -> None:
     """Write ``beacons.csv``, ``beacons.png`` and, with the summary, ``beacons.txt`` into ``folder``."""
-    from pareto_ltl.report.beacons import beacons_figure
+    from pareto_ltl.report.plan_maps import beacons_figure
     from pareto_ltl.report.study_axes import save_figures
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -143,5 +143,5 @@ def write_beacons(run: Run, found: BeaconMap, folder: Path) -> None:
     )
     write_csv(folder / "beacons.csv", header, ((*row, law, found.flights) for row in rows))
     write_text(folder / "beacons.txt", "\n".join(beacon_lines(run, found)) + "\n")
-    draw = partial(beacons_figure, run.make(SCENE), run.make(DECOMPOSITION), run.make(PLAN), found)
+    draw = partial(beacons_figure, run.make(SCENE), run.make(PLAN), found)
     save_figures(folder, run.settings.report, {"beacons": draw})
