@@ -83,8 +83,8 @@ def test_modes_of_all_slots(benchmark):
         -1, 2
     )
     none, nobody = np.zeros(len(posterior.gust_var)), np.zeros((len(posterior.gust_var), len(nodes), 2, 0))
-    parts = modes.ErrorParts(none, 1.0, none, 1.0, nobody)  # only the part of interpolation in space
-    arguments = (posterior, parts, tuple(shape), nodes, cfg.energy, cfg.modes_max)
+    parts = modes.ErrorParts(none, 1.0, none, 1.0)  # only the part of interpolation in space
+    arguments = (posterior, parts, nobody, tuple(shape), nodes, cfg.energy, cfg.modes_max)
     benchmark.extra_info["budget"] = 2.0
     benchmark.pedantic(modes.error_modes, arguments, rounds=3)
 

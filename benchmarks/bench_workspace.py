@@ -51,7 +51,7 @@ def test_decompose_a_crowded_map(benchmark, side):
 
 def test_build_a_locator(benchmark):
     scene = shipped("phi2")
-    benchmark(workspace.locator, workspace.decompose(scene), scene.bounds)
+    benchmark(workspace.bucket_cells, workspace.decompose(scene), scene.bounds)
 
 
 def test_locate_ten_thousand_points_in_numpy(benchmark):

@@ -22,7 +22,7 @@ from pareto_ltl.planning.costs import COSTS, cost_named
 from pareto_ltl.run.front_files import FRONT_HEADER
 from pareto_ltl.run.plan_files import TABLE_HEADER
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.kinds import field_kinds
+from pareto_ltl.settings.checks import field_kinds
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.schemas import SCHEMA_NAMES, schema_text
 

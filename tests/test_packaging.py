@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from dataclasses import asdict
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -17,7 +18,7 @@ import pareto_ltl
 from pareto_ltl.report.components import MODULES, STYLE
 from pareto_ltl.report.page.rendering import SCRIPTS
 from pareto_ltl.run import provenance
-from pareto_ltl.settings import Settings, as_dict
+from pareto_ltl.settings import Settings
 from pareto_ltl.support import resources, schemas
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -164,7 +165,7 @@ def test_settings_come_back_from_their_yaml(tmp_path: Path) -> None:
     settings.scene.regions = {"a": [[0.0, 0.0], [1.5, 0.0], [0.0, 1e-7]]}
     settings.mission.formula = "F(a & F b) | !c U a"
     provenance.write_settings(tmp_path, settings)
-    assert yaml.safe_load((tmp_path / "config_resolved.yaml").read_text()) == as_dict(settings)
+    assert yaml.safe_load((tmp_path / "config_resolved.yaml").read_text()) == asdict(settings)
 
 
 def test_any_setting_changes_the_fingerprint() -> None:

@@ -14,8 +14,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.checks import Declaration, declarations
-from pareto_ltl.settings.kinds import field_kinds, kind_text
+from pareto_ltl.settings.checks import Declaration, declarations, field_kinds, kind_text
 
 if TYPE_CHECKING:
     from mkdocs.structure.files import Files

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 
-from pareto_ltl.cli import arguments, composition
+from pareto_ltl.cli import composition, output
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.command_table import COMMANDS, PIPELINE_COMMANDS
 from pareto_ltl.cli.commands import run_command_line
@@ -83,7 +83,7 @@ def test_the_command_is_in_the_record_as_it_was_typed(here: Path) -> None:
 def test_the_flag_of_a_sweep_may_stand_anywhere(order: Sequence[str]) -> None:
     flags = composition.parse_flags(order)
     with composition.opened_hydra(flags) as hydra:
-        assert isinstance(composition.prepare(hydra, flags), composition.PreparedSweep)
+        assert composition.prepare(hydra, flags).pipeline is None
 
 
 @pytest.mark.parametrize("command", [[], ["plan"]])
@@ -163,7 +163,7 @@ def test_a_bug_outside_a_run_is_one_line_with_the_place_of_its_traceback(
     def broken() -> int:
         raise RuntimeError("oops")
 
-    assert arguments.run_reported(broken) == 1
+    assert output.run_reported(broken) == 1
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     log = Path(err.split("the traceback is in ")[1].rstrip(")\n"))

@@ -60,7 +60,7 @@ def validated(*argv: str) -> Settings:
     arguments = composition.parse_flags(argv)
     with composition.opened_hydra(arguments) as hydra:
         prepared = composition.prepare(hydra, arguments)
-    assert isinstance(prepared, composition.PreparedRun)
+    assert prepared.pipeline is not None
     return prepared.pipeline.settings
 
 

@@ -8,9 +8,14 @@ from pathlib import Path
 
 from rich.console import Console
 
-from pareto_ltl.cli.markdown_text import fitting_columns, shown_markdown
-from pareto_ltl.cli.summary import run_answer, summary_rows, warning_paragraphs
-from pareto_ltl.cli.warning_lines import collected_warnings
+from pareto_ltl.cli.output import collected_warnings
+from pareto_ltl.cli.summary import (
+    fitting_columns,
+    run_answer,
+    shown_markdown,
+    summary_rows,
+    warning_paragraphs,
+)
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.support.medium import WATER
 

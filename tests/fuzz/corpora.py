@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from pareto_ltl.planning.records import (
     Tree,
 )
 from pareto_ltl.run import results
-from pareto_ltl.settings import Settings, as_dict, preset
+from pareto_ltl.settings import Settings, preset
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.studies.sweeps.manifest import SweepManifest, SweepPoint
 from pareto_ltl.support.files import write_json
@@ -30,7 +31,7 @@ from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindEvidence, WindField, WindModes
 from pareto_ltl.world.cells import decompose
-from pareto_ltl.world.navigation import navigate
+from pareto_ltl.world.projection import navigate
 from pareto_ltl.world.scene import Scene
 
 FORMULAS = (
@@ -123,7 +124,7 @@ def settings() -> dict[str, Any]:
     made.scene.regions, made.scene.obstacles = {"a": SQUARE}, [SQUARE]
     made.scene.bounds, made.scene.start = [[0.0, 0.0], [10.0, 10.0]], [0.5, 0.5]
     made.mission.formula = "F a"
-    return as_dict(made)
+    return asdict(made)
 
 
 def flight(steps: int = 3) -> PlannedPath:

@@ -127,7 +127,7 @@ def settings_files(place: Path) -> Fuzz:
 
 def _compose(words: Sequence[str]) -> object:
     from pareto_ltl.cli.composition import opened_hydra, parse_flags, prepare
-    from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
+    from pareto_ltl.cli.setting_keys import CONFIGURATION_ERRORS, explain_error
 
     try:
         arguments = parse_flags(words)
@@ -161,8 +161,7 @@ def _command_lines() -> st.SearchStrategy[list[str]]:
 def command_words(place: Path) -> Fuzz:
     """Checks of words that do not compose the configuration, which would take 0.1 s."""
     from pareto_ltl.cli import composition
-    from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
-    from pareto_ltl.cli.setting_keys import refuse_unknown_key
+    from pareto_ltl.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, refuse_unknown_key
 
     with composition.opened_hydra(composition.parse_flags([])) as hydra:
         loader = hydra.config_loader
@@ -240,7 +239,7 @@ def position_fixes(place: Path) -> Fuzz:
 
 def inventories(place: Path) -> Fuzz:
     from pareto_ltl.wind.levels import parse_level
-    from pareto_ltl.wind.sources.idx_files import parse_idx, wind_parts
+    from pareto_ltl.wind.sources.noaa_models import parse_idx, wind_parts
 
     def read(case: bytes) -> object:
         return wind_parts(parse_idx(case.decode("utf-8", "replace"), "idx"), parse_level("10m"), "idx")

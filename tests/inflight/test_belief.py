@@ -10,8 +10,7 @@ from scipy.stats import chi2
 from coherent import STEPS, coherent_problem, rate_interval
 from levels import BY_DAY
 from pareto_ltl.inflight.belief import Belief, local_wind
-from pareto_ltl.kernels.flight import CoherentDraws
-from pareto_ltl.kernels.flight_winds import wind_met
+from pareto_ltl.kernels.flight import CoherentDraws, wind_met
 from pareto_ltl.planning.conditioning import Fix, learn_at
 from pareto_ltl.planning.evaluate import propagate, square_matrices
 from pareto_ltl.simulation.flights import simulate_flights

@@ -19,8 +19,7 @@ import pareto_ltl
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.inflight.journal import read_journal
 from pareto_ltl.inflight.telemetry import read_log
-from pareto_ltl.world.navigation import true_heading
-from pareto_ltl.world.projection import to_geographic
+from pareto_ltl.world.projection import to_geographic, true_heading
 from quick_wind import QUICK_WIND
 
 SMALL: dict[str, Any] = {

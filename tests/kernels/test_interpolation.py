@@ -8,7 +8,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from pareto_ltl.kernels import interpolation as lattice
 from pareto_ltl.kernels.data import Point
-from pareto_ltl.kernels.wind_slopes import wind_slopes
+from pareto_ltl.kernels.interpolation import wind_slopes
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from problems import KM, box, make_problem, make_scene, rough_wind
 

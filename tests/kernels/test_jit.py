@@ -16,8 +16,7 @@ from pareto_ltl.kernels.claim_rows import ClaimRows
 from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
 from pareto_ltl.kernels.parents import Dominance, Scaled
 from pareto_ltl.planning import evaluate, growth
-from pareto_ltl.settings import LAWS
-from pareto_ltl.settings.fidelity import PARENT_RULES
+from pareto_ltl.settings.fidelity import LAWS, PARENT_RULES
 from pareto_ltl.simulation import flights
 
 for module in pkgutil.iter_modules(pareto_ltl.kernels.__path__):

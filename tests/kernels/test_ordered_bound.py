@@ -20,8 +20,7 @@ from pareto_ltl.kernels.ordered_bound import (
     stays,
 )
 from pareto_ltl.logic.dfa import acceptance_distances, language_inclusion
-from pareto_ltl.planning.epochs import Reading
-from pareto_ltl.planning.pack_logic import empty_letters, follow_states, live_rows
+from pareto_ltl.planning.pack_logic import Reading, empty_letters, follow_states, live_rows
 
 some = settings(deadline=None, max_examples=150)
 

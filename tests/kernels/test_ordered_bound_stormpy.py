@@ -16,8 +16,7 @@ from one_epoch import one_epoch, reading_of
 from oracle import path_risk
 from pareto_ltl.kernels.data import Cells, Corners, Faces
 from pareto_ltl.kernels.ordered_bound import begin_bound, live_value, note_letters, read_letter
-from pareto_ltl.planning.epochs import Reading
-from pareto_ltl.planning.pack_logic import empty_letters, follow_states, live_rows
+from pareto_ltl.planning.pack_logic import Reading, empty_letters, follow_states, live_rows
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 stormpy = pytest.importorskip("stormpy")

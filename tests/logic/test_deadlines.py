@@ -11,14 +11,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.logic.automaton import translate
-from pareto_ltl.logic.clocks import clock_name, clock_windows, end_clock, read_span, shown_span, span_clock
 from pareto_ltl.logic.formula import parse_formula, positive_normal_form
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.logic.timed import keep_clear, letter_of, timed_letters, window_patterns
-from pareto_ltl.planning.epochs import epochs_of
+from pareto_ltl.planning.pack_logic import epochs_of
 from pareto_ltl.settings import MissionConfig
 from pareto_ltl.support.errors import DataError, FormulaError
-from pareto_ltl.world.windows import Window
+from pareto_ltl.world.windows import (
+    Window,
+    clock_name,
+    clock_windows,
+    end_clock,
+    read_span,
+    shown_span,
+    span_clock,
+)
 from pareto_ltl_verify.formula import Dfa, first_difference, normal_form, read_formula
 from pareto_ltl_verify.timetable import clock_of
 

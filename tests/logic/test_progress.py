@@ -8,7 +8,7 @@ import pytest
 
 from pareto_ltl.logic import translate
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.logic.progress import remaining_automaton
+from pareto_ltl.logic.timed import remaining_automaton
 
 FORMULAS = ("F(a & F b)", "!b U a & F c", "F(a & X b)", "F a & F b & F c")
 

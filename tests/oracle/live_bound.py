@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from pareto_ltl.kernels.ordered_bound import STEP_WORTH
-from pareto_ltl.planning.epochs import Reading
+from pareto_ltl.planning.pack_logic import Reading
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from oracle.segments import state_on_the_way
-from pareto_ltl.planning.epochs import Reading
+from pareto_ltl.planning.pack_logic import Reading
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.cells import half_planes, inside_depth

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oracle.segments import hazard_costs
-from pareto_ltl.planning.epochs import step_epochs
+from pareto_ltl.planning.pack_logic import step_epochs
 from pareto_ltl.planning.wind_lookup import bilinear_value, interpolate, interpolate_time, lattice_corners
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl_verify.gaussians import beyond, in_polygon, left_out, spread_along

@@ -21,7 +21,7 @@ from landmarks import LANDMARK_WAY, landmark_problem
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine import MORE_FLIGHTS, front_sweep, length_caps, sampled_paths
+from pareto_ltl.planning.refine import MORE_FLIGHTS, front_sweep, sampled_paths, sweep
 from pareto_ltl.planning.refine.sampled import Candidate, path_length, resampled_means
 from pareto_ltl.planning.refine.starts import (
     Start,
@@ -33,7 +33,7 @@ from pareto_ltl.planning.refine.starts import (
     tree_starts,
 )
 from pareto_ltl.planning.routes.path_classes import path_class
-from pareto_ltl.planning.routes.sights import sights
+from pareto_ltl.planning.routes.search_map import sights
 from pareto_ltl.planning.selection import hypervolume
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights, is_certain
@@ -190,7 +190,7 @@ candidates = st.lists(st.tuples(st.floats(1.0, 10.0), st.floats(0.0, 1.0)), min_
 @given(candidates)
 def test_the_front_is_what_no_other_candidate_beats(rows):
     found = [Candidate(None, length, failure, failure) for length, failure in rows]  # type: ignore[arg-type]
-    kept = length_caps.front_of(found)
+    kept = sweep.front_of(found)
     assert [k.length for k in kept] == sorted({k.length for k in kept})
     for k in found:
         assert any(other.length <= k.length and other.smoothed <= k.smoothed for other in kept)
@@ -200,25 +200,25 @@ def test_the_front_is_what_no_other_candidate_beats(rows):
 
 @given(candidates, st.integers(2, 20))
 def test_points_are_spread_from_the_shortest_to_the_longest(rows, most):
-    kept = length_caps.front_of(
+    kept = sweep.front_of(
         Candidate(None, length, failure, failure)
         for length, failure in rows  # type: ignore[arg-type]
     )
-    jobs = length_caps.spread_points(kept, most)
+    jobs = sweep.spread_points(kept, most)
     caps = [cap for _, cap in jobs]
     assert caps[0] == pytest.approx(kept[0].length)
-    assert caps[-1] == pytest.approx(kept[-1].length, rel=length_caps.KEPT - 1.0)
+    assert caps[-1] == pytest.approx(kept[-1].length, rel=sweep.KEPT - 1.0)
     assert len(caps) <= most
-    assert all(other > length_caps.KEPT * cap for cap, other in pairwise(caps))
+    assert all(other > sweep.KEPT * cap for cap, other in pairwise(caps))
     beside = [k.length for k in kept]  # no cap is far from a path that was found
     assert all(min(abs(np.log(cap / length)) for length in beside) < 0.05 for cap in caps)
-    assert all(k.length <= length_caps.SPACING * cap * (1 + 1e-9) for k, cap in jobs)
+    assert all(k.length <= sweep.SPACING * cap * (1 + 1e-9) for k, cap in jobs)
 
 
 def test_a_path_between_two_plateaus_has_a_point():
     lengths = [1.0, 1.02, 1.04, 1.2, 1.5, 1.51, 1.53]
     kept = [Candidate(None, length, 1.0 / length, 0.0) for length in lengths]
-    caps = [cap for _, cap in length_caps.spread_points(kept, 12)]
+    caps = [cap for _, cap in sweep.spread_points(kept, 12)]
     assert any(cap == pytest.approx(1.2) for cap in caps)
     assert any(cap == pytest.approx(1.5) for cap in caps)
     assert not any(1.05 < cap < 1.19 or 1.21 < cap < 1.49 for cap in caps)

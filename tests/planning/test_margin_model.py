@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from pareto_ltl.kernels.margin import Slope, smoothed_failure
 from pareto_ltl.kernels.margin_events import Guards
-from pareto_ltl.planning.epochs import Reading
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch, pack_guards, shown_letters
-from pareto_ltl.planning.pack_logic import LIVE
+from pareto_ltl.planning.pack_logic import LIVE, Reading
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.sampled import Refiner
 from pareto_ltl.support.arrays import FloatArray

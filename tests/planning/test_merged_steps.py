@@ -11,8 +11,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels.geometry import locate_cells
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.growth import grow_forest
-from pareto_ltl.planning.long_steps import with_merged_steps
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.refine import merged_steps, sampled_paths
 from pareto_ltl.planning.refine.epsilon import keeps_epsilon
 from pareto_ltl.planning.refine.merged_steps import steps_to_merge

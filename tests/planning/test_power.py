@@ -11,14 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.planning import selection
-from pareto_ltl.planning.endurance import capacity_advice, energy_at
 from pareto_ltl.planning.power import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath, counted_rate
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.selection_rules import choose_path, within_capacity
-from pareto_ltl.settings import POWER_KINDS, PlannerConfig, PowerConfig, RobotConfig, SelectionConfig
+from pareto_ltl.planning.shortest_mission import capacity_advice, energy_at
+from pareto_ltl.settings import PlannerConfig, PowerConfig, RobotConfig, SelectionConfig
 from pareto_ltl.settings.building import section_of
+from pareto_ltl.settings.robot import POWER_KINDS
 from pareto_ltl.support.display import energy_text
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.resources import choices

@@ -23,7 +23,8 @@ from pareto_ltl.planning.selection_rules import (
     choose_path,
     selection_rule,
 )
-from pareto_ltl.settings import PAPER, PlannerConfig, SelectionConfig
+from pareto_ltl.settings import PlannerConfig, SelectionConfig
+from pareto_ltl.settings.fidelity import PAPER
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from problems import two_goals
 

@@ -122,20 +122,20 @@ LONG = "the wind used is 10 m above ground: winds at other heights differ, often
 
 
 def test_warnings_of_commands_are_in_their_answer_and_other_packages_are_quiet(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    def warned(_argv: list[str]) -> Answer:
+    def warned(_options: object) -> Answer:
         for _ in range(2):
             WARNED.warning(LONG)
             OTHER.warning("findfont: not found")
         return Answer({"a": 1, "warnings": ["known"]}, ["text"])
 
-    def streamed(_argv: list[str], _output: Output) -> int:
-        warned([])
+    def streamed(_options: object, _output: Output) -> int:
+        warned(None)
         return 0
 
-    monkeypatch.setattr("pareto_ltl.cli.cache_command.cache_command", warned)
-    monkeypatch.setattr("pareto_ltl.cli.follow_command.follow_command", streamed)
+    monkeypatch.setattr("pareto_ltl.cli.other_commands.cache", warned)
+    monkeypatch.setattr("pareto_ltl.cli.follow_command.follow", streamed)
     assert run_command_line(["cache", "--json"]) == 0
     out, err = capfd.readouterr()
     assert json.loads(out) == {"a": 1, "warnings": ["known", LONG]}
@@ -145,7 +145,7 @@ def test_warnings_of_commands_are_in_their_answer_and_other_packages_are_quiet(
     assert " ".join(lines[:-1]) == f"Warning: {LONG}"
     assert max(map(len, lines)) <= 80
     assert lines[-1] == "text"
-    run_command_line(["follow", "--json"])
+    run_command_line(["follow", str(tmp_path), "--log", "x.csv", "--json"])
     assert capfd.readouterr() == ("", f"Warning: {LONG}\n")
 
 

@@ -11,10 +11,9 @@ import forecast_history as history
 from figure_texts import labels_without_unit, texts_of, texts_outside
 from pareto_ltl.report import style
 from pareto_ltl.report.wind_error import draw_wind_error, wind_error_figure
-from pareto_ltl.wind.block_bootstrap import Resampling
-from pareto_ltl.wind.error_document import estimated_law
-from pareto_ltl.wind.error_estimate import ErrorEstimate, estimate_errors
+from pareto_ltl.wind.error_estimate import ErrorEstimate, estimate_errors, estimated_law
 from pareto_ltl.wind.forecast_error import forecast_error_law
+from pareto_ltl.wind.matched_fields import Resampling
 
 USUAL = forecast_error_law("gfs", "gfs")
 HISTORIES = {

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pareto_ltl
-from pareto_ltl.cli.choose_command import read_length, read_number, read_share
+from pareto_ltl.cli.arguments import read_length, read_number, read_share
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.choosing import Choice, later_stages
 from pareto_ltl.run.stages import PLAN_TABLE

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 import pareto_ltl
 from exported_plans import SMALL
+from pareto_ltl.cli.arguments import read_formats, read_metres
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.cli.export_command import read_formats, read_metres
 from pareto_ltl.exports.exported import flown_level, height_of
 from pareto_ltl.exports.formats import MAKERS
 from pareto_ltl.settings import ExportsConfig, RobotConfig, Settings, WindConfig

@@ -38,8 +38,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import whole_file, write_json, write_npz
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.navigation import navigate
-from pareto_ltl.world.projection import local_plane
+from pareto_ltl.world.projection import local_plane, navigate
 from pareto_ltl.world.scene import Scene
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

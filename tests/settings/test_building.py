@@ -13,7 +13,7 @@ from hydra.types import RunMode
 from pareto_ltl.cli import composition
 from pareto_ltl.cli.setting_keys import settings_from
 from pareto_ltl.run import provenance
-from pareto_ltl.settings import PRESETS, PlannerConfig, Settings, as_dict, preset
+from pareto_ltl.settings import PRESETS, PlannerConfig, Settings, preset
 from pareto_ltl.settings.building import build_settings, read_settings_file, section_of
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import choices
@@ -126,7 +126,7 @@ def test_settings_come_back_from_the_file_of_a_run(tmp_path: Path) -> None:
     settings = composed("+experiment=phi2", "robot.u_max=25", "planner.epsilon=0.04", "wind.rho=0.5")
     provenance.write_settings(tmp_path, settings)
     back = read_settings_file(tmp_path / "config_resolved.yaml")
-    assert as_dict(back) == as_dict(settings)
+    assert asdict(back) == asdict(settings)
     assert provenance.config_hash(back) == provenance.config_hash(settings)
 
 

@@ -17,12 +17,10 @@ from hydra.errors import ConfigCompositionException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
-from pareto_ltl.cli.setting_keys import settings_from
+from pareto_ltl.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, settings_from
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import build_settings
-from pareto_ltl.settings.checks import check_folder_name, check_time
-from pareto_ltl.settings.kinds import field_kinds, fits_kind, kind_problem
+from pareto_ltl.settings.checks import check_folder_name, check_time, field_kinds, fits_kind, kind_problem
 from pareto_ltl.support.errors import ConfigError
 
 LONGEST_LINE = 400

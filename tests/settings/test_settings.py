@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
 import pytest
@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from pareto_ltl import settings as package
-from pareto_ltl.settings import PRESETS, FidelityConfig, SelectionConfig, Settings, as_dict, preset
-from pareto_ltl.settings.checks import CheckedSettings, Declaration, check_value, declarations
+from pareto_ltl.settings import PRESETS, FidelityConfig, SelectionConfig, Settings, preset
+from pareto_ltl.settings.checks import CheckedSettings, Declaration, check_value, declarations, interval_ends
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices, resource_folder
 
@@ -77,11 +77,10 @@ def test_a_negative_number_is_refused(section: Any, name: str, declared: Declara
 def test_the_ends_of_a_range_are_in_it_or_out_as_declared(
     section: Any, name: str, declared: Declaration
 ) -> None:
-    assert not [
-        end for end in (declared.least, declared.most) if end is not None and not declared.allows(end)
-    ]
-    assert not [end for end in (declared.above, declared.below) if end is not None and declared.allows(end)]
-    assert declared.allows(0.0) or not declared.not_negative
+    for end, bracket in zip(
+        interval_ends(declared.within), (declared.within[0], declared.within[-1]), strict=True
+    ):
+        assert declared.allows(end) == (bracket in "[]")
 
 
 @pytest.mark.parametrize(
@@ -100,20 +99,17 @@ def test_a_word_that_is_no_choice_is_refused_with_the_choices(
 @pytest.mark.parametrize(
     ("limits", "value", "line"),
     [
-        ({"above": 0, "unit": "s"}, 0.0, "key must be positive [s], got 0.0"),
-        ({"not_negative": True, "unit": "m"}, -2.0, "key must not be negative [m], got -2.0"),
-        ({"not_negative": True}, -2, "key must not be negative, got -2"),
-        ({"least": 2}, 1, "key must be at least 2, got 1"),
-        ({"above": 0, "most": 9, "unit": "s"}, 10.0, "key must be positive and at most 9 [s], got 10.0"),
-        ({"least": 0, "most": 9, "unit": "s"}, 10.0, "key must lie in [0, 9] [s], got 10.0"),
-        ({"above": 0, "below": 1}, 1.0, "key must lie between 0 and 1, both excluded, got 1.0"),
-        ({"least": 0, "most": 1}, 1.5, "key must lie in [0, 1], got 1.5"),
-        ({"least": 0, "most": 1, "remark": "0: no"}, 2.0, "key must lie in [0, 1] (0: no), got 2.0"),
+        ({"within": "(0, 9]", "unit": "s"}, 0.0, "key must be positive and at most 9 [s], got 0.0"),
+        ({"within": "(0, 9]", "unit": "s"}, 10.0, "key must be positive and at most 9 [s], got 10.0"),
+        ({"within": "[0, 9]", "unit": "s"}, 10.0, "key must lie in [0, 9] [s], got 10.0"),
+        ({"within": "(0, 1)"}, 1.0, "key must lie between 0 and 1, both excluded, got 1.0"),
+        ({"within": "[0, 1]"}, 1.5, "key must lie in [0, 1], got 1.5"),
+        ({"within": "[0, 1]", "remark": "0: no"}, 2.0, "key must lie in [0, 1] (0: no), got 2.0"),
         ({"choices": ("a", "b")}, "c", "key must be one of a, b; got 'c'"),
         ({"distinct": True}, [], "key is empty: list at least one value, e.g. key=[1,2,3]"),
         ({"distinct": True, "choices": ("a", "b")}, [], "key is empty: list at least one of a, b"),
         ({"distinct": True}, [1, 2, 1], "key lists a value twice, got [1, 2, 1]"),
-        ({"least": 1}, [3, 0], "key must be at least 1, got 0"),
+        ({"within": "[1, 9]"}, [3, 0], "key must lie in [1, 9], got 0"),
     ],
 )
 def test_a_refusal_is_one_line_with_key_range_and_value(
@@ -126,8 +122,8 @@ def test_a_refusal_is_one_line_with_key_range_and_value(
 
 @given(st.floats(), st.floats(-5, 5), st.floats(0, 5))
 def test_a_number_is_allowed_exactly_inside_its_limits(value: float, low: float, width: float) -> None:
-    closed = Declaration("m", least=low, most=low + width)
-    opened = Declaration("m", above=low, below=low + width)
+    closed = Declaration("m", f"[{low!r}, {low + width!r}]")
+    opened = Declaration("m", f"({low!r}, {low + width!r})")
     assert closed.allows(value) == (low <= value <= low + width)
     assert opened.allows(value) == (low < value < low + width)
 
@@ -193,4 +189,4 @@ def test_two_settings_share_no_list() -> None:
     one.robot.a[0][0] = 2.0
     one.hindcast.area[0][0] = 0.0
     assert two == Settings()
-    assert as_dict(two) != as_dict(one)
+    assert asdict(two) != asdict(one)

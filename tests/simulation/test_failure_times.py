@@ -9,8 +9,15 @@ from numpy.random import SeedSequence
 import pareto_ltl
 from exported_plans import SMALL
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.simulation.failure_times import BROKEN, COLLIDED, MISSED, OFF_MAP, failure_times
-from pareto_ltl.simulation.flights import judge_flights, simulate_flights
+from pareto_ltl.simulation.flights import (
+    BROKEN,
+    COLLIDED,
+    MISSED,
+    OFF_MAP,
+    failure_times,
+    judge_flights,
+    simulate_flights,
+)
 from pareto_ltl.simulation.records import Deployment
 
 

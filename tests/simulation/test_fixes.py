@@ -18,7 +18,7 @@ from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation import importance
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.simulation.judging import fly_race
-from pareto_ltl.world.fix_shapes import FixShape
+from pareto_ltl.world.scene import FixShape
 from problems import KM, QUICK_ERROR, box
 
 

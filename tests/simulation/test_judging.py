@@ -19,7 +19,7 @@ from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SelectionConfig, SmoothingConfig, preset
 from pareto_ltl.simulation import judging
 from pareto_ltl.simulation import promise as promises
-from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.simulation.flights import block_rows, simulate_flights
 from pareto_ltl.simulation.judging import (
     Flown,
     certainly_beaten,
@@ -215,7 +215,7 @@ class SlowlySafer:
     """A race of many paths: path k is k + 1 long, and its flights fail with probability 0.02 / (k + 1)."""
 
     def __init__(self, paths, runs):
-        self.blocks = judging.block_rows(runs)
+        self.blocks = block_rows(runs)
         self.chance = np.random.default_rng(4).random((runs, 1)) < 0.02 / (1.0 + np.arange(len(paths)))
 
     def failures(self, number, running):

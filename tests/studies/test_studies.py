@@ -17,7 +17,6 @@ from pareto_ltl.report.study_ablation import FACTOR_LABELS
 from pareto_ltl.run.records import DECOMPOSITION, FOREST, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import (
-    METHODS,
     PRESETS,
     AblationConfig,
     CompareConfig,
@@ -25,7 +24,7 @@ from pareto_ltl.settings import (
     EvaluationConfig,
     Settings,
 )
-from pareto_ltl.settings.studies import MODEL_FACTORS
+from pareto_ltl.settings.studies import METHODS, MODEL_FACTORS
 from pareto_ltl.studies import ablation, compare, convergence, flown_planners
 from pareto_ltl.studies.planning import fly_seeded, still, study_run, unsmoothed
 from pareto_ltl.support.errors import ConfigError

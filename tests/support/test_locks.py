@@ -13,13 +13,13 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.locks import TakenError, hold_lock, hold_passing_lock, is_held
+from pareto_ltl.support.locks import TakenError, hold_lock, is_held
 
 HOLDER = """
 import sys, time
 from pathlib import Path
-from pareto_ltl.support.locks import hold_passing_lock
-with hold_passing_lock(Path(sys.argv[1]), note="the first"):
+from pareto_ltl.support.locks import hold_lock
+with hold_lock(Path(sys.argv[1]), note="the first"):
     print("held", flush=True)
     time.sleep(60)
 """
@@ -41,24 +41,21 @@ def test_who_finds_a_lock_taken_reads_the_note_and_a_killed_holder_blocks_nobody
         other.kill()
         other.wait()
     assert not is_held(path)
-    with hold_passing_lock(path, wait=False, note="the second") as left:
+    with hold_lock(path, wait=False, note="the second") as left:
         assert left == "the first"  # it was killed: its note is still there
         assert path.read_text().strip() == "the second"
     assert not path.exists()
-    with hold_passing_lock(path) as left:
+    with hold_lock(path) as left:
         assert left == ""
 
 
-def test_the_file_of_a_plain_lock_stays_and_that_of_a_passing_one_goes_also_after_an_error(
-    tmp_path: Path,
-) -> None:
-    with hold_lock(tmp_path / "plain"):
-        assert is_held(tmp_path / "plain")
-    assert not is_held(tmp_path / "plain")
-    assert (tmp_path / "plain").exists()
-    with pytest.raises(ZeroDivisionError), hold_passing_lock(tmp_path / "passing"):
+def test_the_file_of_a_lock_goes_also_after_an_error(tmp_path: Path) -> None:
+    with hold_lock(tmp_path / "lock"):
+        assert is_held(tmp_path / "lock")
+    assert not (tmp_path / "lock").exists()
+    with pytest.raises(ZeroDivisionError), hold_lock(tmp_path / "lock"):
         raise ZeroDivisionError
-    assert not (tmp_path / "passing").exists()
+    assert not (tmp_path / "lock").exists()
 
 
 def test_a_lock_that_was_removed_while_others_waited_for_it_still_has_one_holder(tmp_path: Path) -> None:
@@ -68,7 +65,7 @@ def test_a_lock_that_was_removed_while_others_waited_for_it_still_has_one_holder
 
     def enter_often() -> None:
         for _ in range(50):
-            with hold_passing_lock(path):
+            with hold_lock(path):
                 with counted:
                     inside[0] += 1
                     most[0] = max(most[0], inside[0])

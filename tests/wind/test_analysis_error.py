@@ -9,7 +9,7 @@ import pytest
 
 import forecast_history as history
 from pareto_ltl.wind.analysis_error import AnalysisError, analysis_error
-from pareto_ltl.wind.block_bootstrap import Resampling
+from pareto_ltl.wind.matched_fields import Resampling
 from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.snapshots import Snapshot
 

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind import ensemble, field, sources
+from pareto_ltl.wind import field, sources
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import ENSEMBLE
-from pareto_ltl.wind.snapshots import Snapshot
+from pareto_ltl.wind.snapshots import Snapshot, ensemble_readings
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
@@ -48,7 +48,7 @@ def members(count, hours=(0.0, 3.0, 6.0), seed=0, length=4.0, sd=2.0):
 
 
 def read(snapshots, prior=10.0):
-    return ensemble.ensemble_readings(snapshots, FILES, prior)
+    return ensemble_readings(snapshots, FILES, prior)
 
 
 def test_deviations_have_the_covariance_of_the_members():
@@ -153,7 +153,7 @@ def test_what_is_no_ensemble_is_refused_in_one_line(snapshots, message):
 def test_lagged_analyses_of_the_shared_cycles_say_how_far_the_wind_will_change():
     """Each analysis carried forward by 6 and 12 h stands for a forecast: with the newest three at each time
     the members' spread and the law of 24 h changes bracket what the next analysis shows."""
-    from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
+    from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 
     cycles = tuple(sorted((NOAA / "gfs_1p00_10m").iterdir()))
     analyses = sorted(
@@ -169,7 +169,7 @@ def test_lagged_analyses_of_the_shared_cycles_say_how_far_the_wind_will_change()
             )
             for back in (0, 1, 2)
         ]  # fmt: skip
-        found = ensemble.ensemble_readings(lagged, FILES, 0.0)
+        found = ensemble_readings(lagged, FILES, 0.0)
         sd = np.sqrt((found.members[0] ** 2).sum(axis=-1))
         z.append((analyses[k + 1].winds[inside] - found.winds[0]) / np.maximum(sd, 0.3))
     spread = np.sqrt(np.mean(np.square(z)))

@@ -14,17 +14,18 @@ from hypothesis import strategies as st
 import forecast_history as history
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_json
-from pareto_ltl.wind.block_bootstrap import Interval, Resampling
-from pareto_ltl.wind.error_document import error_document, estimated_law
 from pareto_ltl.wind.error_estimate import (
     ASYMMETRY,
     DIRECT,
     MIXED,
     ErrorEstimate,
+    error_document,
     estimate_errors,
+    estimated_law,
     matern_lengths,
 )
 from pareto_ltl.wind.forecast_error import forecast_error_law, read_forecast_error
+from pareto_ltl.wind.matched_fields import Interval, Resampling
 from pareto_ltl.wind.snapshots import Snapshot
 
 HOUR = 3600.0
@@ -198,10 +199,10 @@ def test_a_coarser_blocking_gives_the_same_estimate_and_more_blocks_a_narrower_s
     cycles, values = np.arange(64.0), np.random.default_rng(0).normal(size=(64, 1))
     ends = {}
     for block in (1, 32):
-        draws = Resampling(block=block)
-        drawn = draws.means(cycles, values)
-        assert drawn.mean() == pytest.approx(values.mean(), abs=0.05)
-        ends[block] = draws.interval(cycles, float(values.mean()), drawn[:, 0], ratio=False)
+        ends[block] = Resampling(block=block).estimate(cycles, values, ratio=False)
+        assert ends[block].value == pytest.approx(values.mean())
+        middle = (ends[block].low + ends[block].high) / 2
+        assert middle == pytest.approx(values.mean(), abs=0.1 * block**0.5)
     plain = 1.96 * values.std() / 8  # independent values, in blocks of one
     assert ends[1].high - ends[1].value == pytest.approx(plain, rel=0.2)
     assert ends[32].high - ends[32].value > 2 * (ends[1].high - ends[1].value)  # two blocks

@@ -48,17 +48,14 @@ def nodes(n=12):
     return np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def error_parts(slots, forecast=0.0, between=0.0, members=None):
-    """Variances of forecasts and of interpolation in time, the same in all slots."""
+def modes_of(post, energy=0.999999, most=144, forecast=0.0, between=0.0, members=None):
+    """Variances of forecasts and of interpolation in time are the same in all slots."""
+    slots = len(post.times)
+    parts = modes.ErrorParts(np.full(slots, forecast), 400 * KM, np.full(slots, between), 250 * KM)
     none = np.zeros((slots, 144, 2, 0))
-    return modes.ErrorParts(
-        np.full(slots, forecast), 400 * KM, np.full(slots, between), 250 * KM,
-        none if members is None else members,
-    )  # fmt: skip
-
-
-def modes_of(post, energy=0.999999, most=144, **parts):
-    return modes.error_modes(post, error_parts(len(post.times), **parts), (12, 12), nodes(), energy, most)
+    return modes.error_modes(
+        post, parts, none if members is None else members, (12, 12), nodes(), energy, most
+    )
 
 
 def of_part(found, part, k=0, c=0):
@@ -131,8 +128,8 @@ def test_modes_and_remainder_carry_a_straight_flight_as_far_as_the_whole_covaria
     post = posterior(stations=30, kernel="matern12")
     side = np.linspace(0, 1000 * KM, 26)
     fine = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
-    nothing = modes.ErrorParts(np.zeros(2), 1.0, np.zeros(2), 1.0, np.zeros((2, 676, 2, 0)))
-    found = modes.error_modes(post, nothing, (26, 26), fine, 0.999, most)
+    nothing = modes.ErrorParts(np.zeros(2), 1.0, np.zeros(2), 1.0)
+    found = modes.error_modes(post, nothing, np.zeros((2, 676, 2, 0)), (26, 26), fine, 0.999, most)
     C = modes.posterior_covariance(post, 0, fine, pairwise_distances(fine, fine))
     rest = C - of_part(found, SPACE)
     ratios = []
@@ -204,8 +201,9 @@ def test_a_singular_covariance_is_no_trouble():
     points, winds, hyper = (places,), (np.ones((3, 2)),), ((sharp, sharp),)
     own = leave_one_out("rbf", points, winds, hyper)
     post = WindPosterior(np.zeros(1), points, winds, "rbf", hyper, {}, own, places, np.ones(3))
-    nothing = modes.ErrorParts(np.zeros(1), 1.0, np.zeros(1), 1.0, np.zeros((1, 6, 2, 0)))
-    found = modes.error_modes(post, nothing, (2, 3), np.vstack([places, places]), 0.99, 6)
+    nothing = modes.ErrorParts(np.zeros(1), 1.0, np.zeros(1), 1.0)
+    nobody = np.zeros((1, 6, 2, 0))
+    found = modes.error_modes(post, nothing, nobody, (2, 3), np.vstack([places, places]), 0.99, 6)
     assert np.isfinite(found.psi).all()
     assert np.all(found.energy <= 1.0 + 1e-9)
     assert np.isfinite(modes.error_persistence(post))

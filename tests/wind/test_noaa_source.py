@@ -19,8 +19,7 @@ from pareto_ltl.wind.area import ALL_WIND, GeoBox, Wanted
 from pareto_ltl.wind.levels import parse_level
 from pareto_ltl.wind.readings import iso, seconds
 from pareto_ltl.wind.sources import noaa, read_readings
-from pareto_ltl.wind.sources.idx_files import parse_idx, wind_parts
-from pareto_ltl.wind.sources.noaa_models import MODELS
+from pareto_ltl.wind.sources.noaa_models import MODELS, parse_idx, wind_parts
 
 CYCLE = seconds("2018-10-09T06:00:00Z")
 START = Wanted(start="2018-10-09T06:30:00Z")
@@ -215,16 +214,16 @@ def test_a_cache_that_others_may_write_is_not_used(tmp_path, caplog):
 
 
 def test_a_full_cache_is_left_for_a_folder_of_the_run(monkeypatch, tmp_path, caplog):
-    from pareto_ltl.wind.sources import noaa_cache
+    from pareto_ltl.wind.sources import noaa
 
-    plain = noaa_cache.write_bytes
+    plain = noaa.write_bytes
 
     def full(path: Path, data: bytes) -> None:
         if tmp_path in path.parents:
             raise OSError(28, "No space left on device", str(path))
         plain(path, data)
 
-    monkeypatch.setattr(noaa_cache, "write_bytes", full)
+    monkeypatch.setattr(noaa, "write_bytes", full)
     with serving(NoaaServer(archive())) as server:
         assert all(file.read_bytes() for file in noaa.noaa_files(cfg(server), START))
     assert "No space left on device" in caplog.text

@@ -23,8 +23,7 @@ from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.wind.snapshots import latest_readings
 from pareto_ltl.wind.sources import csv_files
-from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
-from pareto_ltl.wind.sources.grib_files import grib_snapshots
+from pareto_ltl.wind.sources.grib_files import grib_snapshots, grib_snapshots_apart
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 

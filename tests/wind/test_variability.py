@@ -11,9 +11,8 @@ import pytest
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.forecast_error import forecast_error_law, forecast_error_of
-from pareto_ltl.wind.observations import place_readings
+from pareto_ltl.wind.observations import place_readings, variability_of
 from pareto_ltl.wind.readings import HOUR, Readings
-from pareto_ltl.wind.variability import variability_of
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 

@@ -379,23 +379,24 @@ def test_no_cell_outside_the_bounds_and_inside_an_obstacle():
 def test_buckets_list_every_cell_that_may_hold_a_point(scene, seed):
     made = workspace.decompose(scene)
     assume(all(shapely.Polygon(cell).area > 1e-6 for cell in made.cells))  # no slivers of one grid step
-    grid = workspace.locator(made, scene.bounds)
+    ptr, index = workspace.bucket_cells(made, scene.bounds)
     rng = np.random.default_rng(seed)
     points = np.concatenate([edge_points(made.cells, rng), rng.uniform(*scene.bounds, (200, 2))])
     found = workspace.cells_of_points(made, points)
-    column, row = np.clip(((points - grid.origin) * grid.inverse).astype(int), 0, grid.shape - 1).T
-    bucket = column * grid.shape[1] + row
+    side = (scene.bounds[1] - scene.bounds[0]) / 64
+    column, row = np.clip(((points - scene.bounds[0]) / side).astype(int), 0, 63).T
+    bucket = column * 64 + row
     for k, cell in zip(bucket[found >= 0], found[found >= 0], strict=True):
-        candidates = grid.index[grid.ptr[k] : grid.ptr[k + 1]]
+        candidates = index[ptr[k] : ptr[k + 1]]
         assert cell in candidates
         assert np.all(np.diff(candidates) > 0)
 
 
 def test_buckets_are_short():
     scene = shipped("phi2")
-    grid = workspace.locator(workspace.decompose(scene), scene.bounds)
-    assert len(grid.ptr) == 64 * 64 + 1
-    assert len(grid.index) < 1.5 * 64 * 64
+    ptr, index = workspace.bucket_cells(workspace.decompose(scene), scene.bounds)
+    assert len(ptr) == 64 * 64 + 1
+    assert len(index) < 1.5 * 64 * 64
 
 
 @given(convex_polygons(), seeds)
@@ -414,18 +415,14 @@ def test_half_planes_hold_exactly_the_points_inside(corners, seed):
 
 @given(every_map)
 @some
-def test_the_graph_knows_areas_and_centroids(scene):
+def test_moments_are_area_and_centroid(scene):
     made = workspace.decompose(scene)
-    net = workspace.cell_graph(made)
-    assert sorted(net.nodes) == list(range(len(made.cells)))
-    assert {tuple(sorted(e)) for e in net.edges} == {tuple(d) for d in made.doors.tolist()}
-    for i, polygon in enumerate(polygons(made.cells)):
-        assert net.nodes[i]["area"] == pytest.approx(polygon.area, rel=1e-6)
+    for cell, polygon in zip(made.cells, polygons(made.cells), strict=True):
+        area, centroid = workspace.moments(cell)
+        assert area == pytest.approx(polygon.area, rel=1e-6)
         if polygon.area > 1e-6 * size(scene) ** 2:
             middle = shapely.get_coordinates(polygon.centroid)[0]
-            np.testing.assert_allclose(net.nodes[i]["centroid"], middle, atol=1e-6 * size(scene))
-    for i, j, distance in net.edges(data="distance"):
-        assert distance == pytest.approx(np.linalg.norm(net.nodes[i]["centroid"] - net.nodes[j]["centroid"]))
+            np.testing.assert_allclose(centroid, middle, atol=1e-6 * size(scene))
 
 
 def test_an_unknown_region_is_named_with_its_closest_match():

@@ -11,8 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from pareto_ltl.world.navigation import navigate, true_heading, utc_times
-from pareto_ltl.world.projection import local_plane, to_geographic, to_plane
+from pareto_ltl.world.projection import (
+    local_plane,
+    navigate,
+    to_geographic,
+    to_plane,
+    true_heading,
+    utc_times,
+)
 from pareto_ltl.world.scene import Scene
 
 PLANE = local_plane(37.0, -92.0)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from large_maps import rough_disc
-from pareto_ltl.world.outlines import narrowed_polygon, widened_polygon, without_pools
+from pareto_ltl.world.scene_simplify import narrowed_polygon, widened_polygon, without_pools
 from problems import KM
 from strategies import star_polygons
 

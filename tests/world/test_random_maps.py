@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 from shapely import Point, Polygon, box
 
-from pareto_ltl.settings import RandomSceneConfig, SceneConfig
+from pareto_ltl.settings import SceneConfig
+from pareto_ltl.settings.world import RandomSceneConfig
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.world.random_maps import add_random_places
+from pareto_ltl.world.scene_settings import add_random_places
 
 
 def scene(**wanted: object) -> SceneConfig:

@@ -18,8 +18,8 @@ from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import LONGEST_LINE
 from pareto_ltl.world.cells import decompose, unreachable_regions
-from pareto_ltl.world.fix_shapes import FixShape
 from pareto_ltl.world.projection import to_geographic, to_plane
+from pareto_ltl.world.scene import FixShape
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl.world.scene_sketch import MissionUse

@@ -1,22 +1,21 @@
-"""Common parts of commands: an argument parser, and the conversion of errors to one line and an exit code."""
+"""Arguments of commands: a parser whose errors are one line, and readers of values with a unit or a range."""
 
 from __future__ import annotations
 
 import argparse
-import os
-import sys
-import tempfile
-import traceback
+import re
 from collections.abc import Callable
-from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
-from pareto_ltl.cli.output import Output, print_problem
-from pareto_ltl.run.provenance import one_line
-from pareto_ltl.support.errors import ConfigError, ParetoLtlError
-from pareto_ltl.support.stopping import StoppedError, signals_raise
+from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_text, shown_value
 
-EXPECTED_ERRORS: tuple[type[Exception], ...] = (ParetoLtlError, OSError)
+METRES = {"": 1.0, "m": 1.0, "km": 1e3, "nmi": 1852.0}
+NUMBER = r"[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?|\.[0-9]+"
+LENGTH = re.compile(rf"({NUMBER})\s*(|m|km|nmi)")
+SHARE = re.compile(rf"({NUMBER})\s*(%?)")
+Value = TypeVar("Value", int, float, str)
 
 
 class CommandArguments(argparse.ArgumentParser):
@@ -26,55 +25,81 @@ class CommandArguments(argparse.ArgumentParser):
         """Raise ConfigError with ``message`` and the command for help."""
         raise ConfigError(f"{message}; see {self.prog} --help")
 
-    def add_result(self) -> None:
-        """Add the argument ``directory``, the results directory that a command reads."""
-        self.add_argument(
-            "directory", type=Path, metavar="DIR", help="for example outputs/phi2/2026-01-31_12-00-00"
+
+def accepted(
+    kind: Callable[[str], Value], accepts: Callable[[Value], bool], meaning: str
+) -> Callable[[str], Value]:
+    """A reader of values that ``accepts`` is true for; the message for any other text says ``meaning``."""
+
+    def read(text: str) -> Value:
+        try:
+            value = kind(text)
+        except ValueError:
+            pass
+        else:
+            if accepts(value):
+                return value
+        raise argparse.ArgumentTypeError(f"{shown_text(text)} is not {meaning}")
+
+    return read
+
+
+def read_share(text: str, flag: str = "--failure") -> float:
+    """A probability from ``0.02`` or ``2%``; raises ConfigError for anything else."""
+    match = SHARE.fullmatch(text.strip())
+    value = float(match[1]) / (100.0 if match[2] else 1.0) if match else -1.0
+    if not 0.0 < value < 1.0:
+        raise ConfigError(
+            f"{flag} must be a probability between 0 and 1, e.g. 0.02 or 2%, got {shown_value(text)}"
         )
-
-    def add_point(self) -> None:
-        """Add the option ``point``, a path of the front."""
-        self.add_argument("--point", metavar="N", help="path number N of front.csv; default: the plan")
+    return value
 
 
-def run_reported(
-    work: Callable[[], int],
-    expected: tuple[type[Exception], ...] = EXPECTED_ERRORS,
-    describe_error: Callable[[BaseException], str] = one_line,
-    output: Output = Output.TEXT,
-) -> int:
-    """Call ``work`` and return its exit code; for an error, print one line and return the code of the error.
+def read_length(text: str) -> float:
+    """A length [m] from ``1900km``, ``1.9e6`` or ``1020nmi``; raises ConfigError for anything else."""
+    match = LENGTH.fullmatch(text.strip())
+    value = float(match[1]) * METRES[match[2]] if match else 0.0
+    if not 0.0 < value <= 1e9:
+        raise ConfigError(f"--length must be a length in m, km or nmi, e.g. 1900km, got {shown_value(text)}")
+    return value
 
-    The code is 2 for an ``expected`` error, 130 for an interrupt, 143 for SIGTERM, 129 for SIGHUP, 141 for a
-    closed pipe and 1 for any other error, whose line names a file with the traceback.
-    """
+
+def read_number(text: str) -> int:
+    """The number of a path; raises ConfigError for anything else."""
+    if not (text.isascii() and text.isdigit()) or len(text) > 6:
+        raise ConfigError(
+            f"--point must be the number of a path in front.csv, e.g. 3, got {shown_value(text)}"
+        )
+    return int(text)
+
+
+def read_fix(text: str) -> tuple[float, ...]:
+    """Three numbers; raises ConfigError for anything else."""
     try:
-        with signals_raise():
-            code = work()
-            sys.stdout.flush()  # an error of the output, e.g. a full disk, is reported too
-        return code
-    except SystemExit as leave:  # --help and --version of argparse
-        return int(leave.code or 0)
-    except BrokenPipeError:  # the reader of the output, e.g. head, has ended
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 141
-    except expected as error:
-        print_problem(describe_error(error), output)
-        return 2
-    except StoppedError as stop:
-        print_problem(one_line(stop), output)
-        return stop.exit_code
-    except KeyboardInterrupt:
-        print_problem("interrupted", output)
-        return 130
-    except Exception as error:
-        print_problem(f"{one_line(error)} (this is a bug; the traceback is in {_write_traceback()})", output)
-        return 1
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 3:
+        raise ConfigError(
+            f"--fix must be LAT,LON,SD (or X,Y,SD), e.g. 37.5,-93.2,500, got {shown_value(text)}"
+        )
+    return numbers
 
 
-def _write_traceback() -> str:
-    """Write the traceback of the present error to a new temporary file; return its path."""
-    handle, path = tempfile.mkstemp(prefix="pareto_ltl_", suffix=".log")
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(traceback.format_exc())
-    return path
+def read_formats(text: str) -> list[str]:
+    """The formats of ``kml,gpx``; raises ConfigError for an unknown name."""
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in EXPORT_FILES:
+            raise ConfigError(
+                f"--formats: there is no format {shown_value(name)}; there are {', '.join(EXPORT_FILES)}"
+            )
+    return list(dict.fromkeys(names))
+
+
+def read_metres(flag: str, text: str) -> float:
+    """A height [m]; raises ConfigError for anything except a number."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ConfigError(f"{flag} must be a height in metres, e.g. 120, got {shown_value(text)}") from None

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 
 from pareto_ltl import __version__
-from pareto_ltl.cli.arguments import run_reported
-from pareto_ltl.cli.command_table import Command, PipelineCommand, StreamingCommand, command_named
-from pareto_ltl.cli.output import Answer, Output, answered, output_of, print_answer, print_problem
-from pareto_ltl.cli.warning_lines import answer_with_warnings, printed_warnings
-from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.command_table import Argument, Command, PipelineCommand, ToolCommand, command_named
+from pareto_ltl.cli.output import (
+    Answer,
+    Output,
+    answer_with_warnings,
+    answered,
+    output_of,
+    print_answer,
+    print_problem,
+    printed_warnings,
+    run_reported,
+)
+from pareto_ltl.support.errors import ConfigError, DataError
 
 VALUE_FLAGS = (
     *("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn"),
@@ -37,17 +48,51 @@ def run_command_line(argv: Sequence[str]) -> int:
     return run_reported(lambda: _run_command(command_named(words[place]), rest, output), output=output)
 
 
-def _run_command(command: Command, rest: Sequence[str], output: Output) -> int:
+def _run_command(command: Command, words: Sequence[str], output: Output) -> int:
     """Run a command with the other words; its module is imported now."""
-    if isinstance(command, PipelineCommand):
-        return _run_settings(rest, command.name, output)
-    name = f"{command.name.replace('-', '_')}_command"
-    run = getattr(import_module(f"pareto_ltl.cli.{name}"), name)
-    if isinstance(command, StreamingCommand):
+    if isinstance(command, PipelineCommand) or (command.name == "sweep" and _has_setting(words)):
+        return _run_settings(words, command.name, output)
+    assert isinstance(command, ToolCommand)
+    options = parsed_options(command, words)
+    module, _, name = command.target.partition(".")
+    run = getattr(import_module(f"pareto_ltl.cli.{module}"), name)
+    if command.streams:
         with printed_warnings():
-            code: int = run(rest, output)
+            code: int = run(options, output)
         return code
-    return answered(lambda: answer_with_warnings(lambda: run(rest)), output)
+    return answered(lambda: answer_with_warnings(lambda: run(options)), output)
+
+
+def parsed_options(command: ToolCommand, words: Sequence[str]) -> argparse.Namespace:
+    """The values of the arguments of ``command``, and ``words``.
+
+    Raises
+    ------
+    ConfigError
+        If the words are not as the row of the command says.
+    DataError
+        If the results directory does not exist.
+    """
+    parser = CommandArguments(
+        prog=f"pareto-ltl {command.name}", usage=command.usage, description=command.purpose
+    )
+    for row in command.arguments:
+        if isinstance(row, Argument):
+            parser.add_argument(row.name, **row.options)
+        else:
+            exclusive = parser.add_mutually_exclusive_group(required=True)
+            for one in row:
+                exclusive.add_argument(one.name, **one.options)
+    options = parser.parse_intermixed_args(words)
+    place = getattr(options, "directory", None)
+    if isinstance(place, Path) and not place.is_dir():
+        raise DataError(f"{place}: no such folder; give a results directory")
+    options.words = words
+    return options
+
+
+def _has_setting(words: Sequence[str]) -> bool:
+    return any("=" in word and not word.startswith("-") for word in words)
 
 
 def _run_settings(argv: Sequence[str], command: str | None, output: Output) -> int:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from hydra import version as hydra_version
+from hydra._internal.core_plugins.file_config_source import FileConfigSource
 from hydra._internal.hydra import Hydra
 from hydra._internal.utils import create_config_search_path, get_args_parser
 from hydra.core.config_loader import ConfigLoader
@@ -26,20 +27,25 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override, RangeSweep
 from hydra.core.plugins import Plugins
+from hydra.errors import HydraException
+from hydra.plugins.config_source import ConfigResult
 from hydra.types import RunMode, TaskFunction
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from pareto_ltl import __version__
 from pareto_ltl.cli.arguments import CommandArguments
-from pareto_ltl.cli.config_files import bound_sources, described_composition
 from pareto_ltl.cli.setting_keys import refuse_unknown_key, settings_from
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
+from pareto_ltl.run.provenance import one_line
 from pareto_ltl.settings import Settings
 from pareto_ltl.studies.stages import application_stages
-from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.support.reading import Advice
 from pareto_ltl.support.resources import resource_folder
+from pareto_ltl.support.yaml_files import read_yaml
 
 VERSION_BASE = "1.3"
 MOST_POINTS = 100_000  # of a sweep
@@ -47,6 +53,7 @@ CONFIG_NAME = "config"
 LAUNCHER_EXTRAS = {
     "joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster", "dask": "dask",
 }  # fmt: skip
+CONFIG_FILES = Advice("check its name and whether it may be read", "correct the file")
 HELP_FLAGS = {"-h": "short", "--help": "short", "--help=all": "all", "--help-all": "all"}
 
 
@@ -89,6 +96,43 @@ def register_schema() -> None:
         resource_folder("pipelines").glob("*.yaml")
     ):  # pipelines of other packages are on their search path
         store.store(group="pipelines", name=path.stem, node=OmegaConf.load(path))
+
+
+# --- files of settings -----------------------------------------------------------------------
+
+
+class BoundedFileSource(FileConfigSource):
+    """A folder of YAML files; each is checked before OmegaConf loads it."""
+
+    def load_config(self, config_path: str) -> ConfigResult:
+        """The configuration of a file; raises DataError if it is not YAML or exceeds the limits."""
+        path = Path(self.path) / self._normalize_file_name(config_path)
+        if path.is_file():
+            read_yaml(path, CONFIG_FILES)
+        return super().load_config(config_path)
+
+
+def bound_sources(loader: ConfigLoader) -> None:
+    """Let ``loader`` read folders through :class:`BoundedFileSource`."""
+    sources = loader.get_sources()
+    for place, source in enumerate(sources):
+        if source.scheme() == FileConfigSource.scheme():  # Hydra loads the module of the class a second time
+            sources[place] = BoundedFileSource(source.provider, f"file://{source.path}")
+
+
+@contextmanager
+def described_composition() -> Iterator[None]:
+    """Turn Hydra's errors for wrong files, e.g. defaults that are not a list, into a ConfigError."""
+    try:
+        yield
+    except (ParetoLtlError, HydraException, OmegaConfBaseException, OSError):
+        raise
+    except RecursionError:
+        raise ConfigError("the configuration is nested too deeply, or its defaults name each other") from None
+    except Exception as error:
+        raise ConfigError(
+            f"the configuration cannot be composed ({one_line(error)}); check your configuration files"
+        ) from error
 
 
 # --- one composition -------------------------------------------------------------------------
@@ -151,33 +195,32 @@ def composed_config(hydra: ComposedHydra, arguments: argparse.Namespace, mode: R
 
 
 @dataclass(frozen=True, slots=True)
-class PreparedRun:
-    """One run: its settings and stages, made and checked once."""
+class Prepared:
+    """A run or a sweep, made and checked once.
+
+    Attributes
+    ----------
+    config : DictConfig
+        The composed configuration.
+    pipeline : Pipeline or None
+        Settings and stages of a run; None for a sweep, whose jobs make theirs.
+    """
 
     config: DictConfig
-    pipeline: Pipeline
+    pipeline: Pipeline | None = None
 
     def start(self, hydra: ComposedHydra, name: str, job: TaskFunction) -> None:
-        """Let Hydra call ``job`` in the results directory, which is locked for this run."""
+        """Let Hydra call ``job``: for a run in its directory, which is locked for it, else for each point."""
+        if self.pipeline is None:
+            hydra.multirun(config_name=name, task_function=job, overrides=[])
+            return
         directory = Path(str(self.config.hydra.run.dir))
         OmegaConf.update(self.config, "hydra.run.dir", str(directory))  # the same time of day in both
         with claimed_directory(directory, self.pipeline.table.files):
             hydra.run(config_name=name, task_function=job, overrides=[])
 
 
-@dataclass(frozen=True, slots=True)
-class PreparedSweep:
-    """Many runs: each job makes its settings."""
-
-    config: DictConfig
-    pipeline: None = None
-
-    def start(self, hydra: ComposedHydra, name: str, job: TaskFunction) -> None:
-        """Run the sweeper and the launcher of the configuration."""
-        hydra.multirun(config_name=name, task_function=job, overrides=[])
-
-
-def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> PreparedRun | PreparedSweep:
+def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> Prepared:
     """Compose the configuration of the command line and run every check; nothing is written.
 
     For a sweep, the first and the last point are checked here; its sweeper checks all.
@@ -197,7 +240,7 @@ def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> PreparedRun 
         raise ConfigError("hydra.run.dir is empty: name a folder for the results, or leave it out")
     if config.hydra.mode is None:
         _pin(config, "hydra.mode", RunMode.RUN.name)
-    return PreparedRun(config, checked)
+    return Prepared(config, checked)
 
 
 def check_settings(settings: Settings) -> Pipeline:
@@ -207,7 +250,7 @@ def check_settings(settings: Settings) -> Pipeline:
 
 def _prepare_sweep(
     hydra: ComposedHydra, arguments: argparse.Namespace, config: DictConfig, overrides: Sequence[Override]
-) -> PreparedSweep:
+) -> Prepared:
     _check_launcher(config)
     grid = [*parsed_overrides(hydra.config_loader, _grid_of(config)), *overrides]
     grid = list({override.get_key_element(): override for override in grid}.values())  # the last one counts
@@ -228,7 +271,7 @@ def _prepare_sweep(
     _pin(config, "hydra.sweep.dir", place, written=f"'{place}'")
     if config.hydra.mode != RunMode.MULTIRUN:
         _pin(config, "hydra.mode", RunMode.MULTIRUN.name)
-    return PreparedSweep(config)
+    return Prepared(config)
 
 
 def _pin(config: DictConfig, key: str, value: str, written: str | None = None) -> None:

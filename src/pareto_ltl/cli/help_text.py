@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl.cli.command_table import COMMANDS, PipelineCommand
-from pareto_ltl.settings import Declaration, Settings, declarations
+from pareto_ltl.settings import Settings, declarations
+from pareto_ltl.settings.checks import Declaration
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import added_folders, resource_folder
 
@@ -45,27 +46,27 @@ def short_help(groups: Groups) -> str:
     """Usage, commands, and the choices and settings that are used most."""
     everything = dict(_described(Settings()))
     settings = [_entry(key, *everything[key]) for key in COMMON_SETTINGS]
-    return _page(
-        ("", ABOUT),
-        ("Usage", "  pareto-ltl [COMMAND] [group=choice ...] [key=value ...] [flags]"),
-        ("Commands (plan, where none is given)", _command_lines()),
-        ("Examples", EXAMPLES),
+    return _general_help(
         ("Choices used most", _group_lines({name: groups.get(name, []) for name in COMMON_GROUPS})),
         ("Settings used most", "\n".join(settings)),
-        ("Flags", FLAGS),
-        ("More", MORE),
     )
 
 
 def full_help(settings: Settings, groups: Groups) -> str:
     """Every choice of every group and every setting: its value, meaning, unit and range."""
+    return _general_help(
+        ("Choices (group=choice; +experiment=choice, +sweep=choice)", _group_lines(groups, plus=False)),
+        ("Settings (key=value; values as set by this command line)", _section_lines(settings)),
+    )
+
+
+def _general_help(*parts: tuple[str, str]) -> str:
     return _page(
         ("", ABOUT),
         ("Usage", "  pareto-ltl [COMMAND] [group=choice ...] [key=value ...] [flags]"),
         ("Commands (plan, where none is given)", _command_lines()),
         ("Examples", EXAMPLES),
-        ("Choices (group=choice; +experiment=choice, +sweep=choice)", _group_lines(groups, plus=False)),
-        ("Settings (key=value; values as set by this command line)", _section_lines(settings)),
+        *parts,
         ("Flags", FLAGS),
         ("More", MORE),
     )

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -15,8 +16,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from pareto_ltl.cli.arguments import run_reported
-from pareto_ltl.cli.command_table import PipelineCommand, command_named
+from pareto_ltl.cli.command_table import COMMANDS, PIPELINE_COMMANDS, PipelineCommand, command_named
 from pareto_ltl.cli.composition import (
     ComposedHydra,
     check_settings,
@@ -26,9 +26,8 @@ from pareto_ltl.cli.composition import (
     parse_flags,
     prepare,
 )
-from pareto_ltl.cli.error_lines import CONFIGURATION_ERRORS, explain_error
-from pareto_ltl.cli.output import Answer, Output, answered, print_problem
-from pareto_ltl.cli.setting_keys import settings_from
+from pareto_ltl.cli.output import Answer, Output, answered, collected_warnings, print_problem, run_reported
+from pareto_ltl.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, settings_from
 from pareto_ltl.run.directory import discard_try
 from pareto_ltl.run.pipeline import Pipeline, run_claimed
 from pareto_ltl.run.progress import ProgressBar
@@ -38,6 +37,9 @@ from pareto_ltl.support.stopping import ends_process
 
 if TYPE_CHECKING:
     from pareto_ltl.studies.sweeps.summary import SweepSummary
+
+
+SETTINGS_WORDS = {"sweep", *(command.name for command in PIPELINE_COMMANDS)}  # settings follow these commands
 
 
 def run_hydra(argv: Sequence[str], command: str | None = None, output: Output = Output.TEXT) -> int:
@@ -57,8 +59,6 @@ def _run_arguments(argv: Sequence[str], command: str | None, output: Output) -> 
         print(_help_for(arguments, command))
         return 0
     if arguments.shell_completion:
-        from pareto_ltl.cli.completion import complete_shell
-
         return complete_shell(arguments)
     if arguments.hydra_help or arguments.cfg or arguments.info:
         with opened_hydra(arguments) as hydra:
@@ -116,6 +116,46 @@ def _show_configuration(hydra: ComposedHydra, arguments: argparse.Namespace) -> 
         hydra.show_info(arguments.info, name, arguments.overrides)
 
 
+# --- tab completion --------------------------------------------------------------------------
+
+
+def complete_shell(arguments: argparse.Namespace) -> int:
+    """Install, remove or answer tab completion: ``-sc install=bash``, ``-sc query=bash``; return 0."""
+    asked = [word.partition("=")[0] for word in arguments.overrides]
+    if asked not in (["install"], ["uninstall"], ["query"]):
+        raise ConfigError(
+            "-sc needs install=SHELL, uninstall=SHELL or query=SHELL; SHELL is bash, zsh or fish"
+        )
+    sys.argv[:1] = ["pareto-ltl"]  # the program that Hydra completes, also under python -m
+    if asked != ["query"]:
+        with opened_hydra(arguments) as hydra:
+            hydra.shell_completion(config_name(arguments), arguments.overrides)
+        return 0
+    with suppress(*CONFIGURATION_ERRORS):  # a line that cannot be read has no completion
+        _complete_line(arguments)
+    return 0
+
+
+def _complete_line(arguments: argparse.Namespace) -> None:
+    """Print the words that can follow the line in ``COMP_LINE``."""
+    line = os.environ.get("COMP_LINE", "")
+    words = line.split()[1:]
+    last = words.pop() if words and not line.endswith(" ") else ""
+    if not words:
+        found = [command.name for command in COMMANDS if command.name.startswith(last)]
+        print("\n".join(found))
+    elif words[0] in SETTINGS_WORDS:
+        words = words[1:]
+    elif words[0] in {command.name for command in COMMANDS}:
+        return
+    typed = parse_flags(words)
+    mode = ["-m"] if typed.multirun else []
+    os.environ["COMP_LINE"] = " ".join(["pareto-ltl", *mode, *typed.overrides, last])
+    arguments.config_dir = typed.config_dir
+    with opened_hydra(arguments) as hydra:
+        hydra.shell_completion(config_name(arguments), arguments.overrides)
+
+
 # --- jobs ------------------------------------------------------------------------------------
 
 
@@ -158,13 +198,12 @@ class HydraJob:
     def finish(self, found: SweepSummary) -> None:
         """Set the answer of a sweep; its code is 0 if all jobs have answers ("infeasible" is one), else 2."""
         self.codes[:] = [0 if set(found.counts) <= {"ok", "infeasible"} else 2]
-        from pareto_ltl.cli.sweep_command import summary_answer
+        from pareto_ltl.cli.summary import sweep_answer
 
-        self.answer = summary_answer(found, found.place / "summary.html")
+        self.answer = sweep_answer(found, found.place / "summary.html")
 
     def _single_job(self, config: DictConfig) -> int:
         from pareto_ltl.cli.summary import run_answer
-        from pareto_ltl.cli.warning_lines import collected_warnings
 
         directory = Path(HydraConfig.get().runtime.output_dir)
         shown = _relative_path(directory)
@@ -173,21 +212,16 @@ class HydraJob:
             with collected_warnings() as warnings:
                 quiet = ProgressBar(shown=False) if self.output is Output.QUIET else None
                 metrics = run_claimed(checked, directory, self.argv, _task_overrides(), quiet)
-        except CONFIGURATION_ERRORS as error:
-            gone = isinstance(error, ConfigError | DataError | FormulaError) and not _chosen_directory()
-            place = "" if gone and discard_try(directory) else f" [{shown}]"
-            return self._fails(f"{explain_error(error)}{place}", 2)
         except Exception as error:
-            log = shown / "run.log"
-            return self._fails(f"{one_line(error)} (this is a bug; the traceback is in {log})", 1)
+            before_stages = isinstance(error, ConfigError | DataError | FormulaError)
+            gone = before_stages and not _chosen_directory() and discard_try(directory)
+            line, code = _failure(error, shown, kept=not gone)
+            print_problem(line)
+            self.answer = Answer({"error": line})
+            return code
         verbose = self.output is Output.VERBOSE
         self.answer = run_answer(checked.settings, shown, metrics, warnings, verbose=verbose)
         return 0
-
-    def _fails(self, line: str, code: int) -> int:
-        print_problem(line)
-        self.answer = Answer({"error": line})
-        return code
 
     def _sweep_job(self, config: DictConfig) -> int:
         """Run one job of a sweep, unless it has its answer; print one line about it."""
@@ -208,14 +242,18 @@ class HydraJob:
             print(f"{told}: {ended}", flush=True)
         except InfeasibleError:
             print(f"{told}: infeasible", flush=True)  # an answer; the table has the reason
-        except CONFIGURATION_ERRORS as error:
-            print_problem(f"{told}: {explain_error(error)} [{_relative_path(directory)}]")
-            return 2
         except Exception as error:
-            log = _relative_path(directory) / "run.log"
-            print_problem(f"{told}: {one_line(error)} (this is a bug; the traceback is in {log})")
-            return 1
+            line, code = _failure(error, _relative_path(directory))
+            print_problem(f"{told}: {line}")
+            return code
         return 0
+
+
+def _failure(error: Exception, place: Path, *, kept: bool = True) -> tuple[str, int]:
+    """The line for an error of a run in ``place``, and its exit code; ``kept``: whether ``place`` remains."""
+    if isinstance(error, CONFIGURATION_ERRORS):
+        return f"{explain_error(error)} [{place}]" if kept else explain_error(error), 2
+    return f"{one_line(error)} (this is a bug; the traceback is in {place / 'run.log'})", 1
 
 
 def _chosen_directory() -> bool:

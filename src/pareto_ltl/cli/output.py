@@ -1,19 +1,35 @@
-"""What commands print: text for people, more of it, paths alone, or one JSON document for programs."""
+"""What commands print: text for people, more of it, paths alone, or one JSON document for programs.
+
+Warnings are lines of an answer, or printed as they come; an error is one line and an exit code.
+"""
 
 from __future__ import annotations
 
 import json
+import logging
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import tempfile
+import traceback
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Any
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.run.provenance import one_line
+from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.support.messages import shown_line
+from pareto_ltl.support.stopping import StoppedError, signals_raise
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+COLUMNS = 80
+OURS = ("pareto_ltl", "py.warnings")  # the loggers whose warnings are shown
+EXPECTED_ERRORS: tuple[type[Exception], ...] = (ParetoLtlError, OSError)
 
 
 class Output(Enum):
@@ -113,3 +129,142 @@ def print_problem(line: str, output: Output = Output.TEXT) -> None:
     print(f"pareto-ltl: {line}", file=sys.stderr)
     if output is Output.JSON:
         print_answer(Answer({"error": line}), output)
+
+
+def shown_table(
+    header: Sequence[str], rows: Iterable[Sequence[str]], left: Container[str] = (), gap: int = 1
+) -> Table:
+    """A table that ``rich`` renders: numbers to the right, the columns ``left`` to the left."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, gap, 0, 0))
+    for name in header:
+        words = name in left
+        table.add_column(name, justify="left" if words else "right", no_wrap=not words)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+# --- errors ----------------------------------------------------------------------------------
+
+
+def run_reported(
+    work: Callable[[], int],
+    expected: tuple[type[Exception], ...] = EXPECTED_ERRORS,
+    describe_error: Callable[[BaseException], str] = one_line,
+    output: Output = Output.TEXT,
+) -> int:
+    """Call ``work`` and return its exit code; for an error, print one line and return the code of the error.
+
+    The code is 2 for an ``expected`` error, 130 for an interrupt, 143 for SIGTERM, 129 for SIGHUP, 141 for a
+    closed pipe and 1 for any other error, whose line names a file with the traceback.
+    """
+    try:
+        with signals_raise():
+            code = work()
+            sys.stdout.flush()  # an error of the output, e.g. a full disk, is reported too
+        return code
+    except SystemExit as leave:  # --help and --version of argparse
+        return int(leave.code or 0)
+    except BrokenPipeError:  # the reader of the output, e.g. head, has ended
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+    except expected as error:
+        print_problem(describe_error(error), output)
+        return 2
+    except StoppedError as stop:
+        print_problem(one_line(stop), output)
+        return stop.exit_code
+    except KeyboardInterrupt:
+        print_problem("interrupted", output)
+        return 130
+    except Exception as error:
+        print_problem(f"{one_line(error)} (this is a bug; the traceback is in {_write_traceback()})", output)
+        return 1
+
+
+def _write_traceback() -> str:
+    """Write the traceback of the present error to a new temporary file; return its path."""
+    handle, path = tempfile.mkstemp(prefix="pareto_ltl_", suffix=".log")
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(traceback.format_exc())
+    return path
+
+
+# --- warnings --------------------------------------------------------------------------------
+
+
+class WarningList(logging.Handler):
+    """Retains the first line of each warning, once, in the order in which they come.
+
+    Attributes
+    ----------
+    lines : list of str
+        The warnings so far.
+    shown : callable
+        Called with each new line.
+    """
+
+    def __init__(self, shown: Callable[[str], object] = lambda _line: None) -> None:
+        super().__init__(logging.WARNING)
+        self.lines: list[str] = []
+        self.shown = shown
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Retain a warning; an error ends the run and has its own line."""
+        line = record.getMessage().partition("\n")[0]
+        if record.levelno == logging.WARNING and line not in self.lines:
+            self.lines.append(line)
+            self.shown(line)
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """The warnings of the package and of Python, as they come."""
+    with _heard(WarningList()) as handler:
+        yield handler.lines
+
+
+@contextmanager
+def printed_warnings() -> Iterator[None]:
+    """In the block, each warning is a line on standard error when it comes, and other packages are quiet."""
+    with _heard(WarningList(lambda line: print(f"Warning: {line}", file=sys.stderr, flush=True))), _quiet():
+        yield
+
+
+def answer_with_warnings(work: Callable[[], Answer]) -> Answer:
+    """The answer of ``work``, with the warnings that it does not have yet; other packages are quiet."""
+    with collected_warnings() as warnings, _quiet():
+        answer = work()
+    known: Sequence[str] = answer.document.get("warnings", ())
+    new = [line for line in warnings if line not in known]
+    if not new:
+        return answer
+    document = {**answer.document, "warnings": [*known, *new]}
+    lines = [part for line in new for part in wrap(f"Warning: {line}", COLUMNS, break_on_hyphens=False)]
+    return replace(answer, document=document, lines=[*lines, *answer.lines])
+
+
+@contextmanager
+def _heard(handler: WarningList) -> Iterator[WarningList]:
+    loggers = [logging.getLogger(name) for name in OURS]
+    for logger in loggers:
+        logger.addHandler(handler)
+    try:
+        yield handler
+    finally:
+        for logger in loggers:
+            logger.removeHandler(handler)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without any handler, logging prints the warnings of other packages."""
+    nowhere, root = logging.NullHandler(), logging.getLogger()
+    root.addHandler(nowhere)
+    try:
+        yield
+    finally:
+        root.removeHandler(nowhere)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import re
 import tempfile
+from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.run_status import ending_text
@@ -24,16 +24,8 @@ CODE_VERSIONS = ("version", "code_hash", "python")
 TIME_COLUMN = "second"  # part of the name of columns of computing times
 
 
-def rerun_command(argv: Sequence[str]) -> Answer:
+def rerun(options: Namespace) -> Answer:
     """Make a result again; the exit code is 0 if it is the same, 1 if it differs."""
-    parser = CommandArguments(
-        prog="pareto-ltl rerun",
-        description="Make a result again from its settings and compare both, byte by byte. Nothing is "
-        "written outside the second folder.",
-    )
-    parser.add_argument("directory", type=Path, help="for example multirun/phi2/04b3a3fb44baa8a5")
-    parser.add_argument("--into", type=Path, metavar="FOLDER", help="keep the second result there")
-    options = parser.parse_args(argv)
     with _second_place(options.into) as place:
         return rerun_and_compare(options.directory, place)
 

@@ -1,20 +1,28 @@
-"""The table at the end of a run: failure rate of the plan, bounds, and times."""
+"""What is printed at the end of a run or a sweep: failure rate of the plan, bounds, times, tables."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from pareto_ltl.cli.markdown_text import shown_markdown
-from pareto_ltl.cli.output import Answer
+from pareto_ltl.cli.output import Answer, shown_table
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.display import probability_text, rate_text
-from pareto_ltl.support.medium import AIR, Medium, medium_of
-from pareto_ltl.support.schemas import read_document
+from pareto_ltl.support.medium import AIR, Medium
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from pareto_ltl.planning.records import Plan
+    from pareto_ltl.studies.sweeps.summary import SweepSummary
 
 MOST_WARNINGS = 5  # warnings that are printed, at most
+WIDTH = 78  # columns of a terminal that tables fit into, without the edges of a table
+GAP = 2  # columns between two columns of a table of a study
+FAILED = "failed"  # the column that a table has before others
 
 
 def run_answer(
@@ -29,45 +37,45 @@ def run_answer(
 
     ``verbose`` adds the bounds, the simulated flights under every law and the time of each stage.
     """
+    plan = None
+    if (directory / "plan.json").is_file():
+        from pareto_ltl.run.plan_files import read_plan
+
+        plan = read_plan(directory)
+    covers = {key: text for key in ("covered", "not_covered") if (text := getattr(plan, key, ""))}
     document = {
         "directory": directory, "name": settings.name, "law": settings.fidelity.law, "metrics": metrics,
-        "warnings": warnings, **_covered(directory),
+        "warnings": warnings, **covers,
     }  # fmt: skip
-    lines = list(_summary_lines(settings, directory, metrics, warnings, verbose=verbose))
-    return Answer(document, lines, [directory])
+    *rows, last = summary_rows(metrics, settings.fidelity.law, settings.medium, verbose=verbose)
+    lines = [
+        _summary_table(settings.name, [*rows, *limit_rows(plan, settings.medium), last]),
+        *warning_paragraphs(warnings, directory),
+        *([] if plan is None else choice_paragraphs(settings, directory)),
+        *([] if plan is None else detour_paragraphs(directory)),
+        *(f"{key.replace('_', ' ').capitalize()}: {text}" for key, text in covers.items()),
+        *study_tables(directory / "tables.md"),
+    ]
+    return Answer(document, [*map(_paragraph, lines), f"results in {directory}"], [directory])
 
 
-def _summary_lines(
-    settings: Settings,
-    directory: Path,
-    metrics: Mapping[str, float],
-    warnings: Sequence[str],
-    *,
-    verbose: bool,
-) -> Iterator[object]:
+def _summary_table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
     from rich import box
     from rich.table import Table
-    from rich.text import Text
 
-    table = Table(title=settings.name, box=box.SIMPLE_HEAD, show_header=False)
+    table = Table(title=title, box=box.SIMPLE_HEAD, show_header=False)
     table.add_column(style="bold")
     table.add_column(justify="right")
-    medium = medium_of(settings.robot.level, settings.wind.level, _depth_of(settings))
-    *rows, last = summary_rows(metrics, settings.fidelity.law, medium, verbose=verbose)
-    for row in (*rows, *limit_rows(directory, medium), last):
+    for row in rows:
         table.add_row(*row)
-    yield table
-    paragraphs = (
-        warning_paragraphs(warnings, directory),
-        choice_paragraphs(settings, directory),
-        detour_paragraphs(directory),
-    )
-    for paragraph in chain(*paragraphs, coverage_paragraphs(directory)):
-        yield Text(paragraph)
-    if (directory / "tables.md").is_file():  # of an evaluation
-        tables = directory / "tables.md"
-        yield from shown_markdown(tables.read_text(encoding="utf-8"), str(tables))
-    yield f"results in {directory}"
+    return table
+
+
+def _paragraph(line: object) -> object:
+    """A text as a paragraph, which is wrapped between words."""
+    from rich.text import Text
+
+    return Text(line) if isinstance(line, str) else line
 
 
 def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str]:
@@ -79,8 +87,8 @@ def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str
 
 
 def choice_paragraphs(settings: Settings, directory: Path) -> Iterator[str]:
-    """Which path of the front is the plan, where flights judge; none without a plan."""
-    if settings.fidelity.judge != "flights" or not (directory / "plan.json").is_file():
+    """Which path of the front is the plan, where flights judge."""
+    if settings.fidelity.judge != "flights":
         return
     from pareto_ltl.planning.selection_rules import selection_rule
 
@@ -90,7 +98,7 @@ def choice_paragraphs(settings: Settings, directory: Path) -> Iterator[str]:
 
 def detour_paragraphs(directory: Path) -> Iterator[str]:
     """How much detours through landmarks reduce the failure rate, for a plan with a front."""
-    if not all((directory / name).is_file() for name in ("front.csv", "plan.json", "scene.json")):
+    if not all((directory / name).is_file() for name in ("front.csv", "scene.json")):
         return
     from pareto_ltl.run.results import Results
 
@@ -101,32 +109,9 @@ def detour_paragraphs(directory: Path) -> Iterator[str]:
         yield from (f"Detour: {line}." for line in detour_lines(results.scene, results.front, results.plan))
 
 
-def coverage_paragraphs(directory: Path) -> Iterator[str]:
-    """What the probabilities of the plan in ``directory`` cover and what not; none without a plan."""
-    for key, text in _covered(directory).items():
-        yield f"{key.replace('_', ' ').capitalize()}: {text}"
-
-
-def _covered(directory: Path) -> dict[str, str]:
-    if not (directory / "plan.json").is_file():
-        return {}
-    plan = read_document(directory / "plan.json", "plan")
-    return {key: str(plan[key]) for key in ("covered", "not_covered") if plan.get(key)}
-
-
-def _depth_of(settings: Settings) -> str:
-    """The level of currents from files, whose ``wind.level`` may be written without the word depth."""
-    return f"{settings.wind.level} depth" if settings.wind.source == "currents" else ""
-
-
-def limit_rows(directory: Path, medium: Medium = AIR) -> Iterator[tuple[str, str]]:
-    """The segment of the plan in ``directory`` that is closest to its chance constraint, if there is one."""
-    if not (directory / "plan.json").is_file():
-        return
-    from pareto_ltl.run.plan_files import read_plan
-
-    plan = read_plan(directory)
-    if plan.limits is not None:
+def limit_rows(plan: Plan | None, medium: Medium = AIR) -> Iterator[tuple[str, str]]:
+    """The segment of ``plan`` that is closest to its chance constraint, if there is one."""
+    if plan is not None and plan.limits is not None:
         k = int(plan.limits.probability.argmax())
         risk = probability_text(float(plan.limits.probability[k]))
         most = "no limit" if plan.epsilon >= 1.0 else f"at most {probability_text(plan.epsilon)}"
@@ -226,3 +211,49 @@ def _simulated_row(metrics: Mapping[str, float], key: str, flows: str) -> tuple[
 def _rate_text(metrics: Mapping[str, float], key: str, interval: str) -> str:
     """A rate with its interval, from the metrics ``INTERVAL_low`` and ``INTERVAL_high``."""
     return rate_text(metrics[key], metrics[f"{interval}_low"], metrics[f"{interval}_high"])
+
+
+# --- tables of studies -------------------------------------------------------------------------
+
+
+def study_tables(path: Path) -> Iterator[object]:
+    """The tables of an evaluation, if the file ``path`` has them."""
+    if path.is_file():
+        yield from shown_markdown(path.read_text(encoding="utf-8"), str(path))
+
+
+def shown_markdown(text: str, source: str) -> Iterator[object]:
+    """The parts of ``text``; of a table that is too wide, the columns that fit, and a line on the others."""
+    from rich.markdown import Markdown
+
+    for is_table, block in groupby(text.splitlines(), key=lambda line: line.startswith("|")):
+        if not is_table:
+            yield Markdown("\n".join(block))
+            continue
+        header, _, *rows = ([cell.strip() for cell in line.strip("|").split(" | ")] for line in block)
+        fitting = fitting_columns([header, *rows])
+        names, *cells = ([row[k] for k in fitting] for row in (header, *rows))
+        yield shown_table(names, cells, left=names, gap=GAP)
+        if left := [name for k, name in enumerate(header) if k not in fitting]:
+            yield f"{len(left)} more column{'s' * (len(left) > 1)} in {source}: {', '.join(left)}"
+
+
+def fitting_columns(rows: Sequence[Sequence[str]], width: int = WIDTH) -> list[int]:
+    """The columns that fit into ``width``: the first one, failures, then the others from the left."""
+    used, fitting = 0, list[int]()
+    for k in sorted(range(len(rows[0])), key=lambda k: (k > 0, rows[0][k] != FAILED)):
+        used += max(len(row[k]) for row in rows) + GAP
+        if used > width and fitting:
+            break
+        fitting.append(k)
+    return sorted(fitting)
+
+
+# --- sweeps ---------------------------------------------------------------------------------
+
+
+def sweep_answer(found: SweepSummary, page: Path) -> Answer:
+    """The answer of a sweep whose summary is the file ``page``."""
+    from pareto_ltl.studies.sweeps.summary import summary_content
+
+    return Answer(summary_content(found), [found.line(), f"summary in {page}"], [page])

@@ -2,49 +2,52 @@
 
 from __future__ import annotations
 
-import argparse
+from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.readings import HOUR
 
 if TYPE_CHECKING:
-    from pareto_ltl.wind.block_bootstrap import Interval, Resampling
+    from pareto_ltl.wind.area import GeoBox
     from pareto_ltl.wind.error_estimate import ErrorEstimate, ErrorTable
     from pareto_ltl.wind.forecast_error import ForecastError
+    from pareto_ltl.wind.matched_fields import Interval, Resampling
     from pareto_ltl.wind.snapshots import Snapshot
 
 EVERYWHERE = "all"
 LONGEST_NAME = 200  # as the schema has it
 
 
-def wind_error_command(argv: Sequence[str]) -> Answer:
+def wind_error(options: Namespace) -> Answer:
     """Estimate and write the law of errors."""
-    options = _wind_error_arguments().parse_args(argv)
     area = outline_of(options.area)
-    files = _files_in(options.directory)
-    _check_out(options.out, options.directory)
-    reports = _station_files(options.stations)
+    files = _files_in(options.folder)
+    _check_out(options.out, options.folder)
+    for file in options.stations:
+        if not file.is_file():
+            raise ConfigError(f"--stations {file}: there is no such file; name tables of METAR reports")
+    import numpy as np
 
     from pareto_ltl.report.wind_error import draw_wind_error
     from pareto_ltl.support.files import write_json
-    from pareto_ltl.wind.block_bootstrap import Resampling
-    from pareto_ltl.wind.error_document import error_document, estimated_law
-    from pareto_ltl.wind.error_estimate import estimate_errors
+    from pareto_ltl.wind.area import box_of
+    from pareto_ltl.wind.error_estimate import error_document, estimate_errors, estimated_law
     from pareto_ltl.wind.forecast_error import forecast_error_law
+    from pareto_ltl.wind.matched_fields import Resampling
 
-    snapshots = _snapshots(files, options.level, area)
+    box = None if area is None else box_of(np.array(area, float))
+    snapshots = _snapshots(files, options.level, box)
     draws = Resampling(options.seed, options.block)
     estimate = estimate_errors(snapshots, area, draws, HOUR * options.max_lag)
     usual = forecast_error_law("gfs", "gfs")
-    law = estimated_law(estimate, options.name or options.directory.resolve().name[:LONGEST_NAME], usual)
-    told = _told_by_stations(snapshots, reports, area, draws)
-    document = error_document(estimate, law, usual.name, (*files, *reports), told)
+    law = estimated_law(estimate, options.name or options.folder.resolve().name[:LONGEST_NAME], usual)
+    told = _told_by_stations(snapshots, options.stations, box, draws)
+    document = error_document(estimate, law, usual.name, (*files, *options.stations), told)
     write_json(options.out, document)
     drawn = draw_wind_error(options.out.parent, options.out.stem, estimate, law, usual)
     written = (options.out, *drawn)
@@ -104,44 +107,24 @@ def _files_in(folder: Path) -> tuple[Path, ...]:
     return files
 
 
-def _snapshots(
-    files: tuple[Path, ...], level: str, area: Sequence[Sequence[float]] | None
-) -> tuple[Snapshot, ...]:
-    import numpy as np
-
+def _snapshots(files: tuple[Path, ...], level: str, box: GeoBox | None) -> tuple[Snapshot, ...]:
     from pareto_ltl.settings import WindConfig
-    from pareto_ltl.wind.area import box_of
-    from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
+    from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 
-    box = None if area is None else box_of(np.array(area, float))
     return grib_snapshots_apart(files, WindConfig().max_speed, level, box).winds
 
 
-def _station_files(named: Sequence[Path]) -> tuple[Path, ...]:
-    for file in named:
-        if not file.is_file():
-            raise ConfigError(f"--stations {file}: there is no such file; name tables of METAR reports")
-    return tuple(named)
-
-
 def _told_by_stations(
-    snapshots: Sequence[Snapshot],
-    files: tuple[Path, ...],
-    area: Sequence[Sequence[float]] | None,
-    draws: Resampling,
+    snapshots: Sequence[Snapshot], files: Sequence[Path], box: GeoBox | None, draws: Resampling
 ) -> dict[str, float] | str:
     """The error of analyses from station reports, or why it is not known."""
     if not files:
         return "not estimated: no station reports were given (--stations)"
-    import numpy as np
-
     from pareto_ltl.settings import WindConfig
     from pareto_ltl.wind.analysis_error import analysis_error
-    from pareto_ltl.wind.area import box_of
     from pareto_ltl.wind.sources.station_files import read_station_files
 
-    box = None if area is None else box_of(np.array(area, float))
-    found = analysis_error(snapshots, read_station_files(files, WindConfig().max_speed, box), draws)
+    found = analysis_error(snapshots, read_station_files(tuple(files), WindConfig().max_speed, box), draws)
     return found if isinstance(found, str) else found.document()
 
 
@@ -150,7 +133,7 @@ def _told_by_stations(
 
 def estimate_lines(estimate: ErrorEstimate, law: ForecastError, usual: ForecastError) -> Iterator[str]:
     """Lines of text: the tables with the packaged law, the scalars, and what the data do not determine."""
-    from pareto_ltl.wind.error_document import unknown_parts
+    from pareto_ltl.wind.error_estimate import unknown_parts
 
     other = usual.for_winds(estimate.level, estimate.spread)
     yield (
@@ -199,56 +182,3 @@ def _interval(found: Interval | None, unit: float, digits: int) -> str:
     if found is None:
         return "(not from these data)"
     return f"(95 %: {found.low * unit:.{digits}f} to {found.high * unit:.{digits}f})"
-
-
-def _wind_error_arguments() -> CommandArguments:
-    parser = CommandArguments(
-        prog="pareto-ltl wind-error",
-        description="Estimate the error of forecasts and the change of the wind from a folder of past GRIB "
-        "files, analyses among them, and write the law as JSON and as a figure (.png, .svg beside it). Plan "
-        "with it: wind.forecast_error=FILE.json.",
-    )
-    parser.add_argument("directory", type=Path, metavar="DIR", help="folder of GRIB files of one grid")
-    parser.add_argument("--out", type=Path, default=Path("wind_error.json"), metavar="FILE.json",
-                        help="output file (default wind_error.json)")  # fmt: skip
-    parser.add_argument("--level", default="10m", help="level of the winds, for example 80m or 925hPa")
-    parser.add_argument("--area", metavar="CORNERS", help="outline of the nodes, 'lon,lat lon,lat ...', or "
-                        "all (default: the contiguous United States without their rim)")  # fmt: skip
-    parser.add_argument("--stations", type=Path, nargs="+", default=(), metavar="FILE",
-                        help="METAR tables of the same times, for the error of analyses")  # fmt: skip
-    parser.add_argument(
-        "--name", type=_short, help="name of the law in reports (default: name of the folder)"
-    )
-    parser.add_argument("--max-lag", type=_positive, default=48.0, metavar="HOURS",
-                        help="longest change of the wind (default 48)")  # fmt: skip
-    parser.add_argument("--seed", type=_count, default=0, help="of the bootstrap (default 0)")
-    parser.add_argument("--block", type=_block, metavar="CYCLES", help="successive cycles that the bootstrap "
-                        "draws together (default: the cube root of their number)")  # fmt: skip
-    return parser
-
-
-def _short(text: str) -> str:
-    if not 0 < len(text) <= LONGEST_NAME:
-        raise argparse.ArgumentTypeError(f"a name has 1 to {LONGEST_NAME} characters")
-    return text
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0 < value < 1e6:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of hours above 0")
-    return value
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 2**63:
-        raise argparse.ArgumentTypeError(f"{text} is not a seed; expected an integer of 0 or more")
-    return value
-
-
-def _block(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of cycles, at least 1")
-    return value

@@ -18,8 +18,7 @@ from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
-from pareto_ltl.world.navigation import utc_times
-from pareto_ltl.world.projection import to_plane
+from pareto_ltl.world.projection import to_plane, utc_times
 from pareto_ltl.world.scene import Scene
 
 MAKERS: dict[str, Callable[[ExportedPlan], bytes]] = {

@@ -27,10 +27,9 @@ from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import plain_data
-from pareto_ltl.world.fix_shapes import fix_document
+from pareto_ltl.world.polygons import united_rings
 from pareto_ltl.world.projection import meridian_convergence, to_geographic
-from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.shapes import united_rings
+from pareto_ltl.world.scene import Scene, fix_document
 
 Feature = dict[str, Any]
 

@@ -19,7 +19,7 @@ from pareto_ltl.exports.geojson import named_outlines, tube_rings
 from pareto_ltl.exports.navigation_log import LEG_COLUMNS
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.names import joined_names
-from pareto_ltl.world.shapes import united_rings
+from pareto_ltl.world.polygons import united_rings
 
 FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # in XML 1.0, even escaped
 

@@ -32,8 +32,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
-from pareto_ltl.world.navigation import utc_times
-from pareto_ltl.world.projection import to_plane
+from pareto_ltl.world.projection import to_plane, utc_times
 from pareto_ltl.world.scene import Scene
 
 SHARES = (0.5, 0.9, 0.99)  # probabilities of ellipses and areas

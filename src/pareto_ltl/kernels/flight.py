@@ -252,3 +252,12 @@ def judge_batch(judge: Judge, outcome: Outcome) -> None:
             at, cell = there, last
         outcome.collided[i], outcome.off_map[i] = collided, outside
         outcome.accepted[i] = logic.distance[q] == 0.0
+
+
+@entry
+def wind_met(draws: Draws, t: int, x: FloatArray, met: FloatArray) -> None:
+    """Write the wind (east, north) [m/s] at step ``t`` to ``met[0, :2]``; ``draws`` hold one flight.
+
+    ``met`` has shape (1, 4). Of ``x`` (1, T+1, 2) only the position ``x[0, t]`` [m] is read.
+    """
+    meet_winds(draws, t, x, met)

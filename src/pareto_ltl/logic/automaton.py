@@ -17,7 +17,7 @@ import numpy as np
 
 from pareto_ltl.logic import dfa as tables
 from pareto_ltl.logic.dfa import TransitionArray, TransitionTable
-from pareto_ltl.logic.formula import Formula, caret_lines, parse_formula, positive_normal_form
+from pareto_ltl.logic.formula import Formula, parse_formula, positive_normal_form
 from pareto_ltl.logic.progression import Progression
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
@@ -214,12 +214,7 @@ def translate(
     """
     text = str(formula)
     tree = parse_formula(formula) if isinstance(formula, str) else formula
-    try:
-        normal = positive_normal_form(tree)
-    except FormulaError as error:
-        if error.column is not None and isinstance(formula, str):
-            error.add_note(caret_lines(formula, error.column))
-        raise
+    normal = positive_normal_form(tree, formula if isinstance(formula, str) else "")
     atoms = tuple(sorted({*tree.atoms, *normal.atoms}))
     alphabet = alphabet_of(atoms, letters)
     codes = letter_codes(atoms, alphabet)

@@ -12,7 +12,7 @@ right::
     atom     = "true" | "false" | name | '"' name of any characters '"' | "(" formula ")"
 
 ``F`` and ``G`` may have a time span that counts from departure, ``F[0,6h] a``
-(:mod:`pareto_ltl.logic.clocks`). ``G``, ``R`` and ``W`` are part of the grammar, so that the error can name
+(:mod:`pareto_ltl.world.windows`). ``G``, ``R`` and ``W`` are part of the grammar, so that the error can name
 the operator that is not co-safe.
 """
 
@@ -24,11 +24,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-from pareto_ltl.logic.clocks import Span, clock_windows, end_clock, read_span, shown_span, span_clock
 from pareto_ltl.support.display import listed_text
 from pareto_ltl.support.errors import FormulaError
 from pareto_ltl.support.messages import SHOWN_WIDTH, shown_text
 from pareto_ltl.support.names import QUOTED, name_fault, quoted_name
+from pareto_ltl.world.windows import Span, clock_windows, end_clock, read_span, shown_span, span_clock
 
 MAX_DEPTH = 200  # nesting levels, below the recursion limit of Python; a sequence of n goals has 2 n
 
@@ -122,7 +122,7 @@ def caret_lines(text: str, column: int) -> str:
     return f"{before}{line[first:beyond]}{after}\n{' ' * (len(before) + column - first)}^"
 
 
-def positive_normal_form(tree: Formula) -> Formula:
+def positive_normal_form(tree: Formula, text: str = "") -> Formula:
     """The positive normal form, with negation of propositions only and operators ``& | X F U M``.
 
         !X p = X !p,   !(p R q) = !p U !q,   !(p W q) = !p M !q,   !G p = F !p
@@ -134,10 +134,15 @@ def positive_normal_form(tree: Formula) -> Formula:
     ------
     FormulaError
         If the normal form needs ``G``, ``R`` or ``W``, or a time span is below a temporal operator; the
-        message names the operator as the user wrote it.
+        message names the operator as the user wrote it, and a note points at it in ``text`` if that is given.
     """
-    _check_spans(tree)
-    return _NormalForm().of(tree, None)
+    try:
+        _check_spans(tree)
+        return _NormalForm().of(tree, None)
+    except FormulaError as error:
+        if text and error.column is not None:
+            error.add_note(caret_lines(text, error.column))
+        raise
 
 
 def _check_spans(tree: Formula) -> None:
@@ -301,7 +306,9 @@ def _formula_tokens(text: str) -> Iterator[_FormulaToken]:
             continue
         match = _TOKEN_PATTERN.match(text, column)
         if match is None:
-            found, hint = _foreign_operator(text[column:])
+            rest = text[column:]
+            found = next(filter(rest.startswith, _FOREIGN_OPERATORS), rest[0])
+            hint = f"; write '{_FOREIGN_OPERATORS[found]}'" if found in _FOREIGN_OPERATORS else ""
             if found == '"':
                 hint = '; a name in quotes ends with another ", and has no backslash in it'
             raise _formula_error(
@@ -313,13 +320,6 @@ def _formula_tokens(text: str) -> Iterator[_FormulaToken]:
         yield _FormulaToken(_SPELLINGS.get(match[0], kind), match[0], column)
         column = match.end()
     yield _FormulaToken("end", "", len(text))
-
-
-def _foreign_operator(rest: str) -> tuple[str, str]:
-    for spelling, ours in _FOREIGN_OPERATORS.items():
-        if rest.startswith(spelling):
-            return spelling, f"; write '{ours}'"
-    return rest[0], ""
 
 
 # Writing

@@ -9,29 +9,34 @@ state-based Büchi acceptance and accepting states that are never left.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
 from pareto_ltl.logic import labels
 from pareto_ltl.logic.automaton import Automaton, alphabet_of, automaton_from_table, letter_codes, show_letter
 from pareto_ltl.logic.dfa import MAX_ENTRIES, TransitionTable
-from pareto_ltl.logic.hoa_labels import LabelExpression, letters_of, sum_of_cubes
-from pareto_ltl.logic.hoa_tokens import Token, Tokens
+from pareto_ltl.logic.hoa_labels import LabelReader
 from pareto_ltl.support.arrays import BoolArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_text
+from pareto_ltl.support.messages import shown_line, shown_text
 from pareto_ltl.support.reading import SHOWN, Advice, read_text
 
 MAX_HOA_BYTES = 2**23
-MAX_LABEL_DEPTH = 200  # levels of brackets and negations in a label, including its aliases
 MAX_ALIASES = 1000
-MAX_LABEL_WORK = 2**32  # operators of all labels times letters, which takes a few seconds
 MAX_DIGITS = 18  # of a number
 HOA_FILES = Advice("check mission.automaton", "write it again, e.g. with ltl2tgba -D -B")
+
+STRING = r'"(?:[^"\\]|\\.)*"'
+TOKEN = re.compile(
+    rf"\s+|(?P<string>{STRING})|(?P<mark>--(?:BODY|END|ABORT)--)|(?P<head>[A-Za-z_][\w-]*:)"
+    r"|(?P<label>\[[^][]*\])|(?P<alias>@[\w-]+)|(?P<int>\d+)|(?P<word>[A-Za-z_][\w-]*)"
+    r"|(?P<sign>[][{}()!&|])|(?P<other>.)",
+    re.DOTALL,
+)
+COMMENT_PARTS = re.compile(rf'{STRING}|/\*|\*/|[^"/*\n]+|.|\n')
 
 
 def hoa_text(automaton: Automaton) -> str:
@@ -82,147 +87,113 @@ def read_hoa(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -
 
 def read_atoms(path: str | Path) -> tuple[str, ...]:
     """The propositions of a HOA file, in its order."""
-    return _HoaReader(read_text(Path(path), HOA_FILES, MAX_HOA_BYTES), str(path)).file().atoms
+    return _HoaReader(read_text(Path(path), HOA_FILES, MAX_HOA_BYTES), str(path)).atoms
 
 
 def parse_hoa(
     text: str, letters: Iterable[Iterable[str]] | None = None, source: str = "HOA text"
 ) -> Automaton:
     """Like :func:`read_hoa`, from text; ``source`` names it in errors."""
-    file = _HoaReader(text, source).file()
-    atoms = tuple(sorted(file.atoms))
-    if letters is None and file.letters is not None:
-        letters = [[name for i, name in enumerate(file.atoms) if code >> i & 1] for code in file.letters]
+    reader = _HoaReader(text, source)
+    atoms = tuple(sorted(reader.atoms))
+    if letters is None and reader.letters is not None:
+        letters = [[name for i, name in enumerate(reader.atoms) if code >> i & 1] for code in reader.letters]
     alphabet = alphabet_of(atoms, letters)
-    codes = letter_codes(file.atoms, alphabet)
-    if (len(file.states) + 1) * len(codes) > MAX_ENTRIES:
-        raise DataError(
-            f"{source}: {len(file.states)} states x {len(codes)} letters are more than {MAX_ENTRIES}"
-        )
-    if file.operators * len(codes) > MAX_LABEL_WORK:
-        raise DataError(
-            f"{source}: labels with {file.operators} operators are too long for {len(codes)} letters; "
-            "write them with aliases, or name fewer letters"
-        )
-    delta, accepting = _table_of_file(file, codes, alphabet)
-    return automaton_from_table(TransitionTable(delta, accepting), alphabet, atoms, file.name or source)
+    table = _BodyReader(reader, alphabet).table()
+    return automaton_from_table(table, alphabet, atoms, reader.name or source)
 
 
-# From the parsed file to a table
+# --- tokens ---------------------------------------------------------------------------------------
 
 
-@dataclass
-class _HoaState:
+class _Token(NamedTuple):
+    """``kind`` is a group of ``TOKEN``, or ``end``."""
+
+    kind: str
+    text: str
     line: int
-    accepting: bool
-    edges: list[tuple[LabelExpression, int, int]] = field(default_factory=list)  # label, target, line
 
 
-@dataclass
-class _HoaFile:
-    source: str
-    name: str = ""
-    start: int = -1
-    atoms: tuple[str, ...] = ()
-    letters: list[int] | None = None
-    states: dict[int, _HoaState] = field(default_factory=dict)
-    operators: int = 0  # of all labels
+def _tokens(text: str) -> Iterator[_Token]:
+    line = 1
+    for match in TOKEN.finditer(text):
+        if match.lastgroup:
+            yield _Token(match.lastgroup, match[0], line)
+        line += match[0].count("\n")
+    while True:
+        yield _Token("end", "the end of the file", line)
 
 
-def _table_of_file(
-    file: _HoaFile, codes: IntArray, alphabet: tuple[frozenset[str], ...]
-) -> tuple[IntArray, BoolArray]:
-    """``delta`` and accepting states, with the start as state 0; the last state is a trap.
-
-    Missing transitions lead to the trap. DataError if the automaton is not deterministic, or if an accepting
-    state can be left.
-    """
-    order = [file.start, *(q for q in file.states if q != file.start)]
-    number = {q: i for i, q in enumerate(order)}
-    trap = len(order)
-    delta = np.full((trap + 1, len(codes)), trap, np.int64)
-    known: dict[int, BoolArray] = {}
-    repeated: dict[int, BoolArray] = {}
-    for q, state in file.states.items():
-        row = delta[number[q]]
-        for label, target, line in state.edges:
-            takes = letters_of(label, codes, known, repeated)
-            clash = takes & (row != trap) & (row != number[target])
-            if clash.any():
-                letter = shown_text(show_letter(alphabet[int(np.flatnonzero(clash)[0])]))
-                raise DataError(
-                    f"{file.source}, line {line}: state {q} has two ways on {letter}; expected a "
-                    "deterministic automaton (ltl2tgba -D, autfilt -D)"
-                )
-            row[takes] = number[target]
-    accepting = np.array([file.states[q].accepting for q in order] + [False])
-    leaves = accepting[:, None] & ~accepting[delta]
-    if leaves.any():
-        i, column = (int(k) for k in np.argwhere(leaves)[0])
-        raise DataError(
-            f"{file.source}, line {file.states[order[i]].line}: accepting state {order[i]} can be left by "
-            f"{shown_text(show_letter(alphabet[column]))}; a mission that a finite flight completes has "
-            "accepting states that only lead to accepting states"
-        )
-    return delta, accepting
-
-
-# Reading text
-
-
-class _Label(NamedTuple):
-    """A label of the body, which several edges can have, and its number of operators."""
-
-    expression: LabelExpression
-    operators: int
+def _without_comments(text: str) -> str:
+    """``text`` without (nested) comments; line breaks are kept for the line numbers of errors."""
+    if "/*" not in text:
+        return text
+    outside, depth = [], 0
+    for part in COMMENT_PARTS.findall(text):
+        depth += part == "/*"
+        if depth == 0 or part == "\n":
+            outside.append(part)
+        depth = max(0, depth - (part == "*/"))
+    return "".join(outside)
 
 
 class _HoaReader:
-    """Recursive-descent parser of one HOA text."""
+    """Reads the header at once, and the tokens of the body one after another; ``here`` is the next one."""
 
     def __init__(self, text: str, source: str) -> None:
-        self.tokens = Tokens(text, source)
-        self.refuse = self.tokens.refuse
-        self.aliases: dict[str, LabelExpression] = {}
-        self.labels: dict[str, _Label] = {}  # by their text
-        self.cubes: dict[str, LabelExpression] = {}
-        self.result = _HoaFile(source)
+        self.source, self.tokens = source, _tokens(_without_comments(text))
+        self.name, self.start = "", -1
         self.count: int | None = None
-        self.brackets = 0
+        self.atoms: tuple[str, ...] = ()
+        self.letters: list[int] | None = None
+        self.aliases: list[tuple[str, str, int]] = []  # name, label, line
+        self.advance()
+        self._header()
 
-    @property
-    def here(self) -> Token:
-        return self.tokens.here
+    def refuse(self, reason: str, line: int | None = None) -> NoReturn:
+        """Raise :class:`DataError` with the file, the line (of the next token by default) and the reason."""
+        raise DataError(shown_line(f"{self.source}, line {line or self.here.line}: {reason}"))
 
-    def take(self, kind: str, what: str) -> Token:
+    def advance(self) -> None:
+        """Go to the next token; the last one is ``end``, which repeats."""
+        self.here = next(self.tokens)
+        if self.here.kind == "other":
+            self.refuse(f"'{self.here.text}' has no meaning here")
+
+    def take(self, kind: str, what: str) -> _Token:
+        """The next token, which must be of this ``kind``; ``what`` names it in errors."""
         token = self.here
         if token.kind != kind:
-            self.refuse(f"expected {what}, found {token.text[:SHOWN]}", token.line)
-        self.tokens.advance()
+            self.refuse(f"expected {what}, found {token.text[:SHOWN]}")
+        self.advance()
         return token
 
     def sign(self, text: str) -> bool:
         """Consume the sign ``text`` if it is the next token; return whether it was."""
-        found = self.tokens.here.kind == "sign" and self.tokens.here.text == text
+        found = self.here.kind == "sign" and self.here.text == text
         if found:
-            self.tokens.advance()
+            self.advance()
         return found
 
-    def close(self, text: str) -> None:
-        if not self.sign(text):
-            self.refuse(f"expected '{text}', found {self.here.text[:SHOWN]}", self.here.line)
-
     def number(self, what: str) -> int:
+        """The next token, which must be a number."""
         token = self.take("int", what)
         if len(token.text) > MAX_DIGITS:
             self.refuse(f"{what} has {len(token.text)} digits; expected at most {MAX_DIGITS}", token.line)
         return int(token.text)
 
-    # Header
+    def string(self, what: str) -> str:
+        """The content of the next token, which must be in quotes."""
+        return re.sub(r"\\(.)", r"\1", self.take("string", what).text[1:-1])
 
-    def file(self) -> _HoaFile:
+    def no_universal(self) -> None:
+        """Refuse several targets at once."""
+        if self.sign("&"):
+            self.refuse("universal branching (alternation); expected a deterministic automaton")
+
+    def _header(self) -> None:
         if self.here.text != "HOA:":
-            self.refuse("not an automaton in HOA format: expected 'HOA: v1'", self.here.line)
+            self.refuse("not an automaton in HOA format: expected 'HOA: v1'")
         met: set[str] = set()
         while self.here.kind == "head":
             head = self.take("head", "a header")
@@ -231,69 +202,45 @@ class _HoaReader:
                 what = "several initial states; expected one" if key == "Start" else f"a second '{key}:'"
                 self.refuse(what, head.line)
             met.add(key)
-            self.header(key, head.line)
+            self._value(key, head.line)
         for key in ("Start", "Acceptance"):
             if key not in met:
-                self.refuse(f"the header '{key}:' is missing", self.here.line)
+                self.refuse(f"the header '{key}:' is missing")
         if self.take("mark", "--BODY--").text != "--BODY--":
-            self.refuse("expected --BODY--", self.here.line)
-        self.body()
-        return self.result
+            self.refuse("expected --BODY--")
 
-    def header(self, key: str, line: int) -> None:
+    def _value(self, key: str, line: int) -> None:
         if key == "HOA":
             version = self.take("word", "a version").text
             if version != "v1":
                 self.refuse(f"version {version} of the format; expected v1", line)
         elif key == "name":
-            self.result.name = _unquoted_string(self.take("string", "a name in quotes").text)
+            self.name = self.string("a name in quotes")
         elif key == "States":
             self.count = self.number("a number of states")
         elif key == "Start":
-            self.result.start = self.number("a state")
+            self.start = self.number("a state")
             self.no_universal()
         elif key == "AP":
             count = self.number("a number of propositions")
-            names = [
-                _unquoted_string(self.take("string", "a proposition in quotes").text) for _ in range(count)
-            ]
-            if len(set(names)) < count:
+            self.atoms = tuple([self.string("a proposition in quotes") for _ in range(count)])
+            if len(set(self.atoms)) < count:
                 self.refuse("a proposition is listed twice", line)
-            self.result.atoms = tuple(names)
         elif key == "Alias":
-            name = self.take("alias", "an alias").text
-            self.aliases[name] = self.label_or()
-            self.aliases[name].alias = True
+            self.aliases.append((self.take("alias", "an alias").text, self._rest(), line))
             if len(self.aliases) > MAX_ALIASES:
                 self.refuse(f"more than {MAX_ALIASES} aliases", line)
         elif key == "Acceptance":
-            self.acceptance(line)
+            self._acceptance(line)
         elif key == "letters":
-            self.result.letters = self.letter_codes(line)
+            self.letters = self._letter_codes(line)
         elif key[0].isupper():
             self.refuse(f"header '{key}:' changes the meaning and is not supported", line)
         else:
-            self.skip()
+            self._rest()
 
-    def letter_codes(self, line: int) -> list[int]:
-        """The letters of the header ``letters``, as bit sets over the propositions of an earlier header."""
-        codes = []
-        while self.here.kind == "int":
-            codes.append(self.number("a letter"))
-        if any(code >> len(self.result.atoms) for code in codes):
-            self.refuse(f"a letter has more bits than the {len(self.result.atoms)} propositions", line)
-        return codes
-
-    def skip(self, *kinds: str) -> list[str]:
-        """Consume tokens up to the next header, or while they are of ``kinds`` if given; return the texts."""
-        texts = []
-        while self.here.kind not in ("head", "mark", "end") and (not kinds or self.here.kind in kinds):
-            texts.append(self.here.text)
-            self.tokens.advance()
-        return texts
-
-    def acceptance(self, line: int) -> None:
-        condition = " ".join(self.skip())
+    def _acceptance(self, line: int) -> None:
+        condition = self._rest()
         if condition.replace(" ", "") != "1Inf(0)":
             self.refuse(
                 f"acceptance '{shown_text(condition)}'; expected Büchi, '1 Inf(0)' "
@@ -301,145 +248,167 @@ class _HoaReader:
                 line,
             )
 
-    def no_universal(self) -> None:
-        if self.sign("&"):
-            self.refuse(
-                "universal branching (alternation); expected a deterministic automaton", self.here.line
-            )
+    def _letter_codes(self, line: int) -> list[int]:
+        """The letters of the header ``letters``, as bit sets over the propositions of an earlier header."""
+        codes = []
+        while self.here.kind == "int":
+            codes.append(self.number("a letter"))
+        if any(code >> len(self.atoms) for code in codes):
+            self.refuse(f"a letter has more bits than the {len(self.atoms)} propositions", line)
+        return codes
 
-    # Body
+    def _rest(self) -> str:
+        """The texts of all tokens up to the next header, with a space between them."""
+        texts = []
+        while self.here.kind not in ("head", "mark", "end"):
+            texts.append(self.here.text)
+            self.advance()
+        return " ".join(texts)
 
-    def body(self) -> None:
-        while self.here.text == "State:":
-            self.state()
-        end = self.take("mark", "'State:', an edge or --END--")
+
+# --- body -----------------------------------------------------------------------------------------
+
+
+class _BodyReader:
+    """Reads the states and edges of a file into a table over the letters of ``alphabet``.
+
+    ``number`` numbers the states of the file from 0, the start first; ``rows`` has the number of the state
+    after each letter, -1 for letters without an edge; ``targets`` has the state and the line of the first
+    edge to each state.
+    """
+
+    def __init__(self, reader: _HoaReader, alphabet: tuple[frozenset[str], ...]) -> None:
+        self.reader, self.alphabet, self.refuse = reader, alphabet, reader.refuse
+        self.labels = LabelReader(letter_codes(reader.atoms, alphabet), len(reader.atoms), reader.refuse)
+        for name, text, line in reader.aliases:
+            self.labels.define(name, text, line)
+        self.number = {reader.start: 0}
+        self.rows: dict[int, IntArray] = {}
+        self.lines: dict[int, int] = {}
+        self.accepting: set[int] = set()
+        self.targets: dict[int, tuple[int, int]] = {}
+
+    def table(self) -> TransitionTable:
+        """The table with the start as state 0; the last state is a trap, to which missing transitions lead.
+
+        DataError if the automaton is not deterministic, or if an accepting state can be left.
+        """
+        read = self.reader
+        while read.here.text == "State:":
+            self._state()
+        end = read.take("mark", "'State:', an edge or --END--")
         if end.text != "--END--":
             self.refuse(f"{end.text} instead of --END--: the automaton is not complete", end.line)
-        if self.here.kind != "end":
-            self.refuse("more than one automaton; expected one", self.here.line)
-        self.check_targets(end.line)
+        if read.here.kind != "end":
+            self.refuse("more than one automaton; expected one")
+        self._check_states(end.line)
+        delta = np.array([*(self.rows[q] for q in self.number), np.full(len(self.alphabet), -1)])
+        delta[delta < 0] = len(self.number)
+        accepting = np.array([*(q in self.accepting for q in self.number), False])
+        self._check_acceptance(delta, accepting)
+        return TransitionTable(delta, accepting)
 
-    def check_targets(self, line: int) -> None:
-        states = self.result.states
-        if self.count is not None:
-            if self.count > MAX_ENTRIES:
-                self.refuse(f"{self.count} states; {MAX_ENTRIES} are the limit", line)
-            for q in range(self.count):
-                states.setdefault(q, _HoaState(line, False))
-            if len(states) > self.count:
-                self.refuse(
-                    f"state {max(states)}, but 'States:' announces {self.count}", states[max(states)].line
-                )
-        for q, state in states.items():
-            for _, target, where in state.edges:
-                if target not in states:
-                    self.refuse(f"state {q} leads to state {target}, which does not exist", where)
-        if self.result.start not in states:
-            self.refuse(f"the start {self.result.start} is not among the states", line)
+    def _check_states(self, line: int) -> None:
+        read, count = self.reader, self.reader.count
+        if count is not None:
+            if count > MAX_ENTRIES:
+                self.refuse(f"{count} states; {MAX_ENTRIES} are the limit", line)
+            self._check_size(max(count, len(self.rows)))
+            for q in range(count):
+                if q not in self.rows:
+                    self._new_row(q, line)
+            if len(self.rows) > count:
+                last = max(self.rows)
+                self.refuse(f"state {last}, but 'States:' announces {count}", self.lines[last])
+        for target, (q, where) in self.targets.items():
+            if target not in self.rows:
+                self.refuse(f"state {q} leads to state {target}, which does not exist", where)
+        if read.start not in self.rows:
+            self.refuse(f"the start {read.start} is not among the states", line)
 
-    def state(self) -> None:
-        line = self.take("head", "'State:'").line
-        own = self.bracketed()
-        q = self.number("a state")
-        if self.here.kind == "string":
-            self.tokens.advance()
-        if q in self.result.states:
+    def _check_size(self, states: int) -> None:
+        if (states + 1) * len(self.alphabet) > MAX_ENTRIES:
+            raise DataError(
+                f"{self.reader.source}: {states} states x {len(self.alphabet)} letters are more than "
+                f"{MAX_ENTRIES}"
+            )
+
+    def _check_acceptance(self, delta: IntArray, accepting: BoolArray) -> None:
+        leaves = accepting[:, None] & ~accepting[delta]
+        if leaves.any():
+            i, column = (int(k) for k in np.argwhere(leaves)[0])
+            q = list(self.number)[i]
+            self.refuse(
+                f"accepting state {q} can be left by {self._letter(column)}; a mission that a finite "
+                "flight completes has accepting states that only lead to accepting states",
+                self.lines[q],
+            )
+
+    def _state(self) -> None:
+        read = self.reader
+        line = read.take("head", "'State:'").line
+        own = self._label()
+        q = read.number("a state")
+        if read.here.kind == "string":
+            read.advance()
+        if q in self.rows:
             self.refuse(f"state {q} occurs twice", line)
-        state = self.result.states[q] = _HoaState(line, self.marks())
-        while self.here.kind == "int" or (self.here.kind == "sign" and self.here.text == "["):
-            where = self.here.line
-            label = self.bracketed() or own
-            if label is None:
+        self._check_size(len(self.rows) + 1)
+        row = self._new_row(q, line)
+        if self._mark():
+            self.accepting.add(q)
+        while read.here.kind in ("int", "label"):
+            where = read.here.line
+            takes = own if read.here.kind == "int" else self._label()
+            if takes is None:
                 self.refuse(
-                    "an edge without label; expected explicit labels (autfilt rewrites implicit ones)", where
+                    "an edge without label; expected explicit labels (autfilt rewrites implicit ones)"
                 )
-            target = self.number("a state")
-            self.no_universal()
-            if self.marks():
+            target = read.number("a state")
+            read.no_universal()
+            if self._mark():
                 self.refuse(
                     "transition-based acceptance; expected state-based (ltl2tgba -B, autfilt -B)", where
                 )
-            state.edges.append((label, target, where))
+            i = self._number_of(target)
+            clash = takes & (row >= 0) & (row != i)
+            if clash.any():
+                self.refuse(
+                    f"state {q} has two ways on {self._letter(int(np.flatnonzero(clash)[0]))}; expected a "
+                    "deterministic automaton (ltl2tgba -D, autfilt -D)",
+                    where,
+                )
+            row[takes] = i
+            self.targets.setdefault(target, (q, where))
 
-    def marks(self) -> bool:
-        """Consume an acceptance signature ``{0}`` or ``{}``; return whether it was ``{0}``."""
-        if not self.sign("{"):
-            return False
-        sets = [self.number("an acceptance set")] if self.here.kind == "int" else []
-        if sets not in ([], [0]):
-            self.refuse(f"acceptance set {sets[0]} does not exist", self.here.line)
-        self.close("}")
-        return bool(sets)
+    def _number_of(self, q: int) -> int:
+        return self.number.setdefault(q, len(self.number))
 
-    def bracketed(self) -> LabelExpression | None:
-        """The label in brackets that follows, None if there is none; each label text is parsed once."""
-        if self.here != ("sign", "[", self.here.line):
+    def _new_row(self, q: int, line: int) -> IntArray:
+        self._number_of(q)
+        self.lines[q] = line
+        self.rows[q] = np.full(len(self.alphabet), -1)
+        return self.rows[q]
+
+    def _letter(self, column: int) -> str:
+        return shown_text(show_letter(self.alphabet[column]))
+
+    def _label(self) -> BoolArray | None:
+        """The letters of the label that follows; None if there is none."""
+        token = self.reader.here
+        if token.kind != "label":
             return None
-        text = self.tokens.upcoming("]")
-        known = self.labels.get(text)
-        if known is not None:
-            known.expression.repeated = True
-            self.result.operators += known.operators
-            self.tokens.skip(text)
-            return known.expression
-        before = self.result.operators
-        label = sum_of_cubes(text, len(self.result.atoms), self.cubes)
-        if label is not None:
-            self.result.operators += 1 + sum(map(text.count, "&|!"))
-            self.tokens.skip(text)
-        else:
-            self.tokens.advance()
-            label = self.label_or()
-            self.close("]")
-        self.labels[text] = _Label(label, self.result.operators - before)
-        return label
+        self.reader.advance()
+        return self.labels.letters_of(token.text[1:-1], token.line)
 
-    def label_or(self) -> LabelExpression:
-        parts = [self.label_and()]
-        while self.sign("|"):
-            parts.append(self.label_and())
-        return parts[0] if len(parts) == 1 else self.bounded_label("|", *parts)
-
-    def label_and(self) -> LabelExpression:
-        parts = [self.label_not()]
-        while self.sign("&"):
-            parts.append(self.label_not())
-        return parts[0] if len(parts) == 1 else self.bounded_label("&", *parts)
-
-    def bounded_label(self, op: str, *parts: LabelExpression) -> LabelExpression:
-        label = LabelExpression(op, parts)
-        if label.depth > MAX_LABEL_DEPTH:
-            self.refuse(f"a label nested deeper than {MAX_LABEL_DEPTH} levels", self.here.line)
-        return label
-
-    def label_not(self) -> LabelExpression:
-        token = self.here
-        self.result.operators += 1
-        if token.text in ("!", "("):
-            self.brackets += 1
-            if self.brackets > MAX_LABEL_DEPTH:
-                self.refuse(f"a label nested deeper than {MAX_LABEL_DEPTH} levels", token.line)
-        if self.sign("!"):
-            inner = self.bounded_label("!", self.label_not())
-            self.brackets -= 1
-            return inner
-        if self.sign("("):
-            inner = self.label_or()
-            self.close(")")
-            self.brackets -= 1
-            return inner
-        self.tokens.advance()
-        if token.text in ("t", "f"):
-            return LabelExpression(token.text)
-        if token.kind == "alias" and token.text in self.aliases:
-            return self.aliases[token.text]
-        if token.kind == "int" and len(token.text) <= MAX_DIGITS and int(token.text) < len(self.result.atoms):
-            return LabelExpression("ap", place=int(token.text))
-        return self.refuse(
-            f"{token.text[:SHOWN]} is not a label; expected t, f, a proposition's number or an alias",
-            token.line,
-        )
-
-
-def _unquoted_string(text: str) -> str:
-    return re.sub(r"\\(.)", r"\1", text[1:-1])
+    def _mark(self) -> bool:
+        """Consume an acceptance signature ``{0}`` or ``{}``; return whether it was ``{0}``."""
+        read = self.reader
+        if not read.sign("{"):
+            return False
+        sets = [read.number("an acceptance set")] if read.here.kind == "int" else []
+        if sets not in ([], [0]):
+            self.refuse(f"acceptance set {sets[0]} does not exist")
+        if not read.sign("}"):
+            self.refuse(f"expected '}}', found {read.here.text[:SHOWN]}")
+        return bool(sets)

@@ -3,106 +3,102 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from collections.abc import Callable
+from typing import NoReturn
 
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, IntArray
+from pareto_ltl.support.reading import SHOWN
 
-MAX_KEPT = 2**26  # stored results of repeated labels, one byte per letter
-SHORT = 4  # largest number of digits of a proposition's number
-LITERAL = rf"\s*!?\s*\d{{1,{SHORT}}}\s*"
-CUBES = re.compile(rf"{LITERAL}(?:[&|]{LITERAL})*", re.ASCII)
+MAX_LABEL_DEPTH = 200  # levels of brackets and negations in a label
+MAX_LABEL_WORK = 2**32  # operands and operators of all labels times letters, which takes a few seconds
+MAX_STORED = 2**26  # results of labels and aliases, one byte per letter
+LABEL_TOKEN = re.compile(r"[()!&|]|[^\s()!&|]+")
 
 
-class LabelExpression:
-    """The label of an edge: an operator with its operands.
+class LabelReader:
+    """Label expressions as sets of letters, whose bit sets are ``codes`` (L,).
 
-    Operators are ``t``, ``f``, ``ap`` with the number of the proposition in ``place``, ``!`` with one
-    operand, ``&`` or ``|`` with several, and ``cube``, the conjunction of the propositions in the bit set
-    ``place`` and of the negated ones in ``absent``.
-
-    An alias is evaluated once per file, as with aliases of aliases 30 lines can expand to 2^30 operands.
-
-    Attributes
-    ----------
-    depth : int
-        Number of levels of operators.
-    alias : bool
-        Whether the file has a name for the expression.
-    repeated : bool
-        Whether several edges have it as their label.
+    An alias is evaluated once, as with aliases of aliases 30 lines can expand to 2^30 operands, and so is a
+    label that several edges have.
     """
 
-    __slots__ = ("absent", "alias", "args", "depth", "op", "place", "repeated")
+    def __init__(self, codes: IntArray, atoms: int, refuse: Callable[[str, int], NoReturn]) -> None:
+        self.letters, self.refuse = len(codes), refuse
+        self.known: dict[str, BoolArray] = {}  # by the text of the label
+        self.operands = {"t": np.ones(len(codes), bool), "f": np.zeros(len(codes), bool)}
+        self.operands |= {str(i): (codes >> i & 1) == 1 for i in range(atoms)}
+        self.tokens: list[str] = []  # of the label that is read, the next one last
+        self.line = self.depth = self.work = 0
 
-    def __init__(
-        self, op: str, args: tuple[LabelExpression, ...] = (), place: int = 0, absent: int = 0
-    ) -> None:
-        self.op, self.args, self.place, self.absent = op, args, place, absent
-        self.depth: int = 1 + max((arg.depth for arg in args), default=0)
-        self.alias = self.repeated = False
+    def define(self, name: str, text: str, line: int) -> None:
+        """Let the alias ``name`` stand for the label ``text``."""
+        if len(self.operands) * self.letters > MAX_STORED:
+            self.refuse(f"too many aliases for {self.letters} letters", line)
+        self.operands[name] = self.evaluated(text, line)
 
-    def on(self, codes: IntArray, known: dict[int, BoolArray]) -> BoolArray:
-        """Which letters in ``codes`` (L,) satisfy the expression, shape (L,) bool.
+    def letters_of(self, text: str, line: int) -> BoolArray:
+        """Which letters satisfy the label ``text`` of a ``line``, (L,)."""
+        self._count(1, line)
+        if text not in self.known:
+            if len(self.known) * self.letters > MAX_STORED:
+                self.known.clear()
+            self.known[text] = self.evaluated(text, line)
+        return self.known[text]
 
-        ``known`` holds the results of aliases for the same ``codes``, by the ``id`` of the expression.
-        """
-        if not self.alias:
-            return self._worked_out(codes, known)
-        if id(self) not in known:
-            known[id(self)] = self._worked_out(codes, known)
-        return known[id(self)]
+    def _count(self, operations: int, line: int) -> None:
+        self.work += operations
+        if self.work * self.letters > MAX_LABEL_WORK:
+            self.refuse(
+                f"labels with {self.work} operators are too long for {self.letters} letters; write them with "
+                "aliases, or name fewer letters",
+                line,
+            )
 
-    def _worked_out(self, codes: IntArray, known: dict[int, BoolArray]) -> BoolArray:
-        if self.op in "tf":
-            return np.full(len(codes), self.op == "t")
-        if self.op == "ap":
-            holds: BoolArray = (codes & (1 << self.place)) != 0
-            return holds
-        if self.op == "cube":
-            fits: BoolArray = codes & (self.place | self.absent) == self.place
-            return fits
-        if self.op == "!":
-            return ~self.args[0].on(codes, known)
-        join: Any = np.logical_and if self.op == "&" else np.logical_or
-        joined = self.args[0].on(codes, known).copy()
-        for arg in self.args[1:]:
-            join(joined, arg.on(codes, known), out=joined)
-        return joined
+    def evaluated(self, text: str, line: int) -> BoolArray:
+        """:meth:`letters_of` without its memory of results."""
+        self.tokens, self.line, self.depth = LABEL_TOKEN.findall(text)[::-1], line, 0
+        self._count(len(self.tokens), line)
+        letters = self._either()
+        if self.tokens:
+            self.refuse(f"expected ']', found {self.tokens[-1][:SHOWN]}", line)
+        return letters
 
+    def _either(self) -> BoolArray:
+        letters = self._both()
+        while self._sign("|"):
+            letters = letters | self._both()
+        return letters
 
-def letters_of(
-    label: LabelExpression, codes: IntArray, known: dict[int, BoolArray], repeated: dict[int, BoolArray]
-) -> BoolArray:
-    """Like :meth:`LabelExpression.on`; ``repeated`` holds the results of labels that several edges have."""
-    if not label.repeated:
-        return label.on(codes, known)
-    if id(label) not in repeated:
-        if len(repeated) * len(codes) > MAX_KEPT:
-            repeated.clear()
-        repeated[id(label)] = label.on(codes, known)
-    return repeated[id(label)]
+    def _both(self) -> BoolArray:
+        letters = self._operand()
+        while self._sign("&"):
+            letters = letters & self._operand()
+        return letters
 
+    def _operand(self) -> BoolArray:
+        token = self.tokens.pop() if self.tokens else "the end"
+        if token not in ("!", "("):
+            if token not in self.operands:
+                self.refuse(
+                    f"{token[:SHOWN]} is not a label; expected t, f, a proposition's number or an alias",
+                    self.line,
+                )
+            return self.operands[token]
+        self.depth += 1
+        if self.depth > MAX_LABEL_DEPTH:
+            self.refuse(f"a label nested deeper than {MAX_LABEL_DEPTH} levels", self.line)
+        letters = ~self._operand() if token == "!" else self._either()
+        if token == "(" and not self._sign(")"):
+            found = self.tokens[-1][:SHOWN] if self.tokens else "the end"
+            self.refuse(f"expected ')', found {found}", self.line)
+        self.depth -= 1
+        return letters
 
-def sum_of_cubes(text: str, atoms: int, cubes: dict[str, LabelExpression]) -> LabelExpression | None:
-    """The label ``text`` if it consists only of literals joined by ``&`` and ``|``, else None.
-
-    ``atoms`` is the number of propositions; ``cubes`` holds the cubes found so far, by their text. Most
-    labels of large files have this form and share their cubes.
-    """
-    if CUBES.fullmatch(text) is None:
-        return None
-    parts = []
-    for cube in text.split("|"):
-        if cube not in cubes:
-            bits = [0, 0]  # of the propositions, and of the negated ones
-            for literal in cube.split("&"):
-                place = int(literal.replace("!", ""))
-                if place >= atoms:
-                    return None
-                bits["!" in literal] |= 1 << place
-            holds, absent = bits
-            cubes[cube] = LabelExpression("f" if holds & absent else "cube", (), holds, absent)
-        parts.append(cubes[cube])
-    return parts[0] if len(parts) == 1 else LabelExpression("|", tuple(parts))
+    def _sign(self, text: str) -> bool:
+        """Consume the sign ``text`` if it is the next token; return whether it was."""
+        found = bool(self.tokens) and self.tokens[-1] == text
+        if found:
+            self.tokens.pop()
+        return found

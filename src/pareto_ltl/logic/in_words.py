@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pareto_ltl.logic.formula import Formula, parse_formula
 from pareto_ltl.support.errors import FormulaError
 from pareto_ltl.world.windows import hours_text
@@ -52,12 +54,17 @@ def _span_words(tree: Formula) -> str:
 
 def _merged_goals(parts: tuple[Formula, ...]) -> list[str]:
     """Instructions for ``parts``; visits are merged: ``F a & F b`` is "reach a and b, in any order"."""
-    simple = [part for part in parts if _is_untimed_visit(part)]
-    if len(simple) < 2:
-        return [_goal_words(part) for part in parts]
-    names = [_place_words(part.args[0]) for part in simple]
-    listed = f"reach {', '.join(names[:-1])} and {names[-1]}, in any order"
-    return [listed, *(_goal_words(part) for part in parts if part not in simple)]
+    visits, left = _merged_visits(parts)
+    return [*(f"reach {names}, in any order" for names in visits), *map(_goal_words, left)]
+
+
+def _merged_visits(parts: Sequence[Formula]) -> tuple[list[str], list[Formula]]:
+    """The places of two or more untimed visits among ``parts`` as one text, and the other parts."""
+    visits = [part for part in parts if _is_untimed_visit(part)]
+    if len(visits) < 2:
+        return [], list(parts)
+    *first, last = (_place_words(part.args[0]) for part in visits)
+    return [f"{', '.join(first)} and {last}"], [part for part in parts if part not in visits]
 
 
 def _target_words(tree: Formula) -> str:
@@ -69,20 +76,11 @@ def _target_words(tree: Formula) -> str:
     places = [part for part in tree.args if _is_place(part)]
     rest = [part for part in tree.args if not _is_place(part)]
     here = " and ".join(_place_words(part) for part in places)
-    then = _merged_following(rest)
+    visits, left = _merged_visits(rest)
+    then = [*(f"{names} in any order" for names in visits), *map(_following_words, left)]
     if not here:
         return f"a point from which to {' and to '.join(_goal_words(part) for part in rest)}"
     return here + "".join(f", then {words}" for words in then[:1]) + "".join(f", and {w}" for w in then[1:])
-
-
-def _merged_following(rest: list[Formula]) -> list[str]:
-    """What must follow a place; several visits become one list, in any order."""
-    simple = [part.args[0] for part in rest if _is_untimed_visit(part)]
-    if len(simple) < 2:
-        return [_following_words(part) for part in rest]
-    names = [_place_words(part) for part in simple]
-    left = [part for part in rest if not _is_untimed_visit(part)]
-    return [f"{', '.join(names[:-1])} and {names[-1]} in any order", *map(_following_words, left)]
 
 
 def _following_words(tree: Formula) -> str:

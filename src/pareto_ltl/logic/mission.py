@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl.logic import hoa, patterns
 from pareto_ltl.logic.automaton import Automaton, Letter, translate
-from pareto_ltl.logic.clocks import clock_windows
-from pareto_ltl.logic.formula import caret_lines, check_names, parse_formula, positive_normal_form
+from pareto_ltl.logic.formula import check_names, parse_formula, positive_normal_form
 from pareto_ltl.logic.timed import keep_clear, timed_letters
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.world.windows import Window
+from pareto_ltl.world.windows import Window, clock_windows
 
 if TYPE_CHECKING:
     from pareto_ltl.settings import MissionConfig
@@ -74,12 +73,7 @@ def _formula_atoms(text: str, known: set[str] | None) -> set[str]:
     tree = parse_formula(text)
     if known is not None:
         check_names(tree, known)
-    try:
-        return {*tree.atoms, *positive_normal_form(tree).atoms}
-    except FormulaError as error:
-        if error.column is not None:
-            error.add_note(caret_lines(text, error.column))
-        raise
+    return {*tree.atoms, *positive_normal_form(tree, text).atoms}
 
 
 def _file_atoms(path: str, known: set[str] | None) -> set[str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from pareto_ltl.logic import labels
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,16 +113,8 @@ def draw_automaton(
             axes.add_patch(Circle((x, y), STATE_RADIUS - 0.06, fill=False, ec=colour, lw=1.0))
         axes.text(x, y, str(q), ha="center", va="center", color=colour, fontsize=10)
     x, y = place[automaton.initial]
-    axes.add_patch(
-        FancyArrowPatch(
-            (x - STATE_RADIUS - 0.6, y),
-            (x - STATE_RADIUS, y),
-            color=STATE_COLOUR,
-            shrinkA=0,
-            shrinkB=0,
-            **head,
-        )
-    )
+    entry = (x - STATE_RADIUS - 0.6, y), (x - STATE_RADIUS, y)
+    axes.add_patch(FancyArrowPatch(*entry, color=STATE_COLOUR, shrinkA=0, shrinkB=0, **head))
     for edge in drawn_edges(place, texts):
         colour = TRAP_COLOUR if edge.end == automaton.trap else STATE_COLOUR
         axes.add_patch(FancyArrowPatch(path=_curve_path(edge.curve), color=colour, **head))
@@ -145,13 +137,15 @@ def state_positions(automaton: Automaton) -> FloatArray:
 
     States of a cycle are placed side by side in the order of their numbers.
     """
-    component, generation = _generations(automaton)
-    column = np.zeros(automaton.n_states, int)
-    x = 0
-    for depth in range(generation.max() + 1):
+    import networkx as nx
+
+    edges = [(q, after) for q, row in enumerate(automaton.delta.tolist()) for after in row]
+    parts = nx.condensation(nx.DiGraph(edges))  # strongly connected states are one node
+    column, x = np.zeros(automaton.n_states, int), 0
+    for generation in nx.topological_generations(parts):
         wide = 1
-        for first in sorted(set(component[generation == depth].tolist())):
-            members = [q for q in np.flatnonzero(component == first).tolist() if q != automaton.trap]
+        for part in generation:
+            members = sorted(parts.nodes[part]["members"] - {automaton.trap})
             column[members] = x + np.arange(len(members))
             wide = max(wide, len(members))
         x += wide
@@ -165,28 +159,6 @@ def state_positions(automaton: Automaton) -> FloatArray:
         others = place[alive]
         place[automaton.trap] = others[:, 0].mean(), others[:, 1].min() - 2.6
     return place
-
-
-def _generations(automaton: Automaton) -> tuple[IntArray, IntArray]:
-    """For each state (Q,): the first state of its strongly connected component, and the component's depth.
-
-    The depth is the largest number of components before it on a path. networkx could compute this too, but
-    its import takes 0.4 s.
-    """
-    count = automaton.n_states
-    reach = np.eye(count, dtype=bool)
-    reach[np.arange(count)[:, None], automaton.delta] = True
-    for _ in range(max(1, count.bit_length())):
-        reach = (reach.astype(int) @ reach) > 0  # paths of twice as many edges
-    component = (reach & reach.T).argmax(axis=1)
-    before = reach & (component[:, None] != component)
-    generation = np.zeros(count, int)
-    for _ in range(count):
-        later = np.where(before, generation[:, None] + 1, 0).max(axis=0)
-        if np.array_equal(later, generation):
-            break
-        generation = later
-    return component, generation
 
 
 class _OccupiedBoxes:

@@ -17,6 +17,7 @@ the propositions that a state reads at the next step.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -87,9 +88,9 @@ class Progression:
         self.max_states = max_states
         self.nodes: list[ProgressionNode] = []
         self.shared: dict[tuple[object, ...], ProgressionNode] = {}
-        self.implied: dict[tuple[int, int], bool] = {}
-        self.known: dict[int, int] = {}  # consequences of one obligation, of a clause
-        self.closures: dict[int, int] = {}
+        self.implies = cache(self.shows)
+        self.consequences = cache(self.obligations_of_node)
+        self.closure = cache(self.obligations_of_clause)
         self.steps: dict[tuple[int, int], ProgressionState] = {}
         self.true = self.make("true", ())
         self.false = self.make("false", ())
@@ -165,7 +166,7 @@ class Progression:
         parts = self.merge(op, list(flat.values()))
         if zero in parts or self.clash(parts):
             return zero
-        parts = self.strongest(parts) if op == "&" else self.weakest(parts)
+        parts = self.needed(op, parts)
         if len(parts) < 2:
             return parts[0] if parts else unit
         return self.make(op, tuple(sorted(parts, key=lambda part: part.bit)))
@@ -196,29 +197,23 @@ class Progression:
         plus, minus = ({part.now for part in parts if part.op == sign} for sign in "+-")
         return bool(plus & minus)
 
-    def strongest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
-        """The ``parts`` that no other part implies."""
+    def needed(self, op: str, parts: list[ProgressionNode]) -> list[ProgressionNode]:
+        """For ``&`` the ``parts`` that no other part implies, for ``|`` those that imply no other part."""
         for part in list(parts):
             if part in parts:
-                parts = [other for other in parts if other is part or not self.implies(part, other)]
+                pairs = [(part, other) if op == "&" else (other, part) for other in parts]
+                parts = [
+                    other
+                    for other, pair in zip(parts, pairs, strict=True)
+                    if other is part or not self.implies(*pair)
+                ]
         return parts
-
-    def weakest(self, parts: list[ProgressionNode]) -> list[ProgressionNode]:
-        """The ``parts`` that imply no other part."""
-        for part in list(parts):
-            if part in parts:
-                parts = [other for other in parts if other is part or not self.implies(other, part)]
-        return parts
-
-    def implies(self, p: ProgressionNode, q: ProgressionNode) -> bool:
-        """Whether the syntax of ``p`` and ``q`` shows that ``p`` implies ``q``; sound, not complete."""
-        key = p.bit, q.bit
-        if key not in self.implied:
-            self.implied[key] = self.shows(p, q)
-        return self.implied[key]
 
     def shows(self, p: ProgressionNode, q: ProgressionNode) -> bool:  # noqa: PLR0911, PLR0912 - case by case
-        """:meth:`implies` without its memory of results."""
+        """Whether the syntax of ``p`` and ``q`` shows that ``p`` implies ``q``; sound, not complete.
+
+        ``implies`` is the same with a memory of results.
+        """
         if p is q or p.op == "false" or q.op == "true":
             return True
         if p.op == "true" or q.op == "false":
@@ -337,26 +332,19 @@ class Progression:
                 clause &= ~self.consequences(bit) | bit
         return clause
 
-    def closure(self, clause: int) -> int:
-        """All obligations that ``clause`` implies."""
-        result = self.closures.get(clause)
-        if result is None:
-            result = 0
-            for bit in set_bits(clause):
-                result |= self.consequences(bit)
-            self.closures[clause] = result
+    def obligations_of_clause(self, clause: int) -> int:
+        """All obligations that ``clause`` implies; ``closure`` is the same with a memory of results."""
+        result = 0
+        for bit in set_bits(clause):
+            result |= self.consequences(bit)
         return result
 
-    def consequences(self, bit: int) -> int:
-        """The obligations that the node of ``bit`` implies, itself included."""
-        implied = self.known.get(bit)
-        if implied is None:
-            node = self.nodes[bit.bit_length() - 1]
-            implied = 0
-            for other in self.nodes:
-                if other.op in OBLIGATION_KINDS and self.implies(node, other):
-                    implied |= other.bit
-            self.known[bit] = implied
+    def obligations_of_node(self, bit: int) -> int:
+        """The obligations that the node of ``bit`` implies, itself included; ``consequences`` stores them."""
+        node, implied = self.nodes[bit.bit_length() - 1], 0
+        for other in self.nodes:
+            if other.op in OBLIGATION_KINDS and self.implies(node, other):
+                implied |= other.bit
         return implied
 
     # Tables

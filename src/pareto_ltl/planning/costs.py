@@ -1,4 +1,6 @@
-"""Costs of a path that are not probabilities: one row each. Paths are compared by risk and by these.
+"""Costs of a path that are not probabilities, and the limits of a plan with their prices.
+
+Paths are compared by risk and by these costs, one row each.
 
 The length is a cost of every path, the energy of every robot with a power curve. ``selection.costs`` adds
 others; costs of other packages are entry points in the group ``pareto_ltl.costs``.
@@ -19,6 +21,15 @@ from pareto_ltl.support.extensions import COST_GROUP, extension_names, known_kin
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
 
+PRICE_KINDS = {
+    "obstacle": "{} smaller on every side",
+    "border": "{} farther out",
+    "region": "{} larger on every side",
+    "avoided": "{} smaller on every side",
+    "airspeed": "{} more",
+    "length": "{} more",
+}  # kind: what a small change of it is, in words
+SIGNIFICANT = 4.0  # standard errors of a price that is shown, at least
 STILL = 1e-9  # [m] shorter steps have no course
 
 
@@ -112,3 +123,64 @@ def path_costs(problem: Problem, x: FloatArray, u: FloatArray) -> dict[str, floa
     """The costs of ``problem.costs`` that its robot has, by name."""
     values = ((cost.name, cost.of(problem, x, u)) for cost in problem.costs)
     return {name: value for name, value in values if value is not None}
+
+
+# --- limits: the chance constraint of each segment, and prices ----------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentLimits:
+    """How close each of T segments comes to its chance constraint, obstacles and walls together.
+
+    Attributes
+    ----------
+    nearest : tuple of str
+        The barrier whose supporting line is the fewest standard deviations from the segment.
+    deviations : (T,) float
+        Standard deviations of its nearer end beyond that line, 40 at most.
+    probability : (T,) float
+        Σ_lines Q(z) of the segment, which ``planner.epsilon`` limits; Eq. (M73) of docs/mathematics.md.
+    price : (T,) float
+        Failures saved per metre by which all barriers were farther from the segment [1/m].
+    """
+
+    nearest: tuple[str, ...]
+    deviations: FloatArray
+    probability: FloatArray
+    price: FloatArray
+
+    def after(self, step: int) -> SegmentLimits:
+        """The limits of the segments from ``step`` on."""
+        return SegmentLimits(
+            self.nearest[step:], self.deviations[step:], self.probability[step:], self.price[step:]
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Price:
+    """The failures that a small change of one limit would save.
+
+    Attributes
+    ----------
+    kind : str
+        A key of :data:`PRICE_KINDS`.
+    name : str
+        The obstacle, border, region or limit.
+    step : int or None
+        The step at which the saving is largest.
+    saving : float
+        Fall of the failure rate per metre, and per m/s of airspeed.
+    error : float
+        Standard error of ``saving``: the flights that it is computed from are few. 0 where it is not known.
+    """
+
+    kind: str
+    name: str
+    step: int | None
+    saving: float
+    error: float = 0.0
+
+    @property
+    def significant(self) -> bool:
+        """Whether the interval of 95 % of the saving reaches from at least half of it to one and a half."""
+        return self.saving >= SIGNIFICANT * self.error

@@ -13,7 +13,7 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.costs import path_costs
 from pareto_ltl.planning.pack_logic import PATH_LIVE, empty_letters, helpful_delta, live_rows
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import probability_text
@@ -39,10 +39,6 @@ MOST_RUNS = 16  # runs of steps stored at a time; the cheapest are dropped, whic
 # --- memory of the models ---------------------------------------------------------------------
 
 
-def _no_memory(_law: kd.IndependentLaw, _rows: int) -> None:
-    return None
-
-
 def _coherent_memory(law: kd.CoherentLaw, rows: int) -> kd.CoherentMemory:
     return kd.CoherentMemory(np.zeros((rows, 2, 2, law.modes.psi.shape[-1]), np.float32))
 
@@ -59,14 +55,10 @@ def _landmark_memory(law: kd.LandmarkLaw, rows: int) -> kd.LandmarkMemory:
 
 
 LAW_MEMORY: dict[type, Callable[[Any, int], kd.Memory]] = {
-    kd.IndependentLaw: _no_memory,
+    kd.IndependentLaw: lambda _law, _rows: None,
     kd.CoherentLaw: _coherent_memory,
     kd.LandmarkLaw: _landmark_memory,
 }
-
-
-def _no_runs(_bound: kd.StepBound, _rows: int) -> None:
-    return None
 
 
 def _path_runs(bound: kd.PathBound, rows: int) -> kd.PathMemory:
@@ -75,7 +67,7 @@ def _path_runs(bound: kd.PathBound, rows: int) -> kd.PathMemory:
 
 
 COLLISION_MEMORY: dict[type, Callable[[Any, int], kd.CollisionMemory]] = {
-    kd.StepBound: _no_runs,
+    kd.StepBound: lambda _bound, _rows: None,
     kd.PathBound: _path_runs,
 }
 
@@ -236,10 +228,10 @@ def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: flo
     alone = flight if problem.world.law is independent else propagate(problem, flight.x, independent)
     ordered = ordered_mission_risk(problem, flight)
     paper = theorem2_mission_risk(problem, alone, cell)
-    judged = {
-        kd.Theorem2: lambda: paper if alone is flight else theorem2_mission_risk(problem, flight, cell),
-        kd.Ordered: lambda: ordered,
-    }[type(problem.world.mission)]()
+    if isinstance(problem.world.mission, kd.Ordered):
+        judged = ordered
+    else:
+        judged = paper if alone is flight else theorem2_mission_risk(problem, flight, cell)
     return Objectives(
         costs=path_costs(problem, flight.x, flight.u),
         mission_risk=judged,
@@ -293,11 +285,10 @@ def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool
 def with_supporting_lines(problem: Problem, flight: Flight) -> kd.Faces:
     """The barriers with the supporting lines of all near segments of ``flight`` as further faces."""
     from pareto_ltl.kernels.supporting_lines import FAR, lines_of_each
-    from pareto_ltl.planning.barriers import LEAST, barrier_polygons
 
     faces, corners = problem.barriers, barrier_polygons(problem)
     line = np.empty((len(flight.u), len(corners.radius), 4))
-    lines_of_each(corners, flight.x, flight.cov, LEAST, line)
+    lines_of_each(corners, flight.x, flight.cov, LEAST_VARIANCE, line)
     normals, offsets, counts = [np.empty((0, 2))], [np.empty(0)], [0]
     for j, (first, last) in enumerate(pairwise(faces.ptr.tolist())):
         rows = line[(line[:, j, 3] > 0.0) & (line[:, j, 3] < FAR), j]

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,10 +25,9 @@ from pareto_ltl.kernels.dijkstra import Product
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.kernels.neighbours import Bins
 from pareto_ltl.kernels.parents import Dominance, Scaled
-from pareto_ltl.planning.barriers import start_risk
 from pareto_ltl.planning.evaluate import collision_memory, law_memory
 from pareto_ltl.planning.pack_logic import empty_letters, live_rows, tree_rows
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import Problem, start_risk
 from pareto_ltl.planning.product_graph import cell_fans, empty_heap, product_graph
 from pareto_ltl.planning.records import Forest, Tree
 from pareto_ltl.settings import PlannerConfig
@@ -126,16 +126,12 @@ def _scaled(
     return Scaled(float(beta[0]), float(beta[1] * factor), weight, per_length, missions, scored)
 
 
-def _tchebycheff(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> Scaled:
-    return _scaled(cfg, problem, number, rng, scored=True)
-
-
 def _mixed(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> Scaled:
     return _scaled(cfg, problem, number, rng, scored=number % 2 == 1)  # half of the trees
 
 
 RULE_MAKERS: dict[str, Callable[..., Dominance | Scaled]] = {
-    "dominance": _dominance, "scaled": _scaled, "tchebycheff": _tchebycheff, "mixed": _mixed,
+    "dominance": _dominance, "scaled": _scaled, "tchebycheff": partial(_scaled, scored=True), "mixed": _mixed,
 }  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.geometry import face_slack
 from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.planning import shortest_mission as line
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.pack import pack_barriers, pack_collision, pack_nearby
 from pareto_ltl.planning.pack_logic import helpful_delta
@@ -87,21 +88,16 @@ def explain_no_path(
     seeds : SeedSequence, optional
         Seeds of the forest; without them no other limits are tried.
     """
-    from pareto_ltl.planning.shortest_mission import cautious_fault, mission_fault
-
     long_step = _step_advice(cfg, problem, FAR_TOO_LONG)
-    if not long_step and (fault := mission_fault(problem)):
+    if not long_step and (fault := line.mission_fault(problem)):
         return fault
-    if (
-        seeds is not None
-        and not long_step
-        and (fault := _longer_advice(_Trials(cfg, problem, seeds), forest))
-    ):
+    trials = None if seeds is None or long_step else _Trials(cfg, problem, seeds)
+    if trials and (fault := _longer_advice(trials, forest)):
         return fault
-    open_border = "" if seeds is None or long_step else _open_border_advice(_Trials(cfg, problem, seeds))
-    if seeds is not None and not long_step and (advised := _tried_advice(cfg, problem, forest, seeds)):
+    open_border = _open_border_advice(trials) if trials else ""
+    if trials and (advised := _tried_advice(trials, forest)):
         return advised + open_border
-    if not long_step and len(problem.logic.delta) == 1 and (fault := cautious_fault(problem)):
+    if not long_step and len(problem.logic.delta) == 1 and (fault := line.cautious_fault(problem)):
         return fault + open_border
     distance = problem.automaton.distance
     best = min(float(distance[tree.q].min()) for tree in forest.trees)
@@ -120,13 +116,11 @@ def explain_refused(cfg: PlannerConfig, problem: Problem, fault: str) -> str:
     Refined paths do not depend on the limits of the trees: growing those anew, which takes a minute, would
     find no cause.
     """
-    from pareto_ltl.planning.shortest_mission import mission_fault
-
     if not fault:
         return ""
     if long_step := _step_advice(cfg, problem, FAR_TOO_LONG):
         return f"no path completes the mission: {fault}; {long_step}"
-    return mission_fault(problem) or f"no path completes the mission: {fault}"
+    return line.mission_fault(problem) or f"no path completes the mission: {fault}"
 
 
 def explain_no_safe_path(cfg: PlannerConfig, problem: Problem, seeds: SeedSequence) -> str:
@@ -152,21 +146,19 @@ def _open_border_advice(trials: _Trials) -> str:
 
 def _longer_advice(trials: _Trials, forest: Forest) -> str:
     """The text where more time alone gives a path: wind data that go on, or more steps; empty otherwise."""
-    from pareto_ltl.planning.shortest_mission import TIMES_LONGER, longer_fault, with_longer_wind
-
     problem, cfg = trials.problem, trials.cfg
     if not sum(tree.reach["beyond"] for tree in forest.trees) or len(problem.logic.delta) > 1:
         return ""
-    longer = with_longer_wind(problem, TIMES_LONGER)
+    longer = line.with_longer_wind(problem, line.TIMES_LONGER)
     more = replace(trials, problem=longer, cfg=replace(cfg, max_steps=longer.max_steps), budget=_Budget())
     paths = more.paths(problem.epsilon, cfg.delta, cfg.n_max)
     steps = min((len(path.u) for path in paths), default=0)
-    return longer_fault(problem, steps * problem.motion.dt) if steps > problem.horizon else ""
+    return line.longer_fault(problem, steps * problem.motion.dt) if steps > problem.horizon else ""
 
 
-def _tried_advice(cfg: PlannerConfig, problem: Problem, forest: Forest, seeds: SeedSequence) -> str:
+def _tried_advice(trials: _Trials, forest: Forest) -> str:
     """The advice that a growth under other limits has confirmed; empty if there is none."""
-    trials = _Trials(cfg, problem, seeds)
+    cfg, problem = trials.cfg, trials.problem
     blocked = sum(tree.reach["blocked"] for tree in forest.trees) > 0
     for n_max in (cfg.n_max, *(times * cfg.n_max for times in MORE_VERTICES)):
         if trials.spent():
@@ -282,11 +274,7 @@ def _advice(cfg: PlannerConfig, problem: Problem, forest: Forest) -> str:
 
 def _lost_mission(automaton: Automaton) -> str:
     """The cause of a failed mission: a forbidden region, or the end of a time span of the formula or map."""
-    ends = [
-        f"{name if window.region else 'the time span'} {window}"
-        for name, window in automaton.windows.items()
-        if np.isfinite(window.end) and name not in automaton.forbidden
-    ]
+    ends = line.late_spans(automaton)
     spans = f"make its time spans longer ({'; '.join(ends)}), or let the robot fly faster" if ends else ""
     if automaton.trap < 0 and ends:  # no region that the robot can enter makes the mission fail
         return f"were too late for the mission: {spans}"

@@ -13,18 +13,17 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.logic.timed import letter_of, places_of
-from pareto_ltl.planning.epochs import Epoch, epochs_of
-from pareto_ltl.planning.pack_logic import pack_corners, pack_logic, pack_ordered
+from pareto_ltl.planning.pack_logic import Epoch, epochs_of, pack_corners, pack_logic, pack_ordered
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.turns import turns_of
-from pareto_ltl.settings import PAPER, FidelityConfig, PlannerConfig, RobotConfig, WindConfig
+from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, WindConfig
+from pareto_ltl.settings.fidelity import PAPER
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.records import FORECAST, HELD, PARTS, SPACE, TIME, WindField, WindModes
-from pareto_ltl.world.cells import Decomposition, half_planes, locator
-from pareto_ltl.world.fix_shapes import FixShape
-from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.cells import BUCKETS, Decomposition, bucket_cells, half_planes
+from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.time_step import with_time_step
 
 LOG = logging.getLogger(__name__)
@@ -91,11 +90,9 @@ def pack_nearby(barriers: kd.Faces, bounds: FloatArray) -> kd.Nearby:
 def pack_cells(bounds: FloatArray, decomposition: Decomposition) -> kd.Cells:
     """The cells with the grid that finds the cell of a point."""
     (west, south), (east, north) = bounds
-    grid = locator(decomposition, bounds)
-    return kd.Cells(
-        float(west), float(south), float(east), float(north), int(grid.shape[0]), grid.ptr, grid.index,
-        pack_faces(decomposition.cells),
-    )  # fmt: skip
+    ptr, index = bucket_cells(decomposition, bounds)
+    faces = pack_faces(decomposition.cells)
+    return kd.Cells(float(west), float(south), float(east), float(north), BUCKETS, ptr, index, faces)
 
 
 # --- wind and motion --------------------------------------------------------------------------

@@ -88,17 +88,12 @@ class Table:
         return self.base + np.interp(airspeed, self.airspeed, self.power)
 
 
-def _table(cfg: PowerConfig) -> Table:
-    points = np.array(cfg.points, float)
-    return Table(cfg.base, points[:, 0], points[:, 1])
-
-
 CURVES: dict[str, Callable[[PowerConfig], PowerCurve | None]] = {
     "none": lambda _cfg: None,
     "body": lambda cfg: Body(cfg.base, cfg.drag),
     "wing": lambda cfg: Wing(cfg.base, cfg.drag, cfg.lift),
     "rotor": lambda cfg: Rotor(cfg.base, cfg.drag, cfg.blade, cfg.lifting, cfg.tip, cfg.wake),
-    "table": _table,
+    "table": lambda cfg: Table(cfg.base, *np.array(cfg.points, float).T),
 }
 
 

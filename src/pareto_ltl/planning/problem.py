@@ -1,23 +1,40 @@
-"""The planning problem: its records, and the arrays that kernels read."""
+"""The planning problem: the arrays that kernels read, its barriers as polygons, and the same in longer steps.
+
+In longer steps a run of steps has the wind of its middle, and the mean of the gusts of its steps.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.costs import ALWAYS, Cost
-from pareto_ltl.planning.epochs import Reading
+from pareto_ltl.planning.pack_logic import Reading, pack_corners
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.turns import Turns, TurnsOnTheSpot
 from pareto_ltl.settings import FidelityConfig
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
+
+if TYPE_CHECKING:
+    from pareto_ltl.kernels.supporting_lines import SegmentLines
+
+LEAST_VARIANCE = (
+    0.1  # [m²] added to every variance: a position that is known exactly has a deviation of 0.3 m
+)
+BEYOND = 3.0  # depth of a wall as a polygon, in sizes of the map
+
+_POLYGONS: WeakKeyDictionary[Problem, kd.Corners] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, weakref_slot=True)
@@ -160,3 +177,123 @@ class Problem(Displayed):
 def unaided(law: kd.Law) -> kd.IndependentLaw | kd.CoherentLaw:
     """``law`` for a robot that takes no position fixes."""
     return kd.CoherentLaw(law.wind, law.modes, law.motion) if isinstance(law, kd.LandmarkLaw) else law
+
+
+# --- longer steps -----------------------------------------------------------------------------------
+
+
+def with_merged_steps(problem: Problem, times: int) -> Problem:
+    """``problem`` in steps that are ``times`` as long; a rest of the known wind is left out."""
+    laws = {name: _merged_law(law, times) for name, law in problem.laws.items()}
+    world = problem.world._replace(law=laws[problem.fidelity.law])
+    return replace(problem, laws=laws, world=world, max_steps=problem.max_steps // times)
+
+
+def _merged_law(law: kd.Law, times: int) -> kd.Law:
+    wind, motion = merged_wind(law.wind, times), merged_motion(law.motion, times)
+    if isinstance(law, kd.IndependentLaw):
+        return law._replace(wind=wind, motion=motion)
+    modes = merged_modes(law.modes, times)
+    if isinstance(law, kd.CoherentLaw):
+        return law._replace(wind=wind, modes=modes, motion=motion)
+    marks = law.landmarks._replace(gain=_merged_gain(law.landmarks.gain, times))
+    return law._replace(wind=wind, modes=modes, motion=motion, landmarks=marks)
+
+
+def merged_wind(wind: kd.Wind, times: int) -> kd.Wind:
+    """The wind in the middle of each run of ``times`` steps."""
+    middle = _middles(len(wind.slot), times)
+    return wind._replace(
+        slot=wind.slot[middle], weight=wind.weight[middle], between=np.ascontiguousarray(wind.between[middle])
+    )
+
+
+def merged_modes(modes: kd.Modes, times: int) -> kd.Modes:
+    """The modes in the middle of each run; epochs keep their numbers."""
+    middle = _middles(len(modes.slot), times)
+    keep = _kept_between(modes.keep, middle)
+    return modes._replace(
+        slot=modes.slot[middle], epoch=modes.epoch[middle], keep=keep,
+        kept=keep[:, modes.part].astype(np.float32), scale=np.ascontiguousarray(modes.scale[middle]),
+        white=modes.white / times, rest=modes.rest / times,
+    )  # fmt: skip
+
+
+def merged_motion(motion: kd.Motion, times: int) -> kd.Motion:
+    """The motion in one step of ``times`` steps: K' = 1 - (1 - K)^times, and φ' = K' T / dt'."""
+    gain = _merged_gain(motion.gain, times)
+    exposed = gain * motion.exposed / (motion.gain * times) if motion.gain > 0.0 else 1.0
+    return motion._replace(
+        dt=motion.dt * times, gain=gain, exposed=exposed, closed=motion.a - gain * np.eye(2)
+    )
+
+
+def merged_draws(white: FloatArray, times: int) -> FloatArray:
+    """The draws (T // times, n, 2) whose winds are the means of runs of ``white`` (T, n, 2)."""
+    runs = len(white) // times
+    grouped = white[: runs * times].reshape(runs, times, *white.shape[1:])
+    return np.asarray(grouped.sum(axis=1) / math.sqrt(times), float)
+
+
+def _middles(steps: int, times: int) -> IntArray:
+    return times * np.arange(steps // times) + times // 2
+
+
+def _merged_gain(gain: float, times: int) -> float:
+    return 1.0 - (1.0 - gain) ** times
+
+
+def _kept_between(keep: FloatArray, at: IntArray) -> FloatArray:
+    """What θ keeps from each of the steps ``at`` to the next, (len(at) + 1, G); row 0: up to the first."""
+    ends = [0, *(at + 1).tolist(), len(keep)]
+    return np.array([keep[i:j].prod(axis=0) for i, j in pairwise(ends)])
+
+
+# --- barriers ---------------------------------------------------------------------------------------
+
+
+def barrier_polygons(problem: Problem) -> kd.Corners:
+    """The convex polygons of ``problem.barriers`` as corners, made once; a wall is a deep rectangle."""
+    found = _POLYGONS.get(problem)
+    if found is None:
+        polygons = barrier_outlines(problem)
+        _POLYGONS[problem] = found = pack_corners(range(len(polygons)), polygons)
+    return found
+
+
+def barrier_outlines(problem: Problem) -> list[FloatArray]:
+    """The corners of each convex part of the obstacles, then of the walls [m]."""
+    return [*problem.decomposition.obstacles, *(_walls(problem) if problem.scene.walled else [])]
+
+
+def _walls(problem: Problem) -> list[FloatArray]:
+    """West, east, south and north of the map as rectangles, in the order of ``problem.barriers``."""
+    (west, south), (east, north) = problem.scene.bounds
+    deep = BEYOND * max(east - west, north - south)
+    sides = [
+        (west - deep, south - deep, west, north + deep), (east, south - deep, east + deep, north + deep),
+        (west - deep, south - deep, east + deep, south), (west - deep, north, east + deep, north + deep),
+    ]  # fmt: skip
+    return [np.array([[w, s], [e, s], [e, n], [w, n]]) for w, s, e, n in sides]
+
+
+def lines_of(
+    corners: kd.Corners, asked: BoolArray, x: FloatArray, cov: FloatArray, slots: int, around: float = 0.0
+) -> SegmentLines:
+    """The ``slots`` closest supporting lines of each segment, and its risk.
+
+    ``asked`` (T, m) are the polygons to avoid, ``x`` (T+1, 2) means [m], ``cov`` (T+1, 3) covariances [m²].
+    """
+    from pareto_ltl.kernels.supporting_lines import SegmentLines, segment_lines
+
+    T = len(asked)
+    lines = SegmentLines(np.empty((T, slots, 4)), np.empty((T, slots), np.int64), np.empty(T))
+    segment_lines(corners, asked, x, cov, LEAST_VARIANCE, around, lines)
+    return lines
+
+
+def start_risk(problem: Problem) -> float:
+    """Σ_lines Q(z) at the start, Eq. (M73): the probability of a collision before anything is flown."""
+    corners, v = barrier_polygons(problem), problem.start_variance
+    asked, x = np.ones((1, len(corners.radius)), bool), np.tile(problem.scene.start, (2, 1))
+    return float(lines_of(corners, asked, x, np.tile([v, 0.0, v], (2, 1)), 1).risk[0])

@@ -9,19 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.planning.limits import Price, SegmentLimits
-from pareto_ltl.settings import FidelityConfig, models_of
+from pareto_ltl.planning.costs import Price, SegmentLimits, cost_named
+from pareto_ltl.settings import FidelityConfig
+from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import clopper_pearson
-from pareto_ltl.support.display import (
-    Displayed,
-    distance_text,
-    interval_text,
-    probability_text,
-    rate_text,
-)
-from pareto_ltl.world.navigation import Navigation
+from pareto_ltl.support.display import Displayed, distance_text, interval_text, probability_text, rate_text
+from pareto_ltl.world.projection import Navigation
 
 FLIGHTS, WEIGHTED = "flights", "importance sampling"  # methods of failure rates
 NO_PROMISE = "no failure rate is promised: the law of the plan does not explain what was measured"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -10,7 +10,8 @@ import numpy as np
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Front, PlannedPath, objective_row
-from pareto_ltl.settings import PAPER, FidelityConfig
+from pareto_ltl.settings import FidelityConfig
+from pareto_ltl.settings.fidelity import PAPER
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import binomial_tail
 from pareto_ltl.support.errors import InfeasibleError
@@ -83,17 +84,23 @@ def tree_front(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
     keep = np.flatnonzero(non_dominated(rows))
     if rows.shape[1] == 3:
         keep = keep[unlike_rows(rows[keep])]
-    paths = []
-    for k in keep:
-        # R may lie above delta where growth trusted the reflection and the deviations shrink.
-        with suppress(InfeasibleError):
-            paths.append(evaluate_path(problem, *_tree_path(forest, int(k))))
+    # R may lie above delta where growth trusted the reflection and the deviations shrink.
+    paths = _feasible_paths(problem, forest, keep)
     return tuple(sorted(paths, key=lambda p: tuple(objective_row(p.objectives))))
 
 
 def _tree_path(forest: Forest, k: int) -> tuple[FloatArray, str]:
     j, v = (int(i) for i in forest.accepted[k])
     return forest.trees[j].path(v), f"tree {j} vertex {v}"
+
+
+def _feasible_paths(
+    problem: Problem, forest: Forest, rows: IntArray, *, tight: bool = True
+) -> Iterator[PlannedPath]:
+    """The paths to the accepted vertices ``rows``, except where rounding breaks a constraint at its limit."""
+    for k in rows.tolist():
+        with suppress(InfeasibleError):
+            yield evaluate_path(problem, *_tree_path(forest, k), tight=tight)
 
 
 def unlike_rows(rows: FloatArray) -> IntArray:
@@ -140,11 +147,7 @@ def unlike_paths(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
         boxes = np.column_stack([orders, (np.log(rows[:, -1] + 1.0) / width).astype(np.int64)])
         chosen = order[np.sort(np.unique(boxes[order], axis=0, return_index=True)[1])]
         width *= 1.5
-    paths = []
-    for k in chosen:
-        with suppress(InfeasibleError):  # rounding at the limit of a constraint
-            paths.append(evaluate_path(problem, *_tree_path(forest, int(k)), tight=False))
-    return tuple(paths)
+    return tuple(_feasible_paths(problem, forest, chosen, tight=False))
 
 
 def _accepted_orders(problem: Problem, forest: Forest) -> list[int]:

@@ -19,7 +19,7 @@ from pareto_ltl.planning.records import Front, PlannedPath, objective_row
 from pareto_ltl.planning.selection import chance_of_failures
 from pareto_ltl.settings import FidelityConfig, SelectionConfig
 from pareto_ltl.support import extensions
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, energy_text, in_kilometres, probability_text, round_up
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.extensions import known_kind
@@ -182,20 +182,10 @@ def by_weights(cfg: SelectionConfig, front: Front) -> int:
     return int(np.argmin(np.column_stack([rows[:, :2], costs]) @ weights))
 
 
-def by_threshold(cfg: SelectionConfig, front: Front) -> int:
-    """The shortest path whose risk is at most ``cfg.alpha``; for a failure rate its upper limit counts.
-
-    Raises
-    ------
-    InfeasibleError
-        If no path is safe enough; the text gives the least risk there is.
-    """
-    safe = _safe_paths(cfg, front)
-    return int(safe[np.argmin(_lengths(front)[safe])])
-
-
 def by_least(name: str, cfg: SelectionConfig, front: Front) -> int:
-    """The least cost ``name`` of the paths whose risk (upper limit of a rate) is at most ``cfg.alpha``.
+    """The least cost ``name`` of the paths whose risk is at most ``cfg.alpha``, of equal ones the shortest.
+
+    For a failure rate its upper limit counts.
 
     Raises
     ------
@@ -210,36 +200,26 @@ def by_least(name: str, cfg: SelectionConfig, front: Front) -> int:
             if name == "energy"
             else f"selection.least={name}: the front has no such cost; plan with selection.costs=[{name}]"
         )
-    safe = _safe_paths(cfg, front)
+    limits = np.array([rate.high for rate in front.rates]) if front.rates else _risks(front)
+    safe = np.flatnonzero(limits <= cfg.alpha)
+    if len(safe) == 0:
+        raise _no_safe_path(cfg, front, float(limits.min()))
     costs = np.array([path.objectives.costs[name] for path in front.paths])
     return int(safe[np.lexsort((_lengths(front)[safe], costs[safe]))[0]])
 
 
-def _safe_paths(cfg: SelectionConfig, front: Front) -> IntArray:
-    """Indices of the paths whose risk is at most ``cfg.alpha``; raises InfeasibleError if there is none."""
-    limits = np.array([rate.high for rate in front.rates]) if front.rates else _risks(front)
-    safe = np.flatnonzero(limits <= cfg.alpha)
-    if len(safe) == 0:
-        advice = "raise selection.draws" if front.rates else "lower planner.epsilon"
-        raise InfeasibleError(
-            f"no path keeps {_risk_name(front)} within selection.alpha = {cfg.alpha:g}; the least "
-            f"{'upper end' if front.rates else 'risk'} is {probability_text(limits.min())}: "
-            f"{_alpha_advice(float(limits.min()))}{advice}, or raise planner.n_max"
-        )
-    return np.asarray(safe, np.int64)
-
-
-def _risk_name(front: Front) -> str:
-    law = front.models.law
+def _no_safe_path(cfg: SelectionConfig, front: Front, least: float) -> InfeasibleError:
+    """The error that no path is safe enough; ``least`` is the least risk, or upper limit of a rate."""
+    law, alpha = front.models.law, round_up(least)
+    risk, kind, advice = f"{front.models.mission_symbol} + R in {law} winds", "risk", "lower planner.epsilon"
     if front.rates:
-        return f"the failure rate in {law} winds (upper end of 95 %)"
-    return f"{front.models.mission_symbol} + R in {law} winds"
-
-
-def _alpha_advice(least: float) -> str:
-    """Advice to set alpha so that it accepts the risk ``least``; empty if that is 1 or more."""
-    alpha = round_up(least)
-    return f"set selection.alpha={alpha:g}, " if alpha < 1.0 else ""
+        risk, kind = f"the failure rate in {law} winds (upper end of 95 %)", "upper end"
+        advice = "raise selection.draws"
+    accept = f"set selection.alpha={alpha:g}, " if alpha < 1.0 else ""
+    return InfeasibleError(
+        f"no path keeps {risk} within selection.alpha = {cfg.alpha:g}; the least {kind} is "
+        f"{probability_text(least)}: {accept}{advice}, or raise planner.n_max"
+    )
 
 
 def by_knee(_cfg: SelectionConfig, front: Front) -> int:
@@ -322,7 +302,7 @@ RULES: dict[str, SelectionRule] = {
     "priority": SelectionRule(by_priority, meaning="the shortest of the safest paths"),
     "weighted": SelectionRule(by_weights, meaning="the least weighted sum of risk and length"),
     "threshold": SelectionRule(
-        by_threshold,
+        partial(by_least, "length"),
         reads=("alpha",),
         keeps_alpha=True,
         meaning="the shortest path that fails in at most {alpha:g} of the flights (selection.alpha)",
@@ -374,7 +354,7 @@ def within_capacity(cfg: SelectionConfig, front: Front, problem: Problem) -> Fro
             )  # fmt: skip
         return front
     if len(possible) == 0:
-        from pareto_ltl.planning.endurance import capacity_advice
+        from pareto_ltl.planning.shortest_mission import capacity_advice
 
         raise InfeasibleError(
             f"every path of the front needs more than robot.power.capacity = {energy_text(model.capacity)}; "

@@ -3,6 +3,7 @@
 The line keeps 2 m from obstacles, the border and the regions that the mission forbids at that moment; errors
 of the wind and chance constraints do not matter here. Tested are, in this order: whether there is a line at
 all, the strength of the wind, the end of the wind data or of ``planner.max_steps``, and time spans.
+For a mission that needs more energy than the robot has: another airspeed, or another vehicle.
 """
 
 from __future__ import annotations
@@ -18,15 +19,24 @@ from typing import Any, Literal
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
+from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.planning.power import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Front
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.starts import line_starts
 from pareto_ltl.planning.routes.obligations import completes
 from pareto_ltl.planning.routes.orders import MissionOrder, possible_orders
-from pareto_ltl.planning.routes.taut_lines import longest_share, taut_line, walk_line
+from pareto_ltl.planning.routes.taut_lines import CAP, longest_share, taut_line, walk_line
 from pareto_ltl.planning.wind_lookup import interpolate
+from pareto_ltl.settings import RobotConfig
+from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import energy_text
+from pareto_ltl.support.resources import choices
 
+MARGIN = 0.9  # share of the capacity that an advised vehicle may need on the shortest path
+SPEEDS = 40  # airspeeds that are tried, in equal steps up to robot.u_max
 MOST_ORDERS = 24  # mission orders that are tried
 SLACK = 1.15  # plans are longer than the shortest line: needed time, over the time of the line
 TIMES_LONGER = 2  # that many times the steps tell whether the time is too short
@@ -247,11 +257,7 @@ def _end_of_wind(problem: Problem) -> str:
 
 def _too_late(problem: Problem, lines: Sequence[FloatArray], seconds: float) -> str:
     """Time spans of the formula or of the map end too early."""
-    spans = [
-        f"{name if window.region else 'the time span'} {window}"
-        for name, window in problem.automaton.windows.items()
-        if np.isfinite(window.end) and name not in problem.automaton.forbidden
-    ]
+    spans = late_spans(problem.automaton)
     if not spans:
         return ""
     u_max = _least_airspeed(problem, partial(_in_time, lines=lines, slack=SLACK))
@@ -260,6 +266,15 @@ def _too_late(problem: Problem, lines: Sequence[FloatArray], seconds: float) -> 
         f"no path completes the mission in time: the shortest line {_duration(problem, seconds)} and is too "
         f"late for its time spans ({'; '.join(spans)}): make them longer{cure}"
     )
+
+
+def late_spans(automaton: Automaton) -> list[str]:
+    """The time spans of the formula or of the map that can end too early, as texts."""
+    return [
+        f"{name if window.region else 'the time span'} {window}"
+        for name, window in automaton.windows.items()
+        if np.isfinite(window.end) and name not in automaton.forbidden
+    ]
 
 
 def _least_airspeed(problem: Problem, works: Callable[[Problem], bool]) -> float | None:
@@ -273,3 +288,56 @@ def _least_airspeed(problem: Problem, works: Callable[[Problem], bool]) -> float
         low, high = (low, middle) if works(with_airspeed(problem, middle)) else (middle, high)
     digit = 10.0 ** (math.floor(math.log10(high)) - 1)
     return math.ceil(high / digit - 1e-9) * digit
+
+
+# --- energy -----------------------------------------------------------------------------------------
+
+
+def capacity_advice(problem: Problem, front: Front) -> str:
+    """What to change if every path needs too much energy; vehicles are flown along the shortest path."""
+    path = min(front.paths, key=lambda one: one.objectives.length)
+    slower, vehicle = _slower(problem, path.x), _vehicle(problem, path.x)
+    ways = [text for text in (slower, vehicle) if text]
+    return ", or ".join([*ways, "raise robot.power.capacity", "shorten the mission"])
+
+
+def energy_at(problem: Problem, line: FloatArray, model: EnergyModel, u_max: float) -> float:
+    """Energy [J] along ``line`` (n, 2) at the airspeed ``u_max``; infinite if that is too slow."""
+    seconds = flight_time(with_airspeed(problem, u_max), line)
+    known = seconds <= problem.horizon * problem.motion.dt
+    return float(model.curve.watts(np.array(CAP * u_max))) * seconds if known else math.inf
+
+
+def _slower(problem: Problem, line: FloatArray) -> str:
+    """The airspeed of the least energy, if the robot's capacity suffices for it."""
+    model, motion = problem.energy, problem.motion
+    assert model is not None
+    assert model.capacity is not None
+    least = max(motion.u_min / CAP, motion.u_max / SPEEDS)
+    speeds = np.linspace(least, motion.u_max, SPEEDS)
+    energies = [energy_at(problem, line, model, float(speed)) for speed in speeds]
+    enough = [k for k, energy in enumerate(energies) if energy <= MARGIN * model.capacity]
+    if not enough:
+        return ""
+    best = int(np.argmin(energies))
+    return f"set robot.u_max={speeds[best]:.3g}, with which the shortest needs {energy_text(energies[best])}"
+
+
+def _vehicle(problem: Problem, line: FloatArray) -> str:
+    """The preset with the smallest capacity that suffices, in the wind of this run."""
+    found: list[tuple[float, str, float, RobotConfig]] = []
+    for name in choices("robot"):
+        robot: RobotConfig = section_of("robot", name)
+        model = energy_model(robot.power)
+        if model is None or model.capacity is None or "depth" in str(robot.level):  # under water
+            continue
+        needed = energy_at(problem, line, model, robot.u_max)
+        if needed <= MARGIN * model.capacity:
+            found.append((model.capacity, name, needed, robot))
+    if not found:
+        return ""
+    capacity, name, needed, robot = min(found, key=lambda row: row[:2])
+    return (
+        f"take robot={name}, which needs {energy_text(needed)} of its {energy_text(capacity)} in this wind "
+        f"(its level is {robot.level})"
+    )

@@ -16,12 +16,12 @@ from pareto_ltl.logic.timed import places_of
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath, counted_rate
-from pareto_ltl.simulation.failure_times import failure_times
+from pareto_ltl.simulation.flights import failure_times
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
 from pareto_ltl.support.medium import Medium
-from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.projection import utc_times
 from pareto_ltl.world.scene import Scene
 
 FAR = 99.0  # standard deviations; larger clearances are shown as "over 99 sd"

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.limits import PRICE_KINDS, Price
+from pareto_ltl.planning.costs import PRICE_KINDS, Price
 from pareto_ltl.planning.records import Front, Plan
 from pareto_ltl.report.legs import step_times
 from pareto_ltl.support.display import SLOW, distance_text, probability_text

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pareto_ltl.settings import LAWS
+from pareto_ltl.settings.fidelity import LAWS
 
 METRIC_LABELS = {
     "length_m": "length of the path [km]",

@@ -15,7 +15,7 @@ from matplotlib.patches import Circle, Ellipse
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from pareto_ltl.planning.limits import SegmentLimits
+from pareto_ltl.planning.costs import SegmentLimits
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report import map_layers, style
 from pareto_ltl.report.limits import PlanLimits, PriceRow, points_text, priced_obstacles

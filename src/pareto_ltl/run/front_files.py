@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pareto_ltl.planning.costs import cost_named, known_costs
 from pareto_ltl.planning.records import FailureRate, Front, Objectives, PlannedPath
 from pareto_ltl.run.file_shape import inside, shaped
-from pareto_ltl.settings import models_of
+from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.arrays import require_shape
 from pareto_ltl.support.files import write_csv, write_npz

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.limits import Price, SegmentLimits
+from pareto_ltl.planning.costs import Price, SegmentLimits
 from pareto_ltl.planning.records import (
     RISKS,
     FailureRate,
@@ -24,7 +24,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_csv, write_json
 from pareto_ltl.support.names import joined_names
 from pareto_ltl.support.schemas import read_document
-from pareto_ltl.world.navigation import Navigation
+from pareto_ltl.world.projection import Navigation
 
 PLAN_SCHEMA = "pareto_ltl.plan/2"
 PLAN_SCHEMAS = {

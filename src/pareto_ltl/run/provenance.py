@@ -6,13 +6,14 @@ import os
 import platform
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import __version__
-from pareto_ltl.settings import Settings, as_dict
+from pareto_ltl.settings import Settings
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.support.files import FULL_DISK
@@ -36,7 +37,7 @@ PLACE_CURE = "check the path and its permissions"
 
 def config_hash(settings: Settings) -> str:
     """Fingerprint of the code and of all settings that a result can depend on."""
-    content = as_dict(settings)
+    content = asdict(settings)
     del content["sweep"], content["planner"]["threads"]
     # The fingerprint of the source counts too: the version does not change during development.
     hashed = {"version": __version__, "code": code_fingerprint(), "settings": content}
@@ -104,7 +105,7 @@ def settings_text(settings: Settings) -> str:
     """Every setting, as YAML."""
     import yaml
 
-    text: str = yaml.safe_dump(as_dict(settings), sort_keys=False, default_flow_style=None, width=110)
+    text: str = yaml.safe_dump(asdict(settings), sort_keys=False, default_flow_style=None, width=110)
     return text
 
 

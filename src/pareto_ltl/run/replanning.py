@@ -242,7 +242,7 @@ def _carried_on(
     """The result without a fix: the rest of the old plan, with the failure rate of the whole plan."""
     from pareto_ltl.planning.records import counted_rate
     from pareto_ltl.simulation.judging import which_fail
-    from pareto_ltl.world.navigation import navigate
+    from pareto_ltl.world.projection import navigate
 
     runs = run.settings.selection.runs
     failed = which_fail(problem, plan.path, runs, stage_seeds(run.settings.seed, STREAM))

@@ -110,7 +110,7 @@ def _ways_back(problem: Problem, rest: PlannedPath) -> list[tuple[str, FloatArra
 
 def conditioned_run(run: Run, situation: Situation, *, quick: bool) -> Run:
     """A run that starts at the fix, in the conditioned wind, with the remaining mission."""
-    from pareto_ltl.logic.progress import remaining_automaton
+    from pareto_ltl.logic.timed import remaining_automaton
 
     learnt = situation.learnt
     assert learnt is not None
@@ -174,8 +174,8 @@ def rule_of_the_rest(cfg: SelectionConfig, path: PlannedPath, step: int) -> Sele
 
 def scene_from(scene: Scene, start: FloatArray, moment: float) -> Scene:
     """``scene`` with a departure ``moment`` [s] later from ``start``."""
-    from pareto_ltl.logic.progress import later_windows
-    from pareto_ltl.world.navigation import utc_times
+    from pareto_ltl.logic.timed import later_windows
+    from pareto_ltl.world.projection import utc_times
 
     inside = (scene.bounds[0] <= start) & (start <= scene.bounds[1])
     if not inside.all():

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.logic.clocks import clock_windows
 from pareto_ltl.run.exporting import run_with_plan
 from pareto_ltl.run.interface import PlanningResult, choose, load_results, simulate
 from pareto_ltl.run.page_stage import (
@@ -39,6 +38,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.run_status import ending_text
+from pareto_ltl.world.windows import clock_windows
 
 if TYPE_CHECKING:
     from pareto_ltl.report.page.shown_run import ShownRun

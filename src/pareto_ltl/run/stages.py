@@ -84,8 +84,7 @@ def _check_sample(robot: RobotConfig, wind: WindConfig) -> None:
 def make_scene(inputs: StageInputs) -> Scene:
     """The map; without ``mission.start_time`` the robot departs at the first wind time."""
     from pareto_ltl.logic.mission import region_use
-    from pareto_ltl.world.random_maps import add_random_places
-    from pareto_ltl.world.scene_settings import scene_from_settings
+    from pareto_ltl.world.scene_settings import add_random_places, scene_from_settings
     from pareto_ltl.world.scene_sketch import MissionUse
 
     settings = inputs.settings
@@ -224,7 +223,7 @@ def make_plan(inputs: StageInputs) -> Plan:
     from pareto_ltl.simulation.flights import simulate_flights
     from pareto_ltl.simulation.promise import promise_path
     from pareto_ltl.wind.coverage import coverage_of, held_warning
-    from pareto_ltl.world.navigation import navigate
+    from pareto_ltl.world.projection import navigate
 
     settings, problem = inputs.settings, inputs[PROBLEM]
     front = within_capacity(settings.selection, inputs[FRONT], problem)

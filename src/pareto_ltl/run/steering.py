@@ -52,7 +52,7 @@ def steer(
     InfeasibleError
         If no path leads there within the limits.
     """
-    from pareto_ltl.planning.refine.steering import steered_path
+    from pareto_ltl.planning.refine.smoothing import steered_path
 
     run = run_with_plan(planned)
     settings, scene, problem = run.settings, run.make(SCENE), run.make(PROBLEM)

@@ -1,4 +1,4 @@
-"""The routes of the desk, each in one row of ``ROUTES``, from which the OpenAPI document is made."""
+"""The operations of the desk: each function below is a route, and a row of the OpenAPI document."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ import json
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
+from inspect import getdoc, iscoroutinefunction
+from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
@@ -20,141 +23,215 @@ from pareto_ltl import __version__
 from pareto_ltl.report.components import FOLDER
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.serve import backdrop, missions, views
-from pareto_ltl.serve.draft import Draft
 from pareto_ltl.serve.folder import DeskFolder
-from pareto_ltl.serve.guard import Guard
 from pareto_ltl.serve.plans import Job, Plans
+from pareto_ltl.serve.server import Guard, loopback_server
 from pareto_ltl.support.errors import ConfigError, DataError, ParetoLtlError
-from pareto_ltl.support.reading import shown_json
+from pareto_ltl.support.reading import read_json, shown_json
 
 MOST_TIME = 1e8  # [s] after departure
+GRACE = 2  # [s] for open streams when the server ends
 PAGE = "pareto_ltl.serve.page"
+PLAN = "/api/plans/{id}"
 KINDS = {
     "html": "text/html; charset=utf-8", "js": "text/javascript; charset=utf-8",
     "css": "text/css; charset=utf-8", "svg": "image/svg+xml",
 }  # fmt: skip
+Answer = Any  # what becomes JSON, or a Response
 
 
 @dataclass(frozen=True, slots=True)
-class Desk:
-    """What the answers are made from."""
+class Asked:
+    """A request, with what the answer is made from."""
 
     plans: Plans
     folder: DeskFolder
-    draft: Draft
+    request: Request
+    content: bytes
+
+    @property
+    def name(self) -> str:
+        """The plan, map or example that the path names."""
+        found = self.request.path_params
+        return str(found["id"] if "id" in found else found["name"])
+
+    @property
+    def number(self) -> int:
+        """The point that the path names; ConfigError for any other text."""
+        return _number(self.request.path_params["number"])
+
+    @property
+    def done(self) -> Path:
+        """The directory of the finished plan that the path names."""
+        return self.plans.require_done(self.name)
+
+    @property
+    def front(self) -> Path:
+        """The directory of the plan that the path names, with a front."""
+        return self.plans.require_front(self.name)
+
+    def query(self, name: str, default: str = "") -> str:
+        """A parameter after the ``?``."""
+        return self.request.query_params.get(name, default)
+
+    def body(self) -> Any:
+        """The JSON of the request; ConfigError if it is not JSON, or if its header does not declare JSON."""
+        if self.request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
+            raise ConfigError("send JSON, with Content-Type: application/json")
+        try:
+            return json.loads(self.content)
+        except (ValueError, RecursionError):
+            raise ConfigError("the body of the request is not JSON") from None
+
+    def fields(self, *known: str) -> Mapping[str, Any]:
+        """The object in the request; ConfigError if it has other names than ``known``."""
+        body = self.body()
+        if not isinstance(body, dict) or not set(body) <= set(known):
+            raise ConfigError(f"expected an object with {', '.join(known)}, got {shown_json(body)}")
+        return body
+
+    def started(self, job: Job) -> Response:
+        """The answer to a request that starts ``job``."""
+        return JSONResponse(self.plans.state(job.name), 202)
 
 
-Answer = Any  # what becomes JSON, or a Response
-Endpoint = Callable[[Desk, Request], Any]
+Endpoint = Callable[[Asked], Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """A row of the API: method, path, function, and its line in the OpenAPI document."""
+    """A row of the API: method, path, function, and the meaning of its body in the OpenAPI document."""
 
     method: str
     path: str
     make: Endpoint
-    meaning: str
     body: str = ""
+
+
+ROUTES: list[Operation] = []
+
+
+def operation(method: str, path: str, body: str = "") -> Callable[[Endpoint], Endpoint]:
+    """Make a function a row of ``ROUTES``, with its documentation as the meaning.
+
+    A function with ``async`` is called in the thread of the jobs, any other in a separate thread.
+    """
+
+    def added(make: Endpoint) -> Endpoint:
+        ROUTES.append(Operation(method, path, make, body))
+        return make
+
+    return added
 
 
 # --- plans ------------------------------------------------------------------------------------------------
 
 
-async def make_plan(desk: Desk, request: Request) -> Answer:
-    """Start a plan."""
-    command, *words = missions.command_words(desk.folder, await _body(request))
-    return _started(desk, desk.plans.plan(command, words))
+@operation("POST", "/api/plans", body="overrides: settings as on the command line; or map (GeoJSON) and "
+           "formula; command: plan, departure (compares starts) or wind (without a plan)")  # fmt: skip
+async def make_plan(asked: Asked) -> Answer:
+    """Start a plan; answers its id at once."""
+    command, *words = missions.command_words(asked.folder, asked.body())
+    return asked.started(asked.plans.plan(command, words))
 
 
-async def list_plans(desk: Desk, _request: Request) -> Answer:
-    """All plans."""
-    return {"plans": desk.plans.all_states()}
+@operation("GET", "/api/plans")
+async def list_plans(asked: Asked) -> Answer:
+    """All plans in the folder, the newest first."""
+    return {"plans": asked.plans.all_states()}
 
 
-async def plan_state(desk: Desk, request: Request) -> Answer:
-    """State of a plan."""
-    return desk.plans.state(_name(request))
+@operation("GET", PLAN)
+async def plan_state(asked: Asked) -> Answer:
+    """Status, directory, error and command line."""
+    return asked.plans.state(asked.name)
 
 
-async def cancel_plan(desk: Desk, request: Request) -> Answer:
-    """Cancel a plan."""
-    desk.plans.cancel(_name(request))
-    return desk.plans.state(_name(request))
+@operation("DELETE", PLAN)
+async def cancel_plan(asked: Asked) -> Answer:
+    """Cancel a running plan."""
+    asked.plans.cancel(asked.name)
+    return asked.plans.state(asked.name)
 
 
-async def plan_events(desk: Desk, request: Request) -> Answer:
-    """Server-sent events of a plan."""
-    desk.plans.state(_name(request))
+@operation("GET", PLAN + "/events")
+async def plan_events(asked: Asked) -> Answer:
+    """Server-sent events: stage, progress, paths, status."""
+    asked.plans.state(asked.name)
 
     async def lines() -> AsyncIterator[bytes]:
-        async for event in desk.plans.follow(_name(request)):
-            kind = event["event"]
-            yield f"event: {kind}\ndata: {json.dumps(event)}\n\n".encode()
+        async for event in asked.plans.follow(asked.name):
+            yield f"event: {event['event']}\ndata: {json.dumps(event)}\n\n".encode()
 
     return StreamingResponse(lines(), media_type="text/event-stream")
 
 
-async def plan_front(desk: Desk, request: Request) -> Answer:
-    """Points of the front."""
-    return await run_in_threadpool(views.front_view, desk.plans.require_front(_name(request)))
+@operation("GET", PLAN + "/front")
+def plan_front(asked: Asked) -> Answer:
+    """Points, with the columns of front.csv."""
+    return views.front_view(asked.front)
 
 
-async def plan_point(desk: Desk, request: Request) -> Answer:
-    """One point of the front."""
-    place = desk.plans.require_front(_name(request))
-    return await run_in_threadpool(views.point_view, place, _number(request.path_params["number"]))
+@operation("GET", PLAN + "/points/{number}")
+def plan_point(asked: Asked) -> Answer:
+    """Path, ellipses, log, flights, risk and limits of a point."""
+    return views.point_view(asked.front, asked.number)
 
 
-async def point_limits(desk: Desk, request: Request) -> Answer:
-    """What limits a point of the front."""
-    place = desk.plans.require_done(_name(request))
-    return await run_in_threadpool(views.limits_view, place, _number(request.path_params["number"]))
+@operation("GET", PLAN + "/points/{number}/limits")
+def point_limits(asked: Asked) -> Answer:
+    """Prices, and the tightest segments."""
+    return views.limits_view(asked.done, asked.number)
 
 
-async def plan_wind(desk: Desk, request: Request) -> Answer:
-    """The wind of a plan."""
-    return await run_in_threadpool(views.wind_view, desk.plans.require_front(_name(request)))
+@operation("GET", PLAN + "/wind")
+def plan_wind(asked: Asked) -> Answer:
+    """The expected wind at some times, and its deviation."""
+    return views.wind_view(asked.front)
 
 
-async def find_beacon(desk: Desk, request: Request) -> Answer:
-    """What a beacon would save."""
-    return _started(desk, desk.plans.beacons(_name(request)))
+@operation("POST", PLAN + "/beacons")
+async def find_beacon(asked: Asked) -> Answer:
+    """Try a beacon at many places; answers an id."""
+    return asked.started(asked.plans.beacons(asked.name))
 
 
-async def plan_beacons(desk: Desk, request: Request) -> Answer:
-    """The places at which a beacon was tried."""
-    return await run_in_threadpool(views.beacons_view, desk.plans.require_done(_name(request)))
+@operation("GET", PLAN + "/beacons")
+def plan_beacons(asked: Asked) -> Answer:
+    """Failure with a beacon at each place, and a summary."""
+    return views.beacons_view(asked.done)
 
 
-async def plan_departures(desk: Desk, request: Request) -> Answer:
-    """The starts of a study of departures."""
-    return await run_in_threadpool(views.departures_view, desk.plans.require_done(_name(request)))
+@operation("GET", PLAN + "/departures")
+def plan_departures(asked: Asked) -> Answer:
+    """Starts, common lengths [m] and failure of each start at them."""
+    return read_json(asked.done / "departures.json")
 
 
-async def plan_export(desk: Desk, request: Request) -> Answer:
-    """A plan in the format of other programs."""
-    place, point = desk.plans.require_done(_name(request)), request.query_params.get("point")
-    number, kind = None if point is None else _number(point), request.path_params["kind"]
-    name, content = await run_in_threadpool(views.export_view, place, kind, number)
+@operation("GET", PLAN + "/exports/{kind}")
+def plan_export(asked: Asked) -> Answer:
+    """A file for other programs; ?point=N takes that point instead of the plan."""
+    number = _number(asked.query("point")) if asked.query("point") else None
+    name, content = views.export_view(asked.done, asked.request.path_params["kind"], number)
     headers = {"content-disposition": f'attachment; filename="{name}"'}
     return Response(content, media_type="application/octet-stream", headers=headers)
 
 
-async def choose_point(desk: Desk, request: Request) -> Answer:
-    """Another point of the front as the plan."""
-    number = _number((await _fields(request, ("point",))).get("point"))
-    rows = await plan_front(desk, request)
+@operation("POST", PLAN + "/choose", body="point: its number")
+async def choose_point(asked: Asked) -> Answer:
+    """Make a point the plan; answers an id."""
+    number = _number(asked.fields("point").get("point"))
+    rows = await run_in_threadpool(plan_front, asked)
     if number >= len(rows["points"]):
         raise DataError(f"there is no point {number}; the front has {len(rows['points'])}")
-    job = desk.plans.derive(_name(request), "choose", ("--point", str(number)), f"point_{number}")
-    return _started(desk, job)
+    job = asked.plans.derive(asked.name, "choose", ("--point", str(number)), f"point_{number}")
+    return asked.started(job)
 
 
-async def replan(desk: Desk, request: Request) -> Answer:
-    """The rest of a flight planned again after a position fix."""
-    given = await _fields(request, ("time", "fix"))
+@operation("POST", PLAN + "/replan", body="time [s after departure], fix [latitude, longitude, sd in m]")
+async def replan(asked: Asked) -> Answer:
+    """Plan the rest of a flight again after a position fix; answers an id."""
+    given = asked.fields("time", "fix")
     time, fix = given.get("time"), given.get("fix")
     numbers = [time, *fix] if isinstance(fix, list) else []
     if len(numbers) != 4 or not all(isinstance(x, int | float) and abs(x) < MOST_TIME for x in numbers):
@@ -163,101 +240,71 @@ async def replan(desk: Desk, request: Request) -> Answer:
         )
     time, *fix = map(float, numbers)
     words = ("--time", f"{time!r}", f"--fix={','.join(map(repr, fix))}")
-    return _started(desk, desk.plans.derive(_name(request), "replan", words, f"replan_{time:.0f}"))
+    return asked.started(asked.plans.derive(asked.name, "replan", words, f"replan_{time:.0f}"))
 
 
 # --- missions ---------------------------------------------------------------------------------------------
 
 
-async def explain(_desk: Desk, request: Request) -> Answer:
-    """A formula, or the formula of a pattern, in words."""
-    asked = await _fields(request, ("formula", "pattern", "goals", "avoid", "order"))
-    return await run_in_threadpool(missions.explained_formula, asked)
+@operation("POST", "/api/formula", body="formula; or pattern with goals, avoid, order")
+def explain(asked: Asked) -> Answer:
+    """A formula or pattern in words, or its error and column."""
+    return missions.explained_formula(asked.fields("formula", "pattern", "goals", "avoid", "order"))
 
 
-async def read_map(desk: Desk, request: Request) -> Answer:
-    """A GeoJSON or KML file as features with roles."""
-    name = request.query_params.get("name", "map.geojson")
-    return await run_in_threadpool(missions.read_map, desk.folder, name, await request.body())
+@operation("POST", "/api/maps", body="the file")
+def read_map(asked: Asked) -> Answer:
+    """A GeoJSON or KML file (?name=FILE) as features with roles."""
+    return missions.read_map(asked.folder, asked.query("name", "map.geojson"), asked.content)
 
 
-async def keep_backdrop(desk: Desk, request: Request) -> Answer:
-    """A map to lie under the drawing, copied into the folder."""
-    name = request.query_params.get("name", "")
-    return await run_in_threadpool(backdrop.keep_backdrop, desk.folder, name, await request.body())
+@operation("POST", "/api/backdrops", body="the file")
+def keep_backdrop(asked: Asked) -> Answer:
+    """Copy a map to lie below the drawing (?name=FILE)."""
+    return backdrop.keep_backdrop(asked.folder, asked.query("name"), asked.content)
 
 
-async def show_backdrop(desk: Desk, request: Request) -> Answer:
-    """The shapes or the image of a file that was copied earlier."""
-    return await run_in_threadpool(backdrop.backdrop, desk.folder, request.path_params["name"])
+@operation("GET", "/api/backdrops/{name}")
+def show_backdrop(asked: Asked) -> Answer:
+    """Areas, lines and points of a file that was copied earlier, or an image."""
+    return backdrop.backdrop(asked.folder, asked.name)
 
 
-async def keep_wind(desk: Desk, request: Request) -> Answer:
-    """A file of winds, copied into the folder."""
-    return {"path": desk.folder.keep_wind(request.query_params.get("name", ""), await request.body())}
+@operation("POST", "/api/winds", body="the file")
+def keep_wind(asked: Asked) -> Answer:
+    """Copy a file of winds (?name=FILE)."""
+    return {"path": asked.folder.keep_wind(asked.query("name"), asked.content)}
 
 
-async def show_choices(_desk: Desk, _request: Request) -> Answer:
-    """Names of vehicles, winds, patterns and examples."""
-    return await run_in_threadpool(missions.choices_of_desk)
+@operation("GET", "/api/choices")
+def show_choices(_asked: Asked) -> Answer:
+    """Names of vehicles, winds, patterns, examples."""
+    return missions.choices_of_desk()
 
 
-async def example(_desk: Desk, request: Request) -> Answer:
+@operation("GET", "/api/examples/{name}")
+def example(asked: Asked) -> Answer:
     """The map of an example."""
-    return await run_in_threadpool(missions.example_map, request.path_params["name"])
+    return missions.example_map(asked.name)
 
 
-async def read_draft(desk: Desk, _request: Request) -> Answer:
-    """The mission as it was last drawn."""
-    return desk.draft.read()
+@operation("GET", "/api/mission")
+async def read_draft(asked: Asked) -> Answer:
+    """The mission as it was last drawn, with its revision."""
+    return asked.folder.read_draft()
 
 
-async def write_draft(desk: Desk, request: Request) -> Answer:
-    """Keep the mission that is drawn; refused if another tab has written since."""
-    given = await _fields(request, ("revision", "mission"))
-    return desk.draft.write(given.get("revision"), given.get("mission"))
+@operation("PUT", "/api/mission", body="revision, mission")
+async def write_draft(asked: Asked) -> Answer:
+    """Keep the mission that is drawn; 409 if revision is not the last one."""
+    given = asked.fields("revision", "mission")
+    return asked.folder.write_draft(given.get("revision"), given.get("mission"))
 
 
-async def document(_desk: Desk, _request: Request) -> Answer:
+@operation("GET", "/api/openapi.json")
+async def document(_asked: Asked) -> Answer:
     """The OpenAPI document."""
     return openapi()
-
-
-PLAN = "/api/plans/{id}"
-ROUTES = (
-    Operation("POST", "/api/plans", make_plan, "start a plan; answers its id at once",
-              "overrides: settings as on the command line; or map (GeoJSON) and formula; "
-              "command: plan, departure (compares starts) or wind (without a plan)"),
-    Operation("GET", "/api/plans", list_plans, "all plans in the folder, the newest first"),
-    Operation("GET", PLAN, plan_state, "status, directory, error and command line"),
-    Operation("DELETE", PLAN, cancel_plan, "cancel a running plan"),
-    Operation("GET", PLAN + "/events", plan_events, "server-sent events: stage, progress, paths, status"),
-    Operation("GET", PLAN + "/front", plan_front, "points, with the columns of front.csv"),
-    Operation("GET", PLAN + "/points/{number}", plan_point, "path, ellipses, log, flights, risk and limits"),
-    Operation("GET", PLAN + "/points/{number}/limits", point_limits, "prices, and the tightest segments"),
-    Operation("GET", PLAN + "/wind", plan_wind, "the expected wind at some times, and its deviation"),
-    Operation("POST", PLAN + "/beacons", find_beacon, "try a beacon at many places; answers an id"),
-    Operation("GET", PLAN + "/beacons", plan_beacons, "failure with a beacon at each place, and a summary"),
-    Operation("GET", PLAN + "/departures", plan_departures, "failure of each start at common lengths"),
-    Operation("GET", PLAN + "/exports/{kind}", plan_export, "a file for other programs; ?point=N"),
-    Operation("POST", PLAN + "/choose", choose_point, "make a point the plan; answers an id",
-              "point: its number"),
-    Operation("POST", PLAN + "/replan", replan, "plan the rest again; answers an id",
-              "time [s after departure], fix [latitude, longitude, sd in m]"),
-    Operation("POST", "/api/formula", explain, "a formula or pattern in words, or its error and column",
-              "formula; or pattern with goals, avoid, order"),
-    Operation("POST", "/api/maps", read_map, "a GeoJSON or KML file (?name=FILE) as features", "the file"),
-    Operation("POST", "/api/backdrops", keep_backdrop, "copy a map to lie below the drawing (?name=FILE)",
-              "the file"),
-    Operation("GET", "/api/backdrops/{name}", show_backdrop, "areas, lines and points, or an image"),
-    Operation("POST", "/api/winds", keep_wind, "copy a file of winds (?name=FILE)", "the file"),
-    Operation("GET", "/api/choices", show_choices, "names of vehicles, winds, patterns, examples"),
-    Operation("GET", "/api/examples/{name}", example, "the map of an example"),
-    Operation("GET", "/api/mission", read_draft, "the mission as it was last drawn, with its revision"),
-    Operation("PUT", "/api/mission", write_draft, "keep it; 409 if revision is not the last one",
-              "revision, mission"),
-    Operation("GET", "/api/openapi.json", document, "this document"),
-)  # fmt: skip
 
 
 def openapi() -> dict[str, Any]:
@@ -266,7 +313,7 @@ def openapi() -> dict[str, Any]:
     for row in ROUTES:
         names = [part[1:-1] for part in row.path.split("/") if part.startswith("{")]
         entry: dict[str, Any] = {
-            "summary": row.meaning,
+            "summary": getdoc(row.make),
             "operationId": row.make.__name__,
             "parameters": [
                 {"name": name, "in": "path", "required": True, "schema": {"type": "string"}} for name in names
@@ -293,11 +340,11 @@ def openapi() -> dict[str, Any]:
 
 def desk_app(folder: DeskFolder, token: str, port: int) -> Guard:
     """The application that answers on ``port`` to requests with ``token``."""
-    desk = Desk(Plans(folder), folder, Draft(folder))
+    plans = Plans(folder)
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
-        jobs = asyncio.create_task(desk.plans.run_jobs())
+        jobs = asyncio.create_task(plans.run_jobs())
         try:
             yield
         finally:
@@ -305,15 +352,33 @@ def desk_app(folder: DeskFolder, token: str, port: int) -> Guard:
             with suppress(asyncio.CancelledError):
                 await jobs
 
-    routes = [Route(row.path, _endpoint(desk, row.make), methods=[row.method]) for row in ROUTES]
-    pages = [Route("/", _page_file), Route("/desk/{name}", _page_file)]
-    return Guard(Starlette(routes=[*routes, *pages], lifespan=lifespan), token, port)
+    routes = [Route(row.path, _endpoint(plans, row.make), methods=[row.method]) for row in ROUTES]
+    return Guard(
+        Starlette(routes=[*routes, *page_routes(PAGE, "index.html")], lifespan=lifespan), token, port
+    )
 
 
-def _endpoint(desk: Desk, make: Endpoint) -> Callable[[Request], Any]:
+def serve_desk(path: Path, port: int, opened: Callable[[str], None]) -> None:
+    """Serve the folder ``path`` until a signal; ``opened`` gets the address before the first request.
+
+    Raises
+    ------
+    ConfigError
+        If the port is taken.
+    """
+    address, serve = loopback_server(
+        partial(desk_app, DeskFolder.opened(path)), port, "use --port 0",
+        lifespan="on", timeout_graceful_shutdown=GRACE,
+    )  # fmt: skip
+    opened(address)
+    serve()
+
+
+def _endpoint(plans: Plans, make: Endpoint) -> Callable[[Request], Any]:
     async def answer(request: Request) -> Response:
+        asked = Asked(plans, plans.folder, request, await request.body())
         try:
-            found = await make(desk, request)
+            found = await (make(asked) if iscoroutinefunction(make) else run_in_threadpool(make, asked))
         except (ParetoLtlError, OSError) as error:
             missing = isinstance(error, DataError) and str(error).startswith("there is no")
             status = getattr(error, "status", 404 if missing else 400)
@@ -323,25 +388,21 @@ def _endpoint(desk: Desk, make: Endpoint) -> Callable[[Request], Any]:
     return answer
 
 
-async def _page_file(request: Request) -> Response:
-    return file_of_page(request.path_params.get("name", "index.html"), PAGE)
+def page_routes(package: str, first: str) -> list[Route]:
+    """The routes of a page: its file ``first``, and the files that it names.
 
+    They are in its ``package``, or in the components that all pages share.
+    """
 
-def file_of_page(name: str, package: str) -> Response:
-    """The file ``name`` of a page, from its ``package`` or from the components that all pages share."""
-    parts = (file for folder in (package, FOLDER) for file in files(folder).iterdir())
-    known = {file.name: file for file in parts if file.name.rpartition(".")[2] in KINDS}
-    if name not in known:
-        return JSONResponse({"error": "there is no such file"}, 404)
-    return Response(known[name].read_bytes(), media_type=KINDS[name.rpartition(".")[2]])
+    async def file(request: Request) -> Response:
+        name = request.path_params.get("name", first)
+        parts = (file for folder in (package, FOLDER) for file in files(folder).iterdir())
+        known = {file.name: file for file in parts if file.name.rpartition(".")[2] in KINDS}
+        if name not in known:
+            return JSONResponse({"error": "there is no such file"}, 404)
+        return Response(known[name].read_bytes(), media_type=KINDS[name.rpartition(".")[2]])
 
-
-def _started(desk: Desk, job: Job) -> Response:
-    return JSONResponse(desk.plans.state(job.name), 202)
-
-
-def _name(request: Request) -> str:
-    return str(request.path_params["id"])
+    return [Route("/", file), Route("/desk/{name}", file)]
 
 
 def _number(value: Any) -> int:
@@ -349,20 +410,3 @@ def _number(value: Any) -> int:
     if not (text.isascii() and text.isdigit()) or len(text) > 6:
         raise ConfigError(f"expected the number of a point, got {shown_json(value)}")
     return int(text)
-
-
-async def _body(request: Request) -> Any:
-    """The JSON of a request; ConfigError if it is not JSON, or if its header does not declare JSON."""
-    if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
-        raise ConfigError("send JSON, with Content-Type: application/json")
-    try:
-        return json.loads(await request.body())
-    except (ValueError, RecursionError):
-        raise ConfigError("the body of the request is not JSON") from None
-
-
-async def _fields(request: Request, known: tuple[str, ...]) -> Mapping[str, Any]:
-    body = await _body(request)
-    if not isinstance(body, dict) or not set(body) <= set(known):
-        raise ConfigError(f"expected an object with {', '.join(known)}, got {shown_json(body)}")
-    return body

@@ -14,9 +14,8 @@ from pareto_ltl.serve.folder import MAPS, DeskFolder
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import parse_json
-from pareto_ltl.world.scene_faults import MapFaults
-from pareto_ltl.world.scene_files import SCENE_FILES
-from pareto_ltl.world.scene_kml import SUFFIXES, kml_features
+from pareto_ltl.world.scene_files import SCENE_FILES, SUFFIXES, kml_features
+from pareto_ltl.world.scene_sketch import MapFaults
 
 MOST_CORNERS = 200_000  # that a page draws within a frame or two
 DIGITS = 5  # of a degree: 1 m

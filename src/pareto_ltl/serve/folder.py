@@ -1,22 +1,34 @@
-"""The folder of a desk: maps, winds and results; files outside of it cannot be accessed."""
+"""The folder of a desk: maps, winds, results and the mission that is drawn; no other file can be accessed.
+
+The mission survives a restart and a second tab; its number grows with each change.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.files import write_bytes
+from pareto_ltl.support.files import write_bytes, write_text
 from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.reading import read_json
 
 MAPS, WINDS, PLANS, DRAFT = "maps", "winds", "plans", "mission.json"
 FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 PLAN_NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9a-f]{4}(_[a-z0-9_.]{1,40})?")
 OWN_KEYS = ("hydra", "pipelines", "pipeline", "name")  # of a command line that the desk writes itself
 LINKS = ("://", "${")  # addresses of other machines, and texts that Hydra would replace
+
+
+class RevisionError(ConfigError):
+    """Another tab has written the mission since it was read."""
+
+    status = 409
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,3 +92,25 @@ class DeskFolder:
                 raise ConfigError(f"{shown_value(word)}: the desk takes no addresses and no substitutions")
             for part in re.split(r"[\[\]{},:'\"\s]+", value):
                 self.inside(part)
+
+    def read_draft(self) -> dict[str, Any]:
+        """``revision`` and ``mission`` as last drawn; revision 0 without a file, or with a damaged one."""
+        try:
+            found = read_json(self.root / DRAFT)
+        except (DataError, OSError):
+            found = {}
+        revision = found.get("revision")
+        if not isinstance(revision, int):
+            return {"revision": 0, "mission": None}
+        return {"revision": revision, "mission": found.get("mission")}
+
+    def write_draft(self, revision: Any, mission: Any) -> dict[str, Any]:
+        """Write ``mission`` after the revision that it was made from; RevisionError if that is old."""
+        last = self.read_draft()["revision"]
+        if revision != last:
+            raise RevisionError(
+                "the mission was changed in another tab: load this page again, or close the other tab"
+            )
+        content = {"revision": last + 1, "mission": mission}
+        write_text(self.root / DRAFT, json.dumps(content, ensure_ascii=False) + "\n")
+        return {"revision": last + 1}

@@ -6,13 +6,11 @@ It has the map and the guard of the desk. The browser asks for what is new; noth
 from __future__ import annotations
 
 import math
-import secrets
-import socket
 import threading
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
@@ -22,10 +20,8 @@ from pareto_ltl.inflight.journal import event_line
 from pareto_ltl.inflight.watch import Event, Watch
 from pareto_ltl.report.page.ground import map_places, north_turn, shown_map
 from pareto_ltl.report.page.points import plan_spread
-from pareto_ltl.serve.app import file_of_page
-from pareto_ltl.serve.guard import Guard
-from pareto_ltl.serve.server import ADDRESS
-from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.serve.app import page_routes
+from pareto_ltl.serve.server import Guard, loopback_server
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -91,22 +87,11 @@ class LivePage:
         ConfigError
             If the port is taken.
         """
-        listening, token = socket.socket(), secrets.token_urlsafe(24)
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            listening.bind((ADDRESS, port))
-        except OSError as error:
-            listening.close()
-            raise ConfigError(f"--page: port {port} of {ADDRESS} is not free ({error.strerror})") from None
-        listening.listen()
-        number = listening.getsockname()[1]
-        config = uvicorn.Config(
-            live_app(self, token, number), log_level="warning", access_log=False, server_header=False,
-            lifespan="off", ws="none",
-        )  # fmt: skip
-        run = uvicorn.Server(config).run
-        threading.Thread(target=run, kwargs={"sockets": [listening]}, daemon=True).start()
-        return f"http://{ADDRESS}:{number}/?token={token}"
+        address, run = loopback_server(
+            partial(live_app, self), port, "name another with --page", lifespan="off"
+        )
+        threading.Thread(target=run, daemon=True).start()
+        return address
 
 
 def _believed(scene: Scene, event: Event) -> dict[str, Any]:
@@ -128,11 +113,5 @@ def live_app(page: LivePage, token: str, port: int) -> Guard:
             return JSONResponse({"error": "since must be the number of an event"}, 400)
         return JSONResponse(page.state(int(since)))
 
-    routes = [
-        Route("/", _file), Route("/desk/{name}", _file), Route("/api/plan", plan), Route("/api/state", state),
-    ]  # fmt: skip
+    routes = [*page_routes(PAGE, "live.html"), Route("/api/plan", plan), Route("/api/state", state)]
     return Guard(Starlette(routes=routes), token, port)
-
-
-async def _file(request: Request) -> Response:
-    return file_of_page(request.path_params.get("name", "live.html"), PAGE)

@@ -96,9 +96,8 @@ def explained_formula(asked: Mapping[str, Any]) -> dict[str, Any]:
 def read_map(folder: DeskFolder, name: str, content: bytes) -> dict[str, Any]:
     """The features of a GeoJSON or KML file, with roles, in degrees; DataError if it cannot be read."""
     from pareto_ltl.support.reading import parse_json
-    from pareto_ltl.world.scene_faults import MapFaults
-    from pareto_ltl.world.scene_files import SCENE_FILES
-    from pareto_ltl.world.scene_kml import SUFFIXES, kml_features
+    from pareto_ltl.world.scene_files import SCENE_FILES, SUFFIXES, kml_features
+    from pareto_ltl.world.scene_sketch import MapFaults
 
     suffix = Path(name).suffix.lower()
     if suffix in SUFFIXES:

@@ -81,19 +81,14 @@ class Plans:
     def beacons(self, source: str) -> Job:
         """A job that writes into the plan ``source`` what a beacon would save."""
         self.require_done(source)
-        name = f"{source}_{BEACONS}"
-        known = self.jobs.get(name)
-        running = known is not None and known.status == "running"
-        return known if known is not None and running else self._added(name, (BEACONS, f"{PLANS}/{source}"))
+        return self._added(f"{source}_{BEACONS}", (BEACONS, f"{PLANS}/{source}"))
 
     def derive(self, source: str, command: str, options: Sequence[str], suffix: str) -> Job:
         """A job that makes another result from the plan ``source``: ``choose`` or ``replan``."""
         self.require_done(source)
         name = f"{source}_{suffix}"
         self.folder.plan_place(name)
-        argv = (command, f"{PLANS}/{source}", *options, "--out", f"{PLANS}/{name}")
-        known = self.jobs.get(name)
-        return known if known is not None and known.status == "running" else self._added(name, argv)
+        return self._added(name, (command, f"{PLANS}/{source}", *options, "--out", f"{PLANS}/{name}"))
 
     def cancel(self, name: str) -> None:
         """Stop a running job; the worker records it in ``run.json``."""
@@ -189,6 +184,9 @@ class Plans:
             self._stop_worker()
 
     def _added(self, name: str, argv: tuple[str, ...]) -> Job:
+        """A new job; the present one of that name while it runs."""
+        if (present := self.jobs.get(name)) is not None and present.status == "running":
+            return present
         ended = [known for known, job in self.jobs.items() if job.status != "running"]
         for known in ended[: -MOST_ENDED or None]:  # their directories have what is known of them
             del self.jobs[known]
@@ -222,17 +220,14 @@ class Plans:
             if event.pop("id") != job.name:
                 continue  # it was started
             if event["event"] == "ended":
-                self._ended(job, int(event["code"]), str(event["error"]))
+                status = "done" if event["code"] == 0 else "cancelled" if job.cancelled else "failed"
+                job.end(status, "" if status == "cancelled" else str(event["error"]))
                 break
             job.tell(event)
         if job.status == "running":
             job.end(*(("cancelled",) if job.cancelled else ("failed", "the process of the plan ended early")))
         if job.cancelled:
             self.done = MOST_JOBS  # a new worker, warm for the next plan
-
-    def _ended(self, job: Job, code: int, error: str) -> None:
-        status = "done" if code == 0 else "cancelled" if job.cancelled else "failed"
-        job.end(status, "" if status == "cancelled" else error)
 
     def _stop_worker(self) -> None:
         worker = self.worker

@@ -26,12 +26,12 @@ from pareto_ltl.run.newer_wind import issued
 from pareto_ltl.run.records import PLAN, SCENE, WIND
 from pareto_ltl.run.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl.simulation.failure_times import CAUSES
+from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
-from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.projection import utc_times
 
 KEPT_RUNS = 3  # results in memory
 FLIGHTS = 60  # that are shown of a point
@@ -127,12 +127,6 @@ def wind_view(directory: Path) -> dict[str, Any]:
     dated = utc_times(scene.time_zero, np.array([start])) if math.isfinite(start) else None
     shown = shown_wind(scene, wind, float(min(wind.known_until, 7 * 86400.0)))
     return shown | {"issued": dated and dated[0]}
-
-
-def departures_view(directory: Path) -> dict[str, Any]:
-    """``departures.json``: starts, common lengths [m] and failure of each start at them."""
-    found: dict[str, Any] = read_json(directory / "departures.json")
-    return found
 
 
 @one_at_a_time

@@ -17,6 +17,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import redirect_stderr, redirect_stdout, suppress
+from importlib import import_module
 from typing import IO, Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from pareto_ltl.support.arrays import FloatArray
 MOST_PATHS = 40  # paths of the search trees that are reported
 LAST_WORDS = 20.0  # [s] in which a run whose server has gone can record how it ended
 PAUSE = 0.1  # [s] between two reports of progress
-WARMED = (
+WARMED = (  # what the stages of a plan would import one after another
     "pareto_ltl.planning.refine", "pareto_ltl.planning.growth", "pareto_ltl.simulation.judging",
     "pareto_ltl.report.figures", "pareto_ltl.exports.formats", "pareto_ltl.wind.field",
 )  # fmt: skip
@@ -110,7 +111,8 @@ def work(run: Callable[[list[str]], int]) -> None:
     reporter = Reporter(_own_output())
     jobs: queue.Queue[dict[str, Any]] = queue.Queue()
     threading.Thread(target=_read_jobs, args=(jobs,), daemon=True).start()
-    _warm()
+    for name in WARMED:
+        import_module(name)
     if jobs.empty():
         _load_kernels(run)
     watch_runs(reporter)
@@ -140,14 +142,6 @@ def _read_jobs(jobs: queue.Queue[dict[str, Any]]) -> None:
     os.kill(os.getpid(), signal.SIGTERM)  # a run records how it ended; see support/stopping.py
     time.sleep(LAST_WORDS)
     os._exit(128 + signal.SIGTERM)  # code that ignores exceptions, e.g. a finalizer, may have lost that one
-
-
-def _warm() -> None:
-    """Import what the stages of a plan would import one after another."""
-    from importlib import import_module
-
-    for name in WARMED:
-        import_module(name)
 
 
 def _load_kernels(run: Callable[[list[str]], int]) -> None:

@@ -7,19 +7,13 @@ and meaning (:func:`pareto_ltl.settings.checks.setting`). ``cli`` turns a compos
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
-from pareto_ltl.settings.checks import (
-    LARGEST_SEED,
-    CheckedSettings,
-    Declaration,
-    check_folder_name,
-    declarations,
-    setting,
-)
-from pareto_ltl.settings.departure import DepartureConfig
-from pareto_ltl.settings.fidelity import BORDERS, LAWS, PAPER, PRESETS, FidelityConfig, models_of, preset
+from pareto_ltl.settings.checks import SEEDS, CheckedSettings, check_folder_name, setting
+from pareto_ltl.settings.checks import declarations as declarations
+from pareto_ltl.settings.fidelity import PRESETS as PRESETS
+from pareto_ltl.settings.fidelity import FidelityConfig
+from pareto_ltl.settings.fidelity import preset as preset
 from pareto_ltl.settings.outputs import (
     DeploymentConfig,
     ExportsConfig,
@@ -35,20 +29,23 @@ from pareto_ltl.settings.planner import (
     SelectionConfig,
     SmoothingConfig,
 )
-from pareto_ltl.settings.replanning import ReplanningConfig
-from pareto_ltl.settings.robot import POWER_KINDS, PowerConfig, RobotConfig
+from pareto_ltl.settings.robot import PowerConfig as PowerConfig
+from pareto_ltl.settings.robot import RobotConfig
 from pareto_ltl.settings.studies import (
-    METHODS,
     AblationConfig,
     CompareConfig,
     ConvergenceConfig,
+    DepartureConfig,
     EvaluationConfig,
     ForecastTestConfig,
     HindcastConfig,
+    ReplanningConfig,
     SitlConfig,
 )
 from pareto_ltl.settings.wind import WindConfig, usual_level
-from pareto_ltl.settings.world import MissionConfig, RandomSceneConfig, SceneConfig
+from pareto_ltl.settings.world import MissionConfig, SceneConfig
+from pareto_ltl.settings.world import RandomSceneConfig as RandomSceneConfig
+from pareto_ltl.support.medium import WATER, Medium, medium_of
 
 
 @dataclass
@@ -56,7 +53,7 @@ class Settings(CheckedSettings):
     """All settings of a run, one section for each part of the program."""
 
     name: str = setting("plan", "name of the run, and of the folder of its results")
-    seed: int = setting(0, "seed of all random numbers except in random maps", least=0, most=LARGEST_SEED)
+    seed: int = setting(0, "seed of all random numbers except in random maps", SEEDS)
     fidelity: FidelityConfig = field(default_factory=FidelityConfig)
     scene: SceneConfig = field(default_factory=SceneConfig)
     mission: MissionConfig = field(default_factory=MissionConfig)
@@ -94,50 +91,7 @@ class Settings(CheckedSettings):
         """``wall`` if leaving the map is a failure, else ``open``; a map file may set it differently."""
         return self.fidelity.border if self.scene.border == "auto" else self.scene.border
 
-
-def as_dict(settings: Any) -> dict[str, Any]:
-    """Settings, or one section of them, as nested dictionaries and lists that YAML and JSON can hold."""
-    return asdict(settings)
-
-
-__all__ = [
-    "BORDERS",
-    "LAWS",
-    "METHODS",
-    "PAPER",
-    "POWER_KINDS",
-    "PRESETS",
-    "AblationConfig",
-    "CompareConfig",
-    "ConvergenceConfig",
-    "Declaration",
-    "DepartureConfig",
-    "DeploymentConfig",
-    "EvaluationConfig",
-    "ExportsConfig",
-    "FidelityConfig",
-    "ForecastTestConfig",
-    "HindcastConfig",
-    "IngestConfig",
-    "LogicConfig",
-    "MissionConfig",
-    "PipelineConfig",
-    "PlannerConfig",
-    "PowerConfig",
-    "RandomSceneConfig",
-    "RefineConfig",
-    "ReplanningConfig",
-    "ReportConfig",
-    "RobotConfig",
-    "SceneConfig",
-    "SelectionConfig",
-    "Settings",
-    "SitlConfig",
-    "SmoothingConfig",
-    "SweepConfig",
-    "WindConfig",
-    "as_dict",
-    "declarations",
-    "models_of",
-    "preset",
-]
+    @property
+    def medium(self) -> Medium:
+        """Water for a current, whose level may lack the word depth, and for a robot at a depth; else air."""
+        return WATER if self.wind.source == "currents" else medium_of(self.robot.level, self.wind.level)

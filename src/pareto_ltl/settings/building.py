@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import difflib
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any
 
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings, preset
-from pareto_ltl.settings.kinds import field_kinds, kind_problem
+from pareto_ltl.settings.checks import field_kinds, kind_problem
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choice_file, choices
@@ -35,10 +35,25 @@ def build_settings(sections: Mapping[str, Any]) -> Settings:
     ConfigError
         If a key is unknown, or a value of the wrong type or out of range.
     """
-    values = {name: _value(name, value) for name, value in sections.items()}
+    return settings_of({name: _value(name, value) for name, value in sections.items()})
+
+
+def settings_of(values: Mapping[str, Any]) -> Settings:
+    """Settings from keys and values; each section is a mapping of its keys.
+
+    The errors are the same as in :func:`build_settings`.
+    """
     built = _record(Settings, values, "")
     assert isinstance(built, Settings)
     return built
+
+
+def unknown_setting(section: str, name: str, known: Iterable[str]) -> ConfigError:
+    """The error for ``name`` in ``section`` (``"planner."``), with the closest of the ``known`` names."""
+    names = list(dict.fromkeys(known))  # sweep is a group and a section
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {section}{near[0]}?" if near else f"there are {', '.join(names)}"
+    return ConfigError(f"unknown setting {shown_text(f'{section}{name}')}; {hint}")
 
 
 def read_settings_file(path: Path) -> Settings:
@@ -82,9 +97,7 @@ def _record(schema: Any, values: Mapping[str, Any], where: str) -> Any:
     types = field_kinds(schema)
     for name in values:
         if name not in types:
-            near = difflib.get_close_matches(str(name), types, n=1)
-            hint = f"did you mean {where}{near[0]}?" if near else f"there are {', '.join(types)}"
-            raise ConfigError(f"unknown setting {shown_text(f'{where}{name}')}; {hint}")
+            raise unknown_setting(where, str(name), types)
     return schema(**{name: _typed(types[name], value, where + name) for name, value in values.items()})
 
 

@@ -1,4 +1,4 @@
-"""Declarations of settings: unit, range and meaning are written once, beside the setting.
+"""Declarations of settings: type, unit, range and meaning are written once, beside the setting.
 
 :func:`setting` declares a field; :class:`CheckedSettings` checks every field of a section when the section
 is made. ``pareto-ltl --help=all`` prints the declarations.
@@ -8,23 +8,89 @@ from __future__ import annotations
 
 import math
 import re
+import typing
 from collections.abc import Iterator
 from copy import deepcopy
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from datetime import datetime
+from functools import lru_cache
 from numbers import Integral, Real
+from types import NoneType, UnionType
 from typing import Any, ClassVar
 
-from pareto_ltl.settings.kinds import field_kinds, fits_kind, kind_problem
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import extension_names
 from pareto_ltl.support.messages import shown_value
 
+KIND_TEXTS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+ITEM_TEXTS = {int: "whole numbers", float: "numbers", str: "texts"}
 DECLARED = "declared"  # key of a field's metadata
 FIRST_YEAR, LAST_YEAR = 1900, 2200  # of a departure or a wind time; any other year is an error of the user
-LARGEST_SEED = 2**63 - 1
+SEEDS = f"[0, {2**63 - 1}]"
 FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}(?<!\.)")  # Windows drops a dot at the end
 DEVICES = ("con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(10)))
+
+
+# --- types -----------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def field_kinds(schema: Any) -> dict[str, Any]:
+    """The type of each field of the dataclass ``schema``, by field name."""
+    hints = typing.get_type_hints(schema)
+    return {item.name: hints[item.name] for item in fields(schema)}  # a class variable is no field
+
+
+def kind_at(schema: type, key: str) -> Any:
+    """The type of the setting ``key`` below ``schema``, e.g. ``planner.trees``; None if there is none."""
+    kind: Any = schema
+    for part in key.split("."):
+        if not is_dataclass(kind):
+            return None
+        kind = field_kinds(typing.cast(type, kind)).get(part)
+    return kind
+
+
+def fits_kind(value: Any, kind: Any) -> bool:
+    """Whether ``value`` has the type ``kind``; NumPy numbers count as numbers, booleans do not."""
+    if kind is Any:
+        return True
+    if isinstance(kind, UnionType):
+        return any(fits_kind(value, arm) for arm in kind.__args__)
+    if kind is NoneType:
+        return value is None
+    if typing.get_origin(kind) is list:
+        (item,) = typing.get_args(kind)
+        return isinstance(value, list) and all(fits_kind(part, item) for part in value)
+    if typing.get_origin(kind) is dict:
+        return isinstance(value, dict)
+    if kind in (int, float):
+        return isinstance(value, Integral if kind is int else Real) and not isinstance(value, bool)
+    return isinstance(value, kind)
+
+
+def kind_text(kind: Any) -> str:
+    """A type in words: "a whole number", "a list of numbers", "text or null"."""
+    if isinstance(kind, UnionType):
+        return " or ".join("null" if arm is NoneType else kind_text(arm) for arm in kind.__args__)
+    if typing.get_origin(kind) is list:
+        (item,) = typing.get_args(kind)
+        return f"a list of {ITEM_TEXTS[item]}" if item in ITEM_TEXTS else "a list"
+    if typing.get_origin(kind) is dict:
+        return "a mapping of names to values"
+    if is_dataclass(kind):
+        return "a choice, a mapping or a settings object"
+    return KIND_TEXTS.get(kind, str(getattr(kind, "__name__", kind)))
+
+
+def kind_problem(key: str, value: Any, kind: Any) -> str:
+    """Message for a ``value`` of ``key`` that does not have the type ``kind``."""
+    whole = kind is int and isinstance(value, float) and value.is_integer()
+    cure = f"; write it in digits, {int(value)}" if whole and abs(value) < 1e18 else ""
+    return f"{key} must be {kind_text(kind)}, got {shown_value(value)}{cure}"
+
+
+# --- ranges ----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +99,8 @@ class Declaration:
 
     Attributes
     ----------
-    least, most : float or None
-        Smallest and largest value, both allowed.
-    above, below : float or None
-        Limits that are excluded.
-    not_negative : bool
-        The same as ``least=0``; the message then says "must not be negative".
+    within : str
+        The allowed numbers as an interval, ``[a, b]``, ``(a, b)`` without its ends or ``(0, b]``; empty: all.
     distinct : bool
         The setting is a list that must not be empty and must not hold a value twice.
     remark : str
@@ -50,12 +112,8 @@ class Declaration:
     """
 
     meaning: str
+    within: str = ""
     unit: str | None = None
-    least: float | None = None
-    most: float | None = None
-    above: float | None = None
-    below: float | None = None
-    not_negative: bool = False
     choices: tuple[str, ...] = ()
     distinct: bool = False
     remark: str = ""
@@ -71,19 +129,18 @@ class Declaration:
         return " or ".join([self._number_range(), *self.words])
 
     def _number_range(self) -> str:
-        remark = f" ({self.remark})" if self.remark else ""
         if self.choices:
             return f"one of {', '.join(self.all_choices())}"
-        if self.above is not None and self.below is not None:
-            return f"between {self.above:g} and {self.below:g}, both excluded{remark}"
-        if self.least is not None and self.most is not None:
-            return f"in [{limit_text(self.least)}, {limit_text(self.most)}]{remark}"
-        if self.above == 0:
-            upper = "" if self.most is None else f" and at most {limit_text(self.most)}"
-            return f"positive{upper}{remark}"
-        if self.not_negative:
-            return f"not negative{remark}"
-        return f"at least {limit_text(self.least)}{remark}" if self.least is not None else ""
+        if not self.within:
+            return ""
+        low, high = map(limit_text, interval_ends(self.within))
+        texts = {
+            "()": f"between {low} and {high}, both excluded",
+            "[]": f"in [{low}, {high}]",
+            "(]": f"positive and at most {high}",
+        }
+        text = texts[self.within[0] + self.within[-1]]
+        return f"{text} ({self.remark})" if self.remark else text
 
     def demand(self) -> str:
         """The range as it follows "must" in an error message, e.g. "be positive [s]"."""
@@ -95,7 +152,7 @@ class Declaration:
         unit = f" [{self.unit}]" if self.unit else ""
         if text.startswith(("between", "in ")):
             return f"lie {text}{unit}"
-        return f"{text.replace('not ', 'not be ') if self.not_negative else f'be {text}'}{unit}"
+        return f"be {text}{unit}"
 
     def allows(self, value: Any) -> bool:
         """Whether one value (for a list: one item) is in the range; False for NaN if there is a range."""
@@ -103,13 +160,12 @@ class Declaration:
             return value in self.choices or value in self.all_choices()
         if not self.range_text() or (isinstance(value, str) and value in self.words):
             return True
-        least = 0.0 if self.not_negative else self.least
-        return is_finite(value) and (
-            (least is None or value >= least)
-            and (self.most is None or value <= self.most)
-            and (self.above is None or value > self.above)
-            and (self.below is None or value < self.below)
-        )
+        if not is_finite(value) or not self.within:
+            return is_finite(value)
+        low, high = interval_ends(self.within)
+        above = value >= low if self.within[0] == "[" else value > low
+        below = value <= high if self.within[-1] == "]" else value < high
+        return bool(above and below)
 
 
 def is_number(value: Any) -> bool:
@@ -127,9 +183,16 @@ def limit_text(limit: float) -> str:
     return f"{limit:.10g}" if abs(limit) <= 1e6 else f"{limit:g}".replace("e+0", "e").replace("e+", "e")
 
 
-def setting(default: Any, meaning: str, **limits: Any) -> Any:
-    """A dataclass field with default, meaning and ``limits`` (the attributes of :class:`Declaration`)."""
-    return _declared_field(default, Declaration(meaning, **limits))
+@lru_cache
+def interval_ends(text: str) -> tuple[float, float]:
+    """The ends of an interval such as ``[0, 1e6]``; whole numbers are exact."""
+    low, high = (int(end) if end.isdigit() else float(end) for end in text[1:-1].split(", "))
+    return low, high
+
+
+def setting(default: Any, meaning: str, within: str = "", **more: Any) -> Any:
+    """A dataclass field with a default; the others are the attributes of :class:`Declaration`."""
+    return _declared_field(default, Declaration(meaning, within, **more))
 
 
 def other_default(section: type[CheckedSettings], name: str, default: Any) -> Any:

@@ -35,7 +35,7 @@ class DeploymentConfig(CheckedSettings):
     """Simulated flights of the plan."""
 
     section: ClassVar[str] = "deployment"
-    runs: int = setting(500, "flights simulated under each wind law", least=1, most=1e8)
+    runs: int = setting(500, "flights simulated under each wind law", "[1, 1e8]")
     laws: list[str] = setting(list(LAWS), "wind laws that are simulated", choices=LAWS, distinct=True)
 
 
@@ -49,8 +49,8 @@ class ReportConfig(CheckedSettings):
     formats: list[str] = setting(
         ["png"], "file formats of each figure", choices=FIGURE_FORMATS, distinct=True
     )
-    dpi: int = setting(200, "resolution of PNG figures, in dots per inch", least=30, most=1200)
-    paths: int = setting(40, "simulated flights that are drawn", least=0, most=10_000)
+    dpi: int = setting(200, "resolution of PNG figures, in dots per inch", "[30, 1200]")
+    paths: int = setting(40, "simulated flights that are drawn", "[0, 10_000]")
     trees: bool = setting(False, "whether the map of a plan shows the search trees; without a plan it does")
 
 
@@ -67,10 +67,7 @@ class ExportsConfig(CheckedSettings):
         distinct=True,
     )
     flights: int = setting(
-        2000,
-        "simulated flights for the corridors and for the failure rate with feedback",
-        least=100,
-        most=1e6,
+        2000, "simulated flights for the corridors and for the failure rate with feedback", "[100, 1e6]"
     )
     altitude: float | None = setting(
         None, "height above the start; null: height of robot.level, else of wind.level", unit="m"
@@ -111,7 +108,7 @@ class IngestConfig(CheckedSettings):
 
     section: ClassVar[str] = "ingest"
     out: str = setting("wind_table.csv", "file that is written")
-    points: int = setting(120, "readings at each time, by farthest-point sampling", least=3, most=1e6)
+    points: int = setting(120, "readings at each time, by farthest-point sampling", "[3, 1e6]")
     area: list[Any] = setting([], "outline of the area, corners [longitude, latitude]", unit="deg")
     first: str | None = setting(None, "first time, ISO 8601 UTC; null: from the beginning")
     last: str | None = setting(None, "last time, ISO 8601 UTC; null: to the end")

@@ -20,7 +20,7 @@ class LogicConfig(CheckedSettings):
 
     section: ClassVar[str] = "logic"
     max_states: int = setting(
-        10_000, "largest number of states of the automaton; a larger one is an error", least=2, most=1e6
+        10_000, "largest number of states of the automaton; a larger one is an error", "[2, 1e6]"
     )
 
 
@@ -29,43 +29,40 @@ class PlannerConfig(CheckedSettings):
     """The search trees."""
 
     section: ClassVar[str] = "planner"
-    trees: int = setting(10, "search trees grown in parallel", least=1, most=10_000)
-    n_max: int = setting(2500, "vertices of a tree", least=2, most=1e8)
+    trees: int = setting(10, "search trees grown in parallel", "[1, 10_000]")
+    n_max: int = setting(2500, "vertices of a tree", "[2, 1e8]")
     epsilon: float | None = setting(
         0.05,
         "largest probability of a collision in one segment, obstacles, walls and forbidden regions together; "
         "with fidelity.collision_bound=step it is divided equally among the obstacles; null: no limit",
-        above=0,
-        below=1,
+        "(0, 1)",
     )
     delta: float = setting(
         0.8,
         "collision probability allowed on a whole path, with fidelity.collision_bound=path and judge=bound",
-        above=0,
-        below=1,
+        "(0, 1)",
     )
-    max_steps: int = setting(200, "largest number of steps of a path", least=1, most=1e6)
-    near: int = setting(64, "largest number of candidate parents of a new vertex", least=0, most=10_000)
+    max_steps: int = setting(200, "largest number of steps of a path", "[1, 1e6]")
+    near: int = setting(64, "largest number of candidate parents of a new vertex", "[0, 10_000]")
     beta_risk: float = setting(
-        0.05, "the slack of Eq. (11) for risks is drawn between 0 and this", least=0, most=1e6
+        0.05, "the slack of Eq. (11) for risks is drawn between 0 and this", "[0, 1e6]"
     )
     beta_length: float = setting(
-        1.0, "the slack of Eq. (11) for length is drawn between 0 and this many full steps", least=0, most=1e6
+        1.0, "the slack of Eq. (11) for length is drawn between 0 and this many full steps", "[0, 1e6]"
     )
     explore: float = setting(
-        0.1, "probability that a target is sampled beyond the next cell of the lead", least=0, most=1
+        0.1, "probability that a target is sampled beyond the next cell of the lead", "[0, 1]"
     )
-    refresh: int = setting(16, "extensions between two leads of the high-level planner", least=1, most=1e6)
-    max_seconds: float = setting(600.0, "growth ends after this time", unit="s", least=1e-3, most=1e9)
+    refresh: int = setting(16, "extensions between two leads of the high-level planner", "[1, 1e6]")
+    max_seconds: float = setting(600.0, "growth ends after this time", "[1e-3, 1e9]", unit="s")
     budget_seconds: float | None = setting(
         None,
         "time limit for growth and refine=sampled together; Ctrl-C ends them early. null: no time limit, and "
         "results do not depend on the clock",
+        "(0, 1e9]",
         unit="s",
-        above=0,
-        most=1e9,
     )
-    threads: int = setting(0, "threads that grow trees; 0: one for each core", least=0, most=1024)
+    threads: int = setting(0, "threads that grow trees; 0: one for each core", "[0, 1024]")
 
 
 @dataclass
@@ -73,10 +70,10 @@ class SmoothingConfig(CheckedSettings):
     """Convex smoothing of the best paths."""
 
     section: ClassVar[str] = "smoothing"
-    candidates: int = setting(4, "largest number of paths of the front that are smoothed", least=1, most=1000)
-    rounds: int = setting(3, "iterations of linearise, solve and propagate", least=1, most=1000)
-    weights: list[float] = setting([1.0, 10.0, 100.0], "weights of risk against length", least=0, most=1e6)
-    trust: float = setting(1.0, "trust region, in full steps", above=0, most=1000)
+    candidates: int = setting(4, "largest number of paths of the front that are smoothed", "[1, 1000]")
+    rounds: int = setting(3, "iterations of linearise, solve and propagate", "[1, 1000]")
+    weights: list[float] = setting([1.0, 10.0, 100.0], "weights of risk against length", "[0, 1e6]")
+    trust: float = setting(1.0, "trust region, in full steps", "(0, 1000]")
 
     def check_combinations(self) -> None:
         """Refuse an empty list of weights."""
@@ -92,16 +89,13 @@ class RefineConfig(CheckedSettings):
     flights: int = setting(
         1500,
         "simulated flights, in the same winds for all paths, whose failure rate is minimised",
-        least=10,
-        most=1e7,
+        "[10, 1e7]",
     )
-    sweep_flights: int = setting(250, "of these, flights used in the sweep over lengths", least=10, most=1e7)
+    sweep_flights: int = setting(250, "of these, flights used in the sweep over lengths", "[10, 1e7]")
     classes: int = setting(
-        4, "classes of paths (mission order, sides of the obstacles) that are swept", least=1, most=1000
+        4, "classes of paths (mission order, sides of the obstacles) that are swept", "[1, 1000]"
     )
-    points: int = setting(
-        18, "largest number of paths that are polished on all flights", least=2, most=10_000
-    )
+    points: int = setting(18, "largest number of paths that are polished on all flights", "[2, 10_000]")
 
 
 @dataclass
@@ -114,22 +108,19 @@ class SelectionConfig(CheckedSettings):
         2.0,
         "per cent of the failures that one per cent more length must save, with rule=worth; 0: the "
         "safest path",
-        least=0,
-        most=100,
+        "[0, 100]",
     )
     weights: list[float] = setting(
         [0.5, 0.25, 0.25],
         "weights of mission risk, collision risk and length, with rule=weighted, and of the further "
         "costs in the order of front.csv; a failure rate has the first two",
-        least=0,
-        most=1e6,
+        "[0, 1e6]",
     )
     alpha: float = setting(
         0.05,
         "largest failure, with rule=threshold, energy and least: upper end of the rate, or bound with "
         "fidelity.judge=bound",
-        above=0,
-        below=1,
+        "(0, 1)",
     )
     costs: list[str] = setting(
         [],
@@ -138,24 +129,22 @@ class SelectionConfig(CheckedSettings):
         group=COST_GROUP,
     )
     least: str = setting("energy", "cost of which the least is taken, with rule=least")
-    length: float | None = setting(None, "longest path, with rule=length", unit="m", above=0, most=1e9)
-    point: int = setting(0, "number of the path in front.csv, with rule=point", least=0, most=1e6)
+    length: float | None = setting(None, "longest path, with rule=length", "(0, 1e9]", unit="m")
+    point: int = setting(0, "number of the path in front.csv, with rule=point", "[0, 1e6]")
     draws: int = setting(
-        4000,
-        "simulated flights of each path that rank the front, with fidelity.judge=flights",
-        least=1,
-        most=1e8,
+        4000, "simulated flights of each path that rank the front, with fidelity.judge=flights", "[1, 1e8]"
     )
     runs: int = setting(
-        20_000, "fresh flights of the chosen path for its promised failure rate, with fidelity.judge=flights",
-        least=1, most=1e8,
-    )  # fmt: skip
+        20_000,
+        "fresh flights of the chosen path for its promised failure rate, with fidelity.judge=flights",
+        "[1, 1e8]",
+    )
     options: dict[str, Any] = setting(
         {},
         "name: number, text or list, for a rule that another package adds; such a rule says which it reads",
     )
     examined: int = setting(
-        5, "largest number of paths that are tested until fresh flights confirm one", least=1, most=1000
+        5, "largest number of paths that are tested until fresh flights confirm one", "[1, 1000]"
     )
     extra_paths: str | None = setting(
         None, "front.npz, or a results directory with one, whose paths are judged with the paths of the run"

@@ -10,7 +10,7 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
 POWER_KINDS = ("none", "body", "wing", "rotor", "table")
-WATTS = {"unit": "W", "least": 0, "most": 1e9}
+WATTS = {"within": "[0, 1e9]", "unit": "W"}
 
 
 @dataclass
@@ -27,20 +27,18 @@ class PowerConfig(CheckedSettings):
     )
     base: float = setting(0.0, "power at any airspeed: computer, sensors, payload", **WATTS)
     drag: float = setting(
-        0.0, "body, wing and rotor: drag, multiplied by the airspeed cubed", unit="W s³/m³", least=0, most=1e9
+        0.0, "body, wing and rotor: drag, multiplied by the airspeed cubed", "[0, 1e9]", unit="W s³/m³"
     )
-    lift: float = setting(
-        0.0, "wing: induced drag, divided by the airspeed", unit="W m/s", least=0, most=1e12
-    )
+    lift: float = setting(0.0, "wing: induced drag, divided by the airspeed", "[0, 1e12]", unit="W m/s")
     blade: float = setting(0.0, "rotor: blade profile power in hover", **WATTS)
     lifting: float = setting(0.0, "rotor: induced power in hover", **WATTS)
-    tip: float = setting(100.0, "rotor: speed of the blade tips", unit="m/s", least=1, most=1e3)
-    wake: float = setting(4.0, "rotor: induced velocity in hover", unit="m/s", least=1e-2, most=1e3)
+    tip: float = setting(100.0, "rotor: speed of the blade tips", "[1, 1e3]", unit="m/s")
+    wake: float = setting(4.0, "rotor: induced velocity in hover", "[1e-2, 1e3]", unit="m/s")
     points: list[Any] = setting([], "table: pairs [airspeed, power], increasing airspeeds, linear between",
                                 unit="m/s, W")  # fmt: skip
     capacity: float | None = setting(
         None, "energy available for one mission; paths that need more are not chosen. null: not known",
-        unit="Wh", above=0, most=1e9,
+        "(0, 1e9]", unit="Wh",
     )  # fmt: skip
 
     def check_combinations(self) -> None:
@@ -71,35 +69,28 @@ class RobotConfig(CheckedSettings):
         "auto",
         "time step; auto: short compared with the regions and passages of the map, and long enough that "
         "planner.max_steps suffices (world/time_step.py)",
+        "[1e-3, 1e6]",
         unit="s",
-        least=1e-3,
-        most=1e6,
         words=("auto",),
     )
-    u_max: float = setting(30.0, "largest airspeed", unit="m/s", least=1e-3, most=1e4)
+    u_max: float = setting(30.0, "largest airspeed", "[1e-3, 1e4]", unit="m/s")
     u_min: float = setting(
         0.0,
         "smallest airspeed, at most u_max",
+        "[0, 1e4]",
         unit="m/s",
-        least=0,
-        most=1e4,
         remark="0: the robot can hover, or stop its motor and drift",
     )
     bank: float = setting(
         0.0,
         "bank angle in turns: exported headings and airspeeds account for the time and displacement of "
         "a turn",
+        "[0, 80]",
         unit="deg",
-        least=0,
-        most=80,
         remark="0: the heading changes at once",
     )
     turn_delay: float = setting(
-        0.0,
-        "time from a command to turn until half of the bank angle is reached",
-        unit="s",
-        least=0,
-        most=600,
+        0.0, "time from a command to turn until half of the bank angle is reached", "[0, 600]", unit="s"
     )
     level: str | None = setting(
         None,
@@ -108,31 +99,26 @@ class RobotConfig(CheckedSettings):
     )
     a: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix A of the dynamics (2 x 2)")
     b: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix B of the dynamics (2 x 2, invertible)")
-    start_sd: float = setting(0.0, "standard deviation of the start position", unit="m", least=0, most=1e6)
+    start_sd: float = setting(0.0, "standard deviation of the start position", "[0, 1e6]", unit="m")
     feedback_time: float | None = setting(
         None,
         "time constant with which a robot that always knows its position returns to the plan",
+        "(0, 1e7]",
         unit="s",
-        above=0,
-        most=1e7,
         remark="null: open loop",
     )
     effort_risk: float = setting(
         0.05,
         "probability, in one step, that feedback commands an airspeed above u_max or below u_min, with "
         "fidelity.judge=bound; with flights, which are limited to these, nothing is reserved",
-        above=0,
-        below=1,
+        "(0, 1)",
     )
-    fix_sd: float = setting(
-        100.0, "standard deviation of a position fix at a landmark", unit="m", above=0, most=1e6
-    )
+    fix_sd: float = setting(100.0, "standard deviation of a position fix at a landmark", "(0, 1e6]", unit="m")
     fix_time: float = setting(
         300.0,
         "time constant with which the robot corrects a deviation that it knows from fixes",
+        "(0, 1e7]",
         unit="s",
-        above=0,
-        most=1e7,
     )
     power: PowerConfig = field(default_factory=PowerConfig)
 

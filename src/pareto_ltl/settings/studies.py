@@ -1,11 +1,18 @@
-"""Settings of the studies: pipelines compare, convergence, ablation, hindcast and forecast_test."""
+"""Settings of the studies, each a pipeline."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from pareto_ltl.settings.checks import LARGEST_SEED, CheckedSettings, check_outline, other_default, setting
+from pareto_ltl.settings.checks import (
+    SEEDS,
+    CheckedSettings,
+    check_outline,
+    check_time,
+    other_default,
+    setting,
+)
 from pareto_ltl.settings.fidelity import (
     COLLISION_BOUNDS,
     LAWS,
@@ -18,6 +25,7 @@ from pareto_ltl.settings.wind import GP_KERNELS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 
+KEEP = ("all", "recommended")  # starts of a departure study whose directories are written
 METHODS = ("paper", "smoothed", "full", "cc_rrt", "ml_rrt", "calm_shortest")
 FACTOR_SECTIONS = {  # sections of the factors of an ablation
     **dict.fromkeys(("trees", "beta", "epsilon", "n_max"), "planner"),
@@ -56,12 +64,12 @@ class EvaluationConfig(CheckedSettings):
 
     section: ClassVar[str] = "evaluation"
     seeds: list[int] = setting(
-        list(range(20)), "seeds of the planner, one plan for each", least=0, most=LARGEST_SEED, distinct=True
+        list(range(20)), "seeds of the planner, one plan for each", SEEDS, distinct=True
     )
     laws: list[str] = setting(
         list(LAWS), "wind laws under which plans are flown", choices=LAWS, distinct=True
     )
-    jobs: int = setting(0, "processes; 0: one for each core", least=0, most=1024)
+    jobs: int = setting(0, "processes; 0: one for each core", "[0, 1024]")
     cluster: str | None = setting(
         None, "address of a Dask scheduler whose workers share the work (docs/sweeps.md); null: this machine"
     )
@@ -74,10 +82,7 @@ class CompareConfig(CheckedSettings):
 
     section: ClassVar[str] = "compare"
     methods: list[str] = setting(
-        list(METHODS),
-        "planners; differences are relative to the first one",
-        choices=METHODS,
-        distinct=True,
+        list(METHODS), "planners; differences are relative to the first one", choices=METHODS, distinct=True
     )
 
 
@@ -87,11 +92,7 @@ class ConvergenceConfig(CheckedSettings):
 
     section: ClassVar[str] = "convergence"
     sizes: list[int] = setting(
-        [100, 200, 500, 1000, 2500, 5000, 10_000, 20_000],
-        "vertices of a tree",
-        least=2,
-        most=1e8,
-        distinct=True,
+        [100, 200, 500, 1000, 2500, 5000, 10_000, 20_000], "vertices of a tree", "[2, 1e8]", distinct=True
     )
 
 
@@ -106,31 +107,24 @@ class AblationConfig(CheckedSettings):
     factors: list[str] = setting(
         list(SETTING_FACTORS), "factors to vary", choices=tuple(FACTOR_SECTIONS), distinct=True
     )
-    trees: list[int] = setting(
-        [1, 2, 5, 10, 20], "values of planner.trees", least=1, most=10_000, distinct=True
-    )
+    trees: list[int] = setting([1, 2, 5, 10, 20], "values of planner.trees", "[1, 10_000]", distinct=True)
     beta: list[float] = setting(
         [0.0, 1.0, 10.0],
         "factors that multiply planner.beta_risk and planner.beta_length",
-        least=0,
-        most=1e6,
+        "[0, 1e6]",
         distinct=True,
     )
     epsilon: list[float] = setting(
-        [0.01, 0.02, 0.05, 0.1, 0.2], "values of planner.epsilon", above=0, below=1, distinct=True
+        [0.01, 0.02, 0.05, 0.1, 0.2], "values of planner.epsilon", "(0, 1)", distinct=True
     )
     n_max: list[int] = setting(
-        [500, 1000, 2500, 5000, 10_000], "values of planner.n_max", least=2, most=1e8, distinct=True
+        [500, 1000, 2500, 5000, 10_000], "values of planner.n_max", "[2, 1e8]", distinct=True
     )
     dt: list[int] = setting(
-        [1, 2, 4, 8, 16],
-        "number of parts into which a time step is divided",
-        least=1,
-        most=10_000,
-        distinct=True,
+        [1, 2, 4, 8, 16], "number of parts into which a time step is divided", "[1, 10_000]", distinct=True
     )
     kernel: list[str] = all_of(GP_KERNELS, "wind.kernel")
-    ball: list[float] = setting([0.0, 1.0, 2.0, 3.0], "values of wind.ball", least=0, most=100, distinct=True)
+    ball: list[float] = setting([0.0, 1.0, 2.0, 3.0], "values of wind.ball", "[0, 100]", distinct=True)
     law: list[str] = all_of(LAWS, "fidelity.law")
     mission_bound: list[str] = all_of(MISSION_BOUNDS, "fidelity.mission_bound")
     collision_bound: list[str] = all_of(COLLISION_BOUNDS, "fidelity.collision_bound")
@@ -151,39 +145,34 @@ class ForecastTestConfig(CheckedSettings):
     truth: str | None = setting(
         None, "folder of GRIB2 files with the full fields; null: the NOAA files beside the checkout"
     )
-    missions: int = setting(100, "number of random missions", least=1, most=1e6)
+    missions: int = setting(100, "number of random missions", "[1, 1e6]")
     area: list[Any] = setting(
         [list(corner) for corner in INLAND_OUTLINE],
         "outline that holds the centres of scenes, corners [longitude, latitude]",
         unit="deg",
     )
     side: list[float] = setting(
-        [400_000.0, 800_000.0], "smallest and largest side length of a scene", unit="m", least=0, most=1e7
+        [400_000.0, 800_000.0], "smallest and largest side length of a scene", "[0, 1e7]", unit="m"
     )
-    obstacles: list[int] = setting(
-        [2, 7], "smallest and largest number of obstacles of a scene", least=0, most=1000
-    )
+    obstacles: list[int] = setting([2, 7], "smallest and largest number of obstacles of a scene", "[0, 1000]")
     formulas: list[str] = setting(
         ["F(a & F b)", "F(a & F b & F c)", "F(a & F(b & F c))", "!b U a & F c"],
         "missions, over the regions a, b and c",
     )
-    hours: float = setting(12.0, "hours of wind required after departure", unit="h", above=0, most=1e5)
-    max_gap: float = setting(6.0, "longest gap between two fields of one period", unit="h", above=0, most=1e5)
+    hours: float = setting(12.0, "hours of wind required after departure", "(0, 1e5]", unit="h")
+    max_gap: float = setting(6.0, "longest gap between two fields of one period", "(0, 1e5]", unit="h")
     gusts: float = setting(
-        1.0, "share of the fitted white standard deviation added to the real fields", least=0, most=100
+        1.0, "share of the fitted white standard deviation added to the real fields", "[0, 100]"
     )
-    spacing: float = setting(
-        20_000.0, "spacing of the lattice of the real fields", unit="m", least=1, most=1e7
-    )
-    bins: int = setting(5, "bins of the reliability diagram", least=2, most=1000)
+    spacing: float = setting(20_000.0, "spacing of the lattice of the real fields", "[1, 1e7]", unit="m")
+    bins: int = setting(5, "bins of the reliability diagram", "[2, 1000]")
     delay: float = setting(
-        4.0, "age at departure of the newest forecast that the planner may use", unit="h", least=0, most=1e5
+        4.0, "age at departure of the newest forecast that the planner may use", "[0, 1e5]", unit="h"
     )
     points: int | None = setting(
         120,
         "readings at each time that the planner gets, spread over the area; null: every grid node",
-        least=5,
-        most=10_000,
+        "[5, 10_000]",
     )
     fidelities: list[str] = setting(
         ["full"], "presets of fidelity to plan with", choices=tuple(PRESETS), distinct=True
@@ -191,8 +180,7 @@ class ForecastTestConfig(CheckedSettings):
     plans: int = setting(
         0,
         "plans taken from each front beside the chosen one: the safest, the shortest, others between them",
-        least=0,
-        most=1000,
+        "[0, 1000]",
     )
 
     @property
@@ -229,12 +217,81 @@ class HindcastConfig(ForecastTestConfig):
 
 
 @dataclass
+class DepartureConfig(CheckedSettings):
+    """Starts that pipelines=departure plans and compares (docs/departure.md)."""
+
+    section: ClassVar[str] = "departure"
+    starts: list[Any] = setting([], "departure times, ISO 8601 UTC; empty: set by first, last and every")
+    first: str | None = setting(None, "earliest start; null: mission.start_time, else the first wind time")
+    last: str | None = setting(None, "latest start; null: the last wind time")
+    every: float | None = setting(
+        None, "time between two starts; null: every wind time", "(0, 1e5]", unit="h"
+    )
+    arrive_by: str | None = setting(
+        None, "latest arrival; if set, the latest starts that arrive by this time are planned"
+    )
+    most: int = setting(8, "with arrive_by: number of starts to find that arrive in time", "[1, 10_000]")
+    flights: int = setting(
+        10_000,
+        "fresh flights of each path of the front of each start, used to compare the starts",
+        "[100, 1e8]",
+    )
+    seeds: int = setting(
+        3,
+        "seeds with which a start is planned if it may be the best; 1: the spread between seeds is not known",
+        "[1, 10]",
+    )
+    quick: bool = setting(
+        True,
+        "whether starts are compared with a coarser refinement; the recommended start is then planned "
+        "in full",
+    )
+    keep: str = setting("all", "starts whose results directories are written to starts/", choices=KEEP)
+
+    def check_combinations(self) -> None:
+        """Refuse values that are not times, and starts that are given both as a list and as a range."""
+        for key in ("first", "last", "arrive_by"):
+            check_time(f"departure.{key}", getattr(self, key))
+        for time in self.starts:
+            if not isinstance(time, str):
+                raise ConfigError(
+                    f"departure.starts must be a list of ISO 8601 times, got {shown_value(time)} in it"
+                )
+            check_time("departure.starts", time)
+        if self.starts and (self.first or self.last or self.every):
+            raise ConfigError(
+                "departure.starts lists the starts itself: leave out departure.first, last and every"
+            )
+
+
+@dataclass
+class ReplanningConfig(CheckedSettings):
+    """Flights of pipelines=replanning, with and without new plans on the way (docs/replanning.md)."""
+
+    section: ClassVar[str] = "replanning"
+    flights: int = setting(100, "number of true winds in which the plan is flown", "[1, 1e6]")
+    fixes: list[int] = setting(
+        [1, 2, 4], "numbers of fixes, evenly spaced over the plan: a row for each", "[1, 1000]",
+        distinct=True
+    )  # fmt: skip
+    every: float | None = setting(
+        None, "time between two fixes, for one row instead of replanning.fixes; null: the rows of "
+        "replanning.fixes, and one with fixes at the landmarks that the plan relies on", "(0, 1e4]", unit="h"
+    )  # fmt: skip
+    fix_sd: float = setting(500.0, "standard deviation of a fix in each direction", "(0, 1e6]", unit="m")
+    forecasts: float | None = setting(
+        None, "time between two newer forecasts, for two further rows, with them alone and with the last "
+        "fixes; null: no such rows", "(0, 1e4]", unit="h"
+    )  # fmt: skip
+
+
+@dataclass
 class SitlConfig(CheckedSettings):
     """Flights of the exported command table by the aircraft model of JSBSim, with pipelines=sitl."""
 
     section: ClassVar[str] = "sitl"
     flights: int = setting(
-        200, "flights in JSBSim, and as many of the planner's simulation in the same winds", least=1, most=1e5
+        200, "flights in JSBSim, and as many of the planner's simulation in the same winds", "[1, 1e5]"
     )
-    rate: float = setting(60.0, "integration rate of the aircraft model", unit="1/s", least=30, most=1000)
-    drawn: int = setting(40, "flights of each simulation that the map shows", least=0, most=1e4)
+    rate: float = setting(60.0, "integration rate of the aircraft model", "[30, 1000]", unit="1/s")
+    drawn: int = setting(40, "flights of each simulation that the map shows", "[0, 1e4]")

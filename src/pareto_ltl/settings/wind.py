@@ -59,13 +59,11 @@ class WindConfig(CheckedSettings):
     path: str | None = setting(None, "file, folder or pattern, for the sources that read files")
     kernel: str = setting("matern12", "kernel of the Gaussian process", choices=GP_KERNELS)
     noise_min: float = setting(
-        0.3, "lower bound of the white-noise standard deviation", unit="m/s", above=0, most=100
+        0.3, "lower bound of the white-noise standard deviation", "(0, 100]", unit="m/s"
     )
-    spacing: float = setting(25_000.0, "spacing of the wind lattice", unit="m", above=0, most=1e7)
-    padding: float = setting(
-        150_000.0, "how far the lattice extends beyond the scene", unit="m", least=0, most=1e7
-    )
-    ball: float = setting(2.0, "radius of the maximum-trace ball, in standard deviations", least=0, most=100)
+    spacing: float = setting(25_000.0, "spacing of the wind lattice", "(0, 1e7]", unit="m")
+    padding: float = setting(150_000.0, "how far the lattice extends beyond the scene", "[0, 1e7]", unit="m")
+    ball: float = setting(2.0, "radius of the maximum-trace ball, in standard deviations", "[0, 100]")
     level: str = setting(
         "auto",
         "height of the wind, e.g. 10m, 80m or 925hPa, or depth of the current; auto: robot.level if it is "
@@ -79,47 +77,37 @@ class WindConfig(CheckedSettings):
     ensemble_prior: float = setting(
         10.0,
         "weight of the law of forecast errors relative to an ensemble, as a number of members",
-        least=0,
-        most=1e6,
+        "[0, 1e6]",
     )
     max_gap: float = setting(
-        6.0,
-        "longest allowed gap between two fields, and longest time for hold_last",
-        unit="h",
-        above=0,
-        most=1e5,
+        6.0, "longest allowed gap between two fields, and longest time for hold_last", "(0, 1e5]", unit="h"
     )
     hold_last: bool = setting(False, "use the last wind field for later times, at most max_gap long")
-    max_speed: float = setting(75.0, "readings above this are refused", unit="m/s", above=0, most=1000)
-    holdout: float = setting(0.2, "share of the readings held out to score the fit", above=0, below=1)
+    max_speed: float = setting(75.0, "readings above this are refused", "(0, 1000]", unit="m/s")
+    holdout: float = setting(0.2, "share of the readings held out to score the fit", "(0, 1)")
     max_points: int = setting(
         600,
         "largest number of readings at each time that the fit uses: all on and beside the map (within "
         "wind.padding), of those farther away a subset spread evenly",
-        least=5,
-        most=10_000,
+        "[5, 10_000]",
     )
     energy: float = setting(
-        0.99, "share of the posterior variance in the coherent modes; the rest is white", above=0, below=1
+        0.99, "share of the posterior variance in the coherent modes; the rest is white", "(0, 1)"
     )
-    modes_max: int = setting(32, "largest number of modes of a component", least=1, most=10_000)
-    modes_spacing: float = setting(
-        50_000.0, "spacing of the lattice of the modes", unit="m", above=0, most=1e7
-    )
+    modes_max: int = setting(32, "largest number of modes of a component", "[1, 10_000]")
+    modes_spacing: float = setting(50_000.0, "spacing of the lattice of the modes", "(0, 1e7]", unit="m")
     rho: float | None = setting(
         None,
         "correlation of wind errors from one time slot to the next; null: fitted",
-        least=0,
-        most=1,
+        "[0, 1]",
         remark="0: a new field at every wind time, 1: one frozen field",
     )
     gust_time: float = setting(
         1800.0,
         "time constant of the white part with law=coherent, twice the integral of its correlation: over a "
         "time T it displaces a flight with the standard deviation noise x sqrt(gust_time T)",
+        "(0, 1e9]",
         unit="s",
-        above=0,
-        most=1e9,
     )
     cache: bool = setting(True, "keep fits between runs")
     model: str = setting("gfs", "model that source=noaa fetches", choices=NOAA_MODELS)
@@ -127,14 +115,14 @@ class WindConfig(CheckedSettings):
         "newest", "start of the forecast that source=noaa fetches: newest, or a time, ISO 8601 UTC"
     )
     hours: float = setting(
-        36.0, "duration after departure for which source=noaa fetches the wind", unit="h", above=0, most=384
+        36.0, "duration after departure for which source=noaa fetches the wind", "(0, 384]", unit="h"
     )
-    gefs_members: int = setting(1, "members of model=gefs; 1: the control forecast only", least=1, most=31)
+    gefs_members: int = setting(1, "members of model=gefs; 1: the control forecast only", "[1, 31]")
     base_url: str | None = setting(
         None, "address that source=noaa uses instead of NOAA's archive, with the same folders"
     )
     offline: bool = setting(False, "source=noaa uses only files that it fetched before")
-    retries: int = setting(4, "number of retries of source=noaa after a failure", least=0, most=20)
+    retries: int = setting(4, "number of retries of source=noaa after a failure", "[0, 20]")
 
     def check_combinations(self) -> None:
         """Refuse a source without its file, a cycle that is not a time and an address that is not HTTP(S)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from pareto_ltl.settings.checks import LARGEST_SEED, CheckedSettings, check_time, setting
+from pareto_ltl.settings.checks import SEEDS, CheckedSettings, check_time, setting
 from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
@@ -16,22 +16,16 @@ class RandomSceneConfig(CheckedSettings):
     """Regions and obstacles at random positions, in addition to those that the scene lists."""
 
     section: ClassVar[str] = "scene.random"
-    seed: int = setting(
-        0, "seed of the map; the seed of the planner is the setting seed", least=0, most=LARGEST_SEED
-    )
-    regions: int = setting(0, "number of random regions", least=0, most=26, remark="named a to z")
-    obstacles: int = setting(0, "number of random obstacles", least=0, most=10_000)
+    seed: int = setting(0, "seed of the map; the seed of the planner is the setting seed", SEEDS)
+    regions: int = setting(0, "number of random regions", "[0, 26]", remark="named a to z")
+    obstacles: int = setting(0, "number of random obstacles", "[0, 10_000]")
     radius: list[float] = setting(
         [0.05, 0.1],
         "smallest and largest radius, as a share of the map's shorter side, below 0.5",
-        above=0,
-        below=0.5,
+        "(0, 0.5)",
     )
     gap: float = setting(
-        0.02,
-        "smallest gap between regions and obstacles, as a share of the map's shorter side",
-        least=0,
-        most=0.5,
+        0.02, "smallest gap between regions and obstacles, as a share of the map's shorter side", "[0, 0.5]"
     )
 
     def check_combinations(self) -> None:
@@ -53,7 +47,7 @@ class SceneConfig(CheckedSettings):
     file: str | None = setting(
         None, "map file instead of the keys below: GeoJSON, KML (degrees) or scene.json (metres)"
     )
-    unit: float = setting(1.0, "length of a coordinate unit", unit="m", least=1e-3, most=1e7)
+    unit: float = setting(1.0, "length of a coordinate unit", "[1e-3, 1e7]", unit="m")
     centre: list[float] | None = setting(
         None, "[latitude, longitude] of the middle of the bounds", unit="deg"
     )
@@ -85,18 +79,16 @@ class SceneConfig(CheckedSettings):
         "auto",
         "how far outlines of more than 40 corners may move: obstacles outwards, visited regions inwards; "
         "auto: 1/500 of the longer side of the map, less where gaps are narrow; 0: never",
+        "[0, 1e7]",
         unit="m",
-        least=0,
-        most=1e7,
         words=("auto",),
     )
     altitude: float | None = setting(
         None,
         "altitude of the flight, in the datum of the map: features with a floor above it or a ceiling "
         "below it are left out",
+        "[-12_000, 1e5]",
         unit="m",
-        least=-12_000,
-        most=1e5,
     )
     random: RandomSceneConfig = field(default_factory=RandomSceneConfig)
 

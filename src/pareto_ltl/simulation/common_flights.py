@@ -12,17 +12,9 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot
-from pareto_ltl.planning.long_steps import merged_draws
 from pareto_ltl.planning.power import EnergyModel
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.simulation.flights import (
-    DRAWS,
-    block_rows,
-    fix_noise,
-    fly_draws,
-    judge_flights,
-    pilot_maker,
-)
+from pareto_ltl.planning.problem import Problem, merged_draws
+from pareto_ltl.simulation import flights as sim
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.cores import cores
 
@@ -69,17 +61,17 @@ class DrawnFlights:
         return self._flown_by(Autopilot(u, np.ascontiguousarray(mean)), mean, self.problem.energy)
 
     def _pilot(self, u: FloatArray, mean: FloatArray) -> Any:
-        return pilot_maker(self.problem, u, mean, self.law)(self.noise)
+        return sim.pilot_maker(self.problem, u, mean, self.law)(self.noise)
 
     def _flown_by(self, pilot: Any, mean: FloatArray, energy: EnergyModel | None) -> FloatArray:
         x = np.empty((len(self), len(mean), 2))
         x[:, 0] = self.problem.scene.start + self.start
-        fly_draws(self.problem, self.draws, pilot, x, energy)
+        sim.fly_draws(self.problem, self.draws, pilot, x, energy)
         return x
 
     def failed(self, x: FloatArray) -> BoolArray:
         """Which of the flights ``x`` (n, T+1, 2) fail."""
-        return judge_flights(self.problem, self.law, x).failed
+        return sim.judge_flights(self.problem, self.law, x).failed
 
     def only(self, rows: IntArray) -> DrawnFlights:
         """The flights of ``rows``, ascending."""
@@ -104,10 +96,10 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
     Flights are drawn block by block, so that the whole blocks of fewer flights are the first of more.
     """
     wind, start, fixes = seed.spawn(3)
-    blocks = block_rows(runs)
+    blocks = sim.block_rows(runs)
 
     def drawn_block(rows: slice, child: SeedSequence) -> Any:
-        return DRAWS[law](problem, rows.stop - rows.start, problem.horizon, np.random.default_rng(child))
+        return sim.DRAWS[law](problem, rows.stop - rows.start, problem.horizon, np.random.default_rng(child))
 
     with ThreadPoolExecutor(cores()) as pool:
         parts = list(pool.map(drawn_block, blocks, wind.spawn(len(blocks))))
@@ -116,7 +108,7 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
     }
     draws = parts[0]._replace(**drawn)
     off = math.sqrt(problem.start_variance) * np.random.default_rng(start).standard_normal((runs, 2))
-    return DrawnFlights(problem, law, fix_noise(problem, runs, problem.horizon, fixes), off, draws)
+    return DrawnFlights(problem, law, sim.fix_noise(problem, runs, problem.horizon, fixes), off, draws)
 
 
 def is_certain(problem: Problem) -> bool:

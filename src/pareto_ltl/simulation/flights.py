@@ -2,7 +2,7 @@
 
 A wind law defines how the wind of a flight is drawn. Flights are drawn in blocks with fixed seeds, step by
 step, and a longer plan only draws more steps. So two plans flown with the same seed meet the same winds
-(common random numbers).
+(common random numbers). At the end: when flights fail, and why.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.kernels import data as kd
@@ -26,12 +27,15 @@ from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.support.arrays import Float32Array, FloatArray
+from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.memory import require_memory
 
+NO_FAILURE = -1
+CAUSES = ("met an obstacle", "left the map", "broke the mission", "did not complete the mission")
+COLLIDED, OFF_MAP, BROKEN, MISSED = range(4)
 PilotMaker = Callable[[FloatArray], Any]  # takes the noise (T+1, n, 2) of the fixes of n flights
 FLIGHT_COPIES = 2  # copies of the positions of a flight: one in memory, one in the archive that is written
 FIX_NOISE = 2**16  # child of a block's seed for the errors of position fixes
@@ -275,8 +279,6 @@ def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: s
 
 def within_reach(marks: kd.Landmarks, flight: Flight) -> bool:
     """Whether a flight may enter a landmark, within ``FARTHEST`` deviations of its path."""
-    import shapely
-
     reach = FARTHEST * float(np.sqrt(flight.cov[:, [0, 2]].sum(axis=1).max()))
     gap = shapely.distance(shapely.LineString(flight.x), shapely.points(marks.disc[:, :2]))
     return bool((gap <= marks.disc[:, 2] + reach).any())
@@ -320,3 +322,79 @@ def flight_rates(deployment: Deployment) -> dict[str, float]:
         f"collision_{law}": float(deployment.collided.mean()),
         f"off_map_{law}": float(deployment.off_map.mean()),
     }
+
+
+# --- when flights fail ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class FailureTimes:
+    """For n flights, the time and the cause of the first failure of each.
+
+    Attributes
+    ----------
+    steps : int
+        Steps T of the flights.
+    step : (n,) int
+        The first step, 0 to T, at which the flight has failed; -1 for flights that do not fail.
+        A flight whose only failure is an incomplete mission fails at the last step.
+    cause : (n,) int
+        Index into ``CAUSES``; -1 for flights that do not fail.
+    """
+
+    steps: int
+    step: IntArray
+    cause: IntArray
+
+    def counts(self) -> IntArray:
+        """Number of flights that have failed by each step, for each cause, (4, T+1)."""
+        found = np.zeros((len(CAUSES), self.steps + 1), np.int64)
+        failed = self.step >= 0
+        np.add.at(found, (self.cause[failed], self.step[failed]), 1)
+        return found.cumsum(axis=1)
+
+
+def failure_times(problem: Problem, flown: Deployment) -> FailureTimes:
+    """When each flight of ``flown`` fails first; ``flown.failed`` names the flights that fail."""
+    n, steps = len(flown.x), flown.x.shape[1] - 1
+    step, cause = np.full(n, steps + 1), np.full(n, NO_FAILURE)
+
+    def note(flights: IntArray, when: IntArray, why: int) -> None:
+        sooner = when < step[flights]
+        step[flights[sooner]], cause[flights[sooner]] = when[sooner], why
+
+    for flag, why in (("collided", COLLIDED), ("off_map", OFF_MAP)):
+        if why == COLLIDED or flown.walled:
+            met = np.flatnonzero(getattr(flown, flag))
+            note(met, _first_steps(problem, flown.law, flown.x[met], flag), why)
+    missed = np.flatnonzero(~flown.accepted)
+    broken = np.array([_broken_step(problem, flown.x[flight]) for flight in missed], np.int64)
+    note(missed, broken, BROKEN)
+    note(missed, np.full(len(missed), steps), MISSED)
+    return FailureTimes(steps, np.where(cause >= 0, step, NO_FAILURE), cause)
+
+
+def _first_steps(problem: Problem, law: str, x: FloatArray, flag: str) -> IntArray:
+    """The first step by which each of the flights ``x`` (n, T+1, 2) has ``flag``, (n,), by bisection.
+
+    Each of them has it at the last step, and a flight never loses it.
+    """
+    found = np.full(len(x), x.shape[1] - 1)
+    stack = [(np.arange(len(x)), 0, x.shape[1] - 1)]
+    while stack:
+        flights, low, high = stack.pop()  # not yet at low, surely at high
+        if not len(flights) or high - low <= 1:
+            found[flights] = high
+            continue
+        middle = (low + high) // 2
+        seen: BoolArray = getattr(
+            judge_flights(problem, law, np.ascontiguousarray(x[flights, : middle + 1])), flag
+        )
+        stack += [(flights[seen], low, middle), (flights[~seen], middle, high)]
+    return found
+
+
+def _broken_step(problem: Problem, x: FloatArray) -> int:
+    """The first step of a flight ``x`` (T+1, 2) in the trap of the automaton; T + 1 if there is none."""
+    lost = np.flatnonzero(np.isinf(problem.automaton.distance[problem.states(x)]))
+    return int(lost[0]) if len(lost) else len(x)

@@ -45,16 +45,8 @@ from pareto_ltl.kernels.propagation import left_time
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import WEIGHTED, FailureRate, PlannedPath
+from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.failure_modes import FailureModes, find_failure_modes
-from pareto_ltl.simulation.flights import (
-    block_rows,
-    draw_innovations,
-    fly_draws,
-    judge_flights,
-    kept_by_epoch,
-    require_known_wind,
-    unspawned,
-)
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 from pareto_ltl.support.cores import cores
 
@@ -140,7 +132,7 @@ def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSeq
     """
     if draws < 1:
         raise ValueError(f"importance sampling needs at least one draw, got draws = {draws}")
-    require_known_wind(problem, path.u, path.x)
+    sim.require_known_wind(problem, path.u, path.x)
     law = problem.fidelity.law
     proposal = None if problem.landmarks else make_proposal(problem, path, law)
     if proposal is None:
@@ -189,18 +181,15 @@ def make_proposal(problem: Problem, path: PlannedPath, law: str, ladder: Ladder 
     flight = propagate(problem, path.x, smooth) if held else propagate_controls(problem, path.u, smooth)
     linear = linear_law(problem, flight, smooth)
     steps = len(flight.x)
-    units = np.concatenate(_parts(directions_of(linear, np.eye(2 * steps).reshape(-1, steps, 2))), axis=1)
+    every = directions_of(linear, np.eye(2 * steps).reshape(-1, steps, 2))
+    units = np.concatenate([part.reshape(2 * steps, math.prod(part.shape[1:])) for part in every], axis=1)
     modes = find_failure_modes(problem, flight.x, units)
     if modes.union_bound == 0.0:
         return None
     return Proposal(linear, flight.x, modes, directions_of(linear, modes.weight), ladder)
 
 
-def _coherent(problem: Problem) -> kd.CoherentLaw:
-    return kd.CoherentLaw(problem.wind, problem.modes, problem.motion)
-
-
-def _independent(problem: Problem) -> kd.CoherentLaw:
+def _white_law(problem: Problem) -> kd.CoherentLaw:
     """The independent law as the coherent one without modes, whose white part lasts one step."""
     modes = problem.modes
     none = modes._replace(
@@ -212,8 +201,8 @@ def _independent(problem: Problem) -> kd.CoherentLaw:
 
 
 SMOOTH_LAWS: Mapping[str, Callable[[Problem], kd.CoherentLaw]] = {
-    "coherent": _coherent,
-    "independent": _independent,
+    "coherent": lambda problem: kd.CoherentLaw(problem.wind, problem.modes, problem.motion),
+    "independent": _white_law,
 }
 
 
@@ -222,7 +211,7 @@ def linear_law(problem: Problem, flight: Flight, law: kd.CoherentLaw) -> kernel.
     steps = len(flight.u)
     return kernel.LinearLaw(
         flight.F, flight.psi, np.sqrt(flight.white), law.modes.epoch[:steps],
-        kept_by_epoch(law.modes, steps), left_time(law.motion), math.sqrt(problem.start_variance),
+        sim.kept_by_epoch(law.modes, steps), left_time(law.motion), math.sqrt(problem.start_variance),
     )  # fmt: skip
 
 
@@ -253,11 +242,6 @@ def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Direction
     return kernel.Directions(law.start_sd * p, white, fields)
 
 
-def _parts(directions: kernel.Directions) -> list[FloatArray]:
-    """The parts of ω as rows, (J, -1) each."""
-    return [part.reshape(len(part), math.prod(part.shape[1:])) for part in directions]
-
-
 # --- weighted flights -------------------------------------------------------------------------
 
 
@@ -282,13 +266,13 @@ def weighted_flights(
         kernel.mixture_density(mixture, e, density)
         x = np.empty((n, len(path.x), 2))
         x[:, 0] = problem.scene.start + proposal.law.start_sd * z.start
-        fly_draws(problem, WINDS[law](problem, z, theta), pilot, x, problem.energy)
+        sim.fly_draws(problem, _winds(problem, z, theta), pilot, x, problem.energy)
         weights[rows] = 1.0 / density
-        failed[rows] = judge_flights(problem, law, x).failed
+        failed[rows] = sim.judge_flights(problem, law, x).failed
 
-    blocks = block_rows(draws)
+    blocks = sim.block_rows(draws)
     with ThreadPoolExecutor(cores()) as pool:
-        list(pool.map(one, blocks, unspawned(seed).spawn(len(blocks))))
+        list(pool.map(one, blocks, sim.unspawned(seed).spawn(len(blocks))))
     return weights, failed
 
 
@@ -314,27 +298,15 @@ def draw_proposal(proposal: Proposal, choices: FloatArray, n: int, rng: Generato
     z = kernel.NormalDraws(
         rng.standard_normal((n, 2)),
         rng.standard_normal((len(law.white), n, 2)),
-        draw_innovations(law.kept, n, rng),
+        sim.draw_innovations(law.kept, n, rng),
     )
     kernel.push_draws(proposal.directions, np.where(plain, -1, event), size, z)
     return z
 
 
-def _coherent_winds(problem: Problem, z: kernel.NormalDraws, theta: Float32Array) -> rollout.CoherentDraws:
-    law = problem.laws["coherent"]
-    assert not isinstance(law, kd.IndependentLaw)
+def _winds(problem: Problem, z: kernel.NormalDraws, theta: Float32Array) -> rollout.Draws:
+    """The winds of the flights ``z`` in the nonlinear law of the plan."""
+    law = problem.laws[problem.fidelity.law]
+    if isinstance(law, kd.IndependentLaw):
+        return rollout.IndependentDraws(law, z.white)
     return rollout.CoherentDraws(law, z.white, theta)
-
-
-def _independent_winds(
-    problem: Problem, z: kernel.NormalDraws, _theta: Float32Array
-) -> rollout.IndependentDraws:
-    law = problem.laws["independent"]
-    assert isinstance(law, kd.IndependentLaw)
-    return rollout.IndependentDraws(law, z.white)
-
-
-WINDS: Mapping[str, Callable[[Problem, kernel.NormalDraws, Float32Array], rollout.Draws]] = {
-    "coherent": _coherent_winds,
-    "independent": _independent_winds,
-}

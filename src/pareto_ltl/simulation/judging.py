@@ -23,17 +23,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, counted_rate
 from pareto_ltl.planning.refine.epsilon import keeps_epsilon
 from pareto_ltl.planning.selection import chance_of_failures, hypervolume, non_dominated
-from pareto_ltl.simulation.flights import (
-    PilotMaker,
-    block_rows,
-    draw_block,
-    fly_block,
-    judge_flights,
-    pilot_maker,
-    require_known_wind,
-    simulate_flights,
-    unspawned,
-)
+from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.cores import cores
@@ -109,7 +99,7 @@ def _require_success(problem: Problem, judged: Sequence[Flown]) -> None:
     seed = SeedSequence(0)  # a text says the same about the same paths
 
     def outcome(path: PlannedPath) -> Deployment:
-        return simulate_flights(problem, path.u, LAST_LOOK, problem.fidelity.law, seed, path.x)
+        return sim.simulate_flights(problem, path.u, LAST_LOOK, problem.fidelity.law, seed, path.x)
 
     def reached(flights: Deployment) -> float:
         return float(flights.accepted.mean() - flights.collided.mean() - flights.off_map.mean())
@@ -178,7 +168,7 @@ class Race:
     """
 
     problem: Problem
-    pilots: Sequence[PilotMaker]
+    pilots: Sequence[sim.PilotMaker]
     sizes: Sequence[int]
     blocks: Sequence[slice]
     seeds: Sequence[SeedSequence]
@@ -187,27 +177,27 @@ class Race:
         """Which flights of block ``number`` fail, for each of the paths ``running``, (R, n)."""
         problem, law = self.problem, self.problem.fidelity.law
         rows = self.blocks[number]
-        block = draw_block(problem, law, rows.stop - rows.start, max(self.sizes), self.seeds[number])
+        block = sim.draw_block(problem, law, rows.stop - rows.start, max(self.sizes), self.seeds[number])
         n = len(block.start)
         failed = np.empty((len(running), n), bool)
         for row, k in enumerate(running):
             x = np.empty((n, self.sizes[k] + 1, 2))
-            fly_block(problem, block, self.pilots[k], x)
-            failed[row] = judge_flights(problem, law, x).failed
+            sim.fly_block(problem, block, self.pilots[k], x)
+            failed[row] = sim.judge_flights(problem, law, x).failed
         return failed
 
 
 def race_of(problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: SeedSequence) -> Race:
     """The race of ``paths`` through ``runs`` flights, as in ``simulate_flights`` with the same seed."""
     for path in paths:
-        require_known_wind(problem, path.u, path.x)
-    blocks = block_rows(runs)
+        sim.require_known_wind(problem, path.u, path.x)
+    blocks = sim.block_rows(runs)
     return Race(
         problem,
-        [pilot_maker(problem, path.u, path.x, problem.fidelity.law) for path in paths],
+        [sim.pilot_maker(problem, path.u, path.x, problem.fidelity.law) for path in paths],
         [len(path.u) for path in paths],
         blocks,
-        unspawned(seed).spawn(len(blocks)),
+        sim.unspawned(seed).spawn(len(blocks)),
     )
 
 

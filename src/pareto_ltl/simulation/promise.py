@@ -13,15 +13,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import (
-    FLIGHTS,
-    WEIGHTED,
-    FailureRate,
-    Front,
-    PlannedPath,
-    Promise,
-    counted_rate,
-)
+from pareto_ltl.planning.records import WEIGHTED, FailureRate, Front, PlannedPath, Promise, counted_rate
 from pareto_ltl.planning.selection_rules import choose_path, part_of_front, selection_rule
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.judging import count_failures
@@ -148,26 +140,18 @@ def count_agrees(counted: FailureRate, weighted: FailureRate) -> bool:
 def claim_stands(rate: FailureRate, claimed: FailureRate) -> bool:
     """Whether the claim, a count of flights, is not significantly better than the fresh rate.
 
-    The p value of the claim under the fresh rate must be at least ``DOUBT``.
-    """
-    return bool(CHANCES[rate.method](rate, claimed) >= DOUBT)
-
-
-def _chance_among_flights(rate: FailureRate, claimed: FailureRate) -> float:
-    """One-sided p value of Fisher's exact test: given the failures of both, that so many are fresh ones.
+    The p value of the claim under the fresh rate must be at least ``DOUBT``. For fresh flights it is Fisher's
+    exact test: given the failures of both, the probability of as many fresh ones or more. For weighted ones
+    it is the probability that so few of the claim's flights fail at the lower end of their interval.
 
     Eq. (M60) of docs/mathematics_methods.md.
     """
-    total, failures = rate.runs + claimed.runs, rate.failures + claimed.failures
-    return hypergeometric_tail(rate.failures, total, failures, rate.runs)
-
-
-def _chance_of_claim(rate: FailureRate, claimed: FailureRate) -> float:
-    """Probability that so few of the claim's flights fail at the lower end of the weighted interval."""
-    return float(binomial_tail(claimed.runs - claimed.failures, claimed.runs, 1.0 - rate.low))
-
-
-CHANCES = {FLIGHTS: _chance_among_flights, WEIGHTED: _chance_of_claim}
+    if rate.method == WEIGHTED:
+        chance = float(binomial_tail(claimed.runs - claimed.failures, claimed.runs, 1.0 - rate.low))
+    else:
+        total, failures = rate.runs + claimed.runs, rate.failures + claimed.failures
+        chance = hypergeometric_tail(rate.failures, total, failures, rate.runs)
+    return chance >= DOUBT
 
 
 def linearity(problem: Problem, wind: WindField, cov: FloatArray) -> float:

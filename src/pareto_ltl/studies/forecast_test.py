@@ -54,7 +54,7 @@ from pareto_ltl.wind.area import GeoBox, box_of
 from pareto_ltl.wind.ingest import common_nodes
 from pareto_ltl.wind.observations import FIT_RADIUS
 from pareto_ltl.wind.snapshots import Snapshot, latest_readings
-from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
+from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 
 REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}  # eastern ends [deg]
 REGION_KEYS = ("fidelity", "region")

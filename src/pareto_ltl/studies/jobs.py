@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from pareto_ltl.run.provenance import ANSWERS, one_line
-from pareto_ltl.support.locks import has_note, hold_passing_lock, is_held, process_note
+from pareto_ltl.support.locks import has_note, hold_lock, is_held, process_note
 
 JOB_LOG = logging.getLogger(__name__)
 
@@ -119,7 +119,7 @@ class StoredJob(ABC):
         """
         self.lock.parent.mkdir(parents=True, exist_ok=True)
         busy = is_held(self.lock)
-        with hold_passing_lock(self.lock, note=process_note()) as killed_holder:
+        with hold_lock(self.lock, note=process_note()) as killed_holder:
             if not killed_holder and (resume or busy) and self.settled():
                 return False
             self.clear()

@@ -10,13 +10,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from pareto_ltl.run.provenance import input_files
-from pareto_ltl.settings import EvaluationConfig, Settings, as_dict
+from pareto_ltl.settings import EvaluationConfig, Settings
 from pareto_ltl.studies import cluster
 from pareto_ltl.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 from pareto_ltl.support.cores import cores
@@ -62,7 +62,7 @@ class Part:
 
 def part_key(settings: Settings, *more: Any) -> str:
     """Fingerprint of the settings that matter to a plan, of ``more``, of the wind files and of the code."""
-    relevant = {name: value for name, value in as_dict(settings).items() if name not in OTHER_SECTIONS}
+    relevant = {name: value for name, value in asdict(settings).items() if name not in OTHER_SECTIONS}
     relevant["planner"].pop("threads")
     inputs = [file_fingerprint(file) for file in sorted(input_files(settings))]
     code = code_fingerprint(without=OTHER_CODE)

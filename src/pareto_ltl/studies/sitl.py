@@ -143,7 +143,7 @@ def flight_air(problem: Problem, draws: Any, i: int, steps: int) -> Air:
 
     Within a step the wind does not change with time, as in our flights, but with the position.
     """
-    from pareto_ltl.kernels.flight_winds import wind_met
+    from pareto_ltl.kernels.flight import wind_met
 
     own = _one_of(draws, i)
     crs, dt = str(problem.scene.crs), problem.motion.dt

@@ -35,7 +35,9 @@ class TakenError(Exception):
 
 @contextmanager
 def hold_lock(path: Path, *, wait: bool = True, note: str = "") -> Iterator[str]:
-    """Hold the lock ``path`` in the block, and yield the note of its previous holder; the file remains.
+    """Hold the lock ``path`` in the block; its file is removed at the end.
+
+    What is yielded is the note of a previous holder that was killed, or an empty text.
 
     Parameters
     ----------
@@ -55,23 +57,19 @@ def hold_lock(path: Path, *, wait: bool = True, note: str = "") -> Iterator[str]
     OSError
         If the file cannot be made or opened.
     """
-    with _held(path, wait, note) as (_, left):
-        yield left
-
-
-@contextmanager
-def hold_passing_lock(path: Path, *, wait: bool = True, note: str = "") -> Iterator[str]:
-    """Like :func:`hold_lock`, but the file is removed when the block ends.
-
-    A note that is yielded then means that the previous holder was killed.
-    """
-    with _held(path, wait, note) as (handle, left):
+    handle = _locked_handle(path, wait)
+    try:
+        left = _read_note(handle)
+        if note:
+            _write_note(handle, note)
         try:
             yield left
         finally:
             os.ftruncate(handle, 0)  # no note is left if the file cannot be removed
             with suppress(PermissionError, FileNotFoundError):
                 path.unlink()
+    finally:
+        os.close(handle)
     if os.name == "nt":  # Windows cannot remove an open file
         with suppress(OSError):
             path.unlink()
@@ -89,7 +87,7 @@ def claim_folder(lock: Path, what: str, instead: str) -> Iterator[None]:
     """
     lock.parent.mkdir(parents=True, exist_ok=True)
     try:
-        with hold_passing_lock(lock, wait=False, note=process_note()):
+        with hold_lock(lock, wait=False, note=process_note()):
             yield
     except TakenError as other:
         raise ConfigError(
@@ -120,19 +118,6 @@ def is_held(path: Path) -> bool:
         return not _try_lock(handle, wait=False)
     except OSError:
         return False
-    finally:
-        os.close(handle)
-
-
-@contextmanager
-def _held(path: Path, wait: bool, note: str) -> Iterator[tuple[int, str]]:
-    """Lock ``path`` in the block; yield its file handle and the previous note, and write ``note`` into it."""
-    handle = _locked_handle(path, wait)
-    try:
-        left = _read_note(handle)
-        if note:
-            _write_note(handle, note)
-        yield handle, left
     finally:
         os.close(handle)
 

@@ -75,10 +75,3 @@ def choice_file(group: str, name: str) -> Path:
             if path.stem == name:
                 return path
     raise ConfigError(f"there is no {group} {shown_value(name)}; there are {', '.join(choices(group))}")
-
-
-def groups() -> list[str]:
-    """All groups that have at least one choice, sorted."""
-    roots = (resource_folder("conf"), *added_folders())
-    found = {path.name for root in roots for path in root.iterdir() if any(path.glob("*.yaml"))}
-    return sorted(found | {"pipelines"})

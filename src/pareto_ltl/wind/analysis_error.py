@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.block_bootstrap import Interval, Resampling
-from pareto_ltl.wind.matched_fields import EARTH_RADIUS
+from pareto_ltl.wind.matched_fields import EARTH_RADIUS, Interval, Resampling
 from pareto_ltl.wind.readings import Readings, iso, on_sphere
 from pareto_ltl.wind.snapshots import Snapshot
 
@@ -78,11 +77,9 @@ def analysis_error(
             f"{NEAR / 1e3:g} km in the area, expected at least {FEWEST_TIMES}"
         )
     times, square, product, reports, pairs = table.T
-    drawn = draws.means(times, product[:, None])[:, 0]
-    found = draws.interval(times, float(product.mean()), drawn, ratio=False)
-    ends = (float(np.sqrt(max(v, 0.0))) for v in (found.value, found.low, found.high))
+    error = draws.estimate(times, product, ratio=False).root
     noise = float(np.sqrt(max(square.mean() - product.mean(), 0.0)))
-    return AnalysisError(Interval(*ends), noise, len(table), int(reports.sum()), int(pairs.sum()))
+    return AnalysisError(error, noise, len(table), int(reports.sum()), int(pairs.sum()))
 
 
 def _moments(snap: Snapshot, places: FloatArray, winds: FloatArray) -> tuple[float, float, int, int]:

@@ -23,7 +23,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.wind.records import ENSEMBLE, FORECAST, HELD, SPACE, TIME, WindField, WindModes
 
 HELD_STEP = 10_800.0  # [s] between the slots of a held field
@@ -36,22 +36,28 @@ def field_from(field: WindField, moment: float) -> WindField:
     Its evidence is dropped: the fit also used the slots before.
     """
     first = max(int(np.searchsorted(field.times, moment + 1e-6, side="right")) - 1, 0)
+    times = field.times[first:] - moment
+    return replace(
+        _with_slots(field, times, np.arange(first, len(field.times))),
+        until=field.known_until - moment,
+        held=None if field.held is None else field.held - moment,
+    )
+
+
+def _with_slots(field: WindField, times: FloatArray, rows: IntArray) -> WindField:
+    """``field`` with slots at ``times`` that have the content of the slots ``rows``, without evidence."""
     modes = field.modes
     if modes is not None:
-        modes = replace(
-            modes, psi=modes.psi[first:], length=modes.length[first:], energy=modes.energy[first:]
-        )
+        modes = replace(modes, psi=modes.psi[rows], length=modes.length[rows], energy=modes.energy[rows])
     return replace(
         field,
-        times=field.times[first:] - moment,
-        mean=field.mean[first:],
-        latent_var=field.latent_var[first:],
-        gust_var=field.gust_var[first:],
-        until=field.known_until - moment,
+        times=times,
+        mean=field.mean[rows],
+        latent_var=field.latent_var[rows],
+        gust_var=field.gust_var[rows],
+        leads=field.leads[rows],
         modes=modes,
         evidence=None,
-        leads=field.leads[first:],
-        held=None if field.held is None else field.held - moment,
     )
 
 
@@ -74,20 +80,18 @@ def with_held_slots(field: WindField) -> WindField:
     share = (np.arange(INSTANTS) + 0.5) / INSTANTS
     around = edges[:-1, None] + np.diff(edges)[:, None] * share
     size = np.sqrt(error.change_variance(around - last).mean(axis=1))
-    row = np.full(len(times), len(field.times) - 1)
-    psi = modes.psi[row]
-    psi[..., modes.part == TIME] *= size[:, None, None, None, None].astype(np.float32)
-    part = np.where(modes.part == TIME, HELD, modes.part)
-    return replace(
-        field,
-        times=times,
-        mean=field.mean[row],
-        latent_var=field.latent_var[row] + error.change_variance(times - last)[:, None, None, None],
-        gust_var=field.gust_var[row],
-        leads=field.leads[row],
-        modes=replace(modes, psi=psi, part=part, length=modes.length[row], energy=modes.energy[row]),
-        held=last,
+    last_row = np.full(len(times), len(field.times) - 1)
+    held = _with_slots(field, times, last_row)
+    variance = held.latent_var + error.change_variance(times - last)[:, None, None, None]
+    grown = np.where(modes.part == TIME, size[:, None], 1.0).astype(np.float32)[:, None, None, None]
+    modes = replace(
+        modes,
+        psi=modes.psi[last_row] * grown,
+        part=np.where(modes.part == TIME, HELD, modes.part),
+        length=modes.length[last_row],
+        energy=modes.energy[last_row],
     )
+    return replace(held, latent_var=variance, modes=modes, held=last)
 
 
 def persistence(field: WindField, since: float) -> FloatArray:

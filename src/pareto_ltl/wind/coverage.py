@@ -43,9 +43,13 @@ def coverage_of(
         )
     if field.evidence is not None:
         counts = [len(points) for points in field.evidence.points]
+        share = field.score.get("gp_coverage_90", np.nan)
+        scored = (
+            f"{probability_text(share)} lie in 90 % intervals" if np.isfinite(share) else "none was scored"
+        )
         covered.append(
             f"interpolation in space between {_range(counts, 'readings a time')} ({field.evidence.kernel}; "
-            f"of readings on the map that the fit did not see, {_coverage_text(field)})"
+            f"of readings on the map that the fit did not see, {scored})"
         )
     left = _forecast_part(field, covered)
     _time_part(field, time_zero, covered, left)
@@ -61,11 +65,6 @@ def coverage_of(
         own,
     ]
     return Coverage("; ".join(covered) + ".", "; ".join(left) + ".")
-
-
-def _coverage_text(field: WindField) -> str:
-    covered = field.score.get("gp_coverage_90", np.nan)
-    return f"{probability_text(covered)} lie in 90 % intervals" if np.isfinite(covered) else "none was scored"
 
 
 def _forecast_part(field: WindField, covered: list[str]) -> list[str]:

@@ -24,24 +24,28 @@ mean products of the differences at two nodes. Intervals are from a block bootst
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise, permutations
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.block_bootstrap import Interval, Resampling
+from pareto_ltl.support.fingerprints import file_fingerprint
+from pareto_ltl.wind.forecast_error import ForecastError
 from pareto_ltl.wind.gp import CORRELATIONS
-from pareto_ltl.wind.matched_fields import MatchedFields, PairMoments, analyses, forecasts
-from pareto_ltl.wind.readings import HOUR
+from pareto_ltl.wind.matched_fields import Interval, MatchedFields, PairMoments, Resampling
+from pareto_ltl.wind.readings import HOUR, iso
 from pareto_ltl.wind.snapshots import Snapshot
 
 FEWEST_PAIRS = 5  # for an entry of a table
 LENGTHS = np.geomspace(2e4, 4e6, 1000)  # candidates [m]
-
 DIRECT, ASYMMETRY = "forecast and analysis of one time", "asymmetry"
 ANALYSES, MIXED = "two analyses", "a forecast and an analysis"
+Differences = dict[float, list[tuple[float, FloatArray]]]  # by lead or lag: cycles and differences
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +68,11 @@ class ErrorTable:
     sd: tuple[Interval, ...]
     pairs: IntArray
     ways: tuple[str, ...]
+
+    @property
+    def values(self) -> FloatArray:
+        """The root mean squares without their intervals, (n,) [m/s]."""
+        return np.array([sd.value for sd in self.sd])
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,8 +143,7 @@ class ErrorEstimate:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Entry:
+class _Entry(NamedTuple):
     """The pairs behind one entry of a table."""
 
     at: float
@@ -172,6 +180,7 @@ def estimate_errors(
     fields = MatchedFields(known, area)
     leads, missing = _forecast_entries(fields)
     forecast = _error_table(leads, draws)
+    clear = [e for e, sd in zip(leads, forecast.sd if forecast else (), strict=True) if sd.low > 0]
     lags, rare = _change_entries(fields, max_lag, leads)
     change = _error_table(lags, draws)
     if change is None:
@@ -185,7 +194,7 @@ def estimate_errors(
         notes.append(f"{len(cycles)} cycles make {blocks:.1f} blocks: intervals of so few are rough")
     return ErrorEstimate(
         forecast,
-        _length_fit(fields, _told_apart(leads, forecast), draws, missing),
+        _length_fit(fields, clear, draws, missing),
         _persistence(fields, draws),
         change,
         _length_fit(fields, lags, draws, ""),
@@ -201,13 +210,11 @@ def estimate_errors(
 def _usable(snapshots: Sequence[Snapshot]) -> tuple[list[Snapshot], list[str]]:
     """The snapshots with a known lead, and a note on those that were left out."""
     known = [snap for snap in snapshots if np.isfinite(snap.lead)]
-    for what, found in (
-        ("levels", {snap.level for snap in known}),
-        ("members", {snap.member for snap in known}),
-    ):
+    for what in ("level", "member"):
+        found = {getattr(snap, what) for snap in known}
         if len(found) > 1:
             raise DataError(
-                f"the wind files hold several {what} ({', '.join(sorted(found))}); name files of one of them"
+                f"the wind files hold several {what}s ({', '.join(sorted(found))}); name files of one of them"
             )
     if not any(snap.lead == 0 for snap in known):
         raise DataError(
@@ -223,11 +230,11 @@ def _usable(snapshots: Sequence[Snapshot]) -> tuple[list[Snapshot], list[str]]:
 
 def _forecast_entries(fields: MatchedFields) -> tuple[list[_Entry], str]:
     """Errors of each lead that has enough pairs, and the reason if there are none."""
-    truth = analyses(fields.winds)
-    direct: dict[float, list[tuple[float, FloatArray]]] = defaultdict(list)
-    later: dict[float, list[tuple[float, FloatArray]]] = defaultdict(list)
-    own: dict[float, list[tuple[float, FloatArray]]] = defaultdict(list)
-    for cycle, lead, field in forecasts(fields.winds):
+    truth = fields.analyses
+    direct: Differences = defaultdict(list)
+    later: Differences = defaultdict(list)
+    own: Differences = defaultdict(list)
+    for cycle, lead, field in fields.forecasts:
         time = cycle + lead
         if time in truth:
             direct[lead].append((cycle, field - truth[time]))
@@ -237,9 +244,8 @@ def _forecast_entries(fields: MatchedFields) -> tuple[list[_Entry], str]:
     entries = [_Entry(lead, DIRECT, fields.moments(pairs)) for lead, pairs in direct.items()]
     for lead in later.keys() - direct.keys():
         one, two = fields.moments(later[lead]), fields.moments(own[lead])
-        moments = PairMoments(one.cycles, one.square - two.square, one.products - two.products)
-        entries.append(_Entry(lead, ASYMMETRY, moments))
-    used = sorted((e for e in entries if len(e.moments) >= FEWEST_PAIRS), key=lambda entry: entry.at)
+        entries.append(_Entry(lead, ASYMMETRY, PairMoments(one.cycles, one.table - two.table)))
+    used = sorted((e for e in entries if len(e.moments.cycles) >= FEWEST_PAIRS), key=lambda entry: entry.at)
     return used, "" if used else "no forecast can be compared with analyses"
 
 
@@ -247,50 +253,34 @@ def _change_entries(
     fields: MatchedFields, max_lag: float, leads: Sequence[_Entry]
 ) -> tuple[list[_Entry], list[str]]:
     """Changes over each lag that has enough pairs, and a note on the others."""
-    truth = analyses(fields.winds)
-    pairs: dict[float, list[tuple[float, FloatArray]]] = defaultdict(list)
-    for first, one in truth.items():
-        for second, two in truth.items():
-            if 0 < second - first <= max_lag:
-                pairs[second - first].append((first, two - one))
+    truth = fields.analyses
+    pairs: Differences = defaultdict(list)
+    for (first, one), (second, two) in permutations(truth.items(), 2):
+        if 0 < second - first <= max_lag:
+            pairs[second - first].append((first, two - one))
     entries = [_Entry(lag, ANALYSES, fields.moments(found)) for lag, found in pairs.items()]
     errors = {entry.at: entry.moments.table.mean(axis=0) for entry in leads}
     mixed: dict[float, list[PairMoments]] = defaultdict(list)
-    for lag, cycle, lead, earlier, difference in _mixed_pairs(fields, max_lag):
-        if lag not in pairs and (earlier or lead in errors):
-            moments = fields.moments([(cycle, difference)])
-            error = np.zeros(moments.table.shape[1]) if earlier or errors[lead][0] < 0 else errors[lead]
-            mixed[lag].append(
-                replace(moments, square=moments.square - error[0], products=moments.products - error[1:])
-            )
+    for cycle, lead, field in fields.forecasts:
+        for time, analysis in truth.items():
+            lag, earlier = abs(time - cycle - lead), time <= cycle
+            newer = cycle < time < cycle + lead  # such an analysis uses data after the start
+            if newer or not 0 < lag <= max_lag or lag in pairs or not (earlier or lead in errors):
+                continue
+            found = fields.moments([(cycle, field - analysis)])
+            if not earlier and errors[lead][0] >= 0:
+                found = PairMoments(found.cycles, found.table - errors[lead])
+            mixed[lag].append(found)
     entries += [_Entry(lag, MIXED, _joined(found)) for lag, found in mixed.items()]
-    used = [e for e in entries if len(e.moments) >= FEWEST_PAIRS and e.moments.square.mean() > 0]
+    used = [e for e in entries if len(e.moments.cycles) >= FEWEST_PAIRS and e.moments.square.mean() > 0]
     rare = [f"{at / HOUR:g}" for at in sorted({entry.at for entry in entries} - {entry.at for entry in used})]
     note = [f"lags of {', '.join(rare)} h have fewer than {FEWEST_PAIRS} pairs and were left out"]
     return sorted(used, key=lambda entry: entry.at), note if rare else []
 
 
-def _mixed_pairs(
-    fields: MatchedFields, max_lag: float
-) -> Iterator[tuple[float, float, float, bool, FloatArray]]:
-    """Lag, cycle and lead of a forecast, whether the analysis is not after the cycle, and the difference.
-
-    Analyses between the start and the valid time of a forecast are left out, as they use newer data.
-    """
-    truth = analyses(fields.winds)
-    for cycle, lead, field in forecasts(fields.winds):
-        for time, analysis in truth.items():
-            lag = abs(time - cycle - lead)
-            if 0 < lag <= max_lag and not cycle < time < cycle + lead:
-                yield lag, cycle, lead, time <= cycle, field - analysis
-
-
 def _joined(moments: Sequence[PairMoments]) -> PairMoments:
-    return PairMoments(
-        np.concatenate([m.cycles for m in moments]),
-        np.concatenate([m.square for m in moments]),
-        np.concatenate([m.products for m in moments]),
-    )
+    cycles, tables = zip(*moments, strict=True)
+    return PairMoments(np.concatenate(cycles), np.concatenate(tables))
 
 
 # --- estimates -------------------------------------------------------------------------------
@@ -300,23 +290,12 @@ def _error_table(entries: Sequence[_Entry], draws: Resampling) -> ErrorTable | N
     """Root mean squares with intervals; 0 for a negative mean square."""
     if not entries:
         return None
-    found = []
-    for entry in entries:
-        value = float(entry.moments.square.mean())
-        drawn = draws.means(entry.moments.cycles, entry.moments.square[:, None])[:, 0]
-        about = draws.interval(entry.moments.cycles, value, drawn, ratio=entry.way in (DIRECT, ANALYSES))
-        found.append(Interval(*(float(np.sqrt(max(v, 0.0))) for v in (about.value, about.low, about.high))))
-    return ErrorTable(
-        np.array([entry.at for entry in entries]),
-        tuple(found),
-        np.array([len(entry.moments) for entry in entries]),
-        tuple(entry.way for entry in entries),
-    )
-
-
-def _told_apart(entries: Sequence[_Entry], table: ErrorTable | None) -> list[_Entry]:
-    """The entries whose interval excludes 0."""
-    return [] if table is None else [e for e, sd in zip(entries, table.sd, strict=True) if sd.low > 0]
+    at, ways, moments = zip(*entries, strict=True)
+    found = [
+        draws.estimate(m.cycles, m.square, ratio=way in (DIRECT, ANALYSES)).root
+        for way, m in zip(ways, moments, strict=True)
+    ]
+    return ErrorTable(np.array(at), tuple(found), np.array([len(m.cycles) for m in moments]), ways)
 
 
 def _length_fit(
@@ -326,16 +305,15 @@ def _length_fit(
     if not entries:
         why = reason or "the error is not significantly above 0"
         return LengthFit(np.empty(0), np.empty(0), None, why)
-    pooled = _joined([entry.moments.scaled(1 / float(entry.moments.square.mean())) for entry in entries])
-    mean = pooled.table.mean(axis=0)
-    observed = mean[1:] / mean[0]
-    drawn = draws.means(pooled.cycles, pooled.table)
-    lengths = matern_lengths(fields.distances, drawn[:, 1:] / drawn[:, :1])
-    value = float(matern_lengths(fields.distances, observed[None])[0])
-    if not np.isfinite(value):
-        why = f"no length from {LENGTHS[0] / 1e3:g} to {LENGTHS[-1] / 1e3:g} km fits the correlations"
-        return LengthFit(fields.distances, observed, None, why)
-    return LengthFit(fields.distances, observed, draws.interval(pooled.cycles, value, lengths, ratio=True))
+    pooled = _joined([PairMoments(m.cycles, 1 / float(m.square.mean()) * m.table) for _, _, m in entries])
+    mean, distances = pooled.table.mean(axis=0), fields.distances
+    length = draws.estimate(
+        pooled.cycles, pooled.table, lambda m: matern_lengths(distances, m[:, 1:] / m[:, :1]), ratio=True
+    )
+    if np.isfinite(length.value):
+        return LengthFit(distances, mean[1:] / mean[0], length)
+    why = f"no length from {LENGTHS[0] / 1e3:g} to {LENGTHS[-1] / 1e3:g} km fits the correlations"
+    return LengthFit(distances, mean[1:] / mean[0], None, why)
 
 
 def matern_lengths(distances: FloatArray, observed: FloatArray) -> FloatArray:
@@ -351,43 +329,122 @@ def matern_lengths(distances: FloatArray, observed: FloatArray) -> FloatArray:
 
 
 def _persistence(fields: MatchedFields, draws: Resampling) -> Persistence:
-    """Correlation of the errors of one cycle at its successive valid times::
+    """Correlation of the errors of one cycle at its successive valid times, limited to [0, 1]::
 
     Σ e(t) e(t + s) / √(Σ e(t)² Σ e(t + s)²),  each e divided by the root mean square of its lead
     """
-    truth = analyses(fields.winds)
+    truth = fields.analyses
     errors: dict[float, dict[float, FloatArray]] = defaultdict(dict)
-    for cycle, lead, field in forecasts(fields.winds):
+    squares: dict[float, list[float]] = defaultdict(list)
+    for cycle, lead, field in fields.forecasts:
         if cycle + lead in truth:
             errors[cycle][lead] = field - truth[cycle + lead]
     if not errors:
         return Persistence(None, reason="no forecast has the valid time of an analysis")
-    steps = {
-        b - a for found in errors.values() for a, b in zip(sorted(found), sorted(found)[1:], strict=False)
-    }
+    steps = {b - a for found in errors.values() for a, b in pairwise(sorted(found))}
     if not steps:
         return Persistence(None, reason="no cycle has two forecasts with the valid times of analyses")
-    step, squares = min(steps), defaultdict(list)
+    step = min(steps)
     for found in errors.values():
         for lead, error in found.items():
             squares[lead].append(fields.mean_product(error, error))
     rows = []
     for cycle, found in errors.items():
         for lead in found.keys() & {lead - step for lead in found}:
-            one = found[lead] / np.sqrt(np.mean(squares[lead]))
-            two = found[lead + step] / np.sqrt(np.mean(squares[lead + step]))
+            one, two = (found[at] / np.sqrt(np.mean(squares[at])) for at in (lead, lead + step))
             products = (fields.mean_product(a, b) for a, b in ((one, two), (one, one), (two, two)))
             rows.append((cycle, *products))
     if len(rows) < FEWEST_PAIRS:
         return Persistence(None, reason=f"only {len(rows)} pairs of errors of one cycle")
     table = np.array(rows)
-    return Persistence(_correlation(table[:, 0], table[:, 1:], draws), step)
+    value = draws.estimate(
+        table[:, 0], table[:, 1:], lambda m: m[:, 0] / np.sqrt(m[:, 1] * m[:, 2]), ratio=False
+    )
+    return Persistence(Interval(*(float(np.clip(v, 0.0, 1.0)) for v in value)), step)
 
 
-def _correlation(cycles: FloatArray, products: FloatArray, draws: Resampling) -> Interval:
-    """Correlation, with interval, from mean products (P, 3) of (1, 2), (1, 1), (2, 2); limited to [0, 1]."""
-    drawn = draws.means(cycles, products)
-    mean = products.mean(axis=0)
-    value = float(mean[0] / np.sqrt(mean[1] * mean[2]))
-    about = draws.interval(cycles, value, drawn[:, 0] / np.sqrt(drawn[:, 1] * drawn[:, 2]), ratio=False)
-    return Interval(*(float(np.clip(v, 0.0, 1.0)) for v in (about.value, about.low, about.high)))
+# --- the file of `pareto-ltl wind-error` -------------------------------------------------------
+
+
+def estimated_law(estimate: ErrorEstimate, name: str, usual: ForecastError) -> ForecastError:
+    """The estimated law; missing values are taken from ``usual``.
+
+    ``usual`` is scaled to the spread of the winds if its level differs.
+    """
+    law = replace(usual.for_winds(estimate.level, estimate.spread), name=name, spread=estimate.spread)
+    found: dict[str, Any] = {"lags": estimate.change.at, "change_sd": estimate.change.values}
+    if (table := estimate.forecast) is not None:
+        found |= {"leads": np.append(0.0, table.at), "forecast_sd": np.append(0.0, table.values)}
+    if (length := estimate.forecast_length.length) is not None:
+        found["forecast_length"] = length.value
+    if (length := estimate.change_length.length) is not None:
+        found["change_length"] = length.value
+    if (value := estimate.persistence.value) is not None:
+        found |= {"persistence": value.value, "persistence_time": estimate.persistence.step}
+    return replace(law, **found)
+
+
+def error_document(
+    estimate: ErrorEstimate,
+    law: ForecastError,
+    usual: str,
+    files: Sequence[Path],
+    analysis_error: Mapping[str, Any] | str,
+) -> dict[str, Any]:
+    """The content of the file: the law, intervals, numbers of pairs, origin of each number, source files.
+
+    Parameters
+    ----------
+    usual : str
+        Name of the law whose values are used where the data do not suffice.
+    """
+    document = law.document()
+    forecast, change = document["forecast"], document["change"]
+    if estimate.forecast is not None:
+        columns = _columns(estimate.forecast)
+        by_definition = (0.0, 0.0, None, "by definition")  # of lead 0
+        forecast |= {
+            name: [first, *columns[name]] for name, first in zip(columns, by_definition, strict=True)
+        }
+    forecast |= _ends("length", estimate.forecast_length.length)
+    forecast |= _ends("persistence", estimate.persistence.value)
+    change |= _columns(estimate.change) | _ends("length", estimate.change_length.length)
+    head = {key: document[key] for key in ("schema", "name")} | {"origin": origin_text(estimate, usual)}
+    tail = {"analysis_error": analysis_error, "files": {file.name: file_fingerprint(file) for file in files}}
+    return head | document | tail
+
+
+def origin_text(estimate: ErrorEstimate, usual: str) -> str:
+    """Text on the origin of the numbers, and on the numbers that are not from the data."""
+    first, last = (iso(moment) for moment in estimate.period)
+    sentences = [
+        f"{estimate.cycles} cycles from {first} to {last}, {estimate.nodes} nodes; errors are differences "
+        "from analyses; 95 % intervals by a block bootstrap over cycles"
+    ]
+    if (table := estimate.forecast) is not None:
+        ways = "; ".join(f"e({at / HOUR:g} h) by {way}" for at, way in zip(table.at, table.ways, strict=True))
+        sentences.append(ways)
+    assumed = [f"{what} taken from {usual}, since {why}" for what, why in unknown_parts(estimate).items()]
+    return ". ".join([*sentences, *assumed, *estimate.notes])
+
+
+def unknown_parts(estimate: ErrorEstimate) -> dict[str, str]:
+    """The values that could not be estimated, each with the reason."""
+    error, change, persistence = estimate.forecast_length, estimate.change_length, estimate.persistence
+    parts = {
+        "error of forecasts": (estimate.forecast, error.reason),
+        "length of the error": (error.length, error.reason),
+        "length of the change": (change.length, change.reason),
+        "persistence": (persistence.value, persistence.reason),
+    }
+    return {name: reason for name, (found, reason) in parts.items() if found is None}
+
+
+def _columns(table: ErrorTable) -> dict[str, list[Any]]:
+    low, high = ([getattr(sd, end) for sd in table.sd] for end in ("low", "high"))
+    return {"sd_low": low, "sd_high": high, "pairs": table.pairs.tolist(), "ways": list(table.ways)}
+
+
+def _ends(name: str, found: Interval | None) -> dict[str, float | None]:
+    low, high = (None, None) if found is None else (found.low, found.high)
+    return {f"{name}_low": low, f"{name}_high": high}

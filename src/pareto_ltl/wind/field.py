@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import probability_text
-from pareto_ltl.wind.fit_cache import cached_wind_table
+from pareto_ltl.wind.fit_cache import WindTable, WindTask, cached_wind_table, tabulate_wind
 from pareto_ltl.wind.gp import Hyper
+from pareto_ltl.wind.modes import ErrorParts
 from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.records import NodeLattice, WindEvidence, WindField, WindModes, WindObservations
-from pareto_ltl.wind.tabulate import WindTable, WindTask, tabulate_wind
 from pareto_ltl.world.scene import Scene
 
 FEWEST_MODE_CELLS, MOST_MODE_CELLS = 10, 24  # of the lattice of the modes, along the longer side of the scene
@@ -24,6 +24,7 @@ MOST_CELLS = 500  # of the lattice, along its longer side
 LEAST_COVERAGE, MOST_COVERAGE = 0.8, 0.97  # of 90 % intervals; outside this range a warning is logged
 SAMPLES = 16  # instants at which a variance is averaged over time
 LOG = logging.getLogger(__name__)
+FIT_SETTINGS = ("kernel", "noise_min", "holdout", "energy", "modes_max")  # that a table depends on
 LENGTH = Hyper._fields.index("length")
 
 
@@ -41,8 +42,14 @@ def fit_wind_field(
     """
     lattice = wind_lattice(cfg, scene)
     if not any(len(points) for points in observations.points):
-        return _calm_field(lattice, observations.source)
-    seen = _held(cfg, observations_until(observations, horizon))
+        still, time = np.zeros((1, *lattice.shape, 2)), np.zeros(1)
+        return WindField(
+            lattice.origin, lattice.spacing, time, still, still.copy(), np.zeros((1, 2)),
+            until=math.inf, source=observations.source,
+        )  # fmt: skip
+    seen = observations_until(observations, horizon)
+    if cfg.hold_last:  # the last field is valid for longer
+        seen = replace(seen, until=float(seen.times[-1]) + HOUR * cfg.max_gap)
     task = _wind_task(cfg, seen, scene, lattice, horizon)
     table = cached_wind_table(task) if cfg.cache else tabulate_wind(task)
     _warn_about_score(table, cfg)
@@ -66,11 +73,6 @@ def fit_wind_field(
     )
 
 
-def _held(cfg: WindConfig, seen: WindObservations) -> WindObservations:
-    """The observations; with ``wind.hold_last``, the last field is valid for ``wind.max_gap`` longer."""
-    return replace(seen, until=float(seen.times[-1]) + HOUR * cfg.max_gap) if cfg.hold_last else seen
-
-
 def _wind_task(
     cfg: WindConfig, seen: WindObservations, scene: Scene, lattice: NodeLattice, horizon: float | None
 ) -> WindTask:
@@ -80,20 +82,10 @@ def _wind_task(
         forecast = seen.error.forecast_variance(seen.leads)
         lengths = seen.error.forecast_length, seen.error.change_length
     return WindTask(
-        kernel=cfg.kernel,
-        noise_min=cfg.noise_min,
-        holdout=cfg.holdout,
-        energy=cfg.energy,
-        modes_max=cfg.modes_max,
-        times=seen.times,
-        points=seen.points,
-        winds=seen.winds,
-        members=seen.members,
+        cfg=WindConfig(**{name: getattr(cfg, name) for name in FIT_SETTINGS}),
+        seen=WindObservations(seen.times, seen.points, seen.winds, "", members=seen.members),
         bounds=scene.bounds,
-        forecast_var=forecast,
-        forecast_length=lengths[0],
-        time_var=time_variances(seen, horizon),
-        time_length=lengths[1],
+        parts=ErrorParts(forecast, lengths[0], time_variances(seen, horizon), lengths[1]),
         lattice=lattice,
         mode_lattice=modes_lattice(cfg, scene),
     )
@@ -131,20 +123,6 @@ def _warn_about_score(table: WindTable, cfg: WindConfig) -> None:
         )  # fmt: skip
 
 
-def _calm_field(lattice: NodeLattice, source: str) -> WindField:
-    still = np.zeros((1, *lattice.shape, 2))
-    return WindField(
-        origin=lattice.origin,
-        spacing=lattice.spacing,
-        times=np.zeros(1),
-        mean=still,
-        latent_var=still.copy(),
-        gust_var=np.zeros((1, 2)),
-        until=math.inf,
-        source=source,
-    )
-
-
 def _wind_modes(
     cfg: WindConfig, seen: WindObservations, lattice: NodeLattice, table: WindTable
 ) -> WindModes | None:
@@ -175,9 +153,7 @@ def modes_lattice(cfg: WindConfig, scene: Scene) -> NodeLattice:
     extent = scene.bounds[1] - scene.bounds[0]
     side = float(extent.max())
     spacing = min(max(cfg.modes_spacing, side / MOST_MODE_CELLS), side / FEWEST_MODE_CELLS)
-    cells = np.ceil(extent / spacing - 1e-9).astype(int) + 2
-    origin = scene.bounds.mean(axis=0) - 0.5 * spacing * cells
-    return NodeLattice(origin, spacing, (int(cells[0]) + 1, int(cells[1]) + 1))
+    return _centred_lattice(scene, spacing, np.ceil(extent / spacing - 1e-9).astype(int) + 2)
 
 
 def wind_lattice(cfg: WindConfig, scene: Scene) -> NodeLattice:
@@ -190,7 +166,11 @@ def wind_lattice(cfg: WindConfig, scene: Scene) -> NodeLattice:
     padding = min(cfg.padding, side)
     spacing = max(min(cfg.spacing, side / FEWEST_CELLS), (side + 2 * padding) / MOST_CELLS)
     extent = scene.bounds[1] - scene.bounds[0] + 2 * padding
-    cells = np.maximum(1, np.ceil(extent / spacing - 1e-9)).astype(int)
+    return _centred_lattice(scene, spacing, np.maximum(1, np.ceil(extent / spacing - 1e-9)).astype(int))
+
+
+def _centred_lattice(scene: Scene, spacing: float, cells: IntArray) -> NodeLattice:
+    """The lattice of ``cells`` (2,) around the middle of ``scene``."""
     origin = scene.bounds.mean(axis=0) - 0.5 * spacing * cells
     return NodeLattice(origin, spacing, (int(cells[0]) + 1, int(cells[1]) + 1))
 

@@ -1,7 +1,7 @@
-"""The cache of fitted wind tables on disk: arrays in ``KEY.npz``, numbers and a checksum in ``KEY.json``.
+"""Tables of the fitted wind, and their cache on disk: arrays in ``KEY.npz``, numbers in ``KEY.json``.
 
-KEY is the fingerprint of all inputs of a table. An entry holds only data; nothing in it is executed. An entry
-that is damaged, or whose shapes do not fit its task, is made again.
+KEY is the fingerprint of all inputs of a table. An entry holds only data and a checksum; nothing in it is
+executed. An entry that is damaged, or whose shapes do not fit its task, is made again.
 """
 
 from __future__ import annotations
@@ -9,31 +9,138 @@ from __future__ import annotations
 import hashlib
 import logging
 import math
+from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from pareto_ltl.settings import WindConfig
 from pareto_ltl.support import cache
 from pareto_ltl.support.archives import read_npz
+from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray, require_shape
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_json, write_npz
 from pareto_ltl.support.fingerprints import code_fingerprint, file_fingerprint
 from pareto_ltl.support.reading import read_json
-from pareto_ltl.wind.tabulate import WindTable, WindTask, tabulate_wind
+from pareto_ltl.wind import gp, modes
+from pareto_ltl.wind.records import NodeLattice, WindObservations
 
 LOG = logging.getLogger(__name__)
-TABLE_CODE = ("wind.tabulate", "wind.gp", "wind.modes", "wind.scoring")  # the code that a table depends on
+TABLE_CODE = ("wind.fit_cache", "wind.gp", "wind.modes")  # the code that a table depends on
 TABLE_PACKAGES = ("numpy", "scipy", "scikit-learn")  # other versions round differently
 TABLE_SCHEMA = "pareto_ltl.wind_table/2"
+
+
+class WindTask(NamedTuple):
+    """All inputs of a wind table, and nothing else: what differs in a task is fitted anew.
+
+    Attributes
+    ----------
+    cfg : WindConfig
+        The settings of the fit and of the modes; all others have their default.
+    seen : WindObservations
+        The readings, with the deviations of members.
+    bounds : (2, 2) float
+        South-west and north-east corner of the map, where the fit is scored [m].
+    parts : ErrorParts
+        The errors of forecasts and of interpolation in time.
+    lattice, mode_lattice : NodeLattice
+        Nodes of the field, and the coarser nodes of its modes.
+    """
+
+    cfg: WindConfig
+    seen: WindObservations
+    bounds: FloatArray
+    parts: modes.ErrorParts
+    lattice: NodeLattice
+    mode_lattice: NodeLattice
+
+
+class WindTable(NamedTuple):
+    """The posterior wind on the lattices of a task with K times.
+
+    Attributes
+    ----------
+    mean : (K, NX, NY, 2) float
+        Expected wind [m/s].
+    latent_var : (K, NX, NY, 2) float
+        Variance of the smooth part of the error [m²/s²].
+    gust_var : (K, 2) float
+        Variance of the white part [m²/s²].
+    psi : (K, MX, MY, 2, P) float
+        Modes [m/s].
+    part : (P,) int
+        The part of the error to which each mode belongs.
+    energy : (K, 2) float
+        Share of the variance that the modes carry.
+    hyper : (K, 2, 4) float
+        Prior mean [m/s], amplitude [m/s], length scale [m], noise [m/s].
+    rho : float
+        Correlation of the errors of interpolation in space from one time to the next.
+    rest_length : float
+        Correlation length of the remainder that the modes do not carry [m].
+    score : dict of str to float
+        Scores of held-out readings; NaN if there were too few.
+    """
+
+    mean: FloatArray
+    latent_var: FloatArray
+    gust_var: FloatArray
+    psi: Float32Array
+    part: IntArray
+    energy: FloatArray
+    hyper: FloatArray
+    rho: float
+    rest_length: float
+    score: dict[str, float]
+
+    def check_for(self, task: WindTask) -> None:
+        """Raise ``ValueError`` if this is not a table of ``task``: wrong shapes, NaN, values out of range."""
+        slots, nodes, coarse = len(task.seen.times), task.lattice.shape, task.mode_lattice.shape
+        require_shape("mean", self.mean, slots, *nodes, 2)
+        require_shape("latent_var", self.latent_var, slots, *nodes, 2)
+        require_shape("gust_var", self.gust_var, slots, 2)
+        require_shape("psi", self.psi, slots, *coarse, 2, None)
+        require_shape("part", self.part, self.psi.shape[-1])
+        require_shape("energy", self.energy, slots, 2)
+        require_shape("hyper", self.hyper, slots, 2, 4)
+        for name, array in self._asdict().items():
+            kind = "i" if name == "part" else "f"
+            if isinstance(array, np.ndarray) and not (array.dtype.kind == kind and np.isfinite(array).all()):
+                raise ValueError(f"{name} is not finite")
+        if not 0.0 <= self.rest_length < np.inf:
+            raise ValueError("rest_length is negative or not finite")
+        if not (min(self.latent_var.min(), self.gust_var.min()) >= 0 and 0 <= self.rho <= 1):
+            raise ValueError("a variance is negative, or rho is not between 0 and 1")
+
+
 ARRAYS = tuple(name for name in WindTable._fields if name not in ("rho", "rest_length", "score"))
 
 
-def cache_folder() -> Path:
-    """The folder of the cached tables."""
-    return cache.cache_root() / "wind"
+def tabulate_wind(task: WindTask) -> WindTable:
+    """Fit the readings of ``task`` and evaluate the posterior on its lattices."""
+    cfg, seen = task.cfg, task.seen
+    posterior = gp.fit_posterior(cfg, seen, task.bounds)
+    nodes, mode_nodes = task.lattice.nodes(), task.mode_lattice.nodes()
+    mean, var = posterior.at(nodes)
+    ensemble = (posterior.spread_out(seen.members, nodes) ** 2).sum(-1)
+    var = var + task.parts.forecast_var[:, None, None] + ensemble
+    members = posterior.spread_out(seen.members, mode_nodes)
+    shape = task.mode_lattice.shape
+    found = modes.error_modes(posterior, task.parts, members, shape, mode_nodes, cfg.energy, cfg.modes_max)
+    slots = len(seen.times)
+    return WindTable(
+        mean=mean.reshape(slots, *task.lattice.shape, 2),
+        latent_var=var.reshape(slots, *task.lattice.shape, 2),
+        gust_var=posterior.gust_var,
+        hyper=np.array(posterior.hyper),
+        rho=modes.error_persistence(posterior),
+        score=posterior.score,
+        **found._replace(psi=found.psi.reshape(slots, *shape, 2, -1))._asdict(),
+    )
 
 
 def cached_wind_table(task: WindTask) -> WindTable:
@@ -41,7 +148,7 @@ def cached_wind_table(task: WindTask) -> WindTable:
 
     If the cache cannot be used, the table is computed and a warning logged.
     """
-    folder, key = cache_folder(), task_key(task)
+    folder, key = cache.cache_root() / cache.FITS_FOLDER, task_key(task)
     try:
         cache.make_private(folder)
     except (OSError, DataError) as error:
@@ -72,7 +179,9 @@ def task_key(task: WindTask) -> str:
 
 
 def _add_content(digest: Any, content: Any) -> None:
-    """Add numbers, texts, arrays and tuples of these to ``digest``, with their types and shapes."""
+    """Add numbers, texts, arrays, and tuples and records of these to ``digest``, with types and shapes."""
+    if is_dataclass(content):
+        content = tuple(getattr(content, each.name) for each in fields(content))
     if isinstance(content, tuple):
         digest.update(f"{len(content)} items\0".encode())
         for item in content:
@@ -90,7 +199,19 @@ def _kept_table(folder: Path, key: str, task: WindTask) -> WindTable | None:
     if not (arrays.is_file() and numbers.is_file()):
         return None
     try:
-        table = _read_table(arrays, numbers)
+        stored = read_json(numbers)
+        if stored.get("schema") != TABLE_SCHEMA or stored.get("sha256") != file_fingerprint(arrays):
+            raise DataError(f"{numbers.name} does not belong to it")
+        if not isinstance(stored.get("score"), dict):
+            raise DataError(f"{numbers.name} has no scores")
+        score = {name: math.nan if value is None else float(value) for name, value in stored["score"].items()}
+        content = read_npz(arrays)
+        table = WindTable(
+            rho=float(stored["rho"]),
+            rest_length=float(stored["rest_length"]),
+            score=score,
+            **{name: content[name] for name in ARRAYS},
+        )
         table.check_for(task)
     except (DataError, ValueError, TypeError, KeyError) as error:
         _warn_once(f"{arrays} is damaged and is made again: {error}")
@@ -99,35 +220,12 @@ def _kept_table(folder: Path, key: str, task: WindTask) -> WindTable | None:
     return table
 
 
-def _read_table(arrays: Path, numbers: Path) -> WindTable:
-    table = read_json(numbers)
-    if table.get("schema") != TABLE_SCHEMA or table.get("sha256") != file_fingerprint(arrays):
-        raise DataError(f"{numbers.name} does not belong to it")
-    if not isinstance(table.get("score"), dict):
-        raise DataError(f"{numbers.name} has no scores")
-    score = {str(name): math.nan if value is None else float(value) for name, value in table["score"].items()}
-    content = read_npz(arrays)
-    return WindTable(
-        rho=float(table["rho"]),
-        rest_length=float(table["rest_length"]),
-        score=score,
-        **{name: content[name] for name in ARRAYS},
-    )
-
-
 def _keep_table(folder: Path, key: str, table: WindTable) -> None:
     arrays = folder / f"{key}.npz"
     write_npz(arrays, {name: getattr(table, name) for name in ARRAYS})
-    write_json(
-        folder / f"{key}.json",
-        {
-            "schema": TABLE_SCHEMA,
-            "sha256": file_fingerprint(arrays),
-            "rho": table.rho,
-            "rest_length": table.rest_length,
-            "score": table.score,
-        },
-    )
+    numbers = {name: getattr(table, name) for name in ("rho", "rest_length", "score")}
+    note = {"schema": TABLE_SCHEMA, "sha256": file_fingerprint(arrays), **numbers}
+    write_json(folder / f"{key}.json", note)
     cache.trim_folder(folder, cache.cache_limit())
 
 

@@ -38,6 +38,24 @@ LAWS_FOLDER = PACKAGE / "support" / "data" / "forecast_errors"
 LAW_FILE = Advice(
     damaged="expected a file of `pareto-ltl wind-error`", missing="name a file of `pareto-ltl wind-error`"
 )
+Rows = tuple[tuple[str, str, float], ...]  # key in a file, attribute, unit of the file
+FILE_ROWS: dict[str, Rows] = {
+    "forecast": (
+        ("lead_hours", "leads", HOUR),
+        ("sd", "forecast_sd", 1.0),
+        ("length", "forecast_length", 1.0),
+        ("persistence", "persistence", 1.0),
+        ("persistence_hours", "persistence_time", HOUR),
+    ),
+    "change": (("lag_hours", "lags", HOUR), ("sd", "change_sd", 1.0), ("length", "change_length", 1.0)),
+}
+VARIABILITY_ROWS: Rows = (
+    ("from_seconds", "starts", 1.0),
+    ("to_seconds", "ends", 1.0),
+    ("mean_square", "squares", 1.0),
+    ("freedom", "freedom", 1.0),
+    ("factor", "factor", 1.0),
+)
 SHORT_TIME_POWER = 1.3  # D ~ τ^1.3 below the shortest time of a table, as between 3 and 6 h in GFS winds
 
 
@@ -63,15 +81,9 @@ class Variability:
     freedom: float
     factor: float
 
-    def document(self) -> dict[str, Any]:
-        """The numbers as they are written to a file."""
-        return {
-            "from_seconds": self.starts.tolist(),
-            "to_seconds": self.ends.tolist(),
-            "mean_square": self.squares.tolist(),
-            "freedom": self.freedom,
-            "factor": self.factor,
-        }
+    def __post_init__(self) -> None:
+        require_shape("to_seconds", self.ends, len(self.starts))
+        require_shape("mean_square", self.squares, len(self.starts))
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,25 +210,21 @@ class ForecastError:
 
     def document(self) -> dict[str, Any]:
         """The numbers as they are written to a file."""
-        return {
-            "schema": FORECAST_ERROR_SCHEMA,
-            "name": self.name,
-            "level": self.level,
-            "spread": self.spread,
-            "forecast": {
-                "lead_hours": (self.leads / HOUR).tolist(),
-                "sd": self.forecast_sd.tolist(),
-                "length": self.forecast_length,
-                "persistence": self.persistence,
-                "persistence_hours": self.persistence_time / HOUR,
-            },
-            "change": {
-                "lag_hours": (self.lags / HOUR).tolist(),
-                "sd": self.change_sd.tolist(),
-                "length": self.change_length,
-            },
-            **({} if self.variability is None else {"variability": self.variability.document()}),
-        }
+        head = {name: getattr(self, name) for name in ("name", "level", "spread")}
+        tables = {section: _written(self, rows) for section, rows in FILE_ROWS.items()}
+        if self.variability is not None:
+            tables["variability"] = _written(self.variability, VARIABILITY_ROWS)
+        return {"schema": FORECAST_ERROR_SCHEMA} | head | tables
+
+
+def _written(record: object, rows: Rows) -> dict[str, Any]:
+    return {key: np.asarray(getattr(record, name) / unit).tolist() for key, name, unit in rows}
+
+
+def _read(section: Mapping[str, Any], rows: Rows) -> dict[str, Any]:
+    """The attributes of ``rows``: arrays, and numbers."""
+    found = {name: unit * np.array(section[key], float) for key, name, unit in rows}
+    return {name: array if array.ndim else float(array) for name, array in found.items()}
 
 
 def read_forecast_error(path: Path) -> ForecastError:
@@ -230,30 +238,15 @@ def read_forecast_error(path: Path) -> ForecastError:
 
 def forecast_error_of(told: Mapping[str, Any]) -> ForecastError:
     """The law of a document that fits the schema; ValueError if its tables are not valid."""
-    forecast, change, scaled = told["forecast"], told["change"], told.get("variability")
+    scaled = told.get("variability")
     return ForecastError(
         name=told["name"],
-        leads=HOUR * np.array(forecast["lead_hours"], float),
-        forecast_sd=np.array(forecast["sd"], float),
-        forecast_length=float(forecast["length"]),
-        persistence=float(forecast["persistence"]),
-        persistence_time=HOUR * float(forecast["persistence_hours"]),
-        lags=HOUR * np.array(change["lag_hours"], float),
-        change_sd=np.array(change["sd"], float),
-        change_length=float(change["length"]),
         level=told["level"],
         spread=float(told["spread"]),
-        variability=None if scaled is None else _variability(scaled),
+        variability=None if scaled is None else Variability(**_read(scaled, VARIABILITY_ROWS)),
+        **_read(told["forecast"], FILE_ROWS["forecast"]),
+        **_read(told["change"], FILE_ROWS["change"]),
     )
-
-
-def _variability(document: Mapping[str, Any]) -> Variability:
-    starts, ends, squares = (
-        np.array(document[name], float) for name in ("from_seconds", "to_seconds", "mean_square")
-    )
-    require_shape("to_seconds", ends, len(starts))
-    require_shape("mean_square", squares, len(starts))
-    return Variability(starts, ends, squares, float(document["freedom"]), float(document["factor"]))
 
 
 def forecast_error_law(setting: str, usual: str) -> ForecastError:

@@ -12,7 +12,6 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.wind.records import WindObservations
-from pareto_ltl.wind.scoring import held_out, same_places, score_of
 
 # Start of the search for hyperparameters, in standardised units. For readings over the contiguous US these
 # are a length of 550 km, an amplitude of 3.1 m/s and a noise of 0.6 m/s.
@@ -23,6 +22,9 @@ MOST_TIMES = 30  # groups of times with the same places to which hyperparameters
 MANY = 1000  # number of readings above which linear algebra uses all cores
 MOST_PAIRS = 10**7  # of readings and points in one matrix: 80 MB
 FACTOR_LENGTH = 250e3  # [m] over which squared residuals are averaged for the variance factor
+# 90 % of a normal variable lie within ± this many standard deviations
+NORMAL_QUANTILE_95 = 1.6448536269514722
+LEAST_SCORED = 4  # smallest number of places for the score, and for the fit
 FACTOR_PRIOR = 0.5  # weight of the overall mean squared residual in that average, in readings
 
 
@@ -78,27 +80,22 @@ class WindPosterior:
         The latent variance includes the variance factor s²: (v + σ²) s² - σ², at least 0.
         """
         mean = np.empty((len(self.times), len(points), 2))
-        var = np.empty_like(mean)
-        factor = self.variance_factor(points)
+        var, factor = np.empty_like(mean), self.variance_factor(points)
         for slots in same_places(self.points):
-            h, winds = self.hyper[slots[0]][0], np.stack([self.winds[k] for k in slots], axis=1)
-            prior = np.array([[pair.mean for pair in self.hyper[k]] for k in slots])
-            found, v = _condition_gp(self.kernel, h, self.points[slots[0]], points, winds - prior)
-            mean[slots] = (found + prior).transpose(1, 0, 2)
-            var[slots] = scaled_variance(v, h.noise**2, factor)[None, :, None]
+            mean[slots], var[slots] = self.slots_at(slots, points, factor)
         return mean, var
 
-    def only(self, slots: IntArray) -> WindPosterior:
-        """The posterior of the times with the indices ``slots`` only."""
-        chosen = slots.tolist()
-        return replace(
-            self,
-            times=self.times[slots],
-            points=tuple(self.points[k] for k in chosen),
-            winds=tuple(self.winds[k] for k in chosen),
-            hyper=tuple(self.hyper[k] for k in chosen),
-            residuals=tuple(self.residuals[k] for k in chosen),
-        )
+    def slots_at(
+        self, slots: IntArray, points: FloatArray, factor: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Mean (n, P, 2) and latent variance (P, 1) at n times with readings at the same places.
+
+        ``factor`` (P,) is the variance factor at ``points``.
+        """
+        h, winds = self.hyper[slots[0]][0], np.stack([self.winds[k] for k in slots], axis=1)
+        prior = np.array([[pair.mean for pair in self.hyper[k]] for k in slots])
+        found, v = _condition_gp(self.kernel, h, self.points[slots[0]], points, winds - prior)
+        return (found + prior).transpose(1, 0, 2), scaled_variance(v, h.noise**2, factor)[:, None]
 
     def spread_out(self, members: Sequence[FloatArray], points: FloatArray) -> FloatArray:
         """Deviations of the members of an ensemble at ``points`` (P, 2) [m], shape (K, P, 2, M) [m/s].
@@ -119,8 +116,15 @@ class WindPosterior:
             s²(x) = (Σ_a g_a(x) z_a² + n z̄²) / (Σ_a g_a(x) + n),    g_a(x) = exp(-‖x - x_a‖² / 2 (250 km)²)
 
         where z_a² are the squared leave-one-out residuals of the readings, z̄² is their mean, and n = 0.5.
+
+        Eq. (M9) of docs/mathematics.md.
         """
-        return variance_factor(self.anchors, self.squares, points)
+        anchors, squares = self.anchors, self.squares
+        total, weight = (np.full(len(points), FACTOR_PRIOR * n) for n in (squares.mean(), 1.0))
+        for rows in np.array_split(np.arange(len(anchors)), max(1, len(anchors) * len(points) // MOST_PAIRS)):
+            g = np.exp(-0.5 * (pairwise_distances(anchors[rows], points) / FACTOR_LENGTH) ** 2)
+            total, weight = total + squares[rows] @ g, weight + g.sum(axis=0)
+        return np.asarray(total / weight, float)
 
 
 def fit_posterior(
@@ -165,6 +169,53 @@ def fit_posterior(
         everything = [np.ones(len(points), bool) for points in observations.points]
         posterior = _fitted(cfg, observations, everything, start)
     return replace(posterior, score=score)
+
+
+# --- scores of readings that a fit did not use ----------------------------------------------
+
+
+def held_out(cfg: WindConfig, seen: WindObservations, bounds: FloatArray | None) -> list[BoolArray] | None:
+    """Masks of the readings that are held out for the score; None if there are too few readings.
+
+    They are those at a random share ``cfg.holdout`` of the places on the map or, if these are few, of all
+    places.
+    """
+    places = np.unique(np.concatenate(seen.points), axis=0)
+    near = places
+    if bounds is not None:
+        inside = places[((places >= bounds[0]) & (places <= bounds[1])).all(axis=1)]
+        near = inside if len(inside) >= LEAST_SCORED / cfg.holdout else places
+    count = max(1, round(cfg.holdout * len(near)))
+    out = near[np.random.default_rng(0).permutation(len(near))[:count]]
+    masks = [np.isin(p[:, 0] + 1j * p[:, 1], out[:, 0] + 1j * out[:, 1]) for p in seen.points]
+    if count < LEAST_SCORED or any((~mask).sum() < LEAST_SCORED for mask in masks):
+        return None
+    return masks
+
+
+def score_of(fit: WindPosterior, seen: WindObservations, out: Sequence[BoolArray]) -> dict[str, float]:
+    """Scores of the predictions of the readings ``out`` (a mask for each time) by a fit without them.
+
+    ``gp_z_sd``: root mean square of z-scores; ``gp_coverage_90``: share within 90 % intervals; ``gp_nlpd``:
+    mean negative log predictive density.
+    """
+    z: list[FloatArray] = []
+    log_sd: list[FloatArray] = []
+    for slots in same_places(seen.points):
+        places = seen.points[slots[0]][out[slots[0]]]
+        if not len(places):
+            continue
+        mean, var = fit.slots_at(slots, places, fit.variance_factor(places))
+        for i, k in enumerate(slots.tolist()):
+            sd = np.sqrt(var + fit.gust_var[k])
+            z.append(((seen.winds[k][out[k]] - mean[i]) / sd).ravel())
+            log_sd.append(np.log(sd).ravel())
+    scores = np.concatenate(z)
+    return {
+        "gp_z_sd": float(np.sqrt(np.mean(scores**2))),
+        "gp_coverage_90": float(np.mean(np.abs(scores) <= NORMAL_QUANTILE_95)),
+        "gp_nlpd": float(np.mean(0.5 * scores**2 + np.concatenate(log_sd)) + 0.5 * np.log(2 * np.pi)),
+    }
 
 
 # --- hyperparameters --------------------------------------------------------------------------
@@ -277,7 +328,7 @@ def _condition_gp(
     from scipy.linalg import cho_solve, solve_triangular
 
     k, a2 = CORRELATIONS[kernel], h.amplitude**2
-    L = np.linalg.cholesky(_covariance(kernel, h, readings))
+    L = np.linalg.cholesky(reading_covariance(kernel, h, readings))
     weights = cho_solve((L, True), deviations.reshape(len(readings), -1))
     mean, variance = np.empty((len(points), weights.shape[1])), np.empty(len(points))
     for rows in np.array_split(np.arange(len(points)), max(1, len(readings) * len(points) // MOST_PAIRS)):
@@ -288,10 +339,12 @@ def _condition_gp(
     return mean.reshape(-1, *deviations.shape[1:]), variance
 
 
-def _covariance(kernel: str, h: Hyper, places: FloatArray) -> FloatArray:
+def reading_covariance(
+    kernel: str, h: Hyper, places: FloatArray, jitter: float = RELATIVE_JITTER
+) -> FloatArray:
     """K + σ² I (n, n) of readings at ``places`` (n, 2) [m²/s²]."""
     K = h.amplitude**2 * CORRELATIONS[kernel](pairwise_distances(places, places) / h.length)
-    K[np.diag_indices_from(K)] += h.noise**2 + RELATIVE_JITTER * h.amplitude**2
+    K[np.diag_indices_from(K)] += h.noise**2 + jitter * h.amplitude**2
     return np.asarray(K, float)
 
 
@@ -324,7 +377,7 @@ def leave_one_out(
     residuals: dict[int, FloatArray] = {}
     for slots in same_places(points):
         h, places = hyper[slots[0]][0], points[slots[0]]
-        K_inv = _inverse(_covariance(kernel, h, places))
+        K_inv = _inverse(reading_covariance(kernel, h, places))
         for k in slots.tolist():
             deviations = winds[k] - np.array([each.mean for each in hyper[k]])
             residuals[k] = K_inv @ deviations / np.sqrt(np.diag(K_inv))[:, None]
@@ -340,19 +393,6 @@ def squared_residuals(
     return np.concatenate([points[slots[0]] for slots in groups]), np.concatenate(squares)
 
 
-def variance_factor(anchors: FloatArray, squares: FloatArray, points: FloatArray) -> FloatArray:
-    """:meth:`WindPosterior.variance_factor` from mean squared residuals (A,) at ``anchors`` (A, 2) [m].
-
-    Eq. (M9) of docs/mathematics.md.
-    """
-    total, weight = np.full(len(points), FACTOR_PRIOR * squares.mean()), np.full(len(points), FACTOR_PRIOR)
-    for rows in np.array_split(np.arange(len(anchors)), max(1, len(anchors) * len(points) // MOST_PAIRS)):
-        g = np.exp(-0.5 * (pairwise_distances(anchors[rows], points) / FACTOR_LENGTH) ** 2)
-        total, weight = total + squares[rows] @ g, weight + g.sum(axis=0)
-    factor: FloatArray = total / weight
-    return factor
-
-
 def scaled_variance(latent: FloatArray, noise: float, factor: FloatArray) -> FloatArray:
     """``factor`` (v + σ²) - σ² [m²/s²], at least 0, with v = ``latent`` and σ² = ``noise``.
 
@@ -366,35 +406,26 @@ def scaled_variance(latent: FloatArray, noise: float, factor: FloatArray) -> Flo
 # --- kernels ----------------------------------------------------------------------------------
 
 
-def _matern12(r: FloatArray) -> FloatArray:
-    rho: FloatArray = np.exp(-r)
-    return rho
-
-
-def _matern32(r: FloatArray) -> FloatArray:
-    s = np.sqrt(3.0) * r
-    rho: FloatArray = (1.0 + s) * np.exp(-s)
-    return rho
-
-
-def _rbf(r: FloatArray) -> FloatArray:
-    rho: FloatArray = np.exp(-0.5 * r**2)
-    return rho
-
-
 CORRELATIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
-    "matern12": _matern12,
-    "matern32": _matern32,
-    "rbf": _rbf,
+    "matern12": lambda r: np.exp(-r),
+    "matern32": lambda r: (1.0 + np.sqrt(3.0) * r) * np.exp(-np.sqrt(3.0) * r),
+    "rbf": lambda r: np.exp(-0.5 * r**2),
 }
+
+
+def same_places(points: Sequence[FloatArray]) -> list[IntArray]:
+    """Indices of times, in groups with the same places."""
+    groups: dict[tuple[tuple[int, ...], bytes], list[int]] = {}
+    for k, places in enumerate(points):
+        groups.setdefault((places.shape, np.ascontiguousarray(places).tobytes()), []).append(k)
+    return [np.array(slots, np.int64) for slots in groups.values()]
 
 
 def pairwise_distances(a: FloatArray, b: FloatArray) -> FloatArray:
     """Distances (n, m) [m] between points ``a`` (n, 2) and ``b`` (m, 2) [m]."""
     from scipy.spatial.distance import cdist
 
-    between: FloatArray = cdist(a, b)
-    return between
+    return np.asarray(cdist(a, b), float)
 
 
 def _typical_gap(points: FloatArray) -> float:

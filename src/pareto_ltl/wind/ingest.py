@@ -14,7 +14,15 @@ from pareto_ltl.support.files import write_text
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.levels import parse_level
 from pareto_ltl.wind.observations import FEWEST_READINGS
-from pareto_ltl.wind.readings import Readings, farthest_points, iso, node_rows, on_sphere, seconds
+from pareto_ltl.wind.readings import (
+    Readings,
+    farthest_points,
+    iso,
+    node_rows,
+    on_sphere,
+    seconds,
+    shared_nodes,
+)
 from pareto_ltl.wind.sources.csv_files import write_csv_table
 
 
@@ -40,7 +48,7 @@ def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, 
     selected = _times_between(readings, ingest)
     nodes = common_nodes(readings, selected, ingest)
     winds = np.stack([winds_at(readings, k, nodes) for k in selected])
-    write_csv_table(out, readings.times[selected], nodes, winds, leads=readings.leads[selected])
+    write_csv_table(out, readings.times[selected], nodes, winds, readings.leads[selected])
     text = json.dumps(_table_provenance(cfg, ingest, readings, selected, nodes), indent=1, ensure_ascii=False)
     write_text(out.with_suffix(".json"), text + "\n")
     return out
@@ -81,14 +89,7 @@ def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> Fl
 
     DataError if there are too few.
     """
-    common = set(map(tuple, readings.points[kept[0]].tolist()))
-    for k in kept[1:]:
-        common &= set(map(tuple, readings.points[k].tolist()))
-    nodes = np.array(sorted(common), dtype=float).reshape(-1, 2)
-    if ingest.area:
-        import shapely
-
-        nodes = nodes[shapely.contains_xy(shapely.Polygon(ingest.area), nodes)]
+    nodes = np.unique(shared_nodes([readings.points[k] for k in kept], ingest.area), axis=0)
     if len(nodes) < FEWEST_READINGS:
         raise DataError(
             f"{len(nodes)} wind nodes lie in ingest.area at every time, expected at least {FEWEST_READINGS}; "

@@ -11,7 +11,9 @@ from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_text, shown_value
 
 HEIGHT, PRESSURE, DEPTH = "height", "pressure", "depth"
-UNITS = {"m": 1.0, "km": 1000.0, "pa": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0}
+LENGTHS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1000.0}  # [m]
+PRESSURES = {"pa": 1.0, "pascal": 1.0, "kpa": 1000.0}  # [Pa]
+PRESSURES |= dict.fromkeys(("hpa", "mb", "mbar", "millibar", "millibars"), 100.0)
 SHOWN_LEVELS = 12
 ALIKE = 0.2  # largest relative difference of two heights or depths whose winds count as the same
 
@@ -56,7 +58,7 @@ def parse_level(text: str) -> Level:
     """
     text = "10m" if text == "auto" else text  # settings of a run have replaced auto already
     found = re.fullmatch(r"(\d+(?:\.\d*)?)\s*(km|m|hpa|pa|mbar|mb)(\s*depth)?", text.strip().lower())
-    value = float(found[1]) * UNITS[found[2]] if found else -1.0
+    value = float(found[1]) * (LENGTHS | PRESSURES)[found[2]] if found else -1.0
     pressure = found is not None and found[2] not in ("m", "km")
     if found is None or not value <= 1e6 or (pressure and (value == 0 or found[3])):
         raise ConfigError(

@@ -19,21 +19,16 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 from pareto_ltl.support.cores import cores
-from pareto_ltl.wind.gp import (
-    CORRELATIONS,
-    MANY,
-    WindPosterior,
-    pairwise_distances,
-    scaled_variance,
-)
+from pareto_ltl.wind import gp
+from pareto_ltl.wind.gp import CORRELATIONS, WindPosterior, pairwise_distances, same_places
 from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, TIME
-from pareto_ltl.wind.scoring import same_places
 
 LOG = logging.getLogger(__name__)
 
@@ -46,7 +41,7 @@ ERROR_KERNEL = "matern32"  # of the parts that are not fitted to readings
 
 
 class ErrorParts(NamedTuple):
-    """The parts of the error except interpolation in space.
+    """The parts of the error except interpolation in space and ensembles.
 
     Attributes
     ----------
@@ -58,16 +53,12 @@ class ErrorParts(NamedTuple):
         Variance of interpolation in time, averaged over the times nearest to each slot [m²/s²].
     time_length : float
         Length scale of that error [m].
-    members : (K, N, 2, M) float
-        Deviations of an ensemble at the nodes of the modes [m/s], whose sum of squares is the variance; M = 0
-        without an ensemble.
     """
 
     forecast_var: FloatArray
     forecast_length: float
     time_var: FloatArray
     time_length: float
-    members: FloatArray
 
 
 class ModeTable(NamedTuple):
@@ -97,10 +88,13 @@ class _Spectrum(NamedTuple):
 
 
 def error_modes(
-    posterior: WindPosterior, parts: ErrorParts, shape: tuple[int, int], nodes: FloatArray, energy: float,
-    most: int,
+    posterior: WindPosterior, parts: ErrorParts, members: FloatArray, shape: tuple[int, int],
+    nodes: FloatArray, energy: float, most: int,
 ) -> ModeTable:  # fmt: skip
     """The modes of the error at ``nodes`` (N, 2) [m] of a lattice of ``shape``, for every slot and component.
+
+    ``members`` (K, N, 2, M) are the deviations of an ensemble at the nodes [m/s], whose sum of squares is the
+    variance; M = 0 without an ensemble.
 
     Of all parts together, the modes with the largest variance over all slots are used, until they carry the
     share ``energy`` of the variance or their number is ``most``.
@@ -115,8 +109,8 @@ def error_modes(
     ):
         if variance.any():
             spectra[part] = _common_spectrum(variance, between / length, shape, most)
-    if parts.members.shape[-1]:
-        spectra[ENSEMBLE] = _member_spectrum(parts.members, shape)
+    if members.shape[-1]:
+        spectra[ENSEMBLE] = _member_spectrum(members, shape)
     counts = _mode_counts(spectra, energy, most)
     leading = {part: found.psi[..., : counts[part]] for part, found in spectra.items()}
     leading[SPACE] = _aligned(leading[SPACE])
@@ -148,7 +142,7 @@ def _space_spectrum(
     # Both components have the same covariance, and so do slots with readings at the same places.
     groups = same_places(posterior.points)
     with threadpool_limits(1):
-        jobs = 1 if max(len(points) for points in posterior.points) > MANY else min(len(groups), cores())
+        jobs = 1 if max(len(points) for points in posterior.points) > gp.MANY else min(len(groups), cores())
         found = Parallel(n_jobs=jobs, prefer="threads")(delayed(one)(int(slots[0])) for slots in groups)
     psi = np.zeros((len(posterior.times), len(nodes), 2, max(leading.shape[1] for leading, _, _ in found)))
     total, lags = np.zeros((len(posterior.times), 2)), np.zeros_like(found[0][2])
@@ -176,14 +170,11 @@ def posterior_covariance(
 
     h, points = posterior.hyper[k][0], posterior.points[k]
     rho, a2 = CORRELATIONS[posterior.kernel], h.amplitude**2
-    K = a2 * rho(pairwise_distances(points, points) / h.length)
-    K[np.diag_indices_from(K)] += h.noise**2 + RELATIVE_RIDGE * a2
-    V = solve_triangular(
-        np.linalg.cholesky(K), a2 * rho(pairwise_distances(points, nodes) / h.length), lower=True
-    )
+    L = np.linalg.cholesky(gp.reading_covariance(posterior.kernel, h, points, RELATIVE_RIDGE))
+    V = solve_triangular(L, a2 * rho(pairwise_distances(points, nodes) / h.length), lower=True)
     C: FloatArray = a2 * rho(between / h.length) - V.T @ V
     v = np.maximum(np.diag(C), 0.0)
-    wanted = scaled_variance(v, h.noise**2, posterior.variance_factor(nodes))
+    wanted = gp.scaled_variance(v, h.noise**2, posterior.variance_factor(nodes))
     root = np.sqrt(np.where(v > 0, wanted / np.maximum(v, 1e-300), 0.0))
     C *= root[:, None] * root[None, :]
     return C
@@ -352,18 +343,16 @@ def _stations(points: Sequence[FloatArray]) -> Callable[[int, int], tuple[IntArr
 
     Pairs of times with the same places are computed once.
     """
-    group = {k: g for g, slots in enumerate(same_places(points)) for k in slots.tolist()}
-    known: dict[tuple[int, int], tuple[IntArray, IntArray]] = {}
+    groups = same_places(points)
+    group = {k: g for g, slots in enumerate(groups) for k in slots.tolist()}
 
-    def matched(k: int, other: int) -> tuple[IntArray, IntArray]:
-        pair = group[k], group[other]
-        if pair not in known:
-            gap = pairwise_distances(points[k], points[other])
-            i = np.flatnonzero(gap.min(axis=1) < SAME_PLACE)
-            known[pair] = i, gap[i].argmin(axis=1)
-        return known[pair]
+    @cache
+    def matched(one: int, other: int) -> tuple[IntArray, IntArray]:
+        gap = pairwise_distances(points[groups[one][0]], points[groups[other][0]])
+        i = np.flatnonzero(gap.min(axis=1) < SAME_PLACE)
+        return i, gap[i].argmin(axis=1)
 
-    return matched
+    return lambda k, other: matched(group[k], group[other])
 
 
 def _residual_correlation(

@@ -8,8 +8,10 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,24 +31,16 @@ if TYPE_CHECKING:
     import h5netcdf
 
 
-DAMAGE = (  # errors of h5netcdf and h5py for a damaged file or one of another format
-    *(
-        OSError,
-        LookupError,
-        ValueError,
-        TypeError,
-        AttributeError,
-        RuntimeError,
-        OverflowError,
-        ArithmeticError,
-    ),
-    *(AssertionError, NotImplementedError),
+# Errors of h5netcdf and h5py for a damaged file or one of another format:
+DAMAGE = (
+    *(OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError),
+    AssertionError,
 )
 FREE_BYTES = 16 * 2**20  # size of a variable that is allowed for a file of any size
 LARGEST = 1e18  # limit of all numbers of a field; its square is finite
 MAX_RATIO = 20  # largest ratio of the bytes of a variable to the bytes of the file, beyond FREE_BYTES
-GRID_DIMENSIONS = ("time", "y", "x")
-MODE_DIMENSIONS = ("time", "mode_y", "mode_x", "mode")
+TIME, GRID = ("time",), ("time", "y", "x")  # dimensions of variables
+MODES = ("time", "mode_y", "mode_x", "mode")
 LEVEL_VARIABLES: dict[str, tuple[str, dict[str, str]]] = {
     HEIGHT: ("height", {"standard_name": "height", "units": "m", "positive": "up", "axis": "Z"}),
     PRESSURE: (
@@ -55,13 +49,27 @@ LEVEL_VARIABLES: dict[str, tuple[str, dict[str, str]]] = {
     ),
     DEPTH: ("depth", {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}),
 }  # name and attributes of the scalar coordinate, by the kind of the level
-HYPERPARAMETERS = {
-    "prior_mean": ("mean of {} far from all readings", "m s-1"),
-    "prior_sd": ("standard deviation of the smooth part of {} far from all readings", "m s-1"),
-    "prior_length": ("length scale of the smooth part of {}", "m"),
-    "noise_sd": ("standard deviation of the white part of a reading of {}", "m s-1"),
-}  # columns of WindEvidence.hyper
-NetcdfVariable = tuple[str, tuple[str, ...], Any, dict[str, Any]]  # name, dimensions, values, attributes
+MODE_NUMBERS = (("rho", "rho"), ("rho_gap", "gap"), ("rest_length", "rest_length"))  # attributes
+# Variables of each component u and v: end of the name, dimensions, meaning, unit.
+ComponentRows = tuple[tuple[str, tuple[str, ...], str, str], ...]
+FIELD_ROWS: ComponentRows = (
+    ("", GRID, "expected {what} towards +{axis}", "m s-1"),
+    ("_var", GRID, "variance of the smooth part of the error of {name}", "m2 s-2"),
+    ("_gust_var", TIME, "variance of the part of {name} that is independent from step to step", "m2 s-2"),
+)
+MODE_ROWS: ComponentRows = (
+    ("_modes", MODES, "Karhunen-Loeve modes of the error of {name}, U sqrt(Lambda)", "m s-1"),
+    ("_length", TIME, "length scale of {name}", "m"),
+    ("_energy", TIME, "share of the variance of the error in {name}_modes", "1"),
+)
+HYPER_ROWS: ComponentRows = (  # the columns of WindEvidence.hyper
+    ("_prior_mean", TIME, "mean of {name} far from all readings", "m s-1"),
+    ("_prior_sd", TIME, "standard deviation of the smooth part of {name} far from all readings", "m s-1"),
+    ("_prior_length", TIME, "length scale of the smooth part of {name}", "m"),
+    ("_noise_sd", TIME, "standard deviation of the white part of a reading of {name}", "m s-1"),
+)
+Attributes = dict[str, Any]
+NetcdfVariable = tuple[str, tuple[str, ...], Any, Attributes]  # name, dimensions, values, attributes
 
 
 def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Path:
@@ -72,20 +80,13 @@ def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Pa
     import h5netcdf
 
     path.parent.mkdir(parents=True, exist_ok=True)
+    variables = list(_field_variables(field, scene))
     content = io.BytesIO()  # on a full disk, the HDF5 library would end the process
     with h5netcdf.File(content, "w") as file:
         file.attrs.update(_file_attributes(field))
-        file.dimensions.update(
-            zip(GRID_DIMENSIONS, (len(field.times), *field.mean.shape[2:0:-1]), strict=True)
-        )
-        if field.modes is not None:
-            psi = field.modes.psi
-            file.dimensions.update(
-                zip(MODE_DIMENSIONS[1:], (psi.shape[2], psi.shape[1], psi.shape[4]), strict=True)
-            )
-        if field.evidence is not None:
-            file.dimensions["reading"] = sum(map(len, field.evidence.points))
-        for name, dimensions, values, attributes in _field_variables(field, scene):
+        sizes = (zip(names, np.shape(values), strict=True) for _, names, values, _ in variables)
+        file.dimensions.update(dict(chain.from_iterable(sizes)))
+        for name, dimensions, values, attributes in variables:
             file.create_variable(name, dimensions, data=values).attrs.update(attributes)
     write_bytes(path, content.getvalue())
     return path
@@ -125,7 +126,7 @@ def _file_attributes(field: WindField) -> dict[str, Any]:
         "known_until_because": field.ends,
         "level": field.level,
         "gust_time": field.gust_time,
-        **({} if field.modes is None else _mode_attributes(field.modes)),
+        **({} if (modes := field.modes) is None else {name: getattr(modes, of) for name, of in MODE_NUMBERS}),
         **({} if field.held is None else {"held_since": field.held}),
         **({} if field.error is None else {"forecast_error": json.dumps(field.error.document())}),
         **({} if field.evidence is None else {"kernel": field.evidence.kernel}),
@@ -133,45 +134,70 @@ def _file_attributes(field: WindField) -> dict[str, Any]:
     }
 
 
-def _mode_attributes(modes: WindModes) -> dict[str, float]:
-    return {"rho": modes.rho, "rho_gap": modes.gap, "rest_length": modes.rest_length}
-
-
 def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVariable]:
-    """Coordinates, then lattice arrays (time, x, y), transposed to CF order (time, y, x)."""
-    x, y = (field.origin[i] + field.spacing * np.arange(field.mean.shape[i + 1]) for i in (0, 1))
-    yield "time", ("time",), field.times, _time_attributes(scene)
+    """Coordinates, then the arrays of the field, of its modes and of its evidence."""
+    x, y = _axes(field.origin, field.spacing, field.mean)
+    yield "time", TIME, field.times, _time_attributes(scene)
     yield "y", ("y",), y, {"standard_name": "projection_y_coordinate", "units": "m", "axis": "Y"}
     yield "x", ("x",), x, {"standard_name": "projection_x_coordinate", "units": "m", "axis": "X"}
     lead = "valid time minus start of the forecast; NaN where it is not known"
-    yield "lead", ("time",), field.leads, _variable_attributes(lead, "s", "forecast_period")
+    yield "lead", TIME, field.leads, _attributes(lead, "s") | {"standard_name": "forecast_period"}
     level = parse_level(field.level)
     height = LEVEL_VARIABLES[level.kind]
     yield height[0], (), level.value, height[1]
-    placed: dict[str, Any] = {"coordinates": height[0]}
+    placed: Attributes = {"coordinates": height[0]}
     if scene is not None and scene.crs is not None:
         yield "crs", (), 0, _grid_mapping(scene.crs)
         yield from _degrees(scene.crs, x, y)
         placed = {"coordinates": f"{height[0]} lat lon", "grid_mapping": "crs"}
     what = "current" if level.kind == DEPTH else "wind"
-    for c, name in enumerate("uv"):
-        axis = "xy"[c]
-        mean, var = (a[..., c].transpose(0, 2, 1) for a in (field.mean, field.latent_var))
+    for c, axis in enumerate("xy"):
         standard = f"sea_water_{axis}_velocity" if level.kind == DEPTH else f"{axis}_wind"
-        expected = _variable_attributes(f"expected {what} towards +{axis}", "m s-1", standard)
-        yield name, GRID_DIMENSIONS, mean, expected | placed | {"ancillary_variables": f"{name}_var"}
-        yield (
-            f"{name}_var",
-            GRID_DIMENSIONS,
-            var,
-            _variable_attributes(f"variance of the smooth part of the error of {name}", "m2 s-2") | placed,
-        )
-        white = f"variance of the part of {name} that is independent from step to step"
-        yield f"{name}_gust_var", ("time",), field.gust_var[:, c], _variable_attributes(white, "m2 s-2")
+        named = {"standard_name": standard} | placed | {"ancillary_variables": f"{'uv'[c]}_var"}
+        arrays, more = (field.mean, field.latent_var, field.gust_var), {"": named, "_var": placed}
+        yield from _component_variables(FIELD_ROWS, arrays, c, more, what)
     if field.modes is not None:
         yield from _mode_variables(field.modes)
     if field.evidence is not None:
         yield from _evidence_variables(field.evidence)
+
+
+def _axes(origin: FloatArray, spacing: float, table: NDArray[Any]) -> Iterator[FloatArray]:
+    """x and y of the nodes of a lattice with the values ``table`` (K, NX, NY, ...)."""
+    return (origin[i] + spacing * np.arange(table.shape[i + 1]) for i in (0, 1))
+
+
+def _component_variables(
+    rows: ComponentRows,
+    arrays: Iterable[NDArray[Any]],
+    c: int,
+    more: Mapping[str, Attributes] = MappingProxyType({}),
+    what: str = "",
+) -> Iterator[NetcdfVariable]:
+    """Component ``c`` of ``arrays``, lattices (time, x, y) transposed to CF order (time, y, x)."""
+    name = "uv"[c]
+    for (end, dimensions, meaning, unit), array in zip(rows, arrays, strict=True):
+        values = array.take(c, axis=_component_axis(dimensions))
+        described = _attributes(meaning.format(name=name, axis="xy"[c], what=what), unit)
+        yield (
+            f"{name}{end}",
+            dimensions,
+            values.swapaxes(1, 2) if len(dimensions) > 1 else values,
+            described | more.get(end, {}),
+        )
+
+
+def _component_arrays(file: h5netcdf.File, rows: ComponentRows) -> Iterator[NDArray[Any]]:
+    """The arrays of :func:`_component_variables`, with both components."""
+    for end, dimensions, _, _ in rows:
+        kind = np.float32 if dimensions == MODES else float
+        both = [_values(file, f"{name}{end}", kind) for name in "uv"]
+        array = np.stack(both, axis=_component_axis(dimensions))
+        yield np.ascontiguousarray(array.swapaxes(1, 2)) if len(dimensions) > 1 else array
+
+
+def _component_axis(dimensions: tuple[str, ...]) -> int:
+    return -2 if dimensions == MODES else -1
 
 
 def _degrees(crs: str, x: FloatArray, y: FloatArray) -> Iterator[NetcdfVariable]:
@@ -179,39 +205,21 @@ def _degrees(crs: str, x: FloatArray, y: FloatArray) -> Iterator[NetcdfVariable]
     nodes = np.stack(np.meshgrid(x, y), axis=-1)
     lon, lat = to_geographic(crs, nodes.reshape(-1, 2))
     for name, long, unit, values in (("lat", "latitude", "north", lat), ("lon", "longitude", "east", lon)):
-        described = _variable_attributes(f"{long} of a node", f"degrees_{unit}", long)
+        described = _attributes(f"{long} of a node", f"degrees_{unit}") | {"standard_name": long}
         yield name, ("y", "x"), values.reshape(nodes.shape[:2]), described
 
 
 def _mode_variables(found: WindModes) -> Iterator[NetcdfVariable]:
     """ψ with the coordinates of its lattice; length scale and carried variance of each slot."""
-    x, y = (found.origin[i] + found.spacing * np.arange(found.psi.shape[i + 1]) for i in (0, 1))
+    x, y = _axes(found.origin, found.spacing, found.psi)
     yield "mode_y", ("mode_y",), y, {"units": "m", "long_name": "y of the modes' lattice"}
     yield "mode_x", ("mode_x",), x, {"units": "m", "long_name": "x of the modes' lattice"}
     meanings = " ".join(["unused", *(name.replace(" ", "_") for name in PARTS)])
     values = np.arange(-1, len(PARTS), dtype=found.part.dtype)
     described = {"long_name": "part of the error", "flag_values": values, "flag_meanings": meanings}
     yield "mode_part", ("mode",), found.part, described
-    for c, name in enumerate("uv"):
-        psi = found.psi[..., c, :].transpose(0, 2, 1, 3)
-        yield (
-            f"{name}_modes",
-            MODE_DIMENSIONS,
-            psi,
-            _variable_attributes(f"Karhunen-Loeve modes of the error of {name}, U sqrt(Lambda)", "m s-1"),
-        )
-        yield (
-            f"{name}_length",
-            ("time",),
-            found.length[:, c],
-            _variable_attributes(f"length scale of {name}", "m"),
-        )
-        yield (
-            f"{name}_energy",
-            ("time",),
-            found.energy[:, c],
-            _variable_attributes(f"share of the variance of the error in {name}_modes", "1"),
-        )
+    for c in (0, 1):
+        yield from _component_variables(MODE_ROWS, (found.psi, found.length, found.energy), c)
 
 
 def _evidence_variables(found: WindEvidence) -> Iterator[NetcdfVariable]:
@@ -221,16 +229,13 @@ def _evidence_variables(found: WindEvidence) -> Iterator[NetcdfVariable]:
     """
     counts = np.array([len(points) for points in found.points])
     described = {"long_name": "number of readings", "sample_dimension": "reading"}
-    yield "reading_count", ("time",), counts, described
+    yield "reading_count", TIME, counts, described
     points, winds = np.concatenate(found.points), np.concatenate(found.winds)
     for c, (axis, name) in enumerate(zip("xy", "uv", strict=True)):
-        place = _variable_attributes(f"{axis} of a reading", "m")
-        yield f"reading_{axis}", ("reading",), points[:, c], place
-        value = _variable_attributes(f"component of a reading towards +{axis}", "m s-1")
+        yield f"reading_{axis}", ("reading",), points[:, c], _attributes(f"{axis} of a reading", "m")
+        value = _attributes(f"component of a reading towards +{axis}", "m s-1")
         yield f"reading_{name}", ("reading",), winds[:, c], value | {"coordinates": "reading_x reading_y"}
-        for column, (key, (meaning, unit)) in enumerate(HYPERPARAMETERS.items()):
-            attributes = _variable_attributes(meaning.format(name), unit)
-            yield f"{name}_{key}", ("time",), found.hyper[:, c, column], attributes
+        yield from _component_variables(HYPER_ROWS, np.moveaxis(found.hyper, -1, 0), c)
 
 
 def _time_attributes(scene: Scene | None) -> dict[str, Any]:
@@ -241,9 +246,8 @@ def _time_attributes(scene: Scene | None) -> dict[str, Any]:
     return {"standard_name": "time", "axis": "T", "units": f"seconds since {scene.time_zero}", **clock}
 
 
-def _variable_attributes(long_name: str, units: str, standard_name: str | None = None) -> dict[str, Any]:
-    named = {"standard_name": standard_name} if standard_name else {}
-    return {"long_name": long_name, "units": units, **named}
+def _attributes(long_name: str, units: str) -> Attributes:
+    return {"long_name": long_name, "units": units}
 
 
 def _grid_mapping(crs: str) -> dict[str, Any]:
@@ -255,16 +259,14 @@ def _grid_mapping(crs: str) -> dict[str, Any]:
 
 
 def _read_field(file: h5netcdf.File) -> WindField:
-    def stack(*names: str) -> FloatArray:
-        return np.stack([_values(file, name) for name in names], axis=-1)
-
+    mean, latent_var, gust_var = _component_arrays(file, FIELD_ROWS)
     field = WindField(
         origin=np.asarray(file.attrs["origin"], float),
         spacing=float(file.attrs["spacing"]),
         times=_values(file, "time"),
-        mean=np.ascontiguousarray(stack("u", "v").transpose(0, 2, 1, 3)),
-        latent_var=np.ascontiguousarray(stack("u_var", "v_var").transpose(0, 2, 1, 3)),
-        gust_var=stack("u_gust_var", "v_gust_var"),
+        mean=mean,
+        latent_var=latent_var,
+        gust_var=gust_var,
         until=float(file.attrs["known_until"]),
         score=_read_score(str(file.attrs["score"])),
         source=str(file.attrs["source"]),
@@ -279,6 +281,30 @@ def _read_field(file: h5netcdf.File) -> WindField:
     )
     _check_field(field)
     return field
+
+
+def _read_modes(file: h5netcdf.File) -> WindModes:
+    x, y = _values(file, "mode_x"), _values(file, "mode_y")
+    psi, length, energy = _component_arrays(file, MODE_ROWS)
+    return WindModes(
+        origin=np.array([x[0], y[0]]),
+        spacing=float(x[1] - x[0]),
+        psi=psi,
+        part=_values(file, "mode_part", int),
+        length=length,
+        energy=energy,
+        **{of: float(file.attrs[name]) for name, of in MODE_NUMBERS},
+    )
+
+
+def _read_evidence(file: h5netcdf.File) -> WindEvidence:
+    ends = np.cumsum(_values(file, "reading_count", int))[:-1]
+    points, winds = (
+        np.split(np.stack([_values(file, f"reading_{name}") for name in pair], axis=-1), ends)
+        for pair in ("xy", "uv")
+    )
+    hyper = np.stack(list(_component_arrays(file, HYPER_ROWS)), axis=-1)
+    return WindEvidence(tuple(points), tuple(winds), str(file.attrs["kernel"]), hyper)
 
 
 def _values(file: h5netcdf.File, name: str, kind: type = float) -> NDArray[Any]:
@@ -307,13 +333,8 @@ def _read_score(text: str) -> dict[str, float]:
 
 def _check_field(field: WindField) -> None:
     """Raise a ValueError for numbers that are not finite, negative variances and times out of order."""
-    arrays = {
-        "origin": field.origin,
-        "spacing": np.array(field.spacing),
-        "time": field.times,
-        "u, v": field.mean,
-    }
-    arrays |= {"u_var, v_var": field.latent_var, "u_gust_var, v_gust_var": field.gust_var}
+    arrays = {"origin": field.origin, "spacing": np.array(field.spacing), "time": field.times}
+    arrays |= {"u, v": field.mean, "u_var, v_var": field.latent_var, "u_gust_var, v_gust_var": field.gust_var}
     for name, array in arrays.items():
         if not (np.isfinite(array).all() and (np.abs(array) < LARGEST).all()):
             raise ValueError(f"{name} holds a number that is not finite, or above {LARGEST:g}")
@@ -327,33 +348,3 @@ def _check_field(field: WindField) -> None:
         raise ValueError("held_since lies after the end of the wind")
     if not field.known_until >= field.times[0]:
         raise ValueError("known_until lies before the first time")
-
-
-def _read_modes(file: h5netcdf.File) -> WindModes:
-    x, y = _values(file, "mode_x"), _values(file, "mode_y")
-    psi = np.stack([_values(file, f"{name}_modes", np.float32) for name in "uv"], axis=-2)
-    return WindModes(
-        origin=np.array([x[0], y[0]]),
-        spacing=float(x[1] - x[0]),
-        psi=np.ascontiguousarray(psi.transpose(0, 2, 1, 3, 4)),
-        part=_values(file, "mode_part", int),
-        rho=float(file.attrs["rho"]),
-        gap=float(file.attrs["rho_gap"]),
-        length=np.stack([_values(file, f"{name}_length") for name in "uv"], axis=-1),
-        energy=np.stack([_values(file, f"{name}_energy") for name in "uv"], axis=-1),
-        rest_length=float(file.attrs["rest_length"]),
-    )
-
-
-def _read_evidence(file: h5netcdf.File) -> WindEvidence:
-    def columns(*names: str) -> FloatArray:
-        return np.stack([_values(file, name) for name in names], axis=-1)
-
-    ends = np.cumsum(_values(file, "reading_count", int))[:-1]
-    points, winds = columns("reading_x", "reading_y"), columns("reading_u", "reading_v")
-    return WindEvidence(
-        points=tuple(np.split(points, ends)),
-        winds=tuple(np.split(winds, ends)),
-        kernel=str(file.attrs["kernel"]),
-        hyper=np.stack([columns(*(f"{name}_{key}" for key in HYPERPARAMETERS)) for name in "uv"], axis=1),
-    )

@@ -13,11 +13,11 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.area import swap_question
 from pareto_ltl.wind.forecast_error import ForecastError, Variability, forecast_error_law
+from pareto_ltl.wind.gp import CORRELATIONS, pairwise_distances
 from pareto_ltl.wind.levels import DEPTH, parse_level
 from pareto_ltl.wind.readings import HOUR, Readings, farthest_points, iso, on_sphere, seconds
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import wind_source
-from pareto_ltl.wind.variability import variability_of
 from pareto_ltl.world.scene import Scene
 
 FEWEST_READINGS = 5  # required readings near the scene, at each time
@@ -26,26 +26,22 @@ FAR_SHARE = 0.25  # of wind.max_points that is left to readings away from the ma
 FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over land
 HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
 OLDEST_ANALYSIS = 48 * HOUR  # before departure, of those that show how variable the wind is
+LAW_WEIGHT = 10.0  # degrees of freedom of the law; before data, the factor of D has the sd 0.5
+LEAST_FACTOR, MOST_FACTOR = 0.25, 4.0  # of D
 OLDEST_HELD = 48.0  # [h] longest time for which a message advises to hold the last field
 LOG = logging.getLogger(__name__)
 
 
-class _Counts(NamedTuple):
-    """Numbers of readings at one time: used and all of those beside the map, used and all near it."""
-
-    own: int
-    beside: int
-    used: int
-    near: int
-
-
 class _Placed(NamedTuple):
-    """Positions (n, 2) [m], winds (n, 2) [m/s] and deviations of members (n, 2, M) [m/s] at one time."""
+    """Positions (n, 2) [m], winds (n, 2) [m/s] and deviations of members (n, 2, M) [m/s] at one time.
+
+    ``counts`` are numbers of readings: used and all of those beside the map, used and all near it.
+    """
 
     points: FloatArray
     winds: FloatArray
     members: FloatArray
-    counts: _Counts
+    counts: tuple[int, int, int, int]
 
 
 def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObservations:
@@ -65,7 +61,11 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
     if not len(readings.times):
         nothing = np.empty((0, 2))
         return WindObservations(np.zeros(1), (nothing,), (nothing,), cfg.source, until=np.inf)
-    _refuse_other_frame(readings, scene)
+    if readings.geographic and scene.crs is None:
+        raise DataError(
+            f"{readings.name} is in degrees, but the scene has no location on Earth; set scene.centre "
+            "(latitude, longitude), or use wind.source=csv with columns time,x,y,u,v or wind.source=calm"
+        )
     zero = _departure_time(scene, readings)
     slots, until, ends = _slots_from_departure(cfg, readings, zero)
     placed = {int(k): _readings_in_plane(cfg, scene, readings, k) for k in slots}
@@ -73,7 +73,8 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
     winds = tuple(each.winds for each in placed.values())
     law = forecast_error_law(cfg.forecast_error, wind_source(cfg).forecast_error)
     leads = _implied_leads(cfg, readings) if law.forecast_sd.any() else readings.leads
-    law = law.for_winds(readings.level, _spread(winds)).shared(readings.forecast_share)
+    spread = float(np.sqrt(np.mean([w.var(axis=0).mean() for w in winds])))  # of a component, over places
+    law = law.for_winds(readings.level, spread).shared(readings.forecast_share)
     law = law.varying(_variability(cfg, scene, readings, law, placed))
     return WindObservations(
         times=readings.times[slots] - zero,
@@ -88,11 +89,6 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
         error=law,
         members=tuple(each.members for each in placed.values()) if readings.members else (),
     )
-
-
-def _spread(winds: tuple[FloatArray, ...]) -> float:
-    """Standard deviation of one wind component over the places of one time, root mean square [m/s]."""
-    return float(np.sqrt(np.mean([w.var(axis=0).mean() for w in winds])))
 
 
 def _implied_leads(cfg: WindConfig, readings: Readings) -> FloatArray:
@@ -148,12 +144,40 @@ def _variability(
     return found
 
 
-def _refuse_other_frame(readings: Readings, scene: Scene) -> None:
-    if readings.geographic and scene.crs is None:
-        raise DataError(
-            f"{readings.name} is in degrees, but the scene has no location on Earth; set scene.centre "
-            "(latitude, longitude), or use wind.source=csv with columns time,x,y,u,v or wind.source=calm"
-        )
+def variability_of(
+    law: ForecastError, times: FloatArray, points: FloatArray, winds: FloatArray
+) -> Variability | None:
+    """The factor of D(τ) from the changes of the wind between successive analyses.
+
+    None if no two of them are a time apart that the table of the law covers.
+
+    Parameters
+    ----------
+    times : (A,) float
+        Increasing times of analyses [s].
+    points : (n, 2) float
+        Positions [m].
+    winds : (A, n, 2) float
+        Winds there [m/s].
+
+    Eq. (M12a) of docs/mathematics.md.
+    """
+    lags = np.diff(times)
+    used = np.flatnonzero((lags >= law.lags[0] - 1.0) & (lags <= law.lags[-1] + 1.0))
+    if not len(used):
+        return None
+    starts, ends, expected = times[used], times[used + 1], law.change_variance(lags[used])
+    squares = ((winds[used + 1] - winds[used]) ** 2).mean(axis=(1, 2))
+
+    def apart(a: FloatArray, b: FloatArray) -> FloatArray:
+        return law.change_variance(np.abs(a[:, None] - b))
+
+    covariance = apart(starts, ends) + apart(ends, starts) - apart(starts, starts) - apart(ends, ends)
+    in_time = covariance / (2.0 * np.sqrt(np.outer(expected, expected)))
+    in_space = CORRELATIONS["matern32"](pairwise_distances(points, points) / law.change_length)
+    freedom = 2.0 / float((in_time**2).mean() * (in_space**2).mean())
+    found = (LAW_WEIGHT + freedom * float((squares / expected).mean())) / (LAW_WEIGHT + freedom)
+    return Variability(starts, ends, squares, freedom, float(np.clip(found, LEAST_FACTOR, MOST_FACTOR)))
 
 
 def _departure_time(scene: Scene, readings: Readings) -> float:
@@ -230,7 +254,8 @@ def _readings_in_plane(cfg: WindConfig, scene: Scene, readings: Readings, k: int
         points, turned = project_readings(str(scene.crs), scene.bounds.mean(axis=0), points, columns)
         winds, members = turned[:, :, 0], turned[:, :, 1:]
         near = max(cfg.padding, FIT_RADIUS)
-    gap = _distance_to_box(scene.bounds, points)
+    outside = np.maximum(0.0, np.maximum(scene.bounds[0] - points, points - scene.bounds[1]))
+    gap = np.hypot(outside[:, 0], outside[:, 1])  # distance to the map
     count = int(np.sum(gap <= near))
     if count < FEWEST_READINGS:
         raise DataError(
@@ -238,11 +263,15 @@ def _readings_in_plane(cfg: WindConfig, scene: Scene, readings: Readings, k: int
             f"{iso(readings.times[k])}, expected at least {FEWEST_READINGS}; "
             f"{_swap_question(readings, scene, k) or _more_readings(cfg, count)}"
         )
-    close = _readings_for_fit(gap, near)
-    beside = gap[close] <= max(min(cfg.padding, side), _half_way(gap[close], cfg.max_points))
+    # Readings farther away are not used: the statistics of the wind differ between parts of a continent.
+    close = np.flatnonzero(gap <= near)
+    if len(close) < ENOUGH_READINGS:
+        close = np.sort(np.argsort(gap, kind="stable")[:ENOUGH_READINGS])
+    half_way = np.sort(gap[close])[min(cfg.max_points // 2, len(close)) - 1]  # of wind.max_points readings
+    beside = gap[close] <= max(min(cfg.padding, side), half_way)
     chosen = thinned(points[close], beside, scene.bounds.mean(axis=0), cfg.max_points)
     used = close[chosen]
-    counts = _Counts(int(beside[chosen].sum()), int(beside.sum()), len(used), len(close))
+    counts = int(beside[chosen].sum()), int(beside.sum()), len(used), len(close)
     return _Placed(points[used], winds[used], members[used], counts)
 
 
@@ -253,23 +282,6 @@ def _more_readings(cfg: WindConfig, count: int) -> str:
             "the sample covers the contiguous United States; for another place see docs/wind.md, or wind=calm"
         )
     return "add readings near the scene" if count else "is the scene where the wind data is?"
-
-
-def _readings_for_fit(gap: FloatArray, near: float) -> IntArray:
-    """Indices of the readings whose distance ``gap`` (N,) [m] to the scene is at most ``near`` [m].
-
-    If they are fewer than ``ENOUGH_READINGS``, the nearest ones. Readings farther away are not used, since
-    the statistics of the wind differ between parts of a continent.
-    """
-    close = np.flatnonzero(gap <= near)
-    if len(close) < ENOUGH_READINGS:
-        close = np.sort(np.argsort(gap, kind="stable")[:ENOUGH_READINGS])
-    return close
-
-
-def _half_way(gap: FloatArray, limit: int) -> float:
-    """Distance to the scene [m] within which there are ``limit`` / 2 of the readings at ``gap`` (N,) [m]."""
-    return float(np.sort(gap)[min(limit // 2, len(gap)) - 1])
 
 
 def thinned(points: FloatArray, beside: BoolArray, centre: FloatArray, most: int) -> IntArray:
@@ -288,7 +300,7 @@ def thinned(points: FloatArray, beside: BoolArray, centre: FloatArray, most: int
     return np.sort(farthest_points(points, most, own))
 
 
-def _log_thinning(cfg: WindConfig, readings: Readings, counts: Sequence[_Counts]) -> None:
+def _log_thinning(cfg: WindConfig, readings: Readings, counts: Sequence[tuple[int, int, int, int]]) -> None:
     """Log how many readings the fit uses, if it does not use all near the map."""
     own, beside, used, near = np.array(counts).T
     if (used < near).any():
@@ -334,10 +346,3 @@ def project_readings(
     columns = winds[close].reshape(len(lon), 2, -1)
     turned = np.stack([projection.rotate_vectors(w, angle) for w in np.moveaxis(columns, 2, 0)], axis=2)
     return projection.to_plane(crs, lon, lat), turned.reshape(len(lon), *winds.shape[1:])
-
-
-def _distance_to_box(bounds: FloatArray, points: FloatArray) -> FloatArray:
-    """Distance (N,) [m] from ``points`` (N, 2) to the rectangle ``bounds``; 0 inside."""
-    outside = np.maximum(0.0, np.maximum(bounds[0] - points, points - bounds[1]))
-    distance: FloatArray = np.hypot(outside[:, 0], outside[:, 1])
-    return distance

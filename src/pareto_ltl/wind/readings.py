@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +132,7 @@ class Readings:
         return iso(float(self.times[0])) if len(self.times) else None
 
 
+@lru_cache(maxsize=4096)  # many rows of a table share few times
 def seconds(text: str) -> float:
     """Seconds since 1970 of an ISO 8601 time; UTC if it has no offset. ValueError if it is not a time."""
     stamp = datetime.fromisoformat(text.strip())
@@ -156,6 +158,20 @@ def node_rows(points: FloatArray, nodes: FloatArray) -> IntArray:
     """Row in ``points`` (M, 2) of each of ``nodes`` (N, 2), which must all be in ``points``: (N,)."""
     rows = {(lon, lat): row for row, (lon, lat) in enumerate(points.tolist())}
     return np.array([rows[lon, lat] for lon, lat in nodes.tolist()], np.int64)
+
+
+def shared_nodes(points: Sequence[FloatArray], area: Sequence[Sequence[float]] | None = None) -> FloatArray:
+    """The nodes (N, 2) [deg] that all of ``points`` have, in the order of the first ones, inside ``area``."""
+    nodes = points[0]
+    for other in points[1:]:
+        if not np.array_equal(nodes, other):
+            known = set(map(tuple, other.tolist()))
+            nodes = np.array([node for node in nodes.tolist() if tuple(node) in known]).reshape(-1, 2)
+    if not area:
+        return nodes
+    import shapely
+
+    return nodes[shapely.contains_xy(shapely.Polygon(area), nodes)]
 
 
 def check_readings(

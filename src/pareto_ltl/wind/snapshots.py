@@ -1,17 +1,29 @@
-"""Winds of many forecasts: there can be several cycles and members for one valid time."""
+"""Winds of many forecasts: there can be several cycles and members for one valid time.
+
+Readings are made of the newest forecast of each time, or of the mean of an ensemble and the deviations of its
+members. Nodes of a file are left out that have no value, and at a pressure level those below ground.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.readings import Readings, iso, lead_text
+from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
+from pareto_ltl.wind.levels import PRESSURE, Level, parse_level
+from pareto_ltl.wind.readings import Readings, check_readings, iso, lead_text, wrap_longitude
+from pareto_ltl.world.projection import rotate_vectors
+
+FEWEST_MEMBERS = 2
+NEAR_NODE = 1e-3  # [deg] closer nodes of two members count as the same node
+LARGEST_GAP = 3.0  # [deg] a node is left out if another member has no node within this distance
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +61,6 @@ class Snapshot:
         """Start of the forecast [s since 1970]; the valid time if the lead is not known."""
         return self.time if np.isnan(self.lead) else self.time - self.lead
 
-    @property
-    def remark(self) -> str:
-        """``analysis`` or ``3 h forecast``; empty if the lead is not known."""
-        return lead_text(self.lead)
-
 
 class Snapshots(NamedTuple):
     """Every wind in ``files``, and ``notes`` of quality control, one line each."""
@@ -61,6 +68,119 @@ class Snapshots(NamedTuple):
     winds: tuple[Snapshot, ...]
     files: tuple[Path, ...]
     notes: tuple[str, ...] = ()
+
+
+# --- snapshots from the grid of a file ---------------------------------------------------------
+
+
+class Nodes(NamedTuple):
+    """Nodes of a grid, cropped.
+
+    Attributes
+    ----------
+    kept : (N,) int
+        Indices of the nodes among the flattened values of the grid.
+    lonlat : (N, 2) float
+        Longitude (-180..180) and latitude [deg].
+    twist : (N,) float or None
+        Angle from grid north to true north [rad]; None if the axes of the grid are east and north.
+    """
+
+    kept: IntArray
+    lonlat: FloatArray
+    twist: FloatArray | None = None
+
+
+class GridWind(NamedTuple):
+    """A wind as a file has it.
+
+    Attributes
+    ----------
+    snap : Snapshot
+        The wind along the axes of the grid, NaN for missing values.
+    twist : (N,) float or None
+        As in :class:`Nodes`.
+    pressure : (N,) float or None
+        Surface pressure [Pa]; None if it is not known.
+    """
+
+    snap: Snapshot
+    twist: FloatArray | None
+    pressure: FloatArray | None
+
+
+class _LeftOut(NamedTuple):
+    """Numbers of nodes of one field: all, those without a value, those below ground (None if not known)."""
+
+    nodes: int
+    missing: int
+    below: int | None
+
+
+def crop(file: Path, lon: FloatArray, lat: FloatArray, area: GeoBox | None) -> Nodes:
+    """The nodes of a grid that are in ``area``; a DataError if there are none."""
+    lonlat = np.stack([wrap_longitude(lon.reshape(-1)), lat.reshape(-1)], axis=1)
+    inside = np.isfinite(lonlat).all(axis=1)
+    if (np.abs(lonlat[inside, 1]) > 90.0).any():
+        raise DataError(f"wind file {file}: a latitude is beyond 90 degrees; expected degrees north")
+    if not inside.any():
+        raise DataError(f"wind file {file} has no node with a latitude and longitude")
+    rows = np.flatnonzero(inside)
+    if area is not None:
+        rows = rows[np.isin(rows, area.pick(lonlat))]
+        if not len(rows):
+            refuse_empty_crop(f"wind file {file}", lonlat, area)
+    return Nodes(rows, lonlat[rows])
+
+
+def earth_relative(
+    found: Iterable[GridWind], files: tuple[Path, ...], level: Level, max_speed: float, notes: Iterable[str]
+) -> Snapshots:
+    """The winds turned to east and north, without nodes that have no value or are below ground.
+
+    ``notes``, which are read after all winds, are completed by notes on these nodes. DataError if a wind is
+    above ``max_speed`` [m/s].
+    """
+    turned = [_turned(wind, max_speed) for wind in found]
+    more = _left_out_notes(level, [count for _, count in turned])
+    return Snapshots(tuple(snap for snap, _ in turned), files, (*notes, *more))
+
+
+def _turned(wind: GridWind, max_speed: float) -> tuple[Snapshot, _LeftOut]:
+    snap, pressure = wind.snap, wind.pressure
+    here, level = np.asarray(np.isfinite(snap.winds).all(axis=1)), parse_level(snap.level)
+    missing, below = len(here) - int(here.sum()), None
+    if level.kind == PRESSURE and pressure is not None and len(pressure) == len(here):
+        ground = here & (pressure < level.value)
+        here, below = here & ~ground, int(ground.sum())
+    winds = snap.winds if wind.twist is None else rotate_vectors(snap.winds, -wind.twist)
+    points, winds = (snap.points, winds) if here.all() else (snap.points[here], winds[here])
+    check_readings(points, winds, True, max_speed, lambda _: f"wind file {snap.files[0]}, {iso(snap.time)}")
+    return replace(snap, points=points, winds=winds), _LeftOut(len(here), missing, below)
+
+
+def _left_out_notes(level: Level, counts: Sequence[_LeftOut]) -> Iterator[str]:
+    """A line for each kind of node that is left out, and one if some fields could not be checked."""
+    nodes = sum(count.nodes for count in counts)
+    if missing := sum(count.missing for count in counts):
+        yield f"{missing} of {nodes} values at {level.text} are missing in the file and left out"
+    if level.kind != PRESSURE or not counts:
+        return
+    checked = [count for count in counts if count.below is not None]
+    if checked:
+        below = sum(count.below or 0 for count in checked)
+        yield (
+            f"{below} of {sum(count.nodes for count in checked)} values at {level.text} lie below ground, "
+            "where the surface pressure is lower, and are left out"
+        )
+    if len(checked) < len(counts):
+        yield (
+            f"{len(counts) - len(checked)} fields at {level.text} come without surface pressure: whether "
+            "nodes lie below ground could not be checked"
+        )
+
+
+# --- readings of snapshots ---------------------------------------------------------------------
 
 
 def latest_readings(
@@ -84,24 +204,152 @@ def latest_readings(
             )
         if rival is None or snap.lead < rival.lead:
             best[snap.time] = snap
-    chosen = [best[time] for time in sorted(best)]
-    levels = sorted({snap.level for snap in chosen})
+    return readings_of([best[time] for time in sorted(best)], files, notes=notes)
+
+
+def readings_of(
+    fields: Sequence[Snapshot], files: tuple[Path, ...], geographic: bool = True, **more: Any
+) -> Readings:
+    """The readings of ``fields``, whose times increase; ``more`` are further attributes of the readings."""
+    usual = {"remarks": tuple(lead_text(snap.lead) for snap in fields), "level": one_level(fields)}
+    return Readings(
+        times=np.array([snap.time for snap in fields]),
+        points=tuple(snap.points for snap in fields),
+        winds=tuple(snap.winds for snap in fields),
+        geographic=geographic,
+        files=files,
+        origins=tuple(snap.files for snap in fields),
+        leads=np.array([snap.lead for snap in fields]),
+        **usual | more,
+    )
+
+
+def one_level(snapshots: Sequence[Snapshot]) -> str:
+    """The level of all ``snapshots``; a DataError if they have several."""
+    levels = sorted({snap.level for snap in snapshots})
     if len(levels) > 1:
         raise DataError(f"wind files hold several levels ({', '.join(levels)}); pick one with wind.level")
-    return Readings(
-        times=np.array([snap.time for snap in chosen]),
-        points=tuple(snap.points for snap in chosen),
-        winds=tuple(snap.winds for snap in chosen),
-        geographic=True,
-        files=files,
-        remarks=tuple(snap.remark for snap in chosen),
-        origins=tuple(snap.files for snap in chosen),
-        leads=np.array([snap.lead for snap in chosen]),
-        level=levels[0] if levels else "10m",
-        notes=notes,
-    )
+    return levels[0] if levels else "10m"
 
 
 def known_at(snapshots: Sequence[Snapshot], moment: float, delay: float) -> tuple[Snapshot, ...]:
     """The snapshots of cycles that began at least ``delay`` [s] before ``moment`` [s since 1970]."""
     return tuple(snap for snap in snapshots if snap.cycle <= moment - delay)
+
+
+# --- ensembles -----------------------------------------------------------------------------------
+
+
+def ensemble_readings(
+    snapshots: Sequence[Snapshot], files: tuple[Path, ...], prior: float, notes: tuple[str, ...] = ()
+) -> Readings:
+    """Mean and deviations of the members at every valid time with at least two members.
+
+    Members are runs of one model from perturbed initial states (GEFS), of several models, or of several
+    cycles of one model (a time-lagged ensemble). With n members w_m on the same nodes::
+
+        μ   = Σ_m w_m / n
+        d_m = √(s (1 + 1/n) / (n - 1)) (w_m - μ),     Σ_m d_m d_m' = s (1 + 1/n) C
+
+    where C is the covariance of the members. The factor 1 + 1/n accounts for the error of the mean of n
+    members, if the truth is distributed as a further member. A member is the same at all times, so that its
+    deviation persists and moves with the weather of that member.
+
+    A covariance that is estimated from few members is uncertain. With n members it gets the share
+    s = (n - 1) / (n - 1 + ν), and the law of forecast errors the share 1 - s, with ν =
+    ``wind.ensemble_prior``. This is the mean of an inverse Wishart distribution whose prior is the parametric
+    law (Gelman et al., Bayesian Data Analysis, 3rd ed., section 3.6).
+
+    Parameters
+    ----------
+    files : tuple of Path
+        The files of the source.
+    prior : float
+        ν, the weight of the law of forecast errors as a number of members; 0: only the members are used.
+    notes : tuple of str
+        Remarks to which those on the ensemble are added.
+
+    Raises
+    ------
+    DataError
+        If no valid time has two members, or levels differ.
+    """
+    one_level(snapshots)
+    groups = _by_time(snapshots)
+    times = sorted(time for time, group in groups.items() if len(group) >= FEWEST_MEMBERS)
+    if not times:
+        raise DataError(
+            f"{files[0].parent}: no valid time has two members ({len(groups)} times, "
+            f"{iso(min(groups))} .. {iso(max(groups))}, one field each); an ensemble needs forecasts "
+            "of several members or cycles for the same times: add them, or use wind.source=grib"
+        )
+    names = sorted({name for time in times for name in groups[time]})
+    fewest = min(len(groups[time]) for time in times)
+    share = (fewest - 1) / (fewest - 1 + prior)
+    found = [_mean_and_deviations(groups[time], names, share) for time in times]
+    left_out = len(groups) - len(times)
+    said = [f"{len(names)} members, at least {fewest} at each time"]
+    said += [f"{left_out} times with a single member left out"] if left_out else []
+    return readings_of(
+        [mean for mean, _ in found],
+        files,
+        remarks=tuple(f"mean of {len(groups[time])} members" for time in times),
+        notes=(*notes, *said),
+        members=tuple(deviations for _, deviations in found),
+        forecast_share=1.0 - share,
+    )
+
+
+def prior_weight(cfg: WindConfig) -> float:
+    """ν of the settings; with ``wind.forecast_error=none``, only the members determine the error."""
+    return 0.0 if cfg.forecast_error == "none" else cfg.ensemble_prior
+
+
+def _by_time(snapshots: Sequence[Snapshot]) -> dict[float, dict[str, Snapshot]]:
+    """The members of each valid time [s since 1970] by name (in the file, else the folder) and cycle."""
+    groups: dict[float, dict[str, Snapshot]] = {}
+    for snap in snapshots:
+        name = f"{snap.member or snap.files[0].parent.name} of {iso(snap.cycle)}"
+        members = groups.setdefault(snap.time, {})
+        if name in members:
+            both = " and ".join(file.name for file in (*members[name].files[:1], *snap.files[:1]))
+            raise DataError(f"wind files {both} both hold the {name} at {iso(snap.time)}; keep one of them")
+        members[name] = snap
+    return groups
+
+
+def _mean_and_deviations(
+    group: dict[str, Snapshot], names: Sequence[str], share: float
+) -> tuple[Snapshot, FloatArray]:
+    """The mean wind of one time and the weighted deviations (N, 2, M) [m/s] from it.
+
+    M is the number of members over all times; members without a field at this time have deviation 0.
+
+    Eq. (M13) of docs/mathematics.md.
+    """
+    first = next(iter(group.values()))
+    aligned = {name: _at_nodes(snap, first.points) for name, snap in group.items()}
+    everywhere = np.all([np.isfinite(winds).all(axis=1) for winds in aligned.values()], axis=0)
+    stack = np.stack([winds[everywhere] for winds in aligned.values()], axis=-1)
+    mean, n = stack.mean(axis=-1), stack.shape[-1]
+    weight = np.sqrt(share * (1.0 + 1.0 / n) / (n - 1))
+    deviations = np.zeros((*mean.shape, len(names)))
+    deviations[..., [names.index(name) for name in aligned]] = weight * (stack - mean[..., None])
+    lead = min(snap.lead for snap in group.values())
+    files = tuple(dict.fromkeys(file for snap in group.values() for file in snap.files))
+    return replace(first, lead=lead, points=first.points[everywhere], winds=mean, files=files), deviations
+
+
+def _at_nodes(snap: Snapshot, nodes: FloatArray) -> FloatArray:
+    """Winds (N, 2) [m/s] of ``snap`` at ``nodes`` (N, 2) [deg], linear between its nodes; NaN outside."""
+    if snap.points.shape == nodes.shape and np.abs(snap.points - nodes).max() < NEAR_NODE:
+        return snap.winds
+    from scipy.interpolate import LinearNDInterpolator
+    from scipy.spatial import cKDTree
+
+    middle = float(np.median(nodes[:, 0]))
+    own, there = (np.column_stack([wrap_longitude(p[:, 0] - middle), p[:, 1]]) for p in (snap.points, nodes))
+    found = np.asarray(LinearNDInterpolator(own, snap.winds)(there), float)
+    far = cKDTree(own).query(there)[0] > LARGEST_GAP
+    found[far] = np.nan
+    return found

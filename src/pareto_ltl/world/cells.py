@@ -11,9 +11,10 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import shapely
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed, listed_text
@@ -22,13 +23,9 @@ from pareto_ltl.support.messages import shown_value
 from pareto_ltl.world.polygons import GridRing, convex_parts, drop_flat, ring_edges
 from pareto_ltl.world.scene import Scene
 
-if TYPE_CHECKING:
-    import networkx as nx
-    import shapely
-
 GRID_FRACTION = 2.0**-40  # grid step over the size of the map
 EDGE_FRACTION = 1e-11  # of the size of the map; a point this close to an edge counts as on it
-LOCATOR_BUCKETS = 64  # of a Locator, along each axis
+BUCKETS = 64  # of the grid that finds the cell of a point, along each axis
 THINNEST = 1024.0  # [grid steps], about 1e-9 of the map; thinner convex parts are rounding errors
 SHORTEST_DOOR = 4.0  # [grid steps]; shorter contacts are rounding errors
 
@@ -74,29 +71,6 @@ class Decomposition(Displayed):
             "convex parts of obstacles": f"{len(self.obstacles):,}",
             "regions": listed_text(self.regions),
         }
-
-
-@dataclass(frozen=True, slots=True)
-class Locator:
-    """A grid of buckets over the bounds, with the cells that may contain a point of each bucket.
-
-    Attributes
-    ----------
-    origin : (2,) float
-        South-west corner [m].
-    inverse : (2,) float
-        Number of buckets per metre along x and y [1/m].
-    shape : (2,) int
-        Number of buckets along x and y; bucket (i, j) has the number ``i * shape[1] + j``.
-    ptr : (shape[0] * shape[1] + 1,) int, index : (ptr[-1],) int
-        The cells of bucket k, in ascending order, are ``index[ptr[k]:ptr[k + 1]]``.
-    """
-
-    origin: FloatArray
-    inverse: FloatArray
-    shape: IntArray
-    ptr: IntArray
-    index: IntArray
 
 
 def decompose(scene: Scene) -> Decomposition:
@@ -148,22 +122,6 @@ def convex_pieces(scene: Scene, polygons: Iterable[shapely.Geometry]) -> tuple[F
     )
 
 
-def cell_graph(decomposition: Decomposition) -> nx.Graph:
-    """Graph of the cells: nodes have ``centroid`` (2,) [m], ``area`` [m²] and ``label``; doors are edges.
-
-    An edge has the ``distance`` [m] between the two centroids.
-    """
-    import networkx as nx
-
-    net = nx.Graph()
-    for i, (cell, label) in enumerate(zip(decomposition.cells, decomposition.labels, strict=True)):
-        area, centroid = moments(cell)
-        net.add_node(i, centroid=centroid, area=area, label=label)
-    for i, j in decomposition.doors.tolist():
-        net.add_edge(i, j, distance=float(math.dist(net.nodes[i]["centroid"], net.nodes[j]["centroid"])))
-    return net
-
-
 def half_planes(polygon: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Outward unit normals a (n, 2) and offsets b (n,) [m] of a convex polygon: a' x <= b inside."""
     along = np.roll(polygon, -1, axis=0) - polygon
@@ -188,47 +146,31 @@ def cells_of_points(decomposition: Decomposition, points: FloatArray) -> IntArra
     point outside all cells because of rounding, it is the cell with the largest :func:`inside_depth`.
     """
     points = np.asarray(points, float).reshape(-1, 2)
-    close = EDGE_FRACTION * _map_size(decomposition)
+    corners = np.concatenate([*decomposition.cells, *decomposition.obstacles])
+    close = EDGE_FRACTION * float(np.ptp(corners, axis=0).max())
     room = np.stack([inside_depth(cell, points) for cell in decomposition.cells], axis=1)
-    holds = room >= -close
+    holds, covered = room >= -close, np.zeros(len(points), bool)
+    for part in decomposition.obstacles:
+        covered |= inside_depth(part, points) >= 0
     found = np.where(holds.any(axis=1), holds.argmax(axis=1), room.argmax(axis=1))
-    nowhere = ~holds.any(axis=1) & (
-        _covered_points(decomposition, points) | (room.max(axis=1) < -100 * close)
-    )
+    nowhere = ~holds.any(axis=1) & (covered | (room.max(axis=1) < -100 * close))
     return np.where(nowhere, -1, found)
 
 
-def locator(decomposition: Decomposition, bounds: FloatArray) -> Locator:
-    """Candidate cells of each bucket of a 64 x 64 grid over ``bounds`` (2, 2) [m].
+def bucket_cells(decomposition: Decomposition, bounds: FloatArray) -> tuple[IntArray, IntArray]:
+    """Candidate cells of each bucket of a 64 x 64 grid over ``bounds`` (2, 2) [m]: arrays ``ptr``, ``index``.
 
-    A cell is a candidate unless a face of the cell or of the bucket separates the two (separating axis
-    theorem). Buckets are enlarged by 1e-6, so that rounding does not exclude a cell.
+    Bucket (i, j), column i and row j, has the number k = 64 i + j and, in ascending order, the cells
+    ``index[ptr[k]:ptr[k + 1]]``. A cell is a candidate unless a face of the cell or of the bucket separates
+    the two (separating axis theorem). Buckets are enlarged by 1e-6, so that rounding does not exclude a cell.
     """
-    size = (bounds[1] - bounds[0]) / LOCATOR_BUCKETS
-    west_to_east, south_to_north = (
-        bounds[0][:, None] + size[:, None] * (np.arange(LOCATOR_BUCKETS) + 0.5)
-    ).tolist()
+    size = (bounds[1] - bounds[0]) / BUCKETS
+    west_to_east, south_to_north = (bounds[0][:, None] + size[:, None] * (np.arange(BUCKETS) + 0.5)).tolist()
     middle = np.array([[x, y] for x in west_to_east for y in south_to_north])
     half = 0.5 * size * (1 + 1e-6)
     near = np.stack([_cell_meets_boxes(cell, middle, half) for cell in decomposition.cells], axis=1)
     ptr = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
-    return Locator(
-        origin=np.array(bounds[0]),
-        inverse=1 / size,
-        shape=np.array([LOCATOR_BUCKETS, LOCATOR_BUCKETS]),
-        ptr=ptr.astype(np.int64),
-        index=np.nonzero(near)[1].astype(np.int64),
-    )
-
-
-def _reachable_cells(doors: IntArray, start: int) -> set[int]:
-    """Cells connected to ``start`` by ``doors``; without networkx, whose import takes 0.3 s."""
-    reached, fresh = {start}, {start}
-    while fresh:
-        ahead = doors[np.isin(doors, list(fresh)).any(axis=1)]
-        fresh = set(ahead.ravel().tolist()) - reached
-        reached |= fresh
-    return reached
+    return ptr.astype(np.int64), np.nonzero(near)[1].astype(np.int64)
 
 
 def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Iterable[str]) -> tuple[str, ...]:
@@ -241,6 +183,9 @@ def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Itera
     DataError
         If the start lies inside an obstacle.
     """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import breadth_first_order
+
     names = sorted(set(atoms))
     for name in names:
         if name not in scene.regions:
@@ -259,8 +204,10 @@ def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Itera
         raise DataError(
             f"the start {scene.start.tolist()} [m] lies in no free cell; move it out of the obstacle"
         )
-    reached = _reachable_cells(decomposition.doors, start)
-    shown = frozenset[str]().union(*(decomposition.labels[i] for i in reached))
+    cells, doors = len(decomposition.cells), decomposition.doors
+    net = csr_matrix((np.ones(len(doors)), doors.T), shape=(cells, cells))
+    reached = breadth_first_order(net, start, directed=False, return_predecessors=False)
+    shown = frozenset[str]().union(*(decomposition.labels[i] for i in reached.tolist()))
     return tuple(name for name in names if name not in shown)
 
 
@@ -275,23 +222,17 @@ def _grid_step(scene: Scene) -> float:
 
 
 def _snapped_polygon(corners: FloatArray, step: float) -> shapely.Geometry:
-    import shapely
-
     return _snapped_shape(shapely.Polygon(corners), step)
 
 
 def _snapped_region(outlines: Sequence[FloatArray], step: float) -> shapely.Geometry:
     """The union of the polygons of a region, in grid steps."""
-    import shapely
-
     found = [_snapped_polygon(corners, step) for corners in outlines]
     return found[0] if len(found) == 1 else shapely.union_all(found, grid_size=1.0)
 
 
 def _snapped_shape(shape: shapely.Geometry, step: float) -> shapely.Geometry:
     """``shape`` [m] in grid steps, made valid if snapping made corners or edges coincide."""
-    import shapely
-
     return shapely.set_precision(shapely.transform(shape, lambda corners: np.rint(corners / step)), 1.0)
 
 
@@ -302,8 +243,6 @@ def _box_outline(bounds: FloatArray) -> FloatArray:
 
 def _outermost_polygons(polygons: Sequence[shapely.Geometry]) -> list[shapely.Geometry]:
     """``polygons`` without those inside another one."""
-    import shapely
-
     if not polygons:
         return []
     inner, outer = shapely.STRtree(polygons).query(polygons, predicate="covered_by")
@@ -316,8 +255,6 @@ def _outermost_polygons(polygons: Sequence[shapely.Geometry]) -> list[shapely.Ge
 
 def _polygon_rings(face: Any) -> list[GridRing]:
     """Outline (counter-clockwise) and holes (clockwise) of a polygon, in grid steps."""
-    import shapely
-
     face = shapely.orient_polygons(face)
     rings = [shapely.get_coordinates(ring)[:-1].tolist() for ring in (face.exterior, *face.interiors)]
     return [[(int(x), int(y)) for x, y in ring] for ring in rings]
@@ -325,8 +262,6 @@ def _polygon_rings(face: Any) -> list[GridRing]:
 
 def _convex_rings(polygon: shapely.Geometry) -> list[GridRing]:
     """Convex parts of a shape in grid steps, without flat corners."""
-    import shapely
-
     found = []
     for piece in shapely.get_parts(polygon):
         outline, *holes = _polygon_rings(piece)
@@ -366,8 +301,6 @@ def _labelled_cells(
     box: shapely.Geometry, obstacles: Sequence[shapely.Geometry], regions: dict[str, shapely.Geometry]
 ) -> list[tuple[GridRing, frozenset[str]]]:
     """Convex rings with all shared corners, and their labels, sorted by number of labels, names, position."""
-    import shapely
-
     outlines = shapely.boundary([box, *obstacles, *regions.values()])
     faces = shapely.get_parts(shapely.polygonize([shapely.union_all(outlines, grid_size=1.0)]))
     inside = shapely.point_on_surface(faces)
@@ -383,8 +316,6 @@ def _labelled_cells(
 
 def _points_within(polygons: Sequence[shapely.Geometry], points: Any) -> BoolArray:
     """Which ``points`` (shapely points) lie in any of ``polygons``, (P,)."""
-    import shapely
-
     inside = np.zeros(len(points), bool)
     if len(polygons):
         inside[shapely.STRtree(polygons).query(points, predicate="intersects")[0]] = True
@@ -404,18 +335,6 @@ def _shared_edges(rings: Sequence[GridRing]) -> IntArray:
 
 
 # --- points -----------------------------------------------------------------------------------------
-
-
-def _map_size(decomposition: Decomposition) -> float:
-    return float(np.ptp(np.concatenate([*decomposition.cells, *decomposition.obstacles]), axis=0).max())
-
-
-def _covered_points(decomposition: Decomposition, points: FloatArray) -> BoolArray:
-    """Which points lie in an obstacle or on its edges."""
-    covered = np.zeros(len(points), bool)
-    for part in decomposition.obstacles:
-        covered |= inside_depth(part, points) >= 0
-    return covered
 
 
 def _cell_meets_boxes(cell: FloatArray, middle: FloatArray, half: FloatArray) -> BoolArray:

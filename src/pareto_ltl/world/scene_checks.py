@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import shapely
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
@@ -15,26 +16,13 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.names import name_fault
 from pareto_ltl.world import projection
-from pareto_ltl.world.altitude import sketch_at_altitude
+from pareto_ltl.world import scene_shapes as draw
 from pareto_ltl.world.cells import convex_pieces
-from pareto_ltl.world.fix_shapes import FixShape
-from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_faults import MapFaults
-from pareto_ltl.world.scene_shapes import (
-    clipped_parts,
-    drawn_shape,
-    inside_of,
-    outside_parts,
-    straightened_bounds,
-    with_buffer,
-)
+from pareto_ltl.world.polygons import outlines_of
+from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.scene_simplify import MANY_CORNERS, DrawnMap, simplified_map
-from pareto_ltl.world.scene_sketch import DrawingRules, MissionUse, Place, SceneSketch
-from pareto_ltl.world.shapes import outlines_of
+from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, Place, SceneSketch
 from pareto_ltl.world.windows import TimedPlace
-
-if TYPE_CHECKING:
-    import shapely
 
 LOG = logging.getLogger(__name__)
 
@@ -65,7 +53,7 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
     faults.each(sketch.regions, lambda place: _check_region_name(sketch, place.name))
     faults.each(sketch.timed, lambda window: _check_window(sketch, window))
     with faults.noted():
-        sketch = sketch_at_altitude(sketch, rules)
+        sketch = draw.sketch_at_altitude(sketch, rules)
     drawn, sketch = _drawn_map(sketch, rules, faults)
     drawn, farthest = simplified_map(sketch, rules, drawn)
     if farthest or any(place.buffer for place in sketch.obstacles):
@@ -114,7 +102,10 @@ def _drawn_map(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults) -> t
     """
     with faults.noted():
         if sketch.fence is not None and rules.walled:
-            sketch = replace(sketch, bounds=straightened_bounds(sketch, inside_of(sketch, sketch.fence)))
+            sketch = replace(
+                sketch,
+                bounds=draw.straightened_bounds(sketch, draw.inside_of(sketch, sketch.fence)),
+            )
     drawn = _checked_shapes(sketch, rules, faults)
     faults.refuse()
     return drawn, sketch
@@ -122,17 +113,20 @@ def _drawn_map(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults) -> t
 
 def _checked_shapes(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults) -> DrawnMap:
     drawn = faults.each(sketch.regions, lambda place: _drawn_region(sketch, place))
-    shapes = faults.each(sketch.obstacles, lambda place: drawn_shape(sketch, place))
+    shapes = faults.each(sketch.obstacles, lambda place: draw.drawn_shape(sketch, place))
     with faults.noted():
-        _check_inside(sketch, "start", sketch.start.reshape(-1, 2))
-    inside = faults.each(drawn, lambda pair: _check_inside(sketch, pair[0].what, _coordinates(pair[1])))
+        _check_inside(sketch, "start", _start_points(sketch))
+    inside = faults.each(drawn, lambda pair: _check_inside(sketch, pair[0].what, pair[1]))
     places = {place.name: shape for (place, shape), _ in inside}
-    solid = [(place.what, part) for place, shape in shapes for part in clipped_parts(sketch, shape)]
+    solid = [(place.what, part) for place, shape in shapes for part in draw.clipped_parts(sketch, shape)]
     with faults.noted():
         if sketch.fence is not None and rules.walled:
-            solid += [(OUTSIDE, part) for part in outside_parts(sketch, sketch.fence)]
+            solid += [(OUTSIDE, part) for part in draw.outside_parts(sketch, sketch.fence)]
     fenced = [pair for pair in solid if pair[0] == OUTSIDE]
-    grown = faults.each(shapes, lambda pair: _grown_parts(sketch, *pair))
+    grown = faults.each(
+        shapes,
+        lambda pair: draw.clipped_parts(sketch, draw.with_buffer(sketch, *pair, outwards=True)),
+    )
     wide = [(place.what, part) for (place, _), parts in grown for part in parts]
     with faults.noted():
         _check_start_free(sketch, [*wide, *fenced])
@@ -156,15 +150,8 @@ def _checked_shapes(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults)
 
 def _drawn_region(sketch: SceneSketch, place: Place) -> shapely.Geometry:
     """The shape of a region; an obstacle that is active for a limited time is clipped to the bounds."""
-    import shapely
-
-    shape = drawn_shape(sketch, place)
-    return shapely.union_all(clipped_parts(sketch, shape)) if place.solid else shape
-
-
-def _grown_parts(sketch: SceneSketch, place: Place, shape: shapely.Geometry) -> list[Any]:
-    """The parts of an obstacle with its buffer, clipped to the bounds."""
-    return clipped_parts(sketch, with_buffer(sketch, place, shape, outwards=True))
+    shape = draw.drawn_shape(sketch, place)
+    return shapely.union_all(draw.clipped_parts(sketch, shape)) if place.solid else shape
 
 
 def _use_of_regions(sketch: SceneSketch, rules: DrawingRules) -> MissionUse | None:
@@ -184,8 +171,6 @@ def _with_margin(
     sketch: SceneSketch, place: Place, shape: shapely.Geometry, use: MissionUse | None, kept_out: bool
 ) -> shapely.Geometry:
     """A region with its buffer: enlarged if the mission only avoids it, else reduced."""
-    import shapely
-
     if not place.buffer:
         return shape
     if place.polygons and use and place.name in use.visited & use.forbidden:
@@ -193,24 +178,15 @@ def _with_margin(
             f"{sketch.where}: {place.what} has a buffer, and the mission both visits and avoids it; "
             "draw two regions, one for each, or leave the buffer out"
         )
-    found = with_buffer(sketch, place, shape, outwards=kept_out)
+    found = draw.with_buffer(sketch, place, shape, outwards=kept_out)
     if kept_out:
-        return shapely.union_all(clipped_parts(sketch, found))
-    _check_inside(sketch, place.what, _coordinates(found))
-    return found
-
-
-def _coordinates(shape: shapely.Geometry) -> FloatArray:
-    import shapely
-
-    found: FloatArray = shapely.get_coordinates(shape)
+        return shapely.union_all(draw.clipped_parts(sketch, found))
+    _check_inside(sketch, place.what, found)
     return found
 
 
 def _apart(sketch: SceneSketch, drawn: DrawnMap) -> DrawnMap:
     """``drawn`` with the enlarged obstacles cut out of visited regions and landmarks."""
-    import shapely
-
     barriers, faults = np.array([polygon for _, polygon in drawn.obstacles]), MapFaults(sketch.where)
 
     def rest(what: str, shape: shapely.Geometry) -> shapely.Geometry:
@@ -243,9 +219,7 @@ def _drawn_landmark(
     sketch: SceneSketch, place: Place, obstacles: Sequence[tuple[str, Any]]
 ) -> shapely.Geometry:
     """A landmark reduced by its buffer; DataError if it is outside the bounds or overlaps an obstacle."""
-    import shapely
-
-    shape = drawn_shape(sketch, place)
+    shape = draw.drawn_shape(sketch, place)
     for name, outline in obstacles:
         common = shapely.intersection(shape, outline)
         if common.area > sketch.tolerance * shapely.length(shape):
@@ -254,9 +228,9 @@ def _drawn_landmark(
                 f"{sketch.where}: {place.what} overlaps {name} at {sketch.show(at)}, where no robot can be; "
                 "move one, or cut the obstacle out of the landmark"
             )
-    found = with_buffer(sketch, place, shape, outwards=False)
-    _check_inside(sketch, place.what, _coordinates(shape))
-    _check_inside(sketch, place.what, _coordinates(found))
+    found = draw.with_buffer(sketch, place, shape, outwards=False)
+    _check_inside(sketch, place.what, shape)
+    _check_inside(sketch, place.what, found)
     return found
 
 
@@ -264,15 +238,12 @@ def _convex_landmarks(
     sketch: SceneSketch, scene: Scene, drawn: DrawnMap
 ) -> Iterator[tuple[FloatArray, FixShape | None]]:
     """Landmarks as convex polygons, with the errors of their fixes; those that are not convex are split."""
-    import shapely
-
     for place, (what, shape) in zip(sketch.landmarks, drawn.landmarks, strict=True):
         fix = place.fix and place.fix.in_area(sketch.where, what, shape)
         for part in shapely.get_parts(shape).tolist():
-            if shapely.convex_hull(part).area <= part.area + sketch.tolerance * part.length:
-                yield from ((corners, fix) for corners in outlines_of(part))
-            else:
-                yield from ((corners, fix) for corners in convex_pieces(scene, [part]))
+            convex = shapely.convex_hull(part).area <= part.area + sketch.tolerance * part.length
+            pieces = outlines_of(part) if convex else convex_pieces(scene, [part])
+            yield from ((corners, fix) for corners in pieces)
 
 
 def _check_size(sketch: SceneSketch) -> None:
@@ -308,7 +279,13 @@ def _check_region_name(sketch: SceneSketch, name: str) -> None:
         )
 
 
-def _check_inside(sketch: SceneSketch, what: str, points: FloatArray) -> None:
+def _start_points(sketch: SceneSketch) -> shapely.MultiPoint:
+    """The start, or no point if the map has none."""
+    return shapely.MultiPoint(sketch.start.reshape(-1, 2))
+
+
+def _check_inside(sketch: SceneSketch, what: str, shape: shapely.Geometry) -> None:
+    points: FloatArray = shapely.get_coordinates(shape)
     if not len(points):
         return
     (west, south), (east, north) = sketch.bounds.tolist()
@@ -341,9 +318,7 @@ def _swap_question(sketch: SceneSketch, point: FloatArray) -> str:
 
 
 def _check_start_free(sketch: SceneSketch, obstacles: Sequence[tuple[str, Any]]) -> None:
-    import shapely
-
-    start = shapely.Point(sketch.start) if len(sketch.start) else shapely.Point()
+    start = _start_points(sketch)
     for what, polygon in obstacles:
         if polygon.contains(start) and polygon.boundary.distance(start) > sketch.tolerance:
             if what == OUTSIDE:
@@ -351,22 +326,17 @@ def _check_start_free(sketch: SceneSketch, obstacles: Sequence[tuple[str, Any]])
                     f"{sketch.where}: the start {sketch.show(sketch.start)} lies outside the border: "
                     f"{_swap_question(sketch, sketch.start)}move it, or widen the border"
                 )
+            wide = any(place.what == what and place.buffer for place in sketch.obstacles)
             raise DataError(
                 f"{sketch.where}: the start {sketch.show(sketch.start)} lies inside {what}"
-                f"{_buffer_words(sketch, what)}; move either"
+                f"{' or its buffer' if wide else ''}; move either"
             )
-
-
-def _buffer_words(sketch: SceneSketch, what: str) -> str:
-    return " or its buffer" if any(p.what == what and p.buffer for p in sketch.obstacles) else ""
 
 
 def _overlaps(
     sketch: SceneSketch, regions: Mapping[str, shapely.Geometry], obstacles: Sequence[tuple[str, Any]]
 ) -> Iterator[str]:
     """Messages about obstacles and regions that have a common area beyond rounding errors."""
-    import shapely
-
     names, places = list(regions), list(regions.values())
     tree, outside = shapely.STRtree(places), set[int]()
     for what, polygon in obstacles:

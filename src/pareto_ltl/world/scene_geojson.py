@@ -12,22 +12,23 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import shapely
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
-from pareto_ltl.world.fix_shapes import read_fix
-from pareto_ltl.world.scene_faults import MapFaults
-from pareto_ltl.world.scene_sketch import Place, SceneSketch, called, read_corners, read_start
+from pareto_ltl.world.scene import read_fix
+from pareto_ltl.world.scene_sketch import MapFaults, Place, SceneSketch, called, read_corners, read_start
 from pareto_ltl.world.windows import TimedPlace
 
 BOUNDS_MARGIN = 0.05  # margin around a map without a border, as a share of its extent
 FEATURE_ROLES = ("region", "obstacle", "start", "border", "landmark")
 SYNONYMS = {"bounds": "border"}
-POLYGONS = {"Polygon": 0, "MultiPolygon": 1}  # levels of lists around a polygon
-LINES = {"Point": 0, "MultiPoint": 1, "LineString": 1, "MultiLineString": 2}  # the same for a corner
+LEVELS = {  # of lists in the coordinates of a geometry
+    "Point": 1, "MultiPoint": 2, "LineString": 2, "MultiLineString": 3, "Polygon": 3, "MultiPolygon": 4
+}  # fmt: skip
 MOST_NESTED = 8  # levels of geometry collections
 MOST_METRES = 1e7  # largest buffer or altitude
 RECTANGULAR = 1e-9  # a border is a rectangle if it lacks at most this share of its bounding box
@@ -128,17 +129,14 @@ def crs_name(where: str, member: Any) -> str | None:
     """The name in the member ``crs`` of GeoJSON before RFC 7946; None for degrees (WGS 84)."""
     if member is None:
         return None
-    name = member.get("properties", {}).get("name") if _is_named_crs(member) else None
+    properties = member.get("properties") if isinstance(member, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
     if not isinstance(name, str):
         raise DataError(
             f"{where}: crs is {shown_json(member)}; expected a name such as urn:ogc:def:crs:EPSG::3857, or "
             "no crs for longitude and latitude"
         )
     return None if name.upper().endswith(("CRS84", "EPSG::4326", "EPSG:4326")) else name
-
-
-def _is_named_crs(member: Any) -> bool:
-    return isinstance(member, dict) and isinstance(member.get("properties"), dict)
 
 
 # --- features -----------------------------------------------------------------------------------------
@@ -275,16 +273,18 @@ def _with_geometry(where: str, role: str, place: Place, geometry: Mapping[str, A
     polygons: list[tuple[FloatArray, ...]] = []
     lines: list[FloatArray] = []
     for part in _parts(where, place.what, geometry):
-        kind = str(part.get("type"))
-        if kind in POLYGONS:
-            polygons += _polygons(where, place.what, kind, part.get("coordinates"))
-        elif kind not in LINES:
+        kind, coordinates = str(part.get("type")), part.get("coordinates")
+        if kind not in LEVELS:
             raise DataError(f"{where}: {place.what} is a {shown_text(kind)}; expected a Polygon")
-        elif role == "border" or not place.buffer:
+        if not kind.endswith("Polygon") and (role == "border" or not place.buffer):
             needs = "" if role == "border" else ", or the property buffer with a number of metres"
             raise DataError(f"{where}: {place.what} is a {kind}; expected a Polygon{needs}")
+        if not coordinates or not _are_nested_lists(coordinates, LEVELS[kind]):
+            raise DataError(f"{where}: the coordinates of {place.what} are no {kind} as GeoJSON writes it")
+        if kind.endswith("Polygon"):
+            polygons += _polygons(where, place.what, [coordinates] if kind == "Polygon" else coordinates)
         else:
-            lines += _lines(where, place.what, kind, part.get("coordinates"))
+            lines += _lines(where, place.what, kind, coordinates)
     if role == "border" and (len(polygons) != 1 or len(polygons[0]) != 1):
         raise DataError(
             f"{where}: the border has a hole or several parts; draw one outline, and holes as obstacles"
@@ -306,26 +306,22 @@ def _parts(where: str, what: str, geometry: Mapping[str, Any], depth: int = 0) -
         yield from _parts(where, what, part, depth + 1)
 
 
-def _polygons(where: str, what: str, kind: str, coordinates: Any) -> list[tuple[FloatArray, ...]]:
+def _polygons(where: str, what: str, polygons: list[Any]) -> list[tuple[FloatArray, ...]]:
     """The rings (n, 2) of each polygon."""
-    polygons: Any = [coordinates] if kind == "Polygon" else coordinates
-    if not coordinates or not _are_nested_lists(polygons, 4) or not all(polygons):
-        raise DataError(f"{where}: the coordinates of {what} are no {kind} as GeoJSON writes it")
+    if not all(polygons):
+        raise DataError(f"{where}: the coordinates of {what} are no MultiPolygon as GeoJSON writes it")
     return [
         tuple(read_corners(where, what, [corner[:2] for corner in ring]) for ring in rings)
         for rings in polygons
     ]
 
 
-def _lines(where: str, what: str, kind: str, coordinates: Any) -> list[FloatArray]:
+def _lines(where: str, what: str, kind: str, coordinates: list[Any]) -> list[FloatArray]:
     """Points as (1, 2), lines as (n, 2)."""
-    if not coordinates or not _are_nested_lists(coordinates, LINES[kind] + 1):
-        raise DataError(f"{where}: the coordinates of {what} are no {kind} as GeoJSON writes it")
     lines = {"Point": [[coordinates]], "MultiPoint": [[c] for c in coordinates], "LineString": [coordinates]}
-    found = lines.get(kind, coordinates)
     return [
         np.stack([read_start(where, f"a corner of {what}", corner[:2]) for corner in line])
-        for line in found
+        for line in lines.get(kind, coordinates)
         if line
     ]
 
@@ -363,8 +359,6 @@ def _unwrapped(drawn: Sequence[Drawn]) -> list[Drawn]:
 
 def _is_rectangle(border: Place) -> bool:
     """Whether the sides of a border are meridians and parallels."""
-    import shapely
-
     polygon = shapely.Polygon(border.polygons[0][0])
     box = shapely.envelope(polygon).area
     return bool(polygon.area >= (1 - RECTANGULAR) * box)

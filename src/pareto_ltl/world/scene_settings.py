@@ -1,33 +1,29 @@
-"""Turns the settings of section ``scene`` into a checked scene in metres."""
+"""Turns the settings of section ``scene`` into a checked scene in metres; adds random places."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from string import ascii_lowercase
 
 import numpy as np
+from numpy.random import Generator
 
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world import projection
+from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_checks import checked_scene
-from pareto_ltl.world.scene_faults import MapFaults
 from pareto_ltl.world.scene_files import sketch_file
-from pareto_ltl.world.scene_sketch import (
-    DrawingRules,
-    MissionUse,
-    SceneSketch,
-    numbered_outlines,
-    read_bounds,
-    read_landmarks,
-    read_places,
-    read_start,
-    read_timed,
-    unknown_use,
-)
-from pareto_ltl.world.windows import TimedPlace
+from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, SceneSketch, unknown_use
+
+PLACEMENT_TRIES = 20_000  # random positions tried for one disc
+CORNER_RANGE = (5, 9)  # of a polygon: smallest number, largest number + 1
+
+PlacedDisc = tuple[float, float, float]
 
 
 def scene_from_settings(
@@ -84,9 +80,9 @@ def _sketch(cfg: SceneConfig) -> SceneSketch:
 def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
     where = f"scene {cfg.name!r}"
     faults = MapFaults(where)
-    bounds = [got for _, got in faults.each([cfg.bounds], lambda v: read_bounds(where, "scene.bounds", v))]
-    starts = [got for _, got in faults.each([cfg.start], lambda v: read_start(where, "scene.start", v))]
-    middle = bounds[0].mean(axis=0) if bounds and cfg.centre is not None else np.zeros(2)
+    bounds = faults.tried(lambda: sk.read_bounds(where, "scene.bounds", cfg.bounds))
+    start = faults.tried(lambda: sk.read_start(where, "scene.start", cfg.start))
+    middle = np.zeros(2) if bounds is None or cfg.centre is None else bounds.mean(axis=0)
 
     def metres(corners: FloatArray) -> FloatArray:
         scaled: FloatArray = (corners - middle) * cfg.unit
@@ -96,23 +92,98 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
         x, y = point / cfg.unit + middle
         return f"({x:.6g}, {y:.6g})"
 
-    regions = read_places(faults, "region", cfg.regions.items(), metres)
-    obstacles = read_places(faults, "obstacle", numbered_outlines(cfg.obstacles), metres)
-    landmarks = read_landmarks(faults, cfg.landmarks, (), metres)
-    timed: list[TimedPlace] = []
-    with faults.noted():
-        timed += read_timed(where, cfg.windows, cfg.regions)
-    if not bounds:
+    regions = sk.read_places(faults, "region", cfg.regions.items(), metres)
+    obstacles = sk.read_places(faults, "obstacle", sk.numbered_outlines(cfg.obstacles), metres)
+    landmarks = sk.read_landmarks(faults, cfg.landmarks, (), metres)
+    timed = faults.tried(lambda: tuple(sk.read_timed(where, cfg.windows, cfg.regions))) or ()
+    if bounds is None:
         faults.refuse()
+    assert bounds is not None
     return SceneSketch(
         where=where,
-        bounds=metres(bounds[0]),
-        start=metres(starts[0]) if starts else np.zeros(0),
+        bounds=metres(bounds),
+        start=np.zeros(0) if start is None else metres(start),
         regions=regions,
         obstacles=obstacles,
         show=show,
         crs=projection.local_plane(*cfg.centre) if cfg.centre is not None else None,
         landmarks=landmarks,
-        timed=tuple(timed),
+        timed=timed,
         faults=tuple(faults.texts),
     )
+
+
+# --- random places ----------------------------------------------------------------------------------
+
+
+def add_random_places(cfg: SceneConfig) -> SceneConfig:
+    """``cfg`` with the random regions and obstacles of ``cfg.random`` added, in the units of the scene.
+
+    Each is a convex polygon with corners on a random circle. The circles are at least ``random.gap`` apart
+    from each other, from the start, and from the named regions and obstacles, so that every region can be
+    reached. The same ``random.seed`` gives the same map.
+
+    Raises
+    ------
+    ConfigError
+        If there is no free position for one of them.
+    """
+    wanted = cfg.random
+    if wanted.regions + wanted.obstacles == 0:
+        return cfg
+    low, high = np.array(cfg.bounds, float)
+    side = float((high - low).min())
+    rng = np.random.default_rng(wanted.seed)
+    circles = _existing_discs(cfg)
+    polygons = []
+    for _ in range(wanted.regions + wanted.obstacles):
+        circle = _free_disc(rng, low, high, side, circles, cfg)
+        circles.append(circle)
+        polygons.append(_inscribed_polygon(rng, circle))
+    names = [name for name in ascii_lowercase if name not in cfg.regions][: wanted.regions]
+    return replace(
+        cfg,
+        regions={**cfg.regions, **dict(zip(names, polygons, strict=False))},
+        obstacles=[*cfg.obstacles, *polygons[wanted.regions :]],
+        random=replace(wanted, regions=0, obstacles=0),
+    )
+
+
+def _existing_discs(cfg: SceneConfig) -> list[PlacedDisc]:
+    """Discs around the start and around the regions and obstacles of ``cfg``."""
+    circles: list[PlacedDisc] = [(float(cfg.start[0]), float(cfg.start[1]), 0.0)] if cfg.start else []
+    for polygon in (*cfg.regions.values(), *cfg.obstacles):
+        corners = np.array(polygon, float)
+        middle = corners.mean(axis=0)
+        circles.append((*middle, float(np.linalg.norm(corners - middle, axis=1).max())))
+    return circles
+
+
+def _free_disc(
+    rng: Generator,
+    low: FloatArray,
+    high: FloatArray,
+    side: float,
+    circles: list[PlacedDisc],
+    cfg: SceneConfig,
+) -> PlacedDisc:
+    gap, (smallest, largest) = cfg.random.gap * side, cfg.random.radius
+    others = np.array(circles).reshape(-1, 3)
+    for _ in range(PLACEMENT_TRIES):
+        radius = side * rng.uniform(smallest, largest)
+        middle = rng.uniform(low + radius + gap, high - radius - gap)
+        apart = np.linalg.norm(others[:, :2] - middle, axis=1)
+        if np.all(apart >= others[:, 2] + radius + gap):
+            return float(middle[0]), float(middle[1]), float(radius)
+    raise ConfigError(
+        f"scene.random: {cfg.random.regions} regions and {cfg.random.obstacles} obstacles do not fit the "
+        f"map; ask for fewer, for a smaller scene.random.radius (now {cfg.random.radius}) or gap"
+    )
+
+
+def _inscribed_polygon(rng: Generator, circle: PlacedDisc) -> list[list[float]]:
+    """Corners of a convex polygon on the circle, one at a random position in each of several equal arcs."""
+    x, y, radius = circle
+    corners = int(rng.integers(*CORNER_RANGE))
+    angles = 2 * np.pi * (np.arange(corners) + rng.uniform(0.1, 0.9, corners)) / corners
+    return [[x + radius * float(np.cos(a)), y + radius * float(np.sin(a))] for a in angles]

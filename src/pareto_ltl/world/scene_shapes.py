@@ -1,26 +1,26 @@
-"""The polygons of a place: its parts and holes, with its buffer, clipped to the map."""
+"""The polygons of the places that are active: parts and holes, with buffers, clipped to the map."""
 
 from __future__ import annotations
 
+import logging
 import math
 import re
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import shapely
 
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text
+from pareto_ltl.support.display import distance_text, listed_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import projection
-from pareto_ltl.world.scene_sketch import Place, SceneSketch
+from pareto_ltl.world.scene_sketch import DrawingRules, Place, SceneSketch
 
-if TYPE_CHECKING:
-    import shapely
+LOG = logging.getLogger(__name__)
 
-ALMOST_STRAIGHT = (
-    5e-4  # of the longer side of the map: how far a side of the map moves to straighten the border
-)
+ALMOST_STRAIGHT = 5e-4  # of the longer side of the map: how far its sides move to straighten the border
 THINNEST = 1e-6  # of the longer side of the map: thinner parts along its edges are left out
 ARC = 4  # segments of a quarter circle around a corner of a buffer
 
@@ -30,8 +30,6 @@ def drawn_shape(sketch: SceneSketch, place: Place) -> shapely.Geometry:
 
     Parts that overlap or touch are merged. An outline without holes keeps its corners, counter-clockwise.
     """
-    import shapely
-
     found = []
     for rings in place.polygons:
         outline, *holes = [_simple_outline(sketch, place.what, ring) for ring in rings]
@@ -61,8 +59,6 @@ def with_buffer(
     DataError
         If nothing is left.
     """
-    import shapely
-
     if not place.buffer:
         return shape
     wide = place.buffer * largest_scale(sketch) / math.cos(math.pi / (4 * ARC))  # arcs contain the circle
@@ -97,8 +93,6 @@ def inside_of(sketch: SceneSketch, fence: Place) -> shapely.Geometry:
 
 def outside_parts(sketch: SceneSketch, fence: Place) -> list[Any]:
     """The polygons that lie within the bounds and outside of a border ``fence`` reduced by its buffer."""
-    import shapely
-
     outside = shapely.difference(shapely.box(*sketch.bounds.ravel()), inside_of(sketch, fence))
     return [part for part in shapely.get_parts(outside).tolist() if _is_thick(sketch, part)]
 
@@ -111,8 +105,6 @@ def straightened_bounds(sketch: SceneSketch, inside: shapely.Geometry) -> FloatA
     length and within ``ALMOST_STRAIGHT``, moves to the innermost of these corners, unless that would cut off
     the start or a part of a region or a landmark.
     """
-    import shapely
-
     bounds, corners = sketch.bounds.copy(), shapely.get_coordinates(inside)
     sides = bounds[1] - bounds[0]
     places = [
@@ -135,8 +127,6 @@ def clipped_parts(sketch: SceneSketch, shape: shapely.Geometry) -> list[Any]:
 
     Cut polygons thinner than ``THINNEST`` are left out: they lie along an edge of the map.
     """
-    import shapely
-
     low, high = sketch.bounds
     box: shapely.Polygon = shapely.box(*low, *high)
     found: list[Any] = []
@@ -162,8 +152,6 @@ def _is_thick(sketch: SceneSketch, part: Any) -> bool:
 
 def _simple_outline(sketch: SceneSketch, what: str, corners: FloatArray) -> FloatArray:
     """``corners`` in counter-clockwise order; DataError if the polygon is degenerate or crosses itself."""
-    import shapely
-
     if _is_flat(corners, sketch.tolerance):
         raise DataError(
             f"{sketch.where}: {what} is degenerate: all its corners lie on one line, from "
@@ -180,8 +168,6 @@ def _simple_outline(sketch: SceneSketch, what: str, corners: FloatArray) -> Floa
 
 def refuse_crossings(outlines: Sequence[FloatArray]) -> None:
     """ValueError if one of ``outlines``, each (n, 2), crosses itself, as no outline of a result does."""
-    import shapely
-
     for corners in outlines:
         if not shapely.Polygon(corners).is_valid:
             raise ValueError(f"the outline from {corners[0].tolist()} on crosses itself")
@@ -189,8 +175,6 @@ def refuse_crossings(outlines: Sequence[FloatArray]) -> None:
 
 def _invalid_spot(polygon: shapely.Polygon, corners: FloatArray) -> FloatArray:
     """The position at which GEOS finds ``polygon`` invalid, (2,) [m]."""
-    import shapely
-
     spot = re.search(r"\[(\S+) (\S+)\]", shapely.is_valid_reason(polygon))
     return np.array([float(v) for v in spot.groups()]) if spot else corners[0]
 
@@ -199,3 +183,64 @@ def _is_flat(corners: FloatArray, tolerance: float) -> bool:
     """Whether all corners lie on one line, within ``tolerance`` [m]."""
     spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
     return bool(spread[-1] <= tolerance)
+
+
+# --- altitude bands ---------------------------------------------------------------------------------
+
+
+def sketch_at_altitude(sketch: SceneSketch, rules: DrawingRules) -> SceneSketch:
+    """``sketch`` with only the places that are active at ``rules.altitude``.
+
+    A region that is not active remains without polygons, so that its proposition never holds. Without an
+    altitude, all places are active.
+
+    Raises
+    ------
+    DataError
+        If the mission visits a region that the robot flies above or below.
+    """
+    places = (*sketch.regions, *sketch.obstacles, *sketch.landmarks)
+    banded = [place for place in places if place.banded]
+    if not banded:
+        return sketch
+    if rules.altitude is None:
+        LOG.info(
+            "%s: scene.altitude is not set, so altitude limits are ignored: %s are always active",
+            sketch.where, listed_text([place.what for place in banded]),
+        )  # fmt: skip
+        return sketch
+    altitude = rules.altitude
+    absent = [place for place in banded if not place.counts_at(altitude)]
+    if not absent:
+        return sketch
+    use = rules.use()
+    for place in absent:
+        if use and place.name in use.visited and place in sketch.regions:
+            raise DataError(
+                f"{sketch.where}: the mission visits {place.what}, which lies {_band(place)}, and the robot "
+                f"flies at {altitude:g} m: change scene.altitude, or the floor and ceiling of the region"
+            )
+    LOG.info("at %g m these are not active: %s", altitude, listed_text([place.what for place in absent]))
+
+    def present(some: Iterable[Place]) -> tuple[Place, ...]:
+        return tuple(place for place in some if place.counts_at(altitude))
+
+    return replace(
+        sketch,
+        regions=tuple(
+            place if place.counts_at(altitude) else replace(place, polygons=(), lines=(), buffer=0.0)
+            for place in sketch.regions
+        ),
+        obstacles=present(sketch.obstacles),
+        landmarks=present(sketch.landmarks),
+    )
+
+
+def _band(place: Place) -> str:
+    if place.floor is None:
+        return f"up to {place.ceiling:g} m"
+    return (
+        f"above {place.floor:g} m"
+        if place.ceiling is None
+        else f"from {place.floor:g} to {place.ceiling:g} m"
+    )

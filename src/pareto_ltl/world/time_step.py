@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from pareto_ltl.settings import RobotConfig
@@ -154,8 +155,6 @@ class _Raster:
 
     @classmethod
     def of(cls, scene: Scene) -> _Raster:
-        import shapely
-
         low, high = scene.bounds
         spacing = float((high - low).max()) / RASTER
         axes = [np.arange(low[k] + spacing / 2, high[k], spacing) for k in (0, 1)]
@@ -175,8 +174,6 @@ class _Raster:
 
     def wide_points(self, scene: Scene) -> NDArray[np.int64]:
         """Free points (NX, NY): 1 near the start, 2, 3, ... in or near each region, 0 elsewhere."""
-        import shapely
-
         wide = np.zeros(self.free.shape, np.int64)
         places = [
             shapely.Point(scene.start),

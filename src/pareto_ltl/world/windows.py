@@ -1,10 +1,19 @@
-"""Time windows: when a region is active, and when an obstacle is."""
+"""Time windows: when a region or an obstacle is active; and deadlines in formulas, such as ``F[0,6h] a``.
+
+``F[0,6h] a`` is true if a is met between departure and six hours after it. A time span is translated into
+clocks, propositions that depend only on the time. With c "now is in the span" and d "the span is over"::
+
+    F[b,e] p = F(c & p),    G[b,e] p = (c -> p) U d
+
+The second formula is co-safe, as it is decided after e. Times count from departure, so a time span is not
+allowed below another temporal operator.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -12,8 +21,12 @@ from typing import Any
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 
+Span = tuple[float, float]
+
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 ROUNDING = 1e-6  # [s] tolerance at the ends of a window
+AFTER = 1e-3  # [s] time from the end of a span to the begin of its end clock
+_CLOCK = re.compile(r"clock_(\d+(?:p\d+)?)_(\d+(?:p\d+)?|on)")
 _DURATION = re.compile(r"([+-]?\d+(?:\.\d*)?|\.\d+)\s*(s|min|h|d)?")
 _EXPECTED = (
     "expected an ISO 8601 time (UTC) such as 2018-10-09T18:00:00Z, or a time after departure such as 6h"
@@ -110,12 +123,12 @@ def seconds_after(what: str, value: Any, departure: str | None) -> float:
     if (duration := duration_seconds(text)) is not None:
         return duration
     try:
-        moment = _utc(text)
-    except ValueError:
+        moment = utc_moment(text)
+    except (ValueError, OverflowError):
         raise DataError(f"{what} is {shown_text(repr(value))}; {_EXPECTED}") from None
     if departure is None:
         raise DataError(f"{what} is {shown_text(text)}; the departure has no date: set mission.start_time")
-    return (moment - _utc(departure)).total_seconds()
+    return (moment - utc_moment(departure)).total_seconds()
 
 
 def duration_seconds(text: str, unit: str | None = None) -> float | None:
@@ -132,9 +145,10 @@ def duration_seconds(text: str, unit: str | None = None) -> float | None:
     return number * UNITS[own]
 
 
-def _utc(text: str) -> datetime:
+def utc_moment(text: str) -> datetime:
+    """The moment of an ISO 8601 time, in UTC unless it names a zone; ValueError for other texts."""
     moment = datetime.fromisoformat(text)
-    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
+    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
 def missed_windows(windows: Mapping[str, Window], last: float) -> list[str]:
@@ -168,3 +182,56 @@ def hours_text(seconds: float) -> str:
         if abs(seconds) >= UNITS[unit] and (seconds / UNITS[unit]) % 0.5 == 0:
             return f"{seconds / UNITS[unit]:g} {unit}"
     return f"{seconds:g} s"
+
+
+# --- clocks of formulas -----------------------------------------------------------------------------
+
+
+def clock_name(begin: float, end: float) -> str:
+    """Name of the clock "now is between ``begin`` and ``end``" [s after departure], ``clock_0_21600``."""
+    first, last = (f"{round(t, 3):.15g}".replace(".", "p") for t in (begin, end))
+    return f"clock_{first}_{'on' if math.isinf(end) else last}"
+
+
+def span_clock(span: Span) -> str:
+    """Name of the clock "now is in the span"."""
+    return clock_name(*span)
+
+
+def end_clock(span: Span) -> str:
+    """Name of the clock "the span is over"."""
+    return clock_name(span[1] + AFTER, math.inf)
+
+
+def clock_windows(atoms: Iterable[str]) -> dict[str, Window]:
+    """The windows of those ``atoms`` that are clocks."""
+    matches = {atom: _CLOCK.fullmatch(atom) for atom in atoms}
+    return {
+        atom: Window(None, _seconds(match[1]), math.inf if match[2] == "on" else _seconds(match[2]))
+        for atom, match in matches.items() if match is not None
+    }  # fmt: skip
+
+
+def _seconds(text: str) -> float:
+    return float(text.replace("p", "."))
+
+
+def read_span(text: str) -> Span | None:
+    """Begin and end of ``[0,6h]`` or ``[90min, 2.5 h]`` [s]; None if ``text`` is not a time span.
+
+    A number without a unit has the unit of the other number.
+    """
+    parts = text.strip().removeprefix("[").removesuffix("]").split(",")
+    units = [re.search(r"(s|min|h|d)\s*$", part) for part in parts]
+    own = [unit[1] for unit in units if unit is not None]
+    if len(parts) != 2 or not own:
+        return None
+    begin, end = (duration_seconds(part, own[-1]) for part in parts)
+    return None if begin is None or end is None or not 0.0 <= begin < end else (begin, end)
+
+
+def shown_span(span: Span) -> str:
+    """A span as text, e.g. ``[0,6h]``, which :func:`read_span` can read."""
+    unit = next(u for u in ("d", "h", "min", "s") if u == "s" or all((t / UNITS[u]) % 0.5 == 0 for t in span))
+    begin, end = (f"{t / UNITS[unit]:.15g}" for t in span)
+    return f"[{begin},{end}{unit}]"

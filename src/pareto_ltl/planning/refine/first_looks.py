@@ -7,10 +7,17 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from pareto_ltl.planning.refine.length_caps import front_of
 from pareto_ltl.planning.refine.sampled import Candidate, path_length
 from pareto_ltl.planning.refine.starts import Start, StartKind, led_starts, returning_starts, unlike_starts
-from pareto_ltl.planning.refine.sweep import COARSE, WARM, Sweep, on_other_sides, smoothed, timed_means
+from pareto_ltl.planning.refine.sweep import (
+    COARSE,
+    WARM,
+    Sweep,
+    front_of,
+    on_other_sides,
+    smoothed,
+    timed_means,
+)
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 LOOSE = 1.1  # factor by which the first polish may lengthen a start

@@ -11,7 +11,7 @@ For a robot with a power curve, points of the front are also polished in more st
 may take less energy.
 
 With a time budget the sweeps end when most of it is spent. If some is left after them, paths of the front are
-varied and polished again until it is spent (``improving``).
+varied and polished again until it is spent.
 
 A coarser search (:func:`coarse`) comes first: its paths are starts of the search, and stay on the front.
 Paths of many steps are searched for in fewer and longer ones (:mod:`~.merged_steps`).
@@ -23,13 +23,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
+from itertools import chain, count
 
-from pareto_ltl.planning.long_steps import with_merged_steps
-from pareto_ltl.planning.problem import Problem
+import numpy as np
+
+from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.records import Forest, PlannedPath
-from pareto_ltl.planning.refine.first_looks import hopeless_above, looks
-from pareto_ltl.planning.refine.improving import improved_fronts
+from pareto_ltl.planning.refine.first_looks import FLIPPED, hopeless_above, looks
 from pareto_ltl.planning.refine.last_polish import (
     closed,
     finished_points,
@@ -38,7 +38,6 @@ from pareto_ltl.planning.refine.last_polish import (
     repaired,
     slower_points,
 )
-from pareto_ltl.planning.refine.length_caps import front_of
 from pareto_ltl.planning.refine.levels import filled_gaps, swept_down, swept_up
 from pareto_ltl.planning.refine.merged_steps import (
     in_all_steps,
@@ -47,9 +46,18 @@ from pareto_ltl.planning.refine.merged_steps import (
     steps_to_merge,
 )
 from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights
-from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
-from pareto_ltl.planning.refine.sweep import Sweep, new_sweep, reassessed, smoothed
+from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts, flipped_starts
+from pareto_ltl.planning.refine.sweep import (
+    WIDE,
+    Sweep,
+    front_of,
+    held_within,
+    new_sweep,
+    reassessed,
+    smoothed,
+)
 from pareto_ltl.settings import RefineConfig
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.cores import cores
 from pareto_ltl.support.display import distance_text
@@ -59,6 +67,9 @@ COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of t
 SEARCH_STEPS = 4  # that are reported of each of the two searches
 LONG = 1e5  # [m] lengths above have no decimals in messages
 COARSE_SHARE = 0.4  # of a time budget: growth and the coarse search
+ROUND = 4  # points of a front that are varied between two reports
+MORE = (0, 1, 2, 3, 5, 8)  # numbers of steps beyond the fewest
+BUMP = 0.03  # standard deviation of a random bend, as a share of the map's size
 
 
 def sampled_paths(
@@ -95,8 +106,9 @@ def _two_searches(
     if coarse(cfg) != cfg:
         rough = new_sweep(coarse(cfg), sweep.problem, sweep.many, sweep.budget.until(COARSE_SHARE))
         known = searched(rough, pool, seen, progress, 0)
-    found = searched(sweep, pool, [*seen, *(reassessed(sweep, sweep.few, k) for k in known)], progress)
+    # By all flights: the coarse search has fitted its paths to the first of them.
     again = list(pool.map(partial(reassessed, sweep, sweep.flights), known))
+    found = searched(sweep, pool, [*seen, *again], progress)
     found += [k for k in again if not any(beats(other, k) for other in found)]
     return list(zip(found, pool.map(partial(closed, sweep), found), strict=True))
 
@@ -165,6 +177,50 @@ def searched(
     found = front_of([*found, *lengthened_points(sweep, pool, found)])
     report(4, found)
     return [*found, *slower_points(sweep, pool, found)]
+
+
+# --- what is left of a time budget ---------------------------------------------------------------
+
+
+def improved_fronts(
+    sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate]
+) -> Iterator[list[Candidate]]:
+    """Improved fronts, one after another, until most of the budget is spent; none without a time budget.
+
+    An iteration takes random points of the front. Each is polished again at its length, from its neighbours,
+    from a line on the other side of an obstacle, in other numbers of steps, and from itself, bent at random.
+    """
+    rounds = count() if sweep.budget.seconds is not None and front else iter(())
+    kept = list(front)
+    for number in rounds:
+        if sweep.over:
+            return
+        rng = np.random.default_rng(number)
+        for at in rng.permutation(len(kept))[:ROUND].tolist():
+            kept = front_of([*kept, *_varied(sweep, pool, kept, min(at, len(kept) - 1), rng)])
+        yield kept
+
+
+def _varied(
+    sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate], at: int, rng: np.random.Generator
+) -> list[Candidate]:
+    """Random variations of one point, polished at the same length."""
+    k, problem = front[at], sweep.problem
+    near = [front[i] for i in (at - 1, at + 1) if 0 <= i < len(front)]
+    lines = [(n.flight.x, 0, n.origin) for n in near]
+    lines += [(k.flight.x, more, k.origin) for more in rng.choice(MORE, 2, replace=False).tolist()]
+    lines += [(start.x, 1, start.origin) for start in flipped_starts(problem, k.flight.x, k.origin)[:FLIPPED]]
+    lines += [(_bent(sweep, k.flight.x, rng), 1, k.origin)]
+    return held_within(sweep, pool, lines, sweep.polish_of(WIDE, 3), k.length)
+
+
+def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """``x`` with a bump of random place and size; its start does not move, and it stays on the map."""
+    low, high = sweep.problem.scene.bounds
+    t = np.linspace(0.0, 1.0, len(x))
+    bump = np.exp(-0.5 * ((t - rng.random()) / rng.uniform(0.03, 0.15)) ** 2) * np.minimum(t / 0.05, 1.0)
+    aside = rng.normal(0.0, BUMP * (high - low).mean(), 2)
+    return np.clip(x + bump[:, None] * aside, low, high)
 
 
 def beats(one: Candidate, other: Candidate) -> bool:

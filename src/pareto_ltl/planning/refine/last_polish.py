@@ -14,11 +14,10 @@ import numpy as np
 from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine.length_caps import spread_points
 from pareto_ltl.planning.refine.levels import WORTH
 from pareto_ltl.planning.refine.pacing import retimed_means
 from pareto_ltl.planning.refine.sampled import Candidate, path_length
-from pareto_ltl.planning.refine.sweep import FINE, Sweep, smoothed
+from pareto_ltl.planning.refine.sweep import FINE, Sweep, smoothed, spread_points
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError

@@ -6,14 +6,16 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import chain, pairwise
 
-from pareto_ltl.planning.refine.length_caps import KEPT, SPACING, front_of
 from pareto_ltl.planning.refine.sampled import Candidate
 from pareto_ltl.planning.refine.sweep import (
+    KEPT,
+    SPACING,
     WARM,
     WIDE,
     Sweep,
     best_of_classes,
     class_of,
+    front_of,
     held_within,
     on_other_sides,
     smoothed,

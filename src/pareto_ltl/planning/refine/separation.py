@@ -10,10 +10,9 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.barriers import LEAST, barrier_polygons, lines_of
 from pareto_ltl.planning.pack import NO_LIMIT, pack_faces
 from pareto_ltl.planning.pack_logic import pack_corners
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons, lines_of
 from pareto_ltl.planning.routes.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
@@ -132,7 +131,7 @@ def _supported(
     cov = np.stack([flight.cov[:-1], flight.cov[1:]], axis=1)
     n, e = normal[..., 0][:, None], normal[..., 1][:, None]
     variance = n * n * cov[..., :1] + 2.0 * n * e * cov[..., 1:2] + e * e * cov[..., 2:]
-    sd = np.sqrt(np.maximum(variance, 0.0) + LEAST)
+    sd = np.sqrt(np.maximum(variance, 0.0) + LEAST_VARIANCE)
     ends = np.stack([flight.x[:-1], flight.x[1:]], axis=1)
     nearer = ((np.einsum("tki,tei->tek", normal, ends) - offset[:, None]) / sd).min(axis=1)
     beside = risk - np.where(owner >= 0, ndtr(-nearer), 0.0).sum(axis=1)
@@ -166,7 +165,7 @@ def _by_faces(problem: Problem, flight: Flight, avoid: BoolArray | None, _around
     rows = np.argsort(left, axis=1, kind="stable")[:, :ROWS]
     t, used = np.arange(len(left))[:, None], np.isfinite(np.take_along_axis(left, rows, axis=1))
     barriers = slice(0, everywhere.shape[1])
-    nearer = (gap[..., barriers] / np.maximum(sd[..., barriers], math.sqrt(LEAST))).min(axis=1)
+    nearer = (gap[..., barriers] / np.maximum(sd[..., barriers], math.sqrt(LEAST_VARIANCE))).min(axis=1)
     return Separation(
         np.where(used[..., None], normal[t, rows], 0.0), offset[t, rows],
         np.take_along_axis(sd, rows[:, None], axis=2), np.where(used, rows, -1), z,

@@ -1,4 +1,4 @@
-"""Convex smoothing: its starts, the iterations of bending, and the choice of results."""
+"""Convex smoothing: its starts, the iterations of bending, and the choice of results; and steering."""
 
 from __future__ import annotations
 
@@ -15,9 +15,12 @@ from pareto_ltl.kernels.descent import SLOWEST
 from pareto_ltl.planning.evaluate import completing_path, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
+from pareto_ltl.planning.refine.epsilon import within_limits
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.programme import Programme, programme
+from pareto_ltl.planning.refine.sampled import path_length
 from pareto_ltl.planning.refine.separation import kept_deviations
+from pareto_ltl.planning.refine.starts import line_starts, roadmap_starts, unlike_starts
 from pareto_ltl.planning.routes.obligations import completes, path_obligations
 from pareto_ltl.planning.routes.orders import MissionOrder, mission_order
 from pareto_ltl.planning.routes.search_map import search_map
@@ -30,6 +33,7 @@ LOG = logging.getLogger(__name__)
 
 GAIN = 1e-4  # relative gain of the merit below which the iterations end
 LONG = 1.25  # lines with more than this many times the fewest steps are not smoothed
+WAYS = 4  # lines past different sides of obstacles that are bent in steering, the shortest
 ALIKE = 1e-3  # relative difference below which objectives count as equal
 
 OptionalProgress: TypeAlias = Callable[[int, int], None] | None
@@ -259,3 +263,35 @@ def damped_path(problem: Problem, old: FloatArray, new: FloatArray) -> PlannedPa
         if path is not None:
             return path
     return None
+
+
+# --- steering: the convex programme from the start to the goal, without search trees -----------------
+
+
+def steered_path(problem: Problem, cfg: SmoothingConfig, weight: float) -> PlannedPath:
+    """The path of the least length / shortest + ``weight`` (mission risk + collision risk).
+
+    It begins with lines of the roadmap, and each segment keeps ``planner.epsilon``.
+
+    Raises
+    ------
+    InfeasibleError
+        If there is no line to the goal, the programme has no solution, or a segment breaks epsilon.
+    """
+    lines = unlike_starts(problem, [*line_starts(problem), *roadmap_starts(problem)])
+    begun = [
+        Start(start.x, None, start.origin)
+        for start in sorted(lines.values(), key=lambda start: path_length(start.x))[:WAYS]
+    ]
+    if not begun:
+        raise InfeasibleError("no line leads from the start to the goal between the obstacles")
+    model, shortest = fitting_programme(problem, begun), path_length(begun[0].x)
+    task = SmoothingTask(cfg, model, problem, shortest)
+    weights = [*(w for w in sorted(cfg.weights, reverse=True) if w > weight), weight]
+    found = bend_each(task, begun, weights, None)
+    if not found:
+        raise InfeasibleError(
+            "no path leads from the start to the goal within the limits of airspeed and planner.epsilon"
+        )
+    paths = [evaluate_path(problem, path.x, "steered") for path in found]
+    return min(within_limits(problem, paths), key=lambda path: task.merit(path, weight))

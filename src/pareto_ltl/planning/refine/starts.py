@@ -22,8 +22,7 @@ from pareto_ltl.planning.refine.sampled import path_length
 from pareto_ltl.planning.routes.orders import possible_orders
 from pareto_ltl.planning.routes.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
 from pareto_ltl.planning.routes.roadmap import led_lines, roadmap_lines
-from pareto_ltl.planning.routes.search_map import blocked_area, meets
-from pareto_ltl.planning.routes.sights import sights
+from pareto_ltl.planning.routes.search_map import blocked_area, meets, sights
 from pareto_ltl.planning.routes.taut_lines import taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.support.arrays import FloatArray

@@ -1,4 +1,4 @@
-"""What all polishes of a front share: flights, time budget, and the polish of lines within a length cap."""
+"""What all polishes of a front share: flights, time budget, length caps, polishes of lines within a cap."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.length_caps import KEPT
 from pareto_ltl.planning.refine.pacing import retimed_means
 from pareto_ltl.planning.refine.sampled import (
     Candidate,
@@ -33,6 +32,9 @@ FINE = (0.005, 0.003, 0.002)  # widths τ of the last polish
 RIVAL = 4.0  # classes that fail more than this many times as often as the best one are dropped
 MORE_FLIGHTS = 4  # times as many flights are used where failures are rare
 SWEEP_SHARE = 0.75  # share of a budget after which only the last polish is left
+SPACING = 1.03  # ratio of neighbouring length caps
+PLATEAU = 1.5  # a gap of more levels than this between two paths of a front is a plateau
+KEPT = 1.002  # a path may exceed its cap by this factor
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,3 +141,44 @@ def on_other_sides(problem: Problem, found: Iterable[Candidate], known: Containe
 def smoothed(k: Candidate) -> float:
     """The smoothed failure, to sort by."""
     return k.smoothed
+
+
+# --- the front and its length caps ---------------------------------------------------------------
+
+
+def front_of(found: Iterable[Candidate]) -> list[Candidate]:
+    """The candidates that are non-dominated in length and smoothed failure, shortest first."""
+    kept: list[Candidate] = []
+    for k in sorted(found, key=lambda k: (k.length, k.smoothed)):
+        if not kept or k.smoothed < kept[-1].smoothed:
+            kept.append(k)
+    return kept
+
+
+def spread_points(front: Sequence[Candidate], most: int) -> list[tuple[Candidate, float]]:
+    """At most ``most`` length caps along the front, each with the path to begin with.
+
+    They are at even ratios. A gap between neighbours that is wider than ``PLATEAU`` levels of the sweep is a
+    plateau, where longer paths do not fail less: no cap lies in it, and one on each side. The path to begin
+    with has the lowest failure of those at most one level of the sweep longer than the cap.
+    """
+    if not front:
+        return []
+    lengths = np.log([k.length for k in front])
+    rise = np.diff(lengths)
+    wide = rise > PLATEAU * np.log(SPACING)
+    rims = np.flatnonzero(np.append(wide, False) | np.insert(wide, 0, False))
+    rims = rims[np.linspace(0, len(rims) - 1, min(len(rims), most // 2 - 1)).round().astype(int)]
+    even = most - len(rims)
+    way = np.concatenate([[0.0], np.cumsum(np.where(wide, 0.0, rise))])
+    along = way[-1] / max(even - 1, 1) * np.arange(even)
+    at = np.searchsorted(way, along * (1.0 - 1e-12), side="right") - 1
+    caps = np.exp(lengths[at] + along - way[at])
+    caps[-1], caps[0] = front[-1].length, front[0].length
+    kept = [float(caps[0])]
+    for cap in sorted([*caps[1:].tolist(), *(front[i].length for i in rims)]):
+        if cap > KEPT * kept[-1]:
+            kept.append(cap)
+    return [
+        (min((k for k in front if k.length <= SPACING * cap), key=lambda k: k.smoothed), cap) for cap in kept
+    ]

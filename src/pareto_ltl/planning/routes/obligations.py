@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pareto_ltl.planning.epochs import step_epochs
+from pareto_ltl.planning.pack_logic import step_epochs
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.routes.sights import sights
+from pareto_ltl.planning.routes.search_map import sights
 from pareto_ltl.support.arrays import FloatArray
 
 Word: TypeAlias = tuple[int, ...]

@@ -25,8 +25,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.routes.bends import bend_places
 from pareto_ltl.planning.routes.course import FACE_MARGIN
 from pareto_ltl.planning.routes.path_classes import Word, crossed_rays, reduced_word
-from pareto_ltl.planning.routes.search_map import blocked_area, meets, search_map
-from pareto_ltl.planning.routes.sights import sights
+from pareto_ltl.planning.routes.search_map import blocked_area, meets, search_map, sights
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:

@@ -19,7 +19,8 @@ from pareto_ltl.planning.pack import pack_barriers, pack_faces
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import convex_obstacles, convex_pieces
-from pareto_ltl.world.outlines import (
+from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene_simplify import (
     CLOSED,
     Room,
     corner_count,
@@ -27,7 +28,6 @@ from pareto_ltl.world.outlines import (
     widened_polygon,
     without_pools,
 )
-from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     import shapely
@@ -209,3 +209,13 @@ class _Simplifier:
             return part
         found = self.simpler(shapely.Polygon(part), narrowed_polygon)
         return shapely.get_coordinates(shapely.orient_polygons(found))[:-1]
+
+
+def sights(problem: Problem, x: FloatArray) -> BoolArray:
+    """Whether each leg of the means ``x`` (T+1, 2) [m] crosses each landmark, (T, K)."""
+    import shapely
+
+    crossed = np.zeros((max(len(x) - 1, 0), len(problem.landmarks)), bool)
+    for k, corners in enumerate(problem.landmarks):
+        crossed[:, k] = meets(shapely.Polygon(corners), x[:-1], x[1:])
+    return crossed

@@ -23,10 +23,10 @@ from pareto_ltl.report.page.points import (
     told_points,
 )
 from pareto_ltl.report.page.shown_run import ShownRun
-from pareto_ltl.simulation.failure_times import CAUSES
+from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
-from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.projection import utc_times
 
 SCHEMA = "pareto_ltl.page/2"
 NO_PLAN_HOURS = 24.0  # of wind that are shown if there is no plan

@@ -14,8 +14,7 @@ from pareto_ltl.planning.records import Forest
 from pareto_ltl.report.lattice import arrow_nodes, interpolate_slots, lattice_nodes, wind_deviation
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.records import WindField
-from pareto_ltl.world.navigation import utc_times
-from pareto_ltl.world.projection import meridian_convergence, to_geographic
+from pareto_ltl.world.projection import meridian_convergence, to_geographic, utc_times
 from pareto_ltl.world.scene import Scene
 
 MOST_TIMES = 25  # times at which the wind is shown, at most

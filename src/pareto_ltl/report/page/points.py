@@ -13,12 +13,11 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.report.page.ground import DEGREES, map_places, metre_digits, north_turn, rounded
 from pareto_ltl.report.page.shown_run import ShownRun
-from pareto_ltl.simulation.failure_times import CAUSES, failure_times
-from pareto_ltl.simulation.flights import DRAWS, simulate_flights, unspawned
+from pareto_ltl.simulation.flights import CAUSES, DRAWS, failure_times, simulate_flights, unspawned
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
-from pareto_ltl.world.navigation import utc_times
+from pareto_ltl.world.projection import utc_times
 from pareto_ltl.world.scene import Scene
 
 MOST_LEGS = 3000  # legs of all complete paths, at most: 200 bytes each

@@ -8,5 +8,5 @@
 ``page``        ``summary.html``
 ==============  ===============================================================================
 
-This package does not import Hydra; ``hydra_plugins.pareto_ltl_sweeper`` connects them.
+This package does not import Hydra; ``hydra_plugins.pareto_ltl_plugins`` connects them.
 """

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from pareto_ltl.report.metric_names import is_probability, metric_label
-from pareto_ltl.settings import LAWS
+from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.studies.sweeps.table import column_names, is_seed
 from pareto_ltl.support.display import interval_text, probability_text
 

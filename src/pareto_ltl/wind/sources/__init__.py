@@ -19,10 +19,9 @@ from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, table_level
 from pareto_ltl.wind.readings import CALM, Readings
-from pareto_ltl.wind.snapshots import latest_readings
+from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings, prior_weight
 from pareto_ltl.wind.sources.csv_files import read_csv_files
-from pareto_ltl.wind.sources.ensemble_files import read_ensemble_files
-from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
+from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 from pareto_ltl.wind.sources.magic import first_bytes, format_of
 from pareto_ltl.wind.sources.netcdf_files import CURRENTS, WINDS, Quantity, netcdf_snapshots
 from pareto_ltl.wind.sources.noaa import noaa_files, read_noaa
@@ -31,7 +30,7 @@ from pareto_ltl.wind.sources.station_files import read_station_files
 SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
 
 
-def data_files(cfg: WindConfig) -> tuple[Path, ...]:
+def data_files(cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
     """The files of ``wind.path``, sorted: a file, all data files of a folder, or the matches of a pattern.
 
     Raises
@@ -59,6 +58,10 @@ def is_data_file(file: Path) -> bool:
     return not file.name.startswith(".") and file.suffix.lower() not in (".idx", ".md", ".txt", ".json")
 
 
+Reader = Callable[[WindConfig, Wanted], Readings]
+Files = Callable[[WindConfig, Wanted], tuple[Path, ...]]
+
+
 @dataclass(frozen=True, slots=True)
 class WindSource:
     """One value of ``wind.source``.
@@ -74,31 +77,20 @@ class WindSource:
         The value of ``wind.forecast_error=auto``.
     """
 
-    read: Callable[[WindConfig, Wanted], Readings]
-    files: Callable[[WindConfig, Wanted], tuple[Path, ...]]
+    read: Reader
+    files: Files
     forecast_error: str = "gfs"
-
-
-def _sample_files(_cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
-    return (SAMPLE_FILE,)
-
-
-def _listed_files(cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
-    return data_files(cfg)
-
-
-def _no_files(_cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
-    return ()
-
-
-def _read_sample(cfg: WindConfig, _wanted: Wanted) -> Readings:
-    return read_csv_files((SAMPLE_FILE,), cfg.max_speed)
 
 
 def _read_csv(cfg: WindConfig, _wanted: Wanted) -> Readings:
     """Readings of CSV tables at ``wind.level``, which they do not state; at a depth, they are currents."""
     level = table_level(cfg.level, (HEIGHT, PRESSURE, DEPTH), "a table of winds or currents")
     return _at_level(read_csv_files(data_files(cfg), cfg.max_speed), level)
+
+
+def _read_stations(cfg: WindConfig, wanted: Wanted) -> Readings:
+    level = table_level(cfg.level, (HEIGHT,), "stations report winds near the ground")
+    return _at_level(read_station_files(data_files(cfg), cfg.max_speed, wanted.area), level)
 
 
 def _at_level(readings: Readings, level: Level) -> Readings:
@@ -119,10 +111,6 @@ def _read_netcdf(cfg: WindConfig, wanted: Wanted, quantity: Quantity = WINDS) ->
     return latest_readings(*netcdf_snapshots(files, quantity, cfg.level, cfg.max_speed, wanted.area))
 
 
-def _read_currents(cfg: WindConfig, wanted: Wanted) -> Readings:
-    return _read_netcdf(cfg, wanted, CURRENTS)
-
-
 def _ensemble_files(cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
     """Like :func:`data_files`, including the files in subfolders, one for each member."""
     path = Path(str(cfg.path)).expanduser()
@@ -134,12 +122,28 @@ def _ensemble_files(cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
 
 
 def _read_ensemble(cfg: WindConfig, wanted: Wanted) -> Readings:
-    return read_ensemble_files(_ensemble_files(cfg, wanted), cfg, wanted.area)
-
-
-def _read_stations(cfg: WindConfig, wanted: Wanted) -> Readings:
-    level = table_level(cfg.level, (HEIGHT,), "stations report winds near the ground")
-    return _at_level(read_station_files(data_files(cfg), cfg.max_speed, wanted.area), level)
+    """Mean and deviations of the members in GRIB files, of which each folder may be one, and NetCDF files."""
+    files = _ensemble_files(cfg, wanted)
+    grib: dict[Path, tuple[Path, ...]] = {}
+    netcdf: tuple[Path, ...] = ()
+    for file in files:
+        kind = format_of(first_bytes(file)) or "of an unknown format"
+        if kind == "GRIB":
+            grib[file.parent] = (*grib.get(file.parent, ()), file)
+        elif kind == "NetCDF":
+            netcdf = (*netcdf, file)
+        else:
+            raise DataError(f"wind file {file} is {kind}; expected GRIB or NetCDF files of the members")
+    found = {
+        folder.name: grib_snapshots_apart(together, cfg.max_speed, cfg.level, wanted.area)
+        for folder, together in grib.items()
+    }
+    if netcdf:
+        found["NetCDF"] = netcdf_snapshots(netcdf, WINDS, cfg.level, cfg.max_speed, wanted.area)
+    snapshots = [snap for one in found.values() for snap in one.winds]
+    several = len(found) > 1
+    notes = [f"{name}: {note}" if several else note for name, one in found.items() for note in one.notes]
+    return ensemble_readings(snapshots, files, prior_weight(cfg), tuple(notes))
 
 
 def _read_given(_cfg: WindConfig, _wanted: Wanted) -> Readings:
@@ -149,21 +153,17 @@ def _read_given(_cfg: WindConfig, _wanted: Wanted) -> Readings:
     )
 
 
-def _read_calm(_cfg: WindConfig, _wanted: Wanted) -> Readings:
-    return CALM
-
-
-_READERS = {
-    "sample": (_read_sample, _sample_files),
-    "csv": (_read_csv, _listed_files),
-    "grib": (_read_grib, _listed_files),
-    "netcdf": (_read_netcdf, _listed_files),
-    "stations": (_read_stations, _listed_files),
+_READERS: dict[str, tuple[Reader, Files]] = {
+    "sample": (lambda cfg, _: read_csv_files((SAMPLE_FILE,), cfg.max_speed), lambda *_: (SAMPLE_FILE,)),
+    "csv": (_read_csv, data_files),
+    "grib": (_read_grib, data_files),
+    "netcdf": (_read_netcdf, data_files),
+    "stations": (_read_stations, data_files),
     "noaa": (read_noaa, noaa_files),
-    "currents": (_read_currents, _listed_files),
+    "currents": (lambda cfg, wanted: _read_netcdf(cfg, wanted, CURRENTS), data_files),
     "ensemble": (_read_ensemble, _ensemble_files),
-    "given": (_read_given, _no_files),
-    "calm": (_read_calm, _no_files),
+    "given": (_read_given, lambda *_: ()),
+    "calm": (lambda *_: CALM, lambda *_: ()),
 }
 SOURCES = {
     name: WindSource(*_READERS[name], forecast_error=kind.forecast_error)
@@ -188,15 +188,3 @@ def wind_source(cfg: WindConfig) -> WindSource:
 def read_readings(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> Readings:
     """The readings of the source, of large files only those that are ``wanted``; calm wind has no times."""
     return wind_source(cfg).read(cfg, wanted)
-
-
-__all__ = [
-    "SAMPLE_FILE",
-    "SOURCES",
-    "WindSource",
-    "data_files",
-    "is_data_file",
-    "read_readings",
-    "source_of_file",
-    "wind_source",
-]

@@ -13,16 +13,13 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.levels import DEPTH, PRESSURE, Level
-from pareto_ltl.wind.sources.fields import Nodes, crop
+from pareto_ltl.wind.levels import DEPTH, LENGTHS, PRESSURE, PRESSURES, Level
+from pareto_ltl.wind.snapshots import Nodes, crop
 from pareto_ltl.world.projection import meridian_convergence, to_geographic
 
 if TYPE_CHECKING:
     import xarray as xr
 
-LENGTHS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1000.0}
-PRESSURES = {"pa": 1.0, "pascal": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0, "millibar": 100.0}
-PRESSURES |= {"millibars": 100.0, "kpa": 1000.0}
 TIMES = {"d": "days", "h": "hours", "hr": "hours", "min": "minutes", "s": "seconds", "sec": "seconds"}
 TIMES |= {"hrs": "hours", "mins": "minutes", "secs": "seconds", "msec": "milliseconds"}
 LEVEL_WORDS = re.compile(r"\b(\d+(?:\.\d+)?)[ -]?(met(?:er|re)s?|m|hpa|mb)(?=\b|above)")
@@ -160,9 +157,9 @@ def nodes_of(
     if projected and crs is not None:
         xs, ys = to_geographic(crs, np.stack([xs, ys], axis=1))
     nodes = crop(file, xs, ys, area)
-    if crs is None or not relative:
-        return spatial, nodes
-    return spatial, Nodes(nodes.kept, nodes.lonlat, meridian_convergence(crs, *nodes.lonlat.T))
+    if crs is not None and relative:
+        nodes = nodes._replace(twist=meridian_convergence(crs, *nodes.lonlat.T))
+    return spatial, nodes
 
 
 def _coordinate(array: xr.DataArray, role: str) -> xr.DataArray | None:

@@ -14,27 +14,17 @@ import re
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.messages import shown_text, shown_value
-from pareto_ltl.wind.readings import (
-    HOUR,
-    KNOT,
-    Readings,
-    check_readings,
-    iso,
-    lead_text,
-    seconds,
-    wrap_longitude,
-)
+from pareto_ltl.wind.readings import HOUR, KNOT, Readings, check_readings, iso, seconds, wrap_longitude
+from pareto_ltl.wind.snapshots import Snapshot, readings_of
 from pareto_ltl.wind.sources.magic import format_of, refuse_other_format
 
 GEOGRAPHIC_COLUMNS = ("time", "lat", "lon", "u", "v")
@@ -61,74 +51,52 @@ def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
         If a file or row is not valid, some tables are in degrees and others in a plane, or two rows have the
         same time and place.
     """
-    parts = [read_csv_file(file, max_speed) for file in files]
-    if len({part.geographic for part in parts}) > 1:
+    tables, planes, owners = zip(*(read_csv_file(file, max_speed) for file in files), strict=True)
+    if len(set(planes)) > 1:
         raise DataError(f"{files[0].parent}: some tables have lat,lon and some x,y; expected one kind")
-    stamps, leads = (np.concatenate([getattr(part, name) for part in parts]) for name in ("times", "leads"))
-    points, winds = (np.concatenate([getattr(part, name) for part in parts]) for name in ("points", "winds"))
-    owners = [f"{f.name}, row {row}" for f, part in zip(files, parts, strict=True) for row in part.numbers]
-    _refuse_duplicates(stamps, points, owners)
-    times = np.unique(stamps)
-    rows = [np.flatnonzero(stamps == time) for time in times]
-    mixed = [time for time, r in zip(times, rows, strict=True) if len(np.unique(leads[r])) > 1]
-    longest = np.array([np.nan if np.isnan(leads[r]).all() else np.nanmax(leads[r]) for r in rows])
-    return Readings(
-        times=times,
-        points=tuple(points[r] for r in rows),
-        winds=tuple(winds[r] for r in rows),
-        geographic=parts[0].geographic,
-        files=files,
-        remarks=tuple(lead_text(lead) for lead in longest),
-        origins=(files,) * len(times),
-        leads=longest,
-        notes=_lead_notes(mixed),
-    )
-
-
-def _lead_notes(mixed: list[float]) -> tuple[str, ...]:
-    if not mixed:
-        return ()
-    more = f" and {len(mixed) - 1} more times" if len(mixed) > 1 else ""
-    return (f"rows of {iso(mixed[0])}{more} differ in lead_hours: the largest is used for the whole time",)
+    table = np.concatenate(tables)
+    stamps, leads = table[:, 0], table[:, 1]
+    _refuse_duplicates(table[:, [0, 2, 3]], [owner for each in owners for owner in each])
+    fields, mixed = [], []
+    for time in np.unique(stamps):
+        rows = np.flatnonzero(stamps == time)
+        own = leads[rows]
+        if len(np.unique(own)) > 1:
+            mixed.append(time)
+        lead = np.nan if np.isnan(own).all() else float(np.nanmax(own))
+        fields.append(Snapshot(float(time), lead, table[rows, 2:4], table[rows, 4:], "10m", files))
+    notes: tuple[str, ...] = ()
+    if mixed:
+        more = f" and {len(mixed) - 1} more times" if len(mixed) > 1 else ""
+        notes = (
+            f"rows of {iso(mixed[0])}{more} differ in lead_hours: the largest is used for the whole time",
+        )
+    return readings_of(fields, files, geographic=not planes[0], notes=notes)
 
 
 def write_csv_table(
-    path: Path,
-    times: FloatArray,
-    points: FloatArray,
-    winds: FloatArray,
-    decimals: int = 2,
-    leads: FloatArray | None = None,
+    path: Path, times: FloatArray, points: FloatArray, winds: FloatArray, leads: FloatArray
 ) -> None:
     """Write ``winds`` (K, N, 2) [m/s] at ``times`` (K,) [s since 1970] and ``points`` (N, 2), lon, lat [deg].
 
     ``leads`` (K,) [s] are written to the column ``lead_hours``; if none is known, the column is left out.
     """
-    known = leads is not None and bool(np.isfinite(leads).any())
+    known = bool(np.isfinite(leads).any())
     lines = [",".join((*GEOGRAPHIC_COLUMNS, LEAD_COLUMN) if known else GEOGRAPHIC_COLUMNS)]
-    each = leads if known and leads is not None else np.full(len(times), np.nan)
-    for time, lead, rows in zip(times, each, winds, strict=True):
+    for time, lead, rows in zip(times, leads, winds, strict=True):
         stamp = iso(time)
         end = "" if not known else "," if np.isnan(lead) else f",{lead / HOUR:.6g}"
         for (lon, lat), (u, v) in zip(points, rows, strict=True):
-            lines.append(f"{stamp},{lat:.8g},{lon:.8g},{u + 0.0:.{decimals}f},{v + 0.0:.{decimals}f}{end}")
+            lines.append(f"{stamp},{lat:.8g},{lon:.8g},{u + 0.0:.2f},{v + 0.0:.2f}{end}")
     write_text(path, "\n".join(lines) + "\n")
 
 
-@dataclass(frozen=True, slots=True)
-class _Table:
-    """The rows of one file: times (N,), leads (N,) [s], points (N, 2), winds (N, 2), row numbers (N,)."""
+def read_csv_file(file: Path, max_speed: float) -> tuple[FloatArray, bool, list[str]]:
+    """The checked rows of ``file``, whether they are in a plane, and the description of each row.
 
-    times: FloatArray
-    leads: FloatArray
-    points: FloatArray
-    winds: FloatArray
-    numbers: IntArray
-    geographic: bool
-
-
-def read_csv_file(file: Path, max_speed: float) -> _Table:
-    """The checked rows of ``file``; DataError if it is not a valid table."""
+    A row has its time [s since 1970] and lead [s], its place (longitude, latitude or x, y), and u and v
+    [m/s].
+    """
     with open_table(file, ",".join(GEOGRAPHIC_COLUMNS)) as stream:
         reader = csv.reader(stream)
         header = [name.strip().lower() for name in next(reader, [])]
@@ -137,14 +105,14 @@ def read_csv_file(file: Path, max_speed: float) -> _Table:
     if not cells:
         raise DataError(f"wind file {file} has a header but no rows; expected {','.join(GEOGRAPHIC_COLUMNS)}")
     table = np.array([_parse_row(f"wind file {file}, row {number}", row, columns) for number, row in cells])
-    numbers = np.array([number for number, _ in cells], dtype=np.int64)
-    geographic = columns[1][0] == "lat"
-    points, winds = (table[:, [2, 1]] if geographic else table[:, 1:3]), table[:, 3:5] * speeds
-    check_readings(points, winds, geographic, max_speed, lambda i: f"wind file {file}, row {numbers[i]}")
-    if geographic:
+    planar = columns[1][0] == "x"
+    points, winds = (table[:, 1:3] if planar else table[:, [2, 1]]), table[:, 3:5] * speeds
+    check_readings(points, winds, not planar, max_speed, lambda i: f"wind file {file}, row {cells[i][0]}")
+    if not planar:
         points[:, 0] = wrap_longitude(points[:, 0])
     leads = table[:, 5] * HOUR if len(columns) > 5 else np.full(len(table), np.nan)
-    return _Table(table[:, 0], leads, points, winds, numbers, geographic)
+    rows = np.column_stack([table[:, 0], leads, points, winds])
+    return rows, planar, [f"{file.name}, row {number}" for number, _ in cells]
 
 
 @contextmanager
@@ -204,7 +172,11 @@ def _find_columns(file: Path, header: list[str]) -> tuple[list[tuple[str, int]],
             f"wind file {file}: missing column {', '.join(missing)}; expected {','.join(GEOGRAPHIC_COLUMNS)} "
             f"(or {','.join(PLANAR_COLUMNS)} in a plane), found {found}"
         )
-    titles = [_only_one(file, name, speeds.get(name, [name])) for name in wanted]
+    for name, titles in speeds.items():
+        if len(titles) > 1:
+            there = shown_text(" and as ".join(titles))
+            raise DataError(f"wind file {file}: column {name} occurs as {there}; keep one")
+    titles = [*wanted[:3], speeds["u"][0], speeds["v"][0]]
     factors = [_speed_factor(file, name, title) for name, title in zip("uv", titles[3:], strict=True)]
     columns = [(name, header.index(title)) for name, title in zip(wanted, titles, strict=True)]
     if LEAD_COLUMN in header:
@@ -216,13 +188,6 @@ def _speed_unit(name: str, title: str) -> str | None:
     """The unit in the title of a speed column: "" for ``u``, "kt" for ``u_kt`` and ``u [kt]``; else None."""
     found = re.fullmatch(rf"{name}(?:[ _]*[\[(]([^\])]*)[\])]|_([a-z/]+))?", title)
     return None if found is None else (found[1] or found[2] or "").strip()
-
-
-def _only_one(file: Path, name: str, titles: list[str]) -> str:
-    if len(titles) > 1:
-        there = shown_text(" and as ".join(titles))
-        raise DataError(f"wind file {file}: column {name} occurs as {there}; keep one")
-    return titles[0]
 
 
 def _speed_factor(file: Path, name: str, title: str) -> float:
@@ -249,8 +214,7 @@ def _parse_row(where: str, row: list[str], columns: list[tuple[str, int]]) -> tu
     return tuple(values)
 
 
-def _refuse_duplicates(stamps: FloatArray, points: FloatArray, owners: list[str]) -> None:
-    keys = np.column_stack([stamps, points])
+def _refuse_duplicates(keys: FloatArray, owners: list[str]) -> None:
     order = np.lexsort(keys.T[::-1])
     same = np.flatnonzero((np.diff(keys[order], axis=0) == 0).all(axis=1))
     if len(same):
@@ -266,10 +230,7 @@ def _lead_hours(text: str) -> float:
     return hours
 
 
-CELLS: dict[str, Callable[[str], float]] = {
-    "time": lru_cache(maxsize=4096)(seconds),  # many rows share few times
-    LEAD_COLUMN: _lead_hours,
-}
+CELLS: dict[str, Callable[[str], float]] = {"time": seconds, LEAD_COLUMN: _lead_hours}
 EXPECTED = {
     "time": "an ISO 8601 time such as 2018-10-09T18:00:00Z",
     LEAD_COLUMN: f"hours since the forecast began, 0 to {LONGEST_LEAD:g}, or nothing",

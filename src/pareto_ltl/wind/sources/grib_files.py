@@ -1,28 +1,36 @@
-"""Wind at one level from GRIB files (GFS, GEFS, NAM, RAP, HRRR), read with cfgrib.
+"""Wind at one level from GRIB files (GFS, GEFS, NAM, RAP, HRRR), read with cfgrib in a separate process.
 
 The messages of cfgrib are used one by one. Its datasets are not: a dataset fills a component that is missing
 in a truncated file with NaN, and of two messages for one time it keeps one.
+
+Since ecCodes can end its process on a damaged message, files are decoded in another process:
+``python -m pareto_ltl.wind.sources.grib_files TASK ANSWER`` gets the arguments of :func:`grib_snapshots` as
+JSON. It prints each file before it is opened, and writes one archive of arrays, which holds no code. If the
+process ends without it, the caller raises a DataError on the file that was open.
 """
 
 from __future__ import annotations
 
+import json
 import re
+import subprocess
+import sys
+import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.levels import HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.wind.readings import iso
-from pareto_ltl.wind.snapshots import Snapshot, Snapshots
-from pareto_ltl.wind.sources.fields import Field, LeftOut, Nodes, crop, snapshot_of, snapshots_with_notes
+from pareto_ltl.wind.snapshots import GridWind, Nodes, Snapshot, Snapshots, crop, earth_relative
 from pareto_ltl.wind.sources.grib_framing import check_frames
 from pareto_ltl.wind.sources.magic import wind_file
 from pareto_ltl.world.projection import meridian_convergence
@@ -39,12 +47,11 @@ LEVELS = {
 }
 STEP_TYPES = {"avg": "average", "max": "maximum", "min": "minimum"}
 EARTH_AXES = ("regular_ll", "regular_gg", "mercator")  # grids whose axes are east and north
-Tell = Callable[[Path], None]
+PROJECTED = ("lambert", "polar_stereographic")  # grids in the plane of a projection
 Message = Any  # of cfgrib: a mapping of keys of ecCodes
 
 
-@dataclass(frozen=True, slots=True)
-class _Component:
+class _Component(NamedTuple):
     """A component of the wind, or the surface pressure: values [m/s] or [Pa], NaN where there are none."""
 
     values: FloatArray
@@ -75,12 +82,71 @@ class _Scan:
     left_out: Counter[str] = field(default_factory=Counter)
 
 
+def grib_snapshots_apart(
+    files: tuple[Path, ...], max_speed: float, level: str = "10m", area: GeoBox | None = None
+) -> Snapshots:
+    """:func:`grib_snapshots` in another process.
+
+    Raises
+    ------
+    DataError
+        As :func:`grib_snapshots`, and if the process ends without an answer.
+    """
+    parse_level(level)
+    task = [[str(file) for file in files], max_speed, level, None if area is None else astuple(area)]
+    with tempfile.TemporaryDirectory(prefix="pareto_ltl_grib_") as folder:
+        answer = Path(folder) / "answer.npz"
+        command = [sys.executable, "-m", __name__, json.dumps(task), str(answer)]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+        if not answer.is_file():
+            at = done.stdout.splitlines()[-1:] or [str(files[0])]
+            raise DataError(
+                f"wind file {at[0]} is damaged: ecCodes, its decoder, ended with code {done.returncode}; "
+                "download it again"
+            )
+        with np.load(answer, allow_pickle=False) as archive:
+            arrays = dict(archive)
+    told = json.loads(arrays["told"].item())
+    if "error" in told:
+        raise DataError(told["error"])
+    winds = tuple(
+        Snapshot(time, lead, arrays[points], arrays[winds], wind_level, tuple(map(Path, names)), member)
+        for time, lead, points, winds, wind_level, names, member in told["winds"]
+    )
+    return Snapshots(winds, files, tuple(told["notes"]))
+
+
+def _answer(task: str, answer: Path) -> None:
+    """In the separate process: carry out ``task``; arrays that snapshots share are written once."""
+    names, max_speed, level, box = json.loads(task)
+    files, area = tuple(map(Path, names)), None if box is None else GeoBox(*box)
+    arrays: dict[str, FloatArray] = {}
+
+    def name_of(array: FloatArray) -> str:
+        arrays[name := f"array_{id(array)}"] = array
+        return name
+
+    try:
+        found = grib_snapshots(files, max_speed, level, area, lambda file: print(file, flush=True))
+        winds = [
+            (w.time, w.lead, name_of(w.points), name_of(w.winds), w.level, list(map(str, w.files)), w.member)
+            for w in found.winds
+        ]
+        told: dict[str, Any] = {"winds": winds, "notes": found.notes}
+    except (DataError, ConfigError) as error:
+        told = {"error": str(error)}
+    part = answer.with_suffix(".part")
+    with part.open("wb") as stream:
+        np.savez(stream, told=np.array(json.dumps(told)), **arrays)  # type: ignore[arg-type]
+    part.rename(answer)
+
+
 def grib_snapshots(
     files: tuple[Path, ...],
     max_speed: float,
     level: str = "10m",
     area: GeoBox | None = None,
-    tell: Tell = lambda _: None,
+    tell: Callable[[Path], None] = lambda _: None,
 ) -> Snapshots:
     """Every wind at ``level`` in ``files``, with notes of quality control.
 
@@ -101,15 +167,11 @@ def grib_snapshots(
         for kind, count in sorted(scan.left_out.items())
     ]
     keys = sorted(key for key, pair in scan.fields.items() if pair.keys() - {SURFACE_PRESSURE})
-    found = [_snapshot(key, scan.fields[key], scan.level, max_speed) for key in keys]
-    return snapshots_with_notes(found, files, scan.level, notes)
+    found = (_wind_of(*key, scan.fields[key], scan.level) for key in keys)
+    return earth_relative(found, files, scan.level, max_speed, notes)
 
 
-def _snapshot(
-    key: tuple[float, float, str], pair: dict[str, _Component], level: Level, max_speed: float
-) -> tuple[Snapshot, LeftOut]:
-    """The Earth-relative winds of one time, and the numbers of nodes that are left out."""
-    time, lead, member = key
+def _wind_of(time: float, lead: float, member: str, pair: dict[str, _Component], level: Level) -> GridWind:
     some = pair.get("u") or pair["v"]
     missing = {"u", "v"} - set(pair)
     if missing:
@@ -121,8 +183,9 @@ def _snapshot(
     if u.nodes is not v.nodes and not np.array_equal(u.nodes.lonlat, v.nodes.lonlat):
         raise DataError(f"wind file {some.file}: u and v at {iso(time)} are on different grids")
     winds = np.stack([u.values, v.values], axis=1)  # nodes outside the domain of the model are missing
-    winds_there = Field(time, lead, winds, None if pressure is None else pressure.values, member)
-    return snapshot_of(winds_there, u.nodes, level, tuple(dict.fromkeys((u.file, v.file))), max_speed)
+    files = tuple(dict.fromkeys((u.file, v.file)))
+    snap = Snapshot(time, lead, u.nodes.lonlat, winds, level.text, files, member)
+    return GridWind(snap, u.nodes.twist, None if pressure is None else pressure.values)
 
 
 def _scan_file(file: Path, scan: _Scan) -> None:
@@ -217,29 +280,18 @@ def _nodes_of(message: Message, file: Path, scan: _Scan) -> Nodes:
         nodes = crop(file, lon, lat, scan.area)
         if message["uvRelativeToGrid"] and message["gridType"] not in EARTH_AXES:
             twist = meridian_convergence(_grid_crs(message, file), *nodes.lonlat.T)
-            nodes = Nodes(nodes.kept, nodes.lonlat, twist)
+            nodes = nodes._replace(twist=twist)
         scan.grids[grid] = nodes
     return scan.grids[grid]
 
 
 def _grid_crs(message: Message, file: Path) -> str:
     """PROJ string of the projection of the model; directions do not depend on the radius of the sphere."""
-
-    def number(name: str) -> float:
-        return float(message[f"{name}:float"])
-
-    kind = message["gridType"]
-    if kind == "lambert":
-        lines = f"+lat_1={number('Latin1InDegrees')} +lat_2={number('Latin2InDegrees')}"
-        middle = f"+lat_0={number('LaDInDegrees')} +lon_0={number('LoVInDegrees')}"
-        return f"+proj=lcc {lines} {middle} +R=6371229 +no_defs"
-    if kind == "polar_stereographic":
-        pole = -90 if number("southPoleOnProjectionPlane") else 90
-        middle = f"+lat_ts={number('LaDInDegrees')} +lon_0={number('orientationOfTheGridInDegrees')}"
-        return f"+proj=stere +lat_0={pole} {middle} +R=6371229 +no_defs"
+    if (kind := message["gridType"]) in PROJECTED:
+        return re.sub(r"\+[abR]=\S+", "", message["projString"]) + " +R=6371229 +no_defs"
     raise DataError(
         f"wind file {file}: winds follow a grid of type {kind}, which cannot be turned to the east; "
-        "expected lambert, polar_stereographic or a latitude-longitude grid"
+        f"expected {', '.join(PROJECTED)} or a latitude-longitude grid"
     )
 
 
@@ -261,3 +313,7 @@ def _grib_messages(file: Path) -> Iterator[Iterator[Message]]:
         stream = cfgrib.FileStream(str(file), errors="raise")  # NAM nests pack u and v in one message
         computed = cfgrib.COMPUTED_KEYS
         yield (cfgrib.messages.ComputedKeysAdapter(message, computed) for _, message in stream.items())
+
+
+if __name__ == "__main__":
+    _answer(sys.argv[1], Path(sys.argv[2]))

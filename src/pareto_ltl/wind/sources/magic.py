@@ -11,7 +11,14 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.netcdf import DAMAGE
 
-HDF5, CLASSIC = b"\x89HDF\r\n\x1a\n", (b"CDF\x01", b"CDF\x02", b"CDF\x05")
+HDF5 = b"\x89HDF\r\n\x1a\n"
+STARTS = {
+    b"GRIB": "GRIB",
+    **dict.fromkeys((HDF5, b"CDF\x01", b"CDF\x02", b"CDF\x05"), "NetCDF"),
+    b"\x1f\x8b": "packed with gzip",
+    b"PK\x03\x04": "packed with zip",
+    b"BZh": "packed with bzip2",
+}  # formats by their first bytes
 CURES = {
     "GRIB": "read it with wind.source=grib",
     "NetCDF": "read it with wind.source=netcdf",
@@ -24,17 +31,9 @@ CURES = {
 
 def format_of(head: bytes) -> str | None:
     """The format of a file that begins with ``head``: a key of ``CURES``; None if it is not known."""
-    if head[:4] == b"GRIB":
-        return "GRIB"
-    if head[:8] == HDF5 or head[:4] in CLASSIC:
-        return "NetCDF"
     if head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<":
         return "a web page"
-    if head[:2] == b"\x1f\x8b":
-        return "packed with gzip"
-    if head[:4] == b"PK\x03\x04":
-        return "packed with zip"
-    return "packed with bzip2" if head[:3] == b"BZh" else None
+    return next((name for start, name in STARTS.items() if head.startswith(start)), None)
 
 
 def first_bytes(file: Path) -> bytes:

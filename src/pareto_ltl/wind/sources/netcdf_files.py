@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Hashable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +21,8 @@ from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.wind.readings import KNOT
-from pareto_ltl.wind.snapshots import Snapshot, Snapshots
+from pareto_ltl.wind.snapshots import GridWind, Snapshot, Snapshots, earth_relative
 from pareto_ltl.wind.sources.cf_grid import levels_of, member_dimension, nodes_of, text, times_of
-from pareto_ltl.wind.sources.fields import Field, LeftOut, snapshot_of, snapshots_with_notes
 from pareto_ltl.wind.sources.magic import HDF5, format_of, wind_file
 
 if TYPE_CHECKING:
@@ -96,8 +95,9 @@ DEPTH_TOLERANCE = (1.0, 0.1)  # [m], and as a share of the depth
 
 
 class _Kind(NamedTuple):
-    """How well a variable matches: rank (0 is best), and whether it is along the axes of the grid."""
+    """How a variable matches: rank (0 is best), and whether it is along the axes of the grid."""
 
+    component: str  # u or v
     rank: int
     relative: bool
 
@@ -133,14 +133,16 @@ def netcdf_snapshots(
         if wanted.kind == PRESSURE:
             raise DataError(f"wind.level={level} is a pressure; currents are at depths such as wind.level=0m")
         wanted = Level(DEPTH, wanted.value)
-    found: list[tuple[Snapshot, LeftOut]] = []
     notes: dict[str, None] = {}
-    for path in files:
-        with _open_dataset(path) as data:
-            pair = _pair_at(path, _components(path, data, quantity), quantity, wanted)
-            notes |= dict.fromkeys(_pair_notes(pair, wanted))
-            found += _snapshots(path, pair, max_speed, area)
-    return snapshots_with_notes(found, files, wanted, notes)
+
+    def found() -> Iterator[GridWind]:
+        for path in files:
+            with _open_dataset(path) as data:
+                pair = _pair_at(path, _components(path, data, quantity), quantity, wanted)
+                notes.update(dict.fromkeys(_pair_notes(pair, wanted)))
+                yield from _winds(path, pair, area)
+
+    return earth_relative(found(), files, wanted, max_speed, notes)
 
 
 @contextmanager
@@ -166,42 +168,39 @@ def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
 # --- which variables -------------------------------------------------------------------------
 
 
-def _component(array: xr.DataArray, quantity: Quantity) -> tuple[str, _Kind] | None:
+def _kind(array: xr.DataArray, quantity: Quantity) -> _Kind | None:
     """The component that ``array`` is, by standard name, else by long name, else by name."""
     mean = MEAN * bool(re.search(r"time\s*:\s*mean", text(array, "cell_methods")))
     if standard := text(array, "standard_name"):
         for *names, relative in quantity.standard:
             if standard in names:
-                return "uv"[names.index(standard)], _Kind(mean, relative)
+                return _Kind("uv"[names.index(standard)], mean, relative)
         return None
     words = re.sub(r"[@(].*", "", text(array, "long_name").lower().replace("_", " ")).strip()
     if re.search(r"gust|stress|variance|error|storm|average|mean of", words):
         return None
-    for rank, name, pattern in (
-        (1, words, quantity.described),
-        (2, str(array.name).lower(), quantity.named),
-    ):
+    ways = ((words, quantity.described), (str(array.name).lower(), quantity.named))
+    for rank, (name, pattern) in enumerate(ways, 1):
         for component, direction in DIRECTIONS.items():
             if re.fullmatch(pattern.format(component, direction), name):
-                return component, _Kind(rank + mean, False)
+                return _Kind(component, rank + mean, False)
     return None
 
 
 def _other_quantity(data: xr.Dataset, quantity: Quantity) -> str:
     """Advice for a file of currents that is read as winds, or of winds that is read as currents."""
     other, setting = (CURRENTS, "wind=currents") if quantity is WINDS else (WINDS, "wind=netcdf")
-    there = any(array.shape and _component(array, other) for array in data.values())
+    there = any(array.shape and _kind(array, other) for array in data.values())
     return f"; it holds a {other.name}: set {setting}" if there else ""
 
 
-def _components(
-    path: Path, data: xr.Dataset, quantity: Quantity
-) -> dict[str, list[tuple[_Kind, xr.DataArray]]]:
+def _components(path: Path, data: xr.Dataset, quantity: Quantity) -> list[tuple[_Kind, xr.DataArray]]:
     """The u and v in the file, the best matches first; all other variables are their coordinates."""
-    known: dict[Hashable, tuple[str, _Kind]] = {}
-    for name, array in data.items():
-        if array.shape and (match := _component(array, quantity)) is not None:
-            known[name] = match
+    known = {
+        name: kind
+        for name, array in data.items()
+        if array.shape and (kind := _kind(array, quantity)) is not None
+    }
     if not known:
         there = ", ".join(sorted(map(str, data.variables))[:12]) or "nothing"
         raise DataError(
@@ -211,27 +210,27 @@ def _components(
         )
     budget = FREE_VALUES + MAX_VALUES_A_BYTE * path.stat().st_size
     data = data.set_coords([name for name in data if name not in known])
-    found: dict[str, list[tuple[_Kind, xr.DataArray]]] = {"u": [], "v": []}
-    for name, (component, kind) in sorted(known.items(), key=lambda item: (item[1][1].rank, str(item[0]))):
+    found = []
+    for name, kind in sorted(known.items(), key=lambda item: (item[1].rank, str(item[0]))):
         array = data[name]
         if array.dtype.kind not in "iuf":
             raise ValueError(f"{name} holds {array.dtype}; expected numbers")
         if array.size > budget:  # no coordinate of the array is larger
             raise ValueError(f"{name} claims far more values than a file of its size can hold")
-        found[component].append((kind, array))
+        found.append((kind, array))
     return found
 
 
-def _pair_at(
-    path: Path, found: dict[str, list[tuple[_Kind, xr.DataArray]]], quantity: Quantity, wanted: Level
-) -> _Pair:
+def _pair_at(path: Path, found: list[tuple[_Kind, xr.DataArray]], quantity: Quantity, wanted: Level) -> _Pair:
     """The components at the wanted level; if there is none, a DataError lists the levels of the file."""
-    if not found["u"]:
-        raise _unpaired(path, found["v"][0][1])
+    if all(kind.component == "v" for kind, _ in found):
+        raise _unpaired(path, found[0][1])
     pairs: list[tuple[float, _Pair]] = []
     levels: list[Level] = []
-    for kind, u in found["u"]:
-        v = _partner(path, u, [other for same, other in found["v"] if same == kind])
+    for kind, u in found:
+        if kind.component == "v":
+            continue
+        v = _partner(path, u, [other for same, other in found if same == kind._replace(component="v")])
         dimension, heights = levels_of(u, quantity.length)
         if not heights:
             pairs.append((np.inf, _Pair(u, v, kind, None, 0, wanted)))
@@ -282,9 +281,7 @@ def _unpaired(path: Path, array: xr.DataArray, reason: str = "") -> DataError:
 # --- values ----------------------------------------------------------------------------------
 
 
-def _snapshots(
-    path: Path, pair: _Pair, max_speed: float, area: GeoBox | None
-) -> Iterator[tuple[Snapshot, LeftOut]]:
+def _winds(path: Path, pair: _Pair, area: GeoBox | None) -> Iterator[GridWind]:
     u = pair.u
     clock, times, leads = times_of(path, u)
     crew = member_dimension(u)
@@ -305,9 +302,9 @@ def _snapshots(
         for member in range(u.sizes[crew] if crew else 1):
             at = {clock: k, crew: member, pair.dimension: pair.place}
             winds = [_values(array, box, at)[kept] * f for array, f in zip((u, pair.v), factors, strict=True)]
-            name = f"{member:02d}" if crew else ""
-            field = Field(float(time), float(lead), np.stack(winds, axis=1), ground, name)
-            yield snapshot_of(field, nodes, pair.level, (path,), max_speed)
+            name, both = f"{member:02d}" if crew else "", np.stack(winds, axis=1)
+            snap = Snapshot(float(time), float(lead), nodes.lonlat, both, pair.level.text, (path,), name)
+            yield GridWind(snap, nodes.twist, ground)
 
 
 def _values(array: xr.DataArray, box: dict[str, slice], at: dict[str | None, int]) -> FloatArray:

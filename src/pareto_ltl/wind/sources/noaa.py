@@ -1,32 +1,39 @@
 """Winds of GFS, HRRR and GEFS from NOAA's public archives; only the required messages of a file are fetched.
 
 The inventory (.idx) of each GRIB2 file lists the positions of the messages of the wind at ``wind.level``;
-these bytes are fetched and cached (:mod:`noaa_cache`). The newest cycle that covers the flight is used.
+these bytes are fetched and cached in ``LABEL.SHA256.grib2``, the request in ``KEY.json``; a file whose
+checksum differs from the one in its request is fetched again. The newest cycle that covers the flight is
+used.
 """
 
 from __future__ import annotations
 
+import hashlib
 import logging
+import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from pareto_ltl.settings import WindConfig
+from pareto_ltl.support import cache
 from pareto_ltl.support.download import NotThereError, fetch_bytes
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.files import write_bytes, write_json
+from pareto_ltl.support.fingerprints import file_fingerprint
+from pareto_ltl.support.reading import read_json
 from pareto_ltl.wind.area import Wanted
-from pareto_ltl.wind.ensemble import ensemble_readings
 from pareto_ltl.wind.levels import parse_level
 from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
-from pareto_ltl.wind.snapshots import latest_readings
-from pareto_ltl.wind.sources.grib_apart import grib_snapshots_apart
-from pareto_ltl.wind.sources.idx_files import parse_idx, wind_parts
-from pareto_ltl.wind.sources.noaa_cache import DownloadCache
-from pareto_ltl.wind.sources.noaa_models import MODELS, NoaaModel
+from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings, prior_weight
+from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
+from pareto_ltl.wind.sources.noaa_models import MODELS, NoaaModel, parse_idx, wind_parts
 
 LOG = logging.getLogger(__name__)
 MOST_IDX, MOST_MESSAGE = 4 * 2**20, 64 * 2**20  # [bytes] of an inventory, and of a message
 CONNECTIONS = 4  # simultaneous downloads
+REQUEST_SCHEMA = "pareto_ltl.download/1"
+SHOWN_DIGITS = 16  # digits of the checksum in a file name
 _FETCHED: dict[object, tuple[Path, ...]] = {}  # files are chosen once per process
 _CACHES: list[DownloadCache] = []  # kept until the process ends, since their folders may be temporary
 
@@ -45,9 +52,8 @@ def read_noaa(cfg: WindConfig, wanted: Wanted) -> Readings:
     snapshots, _, notes = grib_snapshots_apart(files, cfg.max_speed, cfg.level, wanted.area)
     cycle = iso(snapshots[0].cycle)
     note = f"{cfg.model} forecast of {cycle}; wind.cycle={cycle} reads the same one again"
-    prior = 0.0 if cfg.forecast_error == "none" else cfg.ensemble_prior
     if len({snapshot.member for snapshot in snapshots}) > 1:
-        return ensemble_readings(snapshots, files, prior, (note, *notes))
+        return ensemble_readings(snapshots, files, prior_weight(cfg), (note, *notes))
     return latest_readings(snapshots, files, (note, *notes))
 
 
@@ -61,7 +67,12 @@ def noaa_files(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:
 
 def _fetch_forecast(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:
     model = MODELS[cfg.model]
-    _refuse_elsewhere(model, wanted)
+    here = wanted.area
+    if model.area is not None and here is not None and not model.area.contains(here.middle).all():
+        raise ConfigError(
+            f"wind.model={model.name} covers {model.area.text}; the scene needs {here.text}: use "
+            "wind.model=gfs"
+        )
     now = _now()
     first = now if wanted.start is None else seconds(wanted.start)
     last = first + cfg.hours * HOUR
@@ -74,12 +85,10 @@ def _fetch_forecast(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:
         if not steps:
             continue
         try:
-            files = _fetch_cycle(cfg, model, store, cycle, steps)
+            return _fetch_cycle(cfg, model, store, cycle, steps)
         except NotThereError as error:
             reasons.append(str(error))
             LOG.info("%s forecast of %s is not available (yet)", model.name, iso(cycle))
-            continue
-        return files
     raise DataError(_no_cycle(cfg, model, first, last, reasons))
 
 
@@ -87,22 +96,12 @@ def _now() -> float:
     return time.time()
 
 
-def _refuse_elsewhere(model: NoaaModel, wanted: Wanted) -> None:
-    if model.area is None or wanted.area is None:
-        return
-    if not model.area.contains(wanted.area.middle).all():
-        raise ConfigError(
-            f"wind.model={model.name} covers {model.area.text}; the scene needs {wanted.area.text}: use "
-            "wind.model=gfs"
-        )
-
-
 def _candidates(cfg: WindConfig, model: NoaaModel, newest: float) -> list[float]:
     """Starts of the forecasts that may be used [s since 1970], best first."""
     if cfg.cycle == "newest":
         return list(model.cycles_before(newest))
     cycle = seconds(cfg.cycle)
-    if not model.is_cycle(cycle):
+    if cycle % (model.every * HOUR):
         raise ConfigError(
             f"wind.cycle={cfg.cycle} is not a start of a {model.name} forecast; they begin every "
             f"{model.every} h from 00 UTC on"
@@ -111,22 +110,17 @@ def _candidates(cfg: WindConfig, model: NoaaModel, newest: float) -> list[float]
 
 
 def _no_cycle(cfg: WindConfig, model: NoaaModel, first: float, last: float, reasons: list[str]) -> str:
-    period = f"{iso(first)} .. {iso(last)}"
-    which = "no cycle" if cfg.cycle == "newest" else f"the cycle {cfg.cycle}"
+    period, fewer = f"{iso(first)} .. {iso(last)}", "fewer wind.hours or another wind.model"
+    which = f"{'no cycle' if cfg.cycle == 'newest' else f'the cycle {cfg.cycle}'} of {model.name}"
     if cfg.offline:
         return (
-            f"wind.offline=true, and {which} of {model.name} that covers {period} was fetched before; fetch "
-            "it once with wind.offline=false"
+            f"wind.offline=true, and {which} that covers {period} was fetched before; fetch it once with "
+            "wind.offline=false"
         )
     if not reasons:
-        return (
-            f"{which} of {model.name} does not cover {period}; choose an earlier mission.start_time, fewer "
-            "wind.hours or another wind.model"
-        )
-    return (
-        f"{which} of {model.name} that covers {period} is available ({reasons[-1]}); choose another "
-        "mission.start_time, fewer wind.hours or another wind.model"
-    )
+        return f"{which} does not cover {period}; choose an earlier mission.start_time, {fewer}"
+    reason = reasons[-1]
+    return f"{which} that covers {period} is available ({reason}); choose another mission.start_time, {fewer}"
 
 
 def _fetch_cycle(
@@ -169,3 +163,65 @@ def _fetch_file(cfg: WindConfig, store: DownloadCache, url: str) -> Path:
         messages.append(data)
     label = url.rsplit("/", 1)[-1].replace("/", "_")
     return store.keep(url, level.text, label, b"".join(messages))
+
+
+# --- the cache of downloads ------------------------------------------------------------------
+
+
+class DownloadCache:
+    """A folder of downloads; if it cannot be used, a temporary folder is used instead."""
+
+    def __init__(self) -> None:
+        self.folder = cache.cache_root() / cache.DOWNLOADS_FOLDER
+        self._own: tempfile.TemporaryDirectory[str] | None = None
+        try:
+            cache.make_private(self.folder)
+        except (OSError, DataError) as error:
+            self._leave(error)
+
+    def find(self, url: str, level: str) -> Path | None:
+        """The cached file with the wind at ``level`` of ``url``; None if there is none or it is damaged."""
+        request = self._request(url, level)
+        if not request.is_file():
+            return None
+        try:
+            stored = read_json(request)
+            path = self.folder / Path(str(stored["file"])).name
+            if stored.get("schema") != REQUEST_SCHEMA or not path.is_file():
+                return None
+            if file_fingerprint(path) == stored.get("sha256"):
+                cache.mark_used(path)
+                return path
+        except (DataError, OSError, KeyError):
+            pass
+        LOG.warning("%s is damaged and is fetched again", request.with_suffix(".grib2").name)
+        return None
+
+    def keep(self, url: str, level: str, label: str, data: bytes) -> Path:
+        """Store ``data`` and return its file; DataError if it cannot be written."""
+        digest = hashlib.sha256(data).hexdigest()
+        for _ in range(2):
+            path = self.folder / f"{label}.{digest[:SHOWN_DIGITS]}.grib2"
+            note = {"schema": REQUEST_SCHEMA, "url": url, "level": level, "file": path.name, "sha256": digest}
+            try:
+                write_bytes(path, data)
+                write_json(self._request(url, level), note)
+            except OSError as error:
+                if self._own is not None:
+                    raise DataError(f"{path} cannot be written ({error.strerror}); free some space") from None
+                self._leave(error)
+                continue
+            break
+        return path
+
+    def trim(self) -> None:
+        """Remove the least recently used files beyond the size limit of the cache."""
+        cache.trim_folder(self.folder, cache.cache_limit(), ".grib2")
+
+    def _request(self, url: str, level: str) -> Path:
+        return self.folder / f"{hashlib.sha256(f'{url} {level}'.encode()).hexdigest()}.json"
+
+    def _leave(self, error: Exception) -> None:
+        LOG.warning("downloads are not stored in %s: %s", self.folder, error)
+        self._own = tempfile.TemporaryDirectory(prefix="pareto_ltl_noaa_", ignore_cleanup_errors=True)
+        self.folder = Path(self._own.name)

@@ -1,19 +1,35 @@
-"""Forecast models in NOAA's public archives: addresses of their files, and their times.
+"""Forecast models in NOAA's public archives: addresses and times of their files, and their inventories.
 
 The addresses name the NOAA Open Data Dissemination buckets on S3,
 https://registry.opendata.aws/noaa-gfs-bdp-pds/.
+
+An inventory (.idx) lists the position of each message of a GRIB2 file. A line is
+``588:428651621:d=2023110400:UGRD:10 m above ground:21 hour fcst:``. The number has two parts (``77.1``,
+``77.2``) if a message contains several fields.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
 
+from pareto_ltl.support.download import ByteRange
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.wind.area import GeoBox
+from pareto_ltl.wind.levels import HEIGHT, PRESSURE, Level, level_list
 from pareto_ltl.wind.readings import HOUR
 
 OLDEST_CYCLE = 48  # [h] older cycles are not searched for
+MOST_LINES = 20_000
+LINE = re.compile(r"(\d+(?:\.\d+)?):(\d+):d=(\d{10})\d*:([^:]*):([^:]*):([^:]*):?.*")
+HEIGHT_TEXT = re.compile(r"(\d+(?:\.\d+)?) m above ground")
+PRESSURE_TEXT = re.compile(r"(\d+(?:\.\d+)?) mb")
+INSTANT = re.compile(r"anl|analysis|\d+ (?:min|hour|day) fcst")
+FARTHEST = 2**40  # [bytes] largest position of a message
 Ladder = tuple[tuple[int, int], ...]
 
 
@@ -58,10 +74,6 @@ class NoaaModel:
         newest = moment // (self.every * HOUR) * self.every * HOUR
         for back in range(0, OLDEST_CYCLE + 1, self.every):
             yield newest - back * HOUR
-
-    def is_cycle(self, moment: float) -> bool:
-        """Whether a forecast begins at ``moment`` [s since 1970]."""
-        return moment % (self.every * HOUR) == 0
 
     def steps_between(self, cycle: float, first: float, last: float) -> tuple[int, ...]:
         """Steps [h] from the last at or before ``first`` to the first at or after ``last`` [s since 1970].
@@ -110,3 +122,82 @@ MODELS = {
         ),
     )
 }
+
+
+# --- inventories -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class IdxEntry:
+    """One field: its variable (``UGRD``), level and time as texts, and the bytes of its message."""
+
+    variable: str
+    level: str
+    forecast: str
+    part: ByteRange
+
+
+def parse_idx(text: str, where: str) -> tuple[IdxEntry, ...]:
+    """The entries of an inventory; ``where`` begins every error message.
+
+    Raises
+    ------
+    DataError
+        If it is empty or not an inventory, or if its offsets are not in order.
+    """
+    if text.lstrip()[:1] == "<":
+        raise DataError(f"{where} is a web page, not an inventory; try again later, or another wind.base_url")
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    if not lines:
+        raise DataError(f"{where} is empty; the file is not whole yet: try again later")
+    if len(lines) > MOST_LINES:
+        raise DataError(f"{where} has more than {MOST_LINES:,} lines; expected an inventory of a GRIB2 file")
+    found = []
+    for number, line in enumerate(lines, 1):
+        match = LINE.fullmatch(line)
+        if match is None or int(match[2]) > FARTHEST:
+            raise DataError(
+                f"{where}, line {number}: {shown_text(line, 60)!r} is not a line of an inventory; expected "
+                "NUMBER:OFFSET:d=DATE:VARIABLE:LEVEL:FORECAST:"
+            )
+        found.append((int(match[2]), match[4], match[5], match[6]))
+    offsets = [offset for offset, *_ in found]
+    if any(later < earlier for earlier, later in pairwise(offsets)):
+        raise DataError(f"{where}: offsets do not increase; try again later")
+    starts = sorted(set(offsets))
+    ends = dict(zip(starts, [start - 1 for start in starts[1:]], strict=False))
+    return tuple(IdxEntry(v, lv, fc, ByteRange(offset, ends.get(offset))) for offset, v, lv, fc in found)
+
+
+def wind_parts(entries: tuple[IdxEntry, ...], level: Level, where: str) -> tuple[ByteRange, ...]:
+    """Bytes of the messages with both components at ``level``; for a pressure also the surface pressure.
+
+    Raises
+    ------
+    DataError
+        If a component is missing; the message lists the levels of the file.
+    """
+    here = [e for e in entries if entry_level(e.level) == level and INSTANT.fullmatch(e.forecast)]
+    parts: list[ByteRange] = []
+    for variable in ("UGRD", "VGRD"):
+        fitting = [entry.part for entry in here if entry.variable == variable]
+        if not fitting:
+            levels = [known for e in entries if e.variable == "UGRD" and (known := entry_level(e.level))]
+            raise DataError(
+                f"{where} lists no {variable} {level.phrase}; it has {level_list(levels) or 'no wind'}: set "
+                "wind.level to one of them, or take another wind.model"
+            )
+        parts.append(fitting[0])
+    if level.kind == PRESSURE:
+        surface = [entry.part for entry in entries if (entry.variable, entry.level) == ("PRES", "surface")]
+        parts += surface[:1]
+    return tuple(dict.fromkeys(parts))
+
+
+def entry_level(text: str) -> Level | None:
+    """The level of an entry; None if it is neither a height above ground nor a pressure."""
+    if found := HEIGHT_TEXT.fullmatch(text):
+        return Level(HEIGHT, float(found[1]))
+    if found := PRESSURE_TEXT.fullmatch(text):
+        return Level(PRESSURE, float(found[1]) * 100.0)
+    return None

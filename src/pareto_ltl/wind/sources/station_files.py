@@ -13,18 +13,19 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
-from pareto_ltl.wind.readings import HOUR, KNOT, Readings, check_readings, iso, seconds
+from pareto_ltl.wind.readings import HOUR, KNOT, Readings, seconds, wrap_longitude
+from pareto_ltl.wind.snapshots import Snapshot, readings_of
 from pareto_ltl.wind.sources.csv_files import open_table
 
 NAMES = {  # possible titles of each column
@@ -36,7 +37,6 @@ NAMES = {  # possible titles of each column
     "speed": ("wind_speed_kt", "sknt", "wspd"),
 }
 OPTIONAL = {"gust": ("wind_gust_kt", "gust", "wgst")}
-NOTHING = ("", "M", "NA", "null", "None")
 MOST_HEADER_LINES = 20  # lines before the table: METAR caches begin with a few lines about the request
 DROPPED = {
     "incomplete": "have no direction, speed or place",
@@ -46,16 +46,16 @@ DROPPED = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _Report:
-    """One report: station, time [s since 1970], longitude and latitude [deg], wind [m/s]."""
+class _Reports(NamedTuple):
+    """Usable reports: stations (N,), and time [s since 1970], lon, lat [deg], u, v [m/s] in ``table`` (N, 5).
 
-    station: str
-    time: float
-    lon: float
-    lat: float
-    u: float
-    v: float
+    ``dropped`` counts the other reports by flaw, ``gusts`` those with a gust.
+    """
+
+    stations: list[str]
+    table: FloatArray
+    dropped: Counter[str]
+    gusts: int
 
 
 def read_station_files(files: tuple[Path, ...], max_speed: float, area: GeoBox | None = None) -> Readings:
@@ -66,93 +66,85 @@ def read_station_files(files: tuple[Path, ...], max_speed: float, area: GeoBox |
     DataError
         If a file is not a table of reports, a time in it is not valid, or there is no usable report.
     """
-    dropped = dict.fromkeys(DROPPED, 0)
-    gusts = 0
-    reports: list[_Report] = []
-    for file in files:
-        for report, gusty in _reports_of(file, max_speed, dropped):
-            gusts += gusty
-            if report is not None:
-                reports.append(report)
-    total = len(reports) + sum(dropped.values())
-    if not reports:
-        raise DataError(f"wind file {files[0]} holds no usable report; {_reasons(dropped, total)}")
+    found = [_reports_of(file, max_speed) for file in files]
+    dropped: Counter[str] = sum((reports.dropped for reports in found), Counter())
+    gusts = sum(reports.gusts for reports in found)
+    stations = [name for reports in found for name in reports.stations]
+    table = np.concatenate([reports.table for reports in found])
+    times, places, winds = table[:, 0], table[:, 1:3], table[:, 3:]
+    total = len(times) + dropped.total()
+    lost = ", ".join(f"{dropped[name]} {text}" for name, text in DROPPED.items() if dropped[name]) or "none"
+    if not len(times):
+        raise DataError(f"wind file {files[0]} holds no usable report; of {total} reports, {lost}: left out")
+    inside = np.arange(len(times))
     if area is not None:
-        reports = _reports_in(files, reports, area)
-    hours = _by_hour(reports)
-    used = sum(len(bin_) for bin_ in hours.values())
-    notes = [_reasons(dropped, total)] if any(dropped.values()) else []
-    if used < len(reports):
+        inside = np.flatnonzero(area.contains(places))
+        if not len(inside):
+            refuse_empty_crop(f"wind file {files[0]}", places, area)
+    hours = _by_hour(stations, times, places, inside)
+    used = sum(map(len, hours.values()))
+    notes = [f"of {total} reports, {lost}: left out"] if dropped else []
+    if used < len(inside):
         notes.append(
-            f"{len(reports) - used} reports are not the nearest of their station to the hour: left out"
+            f"{len(inside) - used} reports are not the nearest of their station to the hour: left out"
         )
     if gusts:
         notes.append(f"{gusts} reports have gusts, which are not used: only the mean wind is")
-    times = sorted(hours)
-    tables = [np.array([(r.lon, r.lat, r.u, r.v) for r in hours[time]]) for time in times]
-    for time, table in zip(times, tables, strict=True):
-        place = f"wind file {files[0]}, {iso(time)}"
-        check_readings(table[:, :2], table[:, 2:], True, max_speed, lambda _, place=place: place)  # type: ignore[misc]
-    return Readings(
-        times=np.array(times),
-        points=tuple(table[:, :2] for table in tables),
-        winds=tuple(table[:, 2:] for table in tables),
-        geographic=True,
-        files=files,
-        remarks=("observations",) * len(times),
-        origins=(files,) * len(times),
-        leads=np.zeros(len(times)),
-        level="10m",
-        notes=tuple(notes),
-    )
+    fields = [
+        Snapshot(hour, 0.0, places[rows], winds[rows], "10m", files) for hour, rows in sorted(hours.items())
+    ]
+    return readings_of(fields, files, remarks=("observations",) * len(fields), notes=tuple(notes))
 
 
-def _reasons(dropped: dict[str, int], total: int) -> str:
-    parts = [f"{count} {DROPPED[name]}" for name, count in dropped.items() if count]
-    return f"of {total} reports, {', '.join(parts) or 'none'}: left out"
-
-
-def _reports_in(files: tuple[Path, ...], reports: list[_Report], area: GeoBox) -> list[_Report]:
-    places: FloatArray = np.array([(report.lon, report.lat) for report in reports])
-    inside = area.contains(places)
-    if not inside.any():
-        refuse_empty_crop(f"wind file {files[0]}", places, area)
-    return [report for report, near in zip(reports, inside, strict=True) if near]
-
-
-def _by_hour(reports: Sequence[_Report]) -> dict[float, list[_Report]]:
-    """Reports by hour: of each station the one nearest to the hour, of two the later; one for each place."""
-    best: dict[tuple[float, str], _Report] = {}
-    for report in reports:
-        hour = HOUR * math.floor(report.time / HOUR + 0.5)
-        rival = best.get((hour, report.station))
-        if rival is None or _rank(report, hour) < _rank(rival, hour):
-            best[hour, report.station] = report
-    hours: dict[float, dict[tuple[float, float], _Report]] = {}
-    for (hour, _), report in sorted(best.items()):
-        hours.setdefault(hour, {})[report.lon, report.lat] = report
-    return {hour: list(places.values()) for hour, places in hours.items()}
-
-
-def _rank(report: _Report, hour: float) -> tuple[float, float]:
-    return abs(report.time - hour), -report.time
+def _by_hour(
+    stations: list[str], times: FloatArray, places: FloatArray, inside: IntArray
+) -> dict[float, list[int]]:
+    """Rows by hour: of each station the report nearest to the hour, of two the later; one for each place."""
+    hours = HOUR * np.floor(times / HOUR + 0.5)
+    best: dict[tuple[float, str], int] = {}
+    for row in sorted(inside.tolist(), key=lambda i: (abs(times[i] - hours[i]), -times[i])):
+        best.setdefault((float(hours[row]), stations[row]), row)
+    found: dict[float, dict[tuple[float, ...], int]] = {}
+    for (hour, _), row in sorted(best.items()):
+        found.setdefault(hour, {})[tuple(places[row].tolist())] = row
+    return {hour: list(rows.values()) for hour, rows in found.items()}
 
 
 # --- one file --------------------------------------------------------------------------------
 
 
-def _reports_of(
-    file: Path, max_speed: float, dropped: dict[str, int]
-) -> Iterator[tuple[_Report | None, bool]]:
-    """Each report, or None if it is dropped, and whether it contains a gust."""
+def _reports_of(file: Path, max_speed: float) -> _Reports:
+    """The reports of ``file`` that pass quality control."""
     with open_table(file, "a table of METAR reports") as stream:
         reader = csv.reader(io.StringIO(stream.read(), newline=""))
         columns = _columns(file, reader)
-        for row in reader:
-            if any(cell.strip() for cell in row):
-                cells = {name: row[at].strip() if at < len(row) else "" for name, at in columns.items()}
-                where = f"wind file {file}, row {reader.line_num}"
-                yield _report(where, cells, max_speed, dropped), _is_number(cells.get("gust", ""))
+        rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    cells = {
+        name: [row[at].strip() if at < len(row) else "" for _, row in rows] for name, at in columns.items()
+    }
+    lon, lat, direction, speed = (
+        np.array([_number(cell) for cell in cells[name]]) for name in ("lon", "lat", "direction", "speed")
+    )
+    named = np.array([cell.upper() == "VRB" for cell in cells["direction"]], bool)
+    blows = speed > 0
+    variable = blows & (named | (direction == 0))
+    incomplete = np.isnan(lon + lat + speed) | (np.isnan(direction) & blows & ~variable)
+    nowhere = (lon < -180) | (lon > 360) | (np.abs(lat) > 90)
+    impossible = nowhere | (speed < 0) | (blows & ~((direction > 0) & (direction <= 360)))
+    flaws = (incomplete, variable, impossible, speed * KNOT > max_speed)
+    flaw = np.select(flaws, list(DROPPED), "")
+    used = np.flatnonzero(flaw == "")
+    times = [_time(f"wind file {file}, row {rows[i][0]}", cells["time"][i]) for i in used]
+    angles = [math.radians(direction[i]) if blows[i] else 0.0 for i in used]
+    turned = np.array([(-math.sin(angle), -math.cos(angle)) for angle in angles]).reshape(-1, 2)
+    winds = speed[used, None] * KNOT * turned + 0.0
+    gusts = sum(not math.isnan(_number(cell)) for cell in cells.get("gust", ()))
+    return _Reports(
+        [cells["station"][i] for i in used],
+        np.column_stack([times, wrap_longitude(lon[used]), lat[used], winds]),
+        Counter(flaw[flaw != ""].tolist()),
+        gusts,
+    )
 
 
 def _columns(file: Path, reader: Iterator[list[str]]) -> dict[str, int]:
@@ -176,31 +168,6 @@ def _columns(file: Path, reader: Iterator[list[str]]) -> dict[str, int]:
     )
 
 
-def _report(where: str, cells: dict[str, str], max_speed: float, dropped: dict[str, int]) -> _Report | None:
-    """The report in ``cells``; None if quality control drops it, which is counted in ``dropped``."""
-    lon, lat, direction, speed = (_number(cells[name]) for name in ("lon", "lat", "direction", "speed"))
-    variable = speed > 0 and (cells["direction"].upper() == "VRB" or direction == 0)
-    if math.isnan(lon + lat + speed) or (math.isnan(direction) and speed > 0 and not variable):
-        flaw = "incomplete"
-    elif variable:
-        flaw = "variable"
-    elif not -180 <= lon <= 360 or abs(lat) > 90 or speed < 0 or (speed > 0 and not 0 < direction <= 360):
-        flaw = "impossible"
-    elif speed * KNOT > max_speed:
-        flaw = "fast"
-    else:
-        angle = math.radians(direction) if speed > 0 else 0.0
-        u, v = -speed * KNOT * math.sin(angle), -speed * KNOT * math.cos(angle)
-        time = _time(where, cells["time"])
-        return _Report(cells["station"], time, (lon + 180.0) % 360.0 - 180.0, lat, u + 0.0, v + 0.0)
-    dropped[flaw] += 1
-    return None
-
-
-def _is_number(text: str) -> bool:
-    return text not in NOTHING and not math.isnan(_number(text))
-
-
 def _number(text: str) -> float:
     """The number in a cell; NaN if there is none."""
     try:
@@ -212,11 +179,8 @@ def _number(text: str) -> float:
 
 def _time(where: str, text: str) -> float:
     try:
-        return _cached_seconds(text)
+        return seconds(text)
     except ValueError:
         raise DataError(
             f"{where}: the time is {shown_value(text)}; expected an ISO 8601 time: 2022-10-22T02:53:00Z"
         ) from None
-
-
-_cached_seconds = lru_cache(maxsize=4096)(seconds)  # many reports share few times

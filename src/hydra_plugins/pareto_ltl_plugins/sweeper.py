@@ -88,7 +88,7 @@ class PointsSweeper(BasicSweeper):
     ) -> SweepSummary:
         """Run the points without an answer and write the summary, also when that is interrupted."""
         from pareto_ltl.cli.output import print_problem
-        from pareto_ltl.cli.sweep_command import summary_answer
+        from pareto_ltl.cli.summary import sweep_answer
         from pareto_ltl.studies.jobs import JobQueue
         from pareto_ltl.studies.sweeps.runs import RunJob
         from pareto_ltl.studies.sweeps.summary import write_summary
@@ -106,7 +106,7 @@ class PointsSweeper(BasicSweeper):
             queue.run(todo)
         except BaseException:
             found = write_summary(place, given_up=queue.given_up)
-            print(*summary_answer(found, place / "summary.html").lines, sep="\n")
+            print(*sweep_answer(found, place / "summary.html").lines, sep="\n")
             raise
         return write_summary(place, given_up=queue.given_up)
 

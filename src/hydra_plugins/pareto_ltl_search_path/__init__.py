@@ -1,1 +1,0 @@
-"""Tells Hydra of the folders of YAML choices that other packages add."""

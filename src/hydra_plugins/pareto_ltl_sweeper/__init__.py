@@ -1,1 +1,0 @@
-"""A sweeper for Hydra that does no job twice."""
