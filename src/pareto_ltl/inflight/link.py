@@ -13,7 +13,6 @@ import time as clock
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from pareto_ltl.inflight.vehicle import KINDS, Sender, Vehicle, at_leg, at_statu
 from pareto_ltl.inflight.watch import Event, Watch, alarm, event_of
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.reading import refuse_special
+from pareto_ltl.world.windows import utc_moment
 
 STALE = 5.0  # [s] after its last heartbeat the mode of a vehicle is not known any longer
 BEAT = 1.0  # [s] between two heartbeats, and the longest wait for a message
@@ -40,18 +40,14 @@ def departure_time(time_zero: str | None, given: str | None) -> float | None:
     ConfigError
         If ``given`` is no time.
     """
-    if given == "now":
-        return None
     text = given or time_zero
-    if text is None:
+    if text is None or given == "now":
         return None
     try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        raise ConfigError(
-            f"--departure must be now or a time such as 2018-10-09T06:00:00Z, got {text}"
-        ) from None
-    return (moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment).timestamp()
+        return utc_moment(text).timestamp()
+    except (ValueError, OverflowError):
+        form = "now or a time such as 2018-10-09T06:00:00Z"
+        raise ConfigError(f"--departure must be {form}, got {text}") from None
 
 
 def signing_key(path: Path) -> bytes:

@@ -42,15 +42,10 @@ ARROWS: dict[str, Any] = {
 
 def flight_midpoint(plan: Plan | None) -> tuple[float, str]:
     """Time half-way through the flight [s since time_zero] and its text; departure without a plan."""
-    t = 0.0 if plan is None else float(plan.path.t[0] + plan.path.t[-1]) / 2.0
-    words = (
-        "at departure"
-        if plan is None
-        else f"at mid-flight ({t / 3600:.1f} h)"
-        if t >= 3600
-        else f"at mid-flight ({t:.0f} s)"
-    )
-    return t, words
+    if plan is None:
+        return 0.0, "at departure"
+    t = float(plan.path.t[0] + plan.path.t[-1]) / 2.0
+    return t, f"at mid-flight ({f'{t / 3600:.1f} h' if t >= 3600 else f'{t:.0f} s'})"
 
 
 def utc_text(scene: Scene, t: float) -> str:
