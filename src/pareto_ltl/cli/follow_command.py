@@ -27,7 +27,7 @@ def follow(options: Namespace, output: Output) -> int:
     from pareto_ltl.inflight.replans import ReplanSettings
     from pareto_ltl.inflight.telemetry import Typed
     from pareto_ltl.inflight.watch import WatchSettings
-    from pareto_ltl.run.interface import load_results
+    from pareto_ltl.run.results import load_results
     from pareto_ltl.support.files import write_json
 
     _check(options)

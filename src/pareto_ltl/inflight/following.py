@@ -5,34 +5,24 @@ A session is a watched flight from its first plan to its last: after a switch th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl.inflight.journal import SCHEMA, Journal, read_journal, require_place
+from pareto_ltl.inflight.journal import NAME, SCHEMA, Journal, read_journal, require_place
+from pareto_ltl.inflight.replans import Replans, ReplanSettings
 from pareto_ltl.inflight.telemetry import Reading, Typed, read_log
 from pareto_ltl.inflight.watch import Event, Watch, WatchSettings, alarm, event_of
-from pareto_ltl.run.exporting import run_with_plan
-from pareto_ltl.run.newer_wind import issued
 from pareto_ltl.run.records import PLAN, PROBLEM, SCENE, WIND
+from pareto_ltl.run.rest_of_flight import issued
+from pareto_ltl.run.results import planned_run
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.support.errors import ConfigError
 
 if TYPE_CHECKING:
-    from pareto_ltl.run.interface import PlanningResult
-    from pareto_ltl.run.results import Results
-
-from collections.abc import Generator
-from dataclasses import dataclass, field, replace
-from itertools import chain
-from typing import TYPE_CHECKING
-
-from pareto_ltl.inflight.journal import NAME
-from pareto_ltl.inflight.replans import Replans, ReplanSettings
-
-if TYPE_CHECKING:
-    from pareto_ltl.run.results import Results
-
+    from pareto_ltl.run.results import PlanningResult, Results
 
 STREAM = "follow"
 Listener = Callable[[Watch, Event], Iterable[Event]]
@@ -74,7 +64,7 @@ def follow(
     """
     cfg = settings or WatchSettings()
     _check(cfg)
-    run = run_with_plan(planned)
+    run = planned_run(planned)
     scene, seed = run.make(SCENE), stage_seeds(run.settings.seed, STREAM)
     watch = Watch(run.make(PROBLEM), run.make(PLAN), cfg, seed, issued(run.make(WIND)))
     begin = event_of(
@@ -182,7 +172,7 @@ class Session:
         self, readings: Iterable[Reading] | Path, *, resume: bool = False
     ) -> Generator[Event, None, None]:
         """Watch until the telemetry ends."""
-        from pareto_ltl.run.interface import load_results
+        from pareto_ltl.run.results import load_results
 
         scene, begun = self.results.scene, list[Event]()
         if isinstance(readings, Path):

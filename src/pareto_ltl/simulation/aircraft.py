@@ -145,17 +145,6 @@ class Cessna:
         }  # fmt: skip
         for name, value in cruise.items():
             self.plane[name] = value
-        nodes: Any = self.plane.get_property_manager()
-        self.node: dict[str, Any] = {
-            key: nodes.get_node(name)
-            for key, name in {
-                "lat": "position/lat-geod-deg", "lon": "position/long-gc-deg", "height": "position/h-sl-ft",
-                "airspeed": "velocities/vt-fps", "throttle": "fcs/throttle-cmd-norm",
-                "heading": "ap/heading_setpoint", "east": "atmosphere/wind-east-fps",
-                "north": "atmosphere/wind-north-fps",
-            }.items()
-        }  # fmt: skip
-
         self.turn_to(float(orders.heading[0]))
         rounds = round(SETTLED / self.tick)
         for k in range(rounds):
@@ -166,28 +155,34 @@ class Cessna:
     @property
     def place(self) -> tuple[float, float]:
         """Latitude and longitude [deg]."""
-        return self.read("lat"), self.read("lon")
+        return self.plane["position/lat-geod-deg"], self.plane["position/long-gc-deg"]
 
-    def read(self, key: str) -> float:
-        """The value of the node ``key``."""
-        return float(self.node[key].get_double_value())
+    @property
+    def airspeed(self) -> float:
+        """True airspeed [m/s]."""
+        return float(self.plane["velocities/vt-fps"]) * FOOT
+
+    @property
+    def height(self) -> float:
+        """Height above the sea [m]."""
+        return float(self.plane["position/h-sl-ft"]) * FOOT
 
     def turn_to(self, heading: float) -> None:
         """Order a heading [deg]."""
-        self.node["heading"].set_double_value(heading % 360.0)
+        self.plane["ap/heading_setpoint"] = heading % 360.0
 
     def meet(self, wind: tuple[float, float]) -> None:
         """Set the wind (east, north) [m/s]."""
-        for key, value in zip(("east", "north"), wind, strict=True):
-            self.node[key].set_double_value(value / FOOT)
+        self.plane["atmosphere/wind-east-fps"] = wind[0] / FOOT
+        self.plane["atmosphere/wind-north-fps"] = wind[1] / FOOT
 
     def fly_on(self, airspeed: float) -> None:
         """Move the throttle towards ``airspeed`` [m/s] and fly for ``tick`` seconds."""
-        short = airspeed - self.read("airspeed") * FOOT
+        short = airspeed - self.airspeed
         wanted = CRUISE + self.whole + PROPORTIONAL * short
         if 0.0 < wanted < 1.0:  # no integration at the stops of the throttle (anti-windup)
             self.whole += INTEGRAL * short * self.tick
-        self.node["throttle"].set_double_value(min(max(wanted, 0.0), 1.0))
+        self.plane["fcs/throttle-cmd-norm"] = min(max(wanted, 0.0), 1.0)
         for _ in range(self.rounds):
             self.plane.run()
 
@@ -212,8 +207,8 @@ def fly_orders(orders: Orders, air: Air, height: float, rate: float) -> Track:
                 cessna.meet(air(count * cessna.tick, *cessna.place))
             cessna.fly_on(float(airspeed))
             count += 1
-            seen.append(cessna.read("airspeed") * FOOT)
-        climb = max(climb, abs(cessna.read("height") * FOOT - height))
+            seen.append(cessna.airspeed)
+        climb = max(climb, abs(cessna.height - height))
         means.append(float(np.mean(seen)))
         places.append(cessna.place)
     flown = np.array(means)

@@ -102,10 +102,8 @@ def _drawn_map(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults) -> t
     """
     with faults.noted():
         if sketch.fence is not None and rules.walled:
-            sketch = replace(
-                sketch,
-                bounds=draw.straightened_bounds(sketch, draw.inside_of(sketch, sketch.fence)),
-            )
+            inside = draw.inside_of(sketch, sketch.fence)
+            sketch = replace(sketch, bounds=draw.straightened_bounds(sketch, inside))
     drawn = _checked_shapes(sketch, rules, faults)
     faults.refuse()
     return drawn, sketch

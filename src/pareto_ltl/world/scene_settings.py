@@ -94,7 +94,7 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
 
     regions = sk.read_places(faults, "region", cfg.regions.items(), metres)
     obstacles = sk.read_places(faults, "obstacle", sk.numbered_outlines(cfg.obstacles), metres)
-    landmarks = sk.read_landmarks(faults, cfg.landmarks, (), metres)
+    landmarks = sk.read_places(faults, "landmark", sk.numbered_outlines(cfg.landmarks), metres)
     timed = faults.tried(lambda: tuple(sk.read_timed(where, cfg.windows, cfg.regions))) or ()
     if bounds is None:
         faults.refuse()

@@ -219,43 +219,26 @@ def read_places(
 ) -> tuple[Place, ...]:
     """The places of ``items``, pairs of a name and corners, converted by ``metres``; others are ``faults``.
 
-    A region may have several parts: a list of outlines instead of corners.
+    A region may have several parts: a list of outlines instead of corners. A landmark may have the error of
+    its fixes: {corners: ..., fix: ...} instead of corners.
     """
 
     def read(item: tuple[Any, Any]) -> Place:
         key, drawn = item
-        name, what = str(key), called(kind, str(key))
-        parts = drawn if kind == "region" and _are_outlines(drawn) else [drawn]
-        outlines = [metres(read_corners(faults.where, what, polygon)) for polygon in parts]
-        return Place(name if kind == "region" else what, what, tuple((outline,) for outline in outlines))
-
-    return tuple(place for _, place in faults.each(items, read))
-
-
-def read_landmarks(
-    faults: MapFaults, items: Sequence[Any], fixes: Sequence[Any], metres: Callable[[FloatArray], FloatArray]
-) -> tuple[Place, ...]:
-    """The landmarks of ``items``, each with the error of its fixes: corners, or {corners: ..., fix: ...}.
-
-    ``fixes`` are the errors of landmarks that are given as corners; empty if all are ``robot.fix_sd``.
-    """
-
-    def read(item: tuple[int, Any]) -> Place:
-        number, drawn = item
-        fix = fixes[number - 1] if fixes else None
-        if isinstance(drawn, Mapping):
+        name, what, fix = str(key), called(kind, str(key)), None
+        if kind == "landmark" and isinstance(drawn, Mapping):
             if not {"corners"} <= set(drawn) <= {"corners", "fix"}:
                 keys = shown_text(", ".join(map(str, drawn)))
                 raise DataError(
-                    f"{faults.where}: landmark {number} has the keys {keys}; expected corners, and fix if "
-                    "need be"
+                    f"{faults.where}: {what} has the keys {keys}; expected corners, and fix if need be"
                 )
-            drawn, fix = drawn["corners"], drawn.get("fix")
-        what = called("landmark", str(number))
-        outline = metres(read_corners(faults.where, what, drawn))
-        return Place(what, what, ((outline,),), fix=read_fix(faults.where, what, fix))
+            drawn, fix = drawn["corners"], read_fix(faults.where, what, drawn.get("fix"))
+        parts = drawn if kind == "region" and _are_outlines(drawn) else [drawn]
+        outlines = [metres(read_corners(faults.where, what, polygon)) for polygon in parts]
+        shown = name if kind == "region" else what
+        return Place(shown, what, tuple((outline,) for outline in outlines), fix=fix)
 
-    return tuple(place for _, place in faults.each(enumerate(items, 1), read))
+    return tuple(place for _, place in faults.each(items, read))
 
 
 def _are_outlines(value: Any) -> bool:
