@@ -17,7 +17,7 @@ from typing import Any
 
 import pareto_ltl
 from pareto_ltl.cli.command_table import COMMANDS
-from pareto_ltl.exports import dead_reckoning, flight_card
+from pareto_ltl.exports.tables import CARD_COLUMNS, TABLE_COLUMNS
 from pareto_ltl.planning.costs import COSTS, cost_named
 from pareto_ltl.planning.plan_files import FRONT_HEADER, TABLE_HEADER
 from pareto_ltl.settings import Settings
@@ -79,8 +79,8 @@ def interface() -> dict[str, Any]:
             "front.csv": [*FRONT_HEADER],
             "front.csv, further costs": [cost_named(name).column for name in COSTS],
             "plan.csv": [*TABLE_HEADER],
-            "dead_reckoning.csv": [*dead_reckoning.COLUMNS],
-            "flight_card.csv": [*flight_card.COLUMNS],
+            "dead_reckoning.csv": [*TABLE_COLUMNS],
+            "flight_card.csv": [*CARD_COLUMNS],
         },
         "exports": dict(EXPORT_FILES),
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from numpy.random import SeedSequence
 
 from exported_plans import SMALL, Flown
-from pareto_ltl.exports.held_course import held_course_rate
+from pareto_ltl.exports.exported import held_course_rate
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.flights import simulate_flights

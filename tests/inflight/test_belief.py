@@ -9,8 +9,7 @@ from scipy.stats import chi2
 
 from coherent import STEPS, coherent_problem, rate_interval
 from levels import BY_DAY
-from pareto_ltl.inflight.belief import Belief
-from pareto_ltl.inflight.local_wind import local_wind
+from pareto_ltl.inflight.belief import Belief, local_wind
 from pareto_ltl.kernels.flight import CoherentDraws, wind_met
 from pareto_ltl.planning.conditioning import Fix, learn_at
 from pareto_ltl.planning.evaluate import propagate, square_matrices

@@ -33,8 +33,8 @@ from pareto_ltl.inflight.link import (
     logged_readings,
     signing_key,
 )
-from pareto_ltl.inflight.sends import Sender
-from pareto_ltl.inflight.typed import Typed
+from pareto_ltl.inflight.telemetry import Typed
+from pareto_ltl.inflight.vehicle import Sender
 from pareto_ltl.inflight.vehicle import Vehicle as Known
 from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
 from pareto_ltl.support.errors import ConfigError, DataError

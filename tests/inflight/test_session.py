@@ -16,10 +16,9 @@ import pytest
 
 import pareto_ltl
 from pareto_ltl.inflight import replans as module
-from pareto_ltl.inflight.following import follow
+from pareto_ltl.inflight.following import Session, follow
 from pareto_ltl.inflight.journal import read_journal
 from pareto_ltl.inflight.replans import Forecasts, Replans, ReplanSettings
-from pareto_ltl.inflight.session import Session
 from pareto_ltl.inflight.telemetry import Reading
 from pareto_ltl.inflight.watch import Event, WatchSettings
 from pareto_ltl.support.errors import ConfigError

@@ -15,8 +15,7 @@ from numpy.random import SeedSequence
 
 from coherent import coherent_problem
 from levels import AT_NIGHT
-from pareto_ltl.inflight.journal import Journal, read_journal
-from pareto_ltl.inflight.lines import event_line
+from pareto_ltl.inflight.journal import Journal, event_line, read_journal
 from pareto_ltl.inflight.telemetry import Reading, Sieve
 from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
 from pareto_ltl.planning.power import Body, EnergyModel

@@ -11,7 +11,7 @@ import pytest
 from colour_vision import VISIONS, lab, least_distance
 from pareto_ltl.report import style
 from pareto_ltl.report.components import STYLE, component
-from pareto_ltl.report.flown_front import LOOKS, OTHERS
+from pareto_ltl.report.front import LOOKS, OTHERS
 from pareto_ltl.report.sweep_figures import SERIES_COLOURS, SERIES_MARKS
 
 LEAST = 15.0  # in CIELAB: 2.3 is just noticeable between large fields, thin lines need several times that

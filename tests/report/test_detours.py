@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pareto_ltl.planning.records import Front, Objectives, Plan, PlannedPath, counted_rate
-from pareto_ltl.report.detours import detour_lines
+from pareto_ltl.report.limits import detour_lines
 from problems import KM, box, make_scene
 
 SCENE = replace(make_scene({"a": box(16, 0, 18, 2)}), landmarks=(box(4, 5, 6, 7), box(10, 0, 11, 1)))

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.font_manager import fontManager
 from matplotlib.ft2font import FT2Font
 
-from pareto_ltl.report import fonts, style
+from pareto_ltl.report import style
 
 FOLDER = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
 NOWHERE = "\U0001fbb8"  # unassigned: no font has it
@@ -38,12 +38,12 @@ def test_a_letter_of_another_installed_font_is_drawn_by_it(
     caplog.clear()
     monkeypatch.setattr(fontManager, "ttflist", [*fontManager.ttflist])
     fontManager.addfont(str(FOLDER / "STIXGeneral.ttf"))
-    monkeypatch.setattr(fonts, "OTHER_FONTS", ("Not There", "STIXGeneral"))
-    assert fonts.font_families() == ["DejaVu Sans", "STIXGeneral"]
+    monkeypatch.setattr(style, "OTHER_FONTS", ("Not There", "STIXGeneral"))
+    assert style.font_families() == ["DejaVu Sans", "STIXGeneral"]
     plain = drawn("Päijänne 1")
     assert drawn(letter) != boxes
     assert not caplog.records
-    monkeypatch.setattr(fonts, "OTHER_FONTS", ())
+    monkeypatch.setattr(style, "OTHER_FONTS", ())
     assert drawn("Päijänne 1") == plain  # letters of the first font stay as they are
 
 
@@ -55,5 +55,5 @@ def test_letters_of_no_font_are_one_warning(caplog: pytest.LogCaptureFixture) ->
 
 
 def test_other_warnings_pass() -> None:
-    with pytest.warns(UserWarning, match="something else"), fonts.missing_letters_reported():
+    with pytest.warns(UserWarning, match="something else"), style.missing_letters_reported():
         warnings.warn("something else", UserWarning, stacklevel=1)

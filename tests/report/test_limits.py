@@ -25,23 +25,20 @@ from pareto_ltl.report.figures import draw_run_figures
 from pareto_ltl.report.limits import (
     NO_PRICES,
     NO_SEGMENTS,
-    limit_lines,
-    price_rows,
+    PlanLimits,
     priced_obstacles,
     saving_of,
-    segment_rows,
     small_change,
     speed_change,
-    tight_places,
 )
-from pareto_ltl.report.limits_figure import BARS, limits_figure
 from pareto_ltl.report.page.content import page_content
 from pareto_ltl.report.page.rendering import page_bytes
 from pareto_ltl.report.page.shown_run import ShownRun
+from pareto_ltl.report.plan_maps import BARS, limits_figure
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.display import probability_text
-from pareto_ltl.support.medium import WATER
+from pareto_ltl.support.medium import AIR, WATER, Medium
 
 HOSTILE = "<img src=x onerror=alert(1)>&\"' $x_1$"
 PRICES = (
@@ -64,6 +61,14 @@ def limits_of_steps(steps: int) -> SegmentLimits:
 def limited_plan(**changes: Any) -> Plan:
     plan = plan_of(path_of(scene_of()))
     return replace(plan, **({"limits": limits_of_steps(len(plan.path.u)), "prices": PRICES} | changes))
+
+
+def told(plan: Plan, medium: Medium = AIR) -> PlanLimits:
+    return PlanLimits(scene_of(), plan, medium)
+
+
+def places_of(limits: PlanLimits) -> dict[int, list[str]]:
+    return {place["step"]: place["lines"] for place in limits.places()}
 
 
 class Cells(HTMLParser):
@@ -115,7 +120,7 @@ def test_a_small_change_is_a_power_of_ten_that_is_small_on_the_map() -> None:
 
 
 def test_prices_are_listed_by_what_a_small_change_saves() -> None:
-    rows = price_rows(scene_of(), limited_plan())
+    rows = told(limited_plan()).prices()
     wanted = [
         ("obstacle 6", "09:00Z", "1 km smaller on every side", 2.7e-3),
         ("largest airspeed", "", "1 km/h more", 0.008 / 3.6),
@@ -134,7 +139,7 @@ def test_the_segments_with_the_largest_probabilities_are_listed() -> None:
     plan = limited_plan()
     assert plan.limits is not None
     turned = replace(plan.limits, probability=plan.limits.probability[::-1])
-    rows = segment_rows(scene_of(), replace(plan, limits=turned), 3)
+    rows = told(replace(plan, limits=turned)).segments(3)
     assert [row.step for row in rows] == [44, 43, 42]
     assert (rows[0].begin, rows[0].end) == ("22:00Z", "22:30Z")
     assert rows[0].barrier == turned.nearest[44]
@@ -145,7 +150,7 @@ def test_a_place_is_tight_by_its_price_or_by_its_probability() -> None:
     assert plan.limits is not None
     risk = plan.limits.probability
     assert risk[1] > 0.1 * plan.epsilon > risk[2]
-    places = dict(tight_places(scene_of(), plan))
+    places = places_of(told(plan))
     assert list(places) == [0, 1, 20]
     assert places[0] == [
         "the eastern border, 00:00Z to 00:30Z",
@@ -153,7 +158,7 @@ def test_a_place_is_tight_by_its_price_or_by_its_probability() -> None:
         "all barriers 1 km farther: 0.10 points fewer failures",
     ]
     assert len(places[1]) == 2
-    unlimited = dict(tight_places(scene_of(), replace(plan, epsilon=1.0)))
+    unlimited = places_of(told(replace(plan, epsilon=1.0)))
     assert list(unlimited) == [0, 20]
     assert unlimited[0][1] == "collides 4.8 %, independent winds"
 
@@ -167,29 +172,29 @@ def test_a_price_with_a_large_error_is_counted_and_not_shown(shown: ShownRun) ->
     errors = [0.26 * row.saving if row.name == "obstacle 3" else 0.24 * row.saving for row in PRICES]
     prices = tuple(replace(row, error=error) for row, error in zip(PRICES, errors, strict=True))
     unsure = replace(plan, prices=prices)
-    assert [row.limit for row in price_rows(scene, unsure)] == [
-        row.limit for row in price_rows(scene, plan) if row.limit != scene.barrier_title("obstacle 3")
+    assert [row.limit for row in told(unsure).prices()] == [
+        row.limit for row in told(plan).prices() if row.limit != scene.barrier_title("obstacle 3")
     ]
-    assert [row.error / row.saving for row in price_rows(scene, unsure)] == pytest.approx([0.24] * 7)
+    assert [row.error / row.saving for row in told(unsure).prices()] == pytest.approx([0.24] * 7)
     assert priced_obstacles(unsure) == [6, 1]
     text = "not shown, with a standard error above a quarter of the price: 1 of 8"
-    assert list(limit_lines(scene, unsure))[-1] == text
-    assert text not in list(limit_lines(scene, plan))
+    assert list(told(unsure).lines())[-1] == text
+    assert text not in list(told(plan).lines())
     assert text[1:] in page_of(replace(shown, plan=unsure))
     none = replace(plan, prices=tuple(replace(row, error=row.saving) for row in PRICES))
-    assert list(limit_lines(scene, none))[-1] == text.replace("1 of", "8 of")
-    assert list(limit_lines(scene, none))[-2] == ""
+    assert list(told(none).lines())[-1] == text.replace("1 of", "8 of")
+    assert list(told(none).lines())[-2] == ""
 
 
 def test_text_says_what_the_rows_say_and_what_is_missing() -> None:
-    scene, plan = scene_of(), limited_plan()
-    lines = list(limit_lines(scene, plan))
+    plan = limited_plan()
+    lines = list(told(plan).lines())
     assert "independent winds, 5.0 % allowed (planner.epsilon); at most 4.8 %" in lines[0]
     closest = "0  00:00Z - 00:30Z; the eastern border, 1.7 standard deviations away; 4.8 %"
     assert lines[1].strip() == closest
     assert lines[-5].strip() == "obstacle 6 at 09:00Z: 1 km smaller on every side, 0.27 points fewer failures"
-    assert list(limit_lines(scene, replace(plan, limits=None, prices=()))) == [NO_SEGMENTS, "", NO_PRICES]
-    assert "no limit (planner.epsilon)" in next(iter(limit_lines(scene, replace(plan, epsilon=1.0))))
+    assert list(told(replace(plan, limits=None, prices=())).lines()) == [NO_SEGMENTS, "", NO_PRICES]
+    assert "no limit (planner.epsilon)" in next(told(replace(plan, epsilon=1.0)).lines())
 
 
 # --- page ---------------------------------------------------------------------------------------
@@ -220,7 +225,7 @@ def test_both_tables_of_the_page_have_the_numbers_of_the_plan(shown: ShownRun) -
 def test_tight_places_of_the_page_are_those_of_the_plan(shown: ShownRun) -> None:
     assert shown.plan is not None
     places = places_in(page_of(shown))
-    assert [(place["step"], place["lines"]) for place in places] == tight_places(shown.scene, shown.plan)
+    assert places == PlanLimits(shown.scene, shown.plan, AIR).places()
     assert places
 
 
@@ -260,7 +265,7 @@ def figure_of(plan: Plan, **changes: Any) -> Any:
 def test_bars_have_the_savings_and_the_names_of_the_largest_prices() -> None:
     figure = figure_of(limited_plan())
     bars = figure.axes[-1].patches
-    rows = price_rows(scene_of(), limited_plan(), BARS)
+    rows = told(limited_plan()).prices(BARS)
     assert len(bars) == len(rows) == BARS
     np.testing.assert_allclose([bar.get_width() for bar in bars], [100.0 * row.saving for row in rows])
     heights = [bar.get_y() for bar in bars]
@@ -283,7 +288,7 @@ def test_the_path_has_the_colours_of_its_probabilities_between_the_ends_of_the_s
     wanted = np.clip(plan.limits.probability, 1e-3 * plan.epsilon, plan.epsilon)
     lines = np.array(segments.get_segments())
     for line, value in zip(lines, segments.get_array(), strict=True):
-        step = int(np.argmin(np.abs(1e-3 * plan.path.x[:-1] - line[0]).sum(axis=1)))
+        step = int(np.argmin(np.abs(plan.path.x[:-1] - line[0]).sum(axis=1)))
         assert value == pytest.approx(wanted[step])
     texts = texts_of(figure)
     assert {"≤ 0.005", "0.05", "0.5", "5 (limit)"} <= set(texts)
@@ -354,11 +359,11 @@ def test_the_change_of_a_slow_robot_is_small_for_its_speed(u_max: float, change:
     assert speed_change(u_max) == (pytest.approx(change), words)
     assert change <= 0.1 * u_max
     plan = replace(limited_plan(), u_max=u_max)
-    (row,) = [row for row in price_rows(scene_of(), plan, medium=WATER) if row.kind == "airspeed"]
+    (row,) = [row for row in told(plan, WATER).prices() if row.kind == "airspeed"]
     assert row.limit == "largest speed through the water"
     assert row.change == f"{words} more"
     assert math.isclose(row.saving, 0.008 * change)
-    lines = "\n".join(limit_lines(scene_of(), plan, medium=WATER))
+    lines = "\n".join(told(plan, WATER).lines())
     assert "currents" in lines
     assert not any(word in lines for word in ("wind", "airspeed"))
 

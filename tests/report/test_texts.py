@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from shapely import Polygon
 
 import small_study
 from drawn_world import (
@@ -28,7 +29,13 @@ from pareto_ltl.planning.records import Promise, counted_rate
 from pareto_ltl.report import style
 from pareto_ltl.report.front import front_figure
 from pareto_ltl.report.map import plan_figure, shown_probability
-from pareto_ltl.report.map_labels import covering_points, dense_path, label_position, place_in_polygon
+from pareto_ltl.report.map_labels import (
+    area_on_map,
+    covering_points,
+    dense_path,
+    label_position,
+    places_inside,
+)
 from pareto_ltl.report.metric_names import LAW_NAMES, METRIC_LABELS, is_probability, metric_label
 from pareto_ltl.report.notebook import draw_record
 from pareto_ltl.report.rate_axes import rate_tick_text, rate_ticks
@@ -54,6 +61,7 @@ from pareto_ltl.settings import (
 from pareto_ltl.studies import compare, convergence, sweep_summary
 
 LAWS = ("independent", "coherent")
+BOUNDS = np.array([[0.0, 0.0], [10.0, 10.0]])
 LONG = " & ".join(f"F(a & F(long_name_of_a_region_{k} & F c))" for k in range(9))
 
 
@@ -170,17 +178,17 @@ def test_the_end_of_the_path_is_not_under_the_name_of_its_region() -> None:
     square = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
     half = np.array([1.5, 1.5])
     path = dense_path(np.array([[-5.0, 5.0], [5.0, 5.0]]))
-    place = label_position([square], half, path)
+    place = label_position(Polygon(square), half, BOUNDS, path)
     assert (np.abs(path - place) >= half).any(axis=1).all()
     assert (half <= place).all()
     assert (place <= 10.0 - half).all()
-    np.testing.assert_allclose(label_position([square], half), [5.0, 5.0])
+    np.testing.assert_allclose(label_position(Polygon(square), half, BOUNDS), [5.0, 5.0])
 
 
 def test_the_name_of_a_region_too_small_for_it_stands_beside_it_on_the_map() -> None:
     corner = np.array([[9.6, 9.6], [10.0, 9.6], [10.0, 10.0], [9.6, 10.0]])
-    half, bounds = np.array([2.0, 0.5]), np.array([[0.0, 0.0], [10.0, 10.0]])
-    place = label_position([corner], half, corner, bounds)
+    half = np.array([2.0, 0.5])
+    place = label_position(Polygon(corner), half, BOUNDS, corner)
     assert (place - half >= 0.0).all()
     assert (place + half <= 10.0).all()
     assert (np.abs(corner - place) >= half - 1e-9).any(axis=1).all()
@@ -188,11 +196,11 @@ def test_the_name_of_a_region_too_small_for_it_stands_beside_it_on_the_map() -> 
 
 def test_the_name_of_a_small_region_avoids_other_places_and_stays_beside_it() -> None:
     part = np.array([[4.5, 4.5], [5.5, 4.5], [5.5, 5.5], [4.5, 5.5]])
-    half, bounds = np.array([1.5, 0.4]), np.array([[0.0, 0.0], [10.0, 10.0]])
+    half = np.array([1.5, 0.4])
     above = covering_points(np.array([[2.0, 5.6], [8.0, 5.6], [8.0, 9.0], [2.0, 9.0]]), half)
     left = covering_points(np.array([[0.0, 3.0], [4.4, 3.0], [4.4, 5.5], [0.0, 5.5]]), half)
     for blocked in (above, left, np.vstack([above, left])):
-        place = label_position([part], half, None, bounds, blocked)
+        place = label_position(Polygon(part), half, BOUNDS, None, blocked)
         assert (np.abs(blocked - place) >= half).any(axis=1).all()
         gap = np.abs(place - 5.0) - half - 0.5
         assert gap.max() <= 0.5 * half.min()  # not farther away than a quarter of its height
@@ -200,18 +208,26 @@ def test_the_name_of_a_small_region_avoids_other_places_and_stays_beside_it() ->
 
 
 def test_the_name_of_an_obstacle_lies_in_what_the_map_shows_of_it() -> None:
-    bounds = np.array([[0.0, 0.0], [10.0, 10.0]])
     cut = np.array([[-30.0, 2.0], [6.0, 2.0], [6.0, 5.0], [-30.0, 5.0]])  # its centre is off the map
     half = np.array([2.0, 0.5])
-    place = place_in_polygon(cut, half, bounds)
-    assert place is not None
+    place = label_position(area_on_map([cut], BOUNDS), half, BOUNDS)
     np.testing.assert_allclose(place, [3.0, 3.5], atol=0.2)
     bent = np.array([[1.0, 1.0], [2.0, 1.0], [2.0, 8.0], [9.0, 8.0], [9.0, 9.0], [1.0, 9.0]])
-    inside = place_in_polygon(bent, np.array([0.4, 0.4]), bounds)  # its centre is outside of it
-    assert inside is not None
+    area = area_on_map([bent], BOUNDS)
+    inside = label_position(area, np.array([0.4, 0.4]), BOUNDS)  # its centre is outside of it
     assert inside[0] <= 1.6 or inside[1] >= 8.4
-    assert place_in_polygon(bent, half + 0.2, bounds) is None
-    assert place_in_polygon(bent + 20.0, half, bounds) is None
+    assert len(places_inside(area, half + 0.2)) == 0
+    assert len(places_inside(area_on_map([bent + 20.0], BOUNDS), half)) == 0
+
+
+def test_the_name_of_a_region_lies_beside_the_obstacles_in_it() -> None:
+    square, rock = (
+        np.array([[0, 0], [10, 0], [10, 10], [0, 10.0]]),
+        np.array([[4, 4], [6, 4], [6, 6], [4, 6.0]]),
+    )
+    half = np.array([1.5, 0.5])
+    place = label_position(area_on_map([square], BOUNDS, [rock]), half, BOUNDS)
+    assert (np.abs(place - 5.0) >= half + 1.0).any()
 
 
 def test_a_probability_is_set_with_raised_powers() -> None:

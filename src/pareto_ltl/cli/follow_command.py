@@ -14,22 +14,18 @@ from pareto_ltl.cli.output import Output
 from pareto_ltl.support.errors import ConfigError
 
 if TYPE_CHECKING:
-    from pareto_ltl.inflight.following import Listener
-    from pareto_ltl.inflight.session import Session
-    from pareto_ltl.inflight.telemetry import Reading
-    from pareto_ltl.inflight.typed import Typed
+    from pareto_ltl.inflight.following import Listener, Session
+    from pareto_ltl.inflight.telemetry import Reading, Typed
     from pareto_ltl.inflight.watch import Event
     from pareto_ltl.world.scene import Scene
 
 
 def follow(options: Namespace, output: Output) -> int:
     """Print what a watch says about a flight, and write its journal; return 0."""
-    from pareto_ltl.inflight.afterwards import truth_summary
-    from pareto_ltl.inflight.picture import draw_watch
+    from pareto_ltl.inflight.afterwards import draw_watch, truth_summary, write_search_area
+    from pareto_ltl.inflight.following import FOLDER, Session
     from pareto_ltl.inflight.replans import ReplanSettings
-    from pareto_ltl.inflight.search_area import write_search_area
-    from pareto_ltl.inflight.session import FOLDER, Session
-    from pareto_ltl.inflight.typed import Typed
+    from pareto_ltl.inflight.telemetry import Typed
     from pareto_ltl.inflight.watch import WatchSettings
     from pareto_ltl.run.results import load_results
     from pareto_ltl.support.files import write_json
@@ -101,7 +97,7 @@ def _add_page(session: Session, port: int) -> None:
 
 def _shown(event: Event, output: Output) -> str:
     """The line of an event; empty for one that is not shown."""
-    from pareto_ltl.inflight.lines import event_line
+    from pareto_ltl.inflight.journal import event_line
 
     if output is Output.JSON:
         return json.dumps(event)
@@ -115,7 +111,7 @@ def _source(
     if options.log is not None and options.log.suffix.lower() not in (".tlog", ".bin", ".log"):
         return options.log, None
     from pareto_ltl.inflight.link import Link, LinkSettings, logged_readings, signing_key
-    from pareto_ltl.inflight.sends import prologue_of
+    from pareto_ltl.inflight.vehicle import prologue_of
 
     if options.log is not None:
         return logged_readings(options.log, scene.time_zero, options.departure), None

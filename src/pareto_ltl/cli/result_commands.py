@@ -28,7 +28,8 @@ CLAIM_FAILS = 3  # exit code; 1 is for a crash, 2 for an input that cannot be re
 
 def front(options: Namespace) -> Answer:
     """The paths of a front with all their costs."""
-    from pareto_ltl.report.page.points import chosen_number, shown_points
+    from pareto_ltl.report.limits import chosen_number
+    from pareto_ltl.report.page.points import shown_points
     from pareto_ltl.run.records import FRONT, PLAN
     from pareto_ltl.run.results import load_results
 

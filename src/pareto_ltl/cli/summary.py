@@ -104,7 +104,7 @@ def detour_paragraphs(directory: Path) -> Iterator[str]:
 
     results = Results(directory)
     if results.scene.landmarks:
-        from pareto_ltl.report.detours import detour_lines
+        from pareto_ltl.report.limits import detour_lines
 
         yield from (f"Detour: {line}." for line in detour_lines(results.scene, results.front, results.plan))
 

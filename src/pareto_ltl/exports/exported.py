@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.exports.corridor import Corridor, flown_corridor
-from pareto_ltl.exports.held_course import held_course_rate
 from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
+from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.planning.pack import with_feedback
 from pareto_ltl.planning.power import Rotor
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan
+from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath, counted_rate
 from pareto_ltl.settings import ExportsConfig, Settings
-from pareto_ltl.simulation.flights import unspawned
+from pareto_ltl.simulation.flights import fly_pilot, unspawned
 from pareto_ltl.support.display import rate_text
+from pareto_ltl.support.medium import Medium, medium_of
 from pareto_ltl.wind.levels import DEPTH, PRESSURE, parse_level
 from pareto_ltl.world.scene import Scene
 
 GENERIC, FIXED_WING, MULTIROTOR, SUBMARINE = 0, 1, 2, 12  # MAV_TYPE
+HELD_TIME = 60.0  # robot.feedback_time of an autopilot that holds positions [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +65,8 @@ class ExportedPlan:
         an alarm.
     vehicle : Vehicle
         What autopilots call the robot, and whether it takes off vertically and can hover.
+    medium : Medium
+        What the robot moves in.
     band : (float, float) or None
         Lowest and highest height of the flight above the WGS 84 ellipsoid [m], where they are set.
     feedback : float
@@ -77,6 +83,7 @@ class ExportedPlan:
     held: FailureRate | None
     height: Height
     vehicle: Vehicle
+    medium: Medium
     band: tuple[float, float] | None
     feedback: float | None = None
     turn: float | None = None
@@ -87,22 +94,32 @@ class ExportedPlan:
         assert self.scene.crs is not None
         return self.scene.crs
 
+    @property
+    def law_words(self) -> str:
+        """The wind law of the plan: ``coherent winds``."""
+        return f"{self.log.law} {self.medium.flows}"
+
     def flown_by(self) -> str:
         """How a robot follows the plan: by heading and airspeed, with fixes or feedback if it has them."""
         fixes = " and fixes at landmarks" if self.log.fixes else ""
         feedback = (
             f" and feedback (robot.feedback_time={self.feedback:g} s)" if self.feedback is not None else ""
         )
-        return f"by heading and airspeed{fixes}{feedback}"
+        return f"by heading and {self.medium.speed}{fixes}{feedback}"
 
     def sentences(self) -> tuple[str, ...]:
         """Sentences for every format that holds text: mission, failure rates, what they do not cover."""
-        plan, promise = self.plan, self.plan.promise
+        plan, promise, flows = self.plan, self.plan.promise, self.medium.flows
+
+        def fails(rate: FailureRate, how: str) -> str:
+            share = rate_text(rate.failure, rate.low, rate.high)
+            return f"Of {rate.sample} flown {how} in {rate.law} {flows}, {share} fail."
+
         told = [f"Mission {plan.formula}."]
         if promise is not None:
-            told.append(_rate_sentence(promise.rate, self.flown_by()))
-        pilot = "by an autopilot that knows and holds the positions (robot.feedback_time=60)"
-        told.append(f"{NO_PROMISE.capitalize()}." if self.held is None else _rate_sentence(self.held, pilot))
+            told.append(fails(promise.rate, self.flown_by()))
+        pilot = f"by an autopilot that knows and holds the positions (robot.feedback_time={HELD_TIME:g})"
+        told.append(f"{NO_PROMISE.capitalize()}." if self.held is None else fails(self.held, pilot))
         if self.log.swing > 0.0:
             told.append(
                 f"Turns take {self.log.late:.0f} s, which the times of the legs include. They lead up to "
@@ -112,11 +129,6 @@ class ExportedPlan:
         if plan.not_covered:
             told.append(f"Not covered: {plan.not_covered.rstrip('.')}.")
         return tuple(told)
-
-
-def _rate_sentence(rate: FailureRate, how: str) -> str:
-    fails = rate_text(rate.failure, rate.low, rate.high)
-    return f"Of {rate.sample} flown {how} in {rate.law} winds, {fails} fail."
 
 
 def exported_plan(
@@ -138,7 +150,25 @@ def exported_plan(
         feedback=feedback_time(problem),
         turn=problem.turns.acceleration,
         vehicle=vehicle_of(height, problem),
+        medium=medium_of(level),
     )
+
+
+def held_problem(problem: Problem) -> Problem:
+    """``problem`` for a robot that always knows its position (``robot.feedback_time=60``)."""
+    motion = with_feedback(problem.motion, HELD_TIME)
+    return replace(problem, world=problem.world._replace(law=problem.world.law._replace(motion=motion)))
+
+
+def held_course_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:
+    """Failure rate of ``runs`` flights that hold the positions, within the airspeeds of the robot.
+
+    They fly with ``robot.feedback_time=60``, instead of the headings and airspeeds of the plan.
+    """
+    pilot = Autopilot(path.u, np.ascontiguousarray(path.x))
+    law = problem.fidelity.law
+    flown = fly_pilot(held_problem(problem), lambda _noise: pilot, len(path.u), runs, law, seed)
+    return counted_rate(law, int(flown.failed.sum()), runs)
 
 
 def vehicle_of(height: Height, problem: Problem) -> Vehicle:

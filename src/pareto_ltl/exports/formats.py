@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from pareto_ltl.exports.dead_reckoning import dead_reckoning_csv
 from pareto_ltl.exports.exported import ExportedPlan
-from pareto_ltl.exports.flight_card import flight_card
-from pareto_ltl.exports.fpl import plan_fpl
-from pareto_ltl.exports.geojson import corridor_geojson, plan_geojson
-from pareto_ltl.exports.gpx import plan_gpx
-from pareto_ltl.exports.kml import plan_kml
-from pareto_ltl.exports.lua import plan_lua
-from pareto_ltl.exports.mavlink import mavlink_script
+from pareto_ltl.exports.geojson import corridor_geojson, operational_intent, plan_geojson
+from pareto_ltl.exports.mavlink import mavlink_script, plan_lua
 from pareto_ltl.exports.qgc import mission_plan
+from pareto_ltl.exports.tables import dead_reckoning_csv, flight_card
 from pareto_ltl.exports.trajectory import trajectory_netcdf
-from pareto_ltl.exports.volumes import operational_intent
+from pareto_ltl.exports.xml_files import plan_fpl, plan_gpx, plan_kml
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
@@ -82,17 +77,10 @@ def holds_pole(scene: Scene) -> bool:
     return False
 
 
-def export_files(exported: ExportedPlan, formats: Sequence[str]) -> Iterator[tuple[str, bytes]]:
-    """Name and content of the file of each of ``formats``."""
-    for name in formats:
-        yield EXPORT_FILES[name], MAKERS[name](exported)
-
-
 def write_exports(exported: ExportedPlan, formats: Sequence[str], folder: Path) -> tuple[Path, ...]:
     """Write the files into ``folder``, which is made where it is missing; return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for name, content in export_files(exported, formats):
-        write_bytes(folder / name, content)
-        paths.append(folder / name)
-    return tuple(paths)
+    paths = tuple(folder / EXPORT_FILES[name] for name in formats)
+    for name, path in zip(formats, paths, strict=True):
+        write_bytes(path, MAKERS[name](exported))
+    return paths

@@ -1,9 +1,16 @@
-"""``plan.geojson`` and ``corridor.geojson`` (RFC 7946)."""
+"""``plan.geojson`` and ``corridor.geojson`` (RFC 7946), and ``operational_intent.json``.
+
+The last one has volumes in time as ASTM F3548-21 has them in OperationalIntentDetails. Each leg is a
+Volume4D: the hull of the ellipses at both ends, of the size that 95 % of whole flights stay in, and all
+places within :data:`LATERAL_FLOOR` of the leg.
+"""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,8 +24,8 @@ from pareto_ltl.exports.degrees import (
     polygon_parts,
 )
 from pareto_ltl.exports.exported import ExportedPlan
-from pareto_ltl.exports.json_text import listed_json
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.polygons import united_rings
 from pareto_ltl.world.projection import meridian_convergence, to_geographic
@@ -48,37 +55,35 @@ def corridor_geojson(exported: ExportedPlan) -> bytes:
 
 def _leg(exported: ExportedPlan, k: int) -> dict[str, Any]:
     log = exported.log
-    return {
-        "role": "leg", "leg": k, "time_utc": None if log.utc is None else log.utc[k], "t_s": log.t[k],
-        "duration_s": log.duration[k], "heading_true_deg": log.heading[k], "airspeed_m_s": log.airspeed[k],
-        "wind_m_s": log.wind_speed[k], "wind_from_deg": log.wind_from[k], "wind_sd_m_s": log.wind_sd[k],
-        "track_true_deg": log.track[k], "ground_speed_m_s": log.ground_speed[k],
-        "distance_m": log.distance[k], "wind_law": log.law,
-    }  # fmt: skip
+    about = {"role": "leg", "leg": k, "time_utc": log.time_utc(k), "t_s": log.t[k], "duration_s": None}
+    return about | log.leg(k) | {"wind_law": log.law}
 
 
 def _position(exported: ExportedPlan, k: int) -> Feature:
-    log, path = exported.log, exported.plan.path
-    about = {
-        "role": "position", "step": k, "time_utc": None if log.utc is None else log.utc[k], "t_s": log.t[k],
-        "radius_95_m": log.radius[k], "ellipse_major_m": log.major[k], "ellipse_minor_m": log.minor[k],
-        "ellipse_azimuth_deg": log.azimuth[k], "regions": path.label[k], "fix": k in log.fixes,
-        "wind_law": log.law,
-    }  # fmt: skip
+    log = exported.log
+    about = {"role": "position", "step": k, "time_utc": log.time_utc(k), "t_s": log.t[k], **log.spread(k)}
+    about |= {"regions": exported.plan.path.label[k], "fix": k in log.fixes, "wind_law": log.law}
     return _feature("Point", lonlat(exported.crs, log.x[k]), about)
 
 
 def _map_features(exported: ExportedPlan) -> list[Feature]:
     scene, crs = exported.scene, exported.crs
-    drawn = [
-        _area(crs, outlines, {"role": "region", "name": name}) for name, outlines in scene.regions.items()
-    ]
     fixes = {f"landmark {n}": true_fix(scene, n) for n in range(1, len(scene.landmark_fixes) + 1)}
-    drawn += [
-        _area(crs, [c], {"role": role, "name": name} | fixes.get(name, {}))
-        for role, name, c in titled_outlines(scene)
+    drawn = [
+        _area(
+            crs, outlines, {"role": role, "name": name} | (fixes.get(name, {}) if role == "landmark" else {})
+        )
+        for role, name, outlines in named_outlines(scene)
     ]
     return [*drawn, _feature("Point", lonlat(crs, scene.start), {"role": "start", "name": "start"})]
+
+
+def named_outlines(scene: Scene) -> list[tuple[str, str, Sequence[FloatArray]]]:
+    """Role, title and outlines, each (n, 2) [m], of all areas of the map; its border is ``bounds``."""
+    return [
+        *(("region", name, outlines) for name, outlines in scene.regions.items()),
+        *((role, title, (corners,)) for role, title, corners in titled_outlines(scene)),
+    ]
 
 
 def true_fix(scene: Scene, number: int) -> dict[str, Any]:
@@ -109,19 +114,18 @@ def border_corners(bounds: FloatArray) -> FloatArray:
 
 
 def _ellipses(exported: ExportedPlan, corridor: Corridor) -> Iterable[Feature]:
-    outlines = lonlat(exported.crs, corridor.outlines(corridor.at_time))
+    log, outlines = exported.log, lonlat(exported.crs, corridor.outlines(corridor.at_time))
     for level, share in enumerate(corridor.shares):
         for k, outline in enumerate(outlines[level]):
             about = _about(corridor, "at_time", share, corridor.at_time[level, k])
-            utc = exported.log.utc
-            about |= {"step": k, "time_utc": None if utc is None else utc[k], "t_s": exported.log.t[k]}
+            about |= {"step": k, "time_utc": log.time_utc(k), "t_s": log.t[k]}
             yield _polygon([np.concatenate([outline, outline[:1]])], about)
 
 
 def _tubes(exported: ExportedPlan, corridor: Corridor) -> Iterable[Feature]:
-    for level, share in enumerate(corridor.shares):
-        about = _about(corridor, "whole_flight", share, corridor.whole[level])
-        yield _polygon(tube_rings(exported.crs, corridor, corridor.whole[level]), about)
+    for share, size in zip(corridor.shares, corridor.whole, strict=True):
+        about = _about(corridor, "whole_flight", share, size)
+        yield _polygon(tube_rings(exported.crs, corridor, size), about)
 
 
 def tube_rings(crs: str, corridor: Corridor, size: float) -> list[FloatArray]:
@@ -154,25 +158,21 @@ def _about(corridor: Corridor, meaning: str, share: float, size: float) -> dict[
 
 
 def _line(crs: str, points: FloatArray, about: Mapping[str, Any]) -> Feature:
-    parts = line_parts(line_degrees(crs, points))
-    return (
-        _feature("LineString", parts[0], about)
-        if len(parts) == 1
-        else _feature("MultiLineString", parts, about)
-    )
+    return _one_or_several("LineString", line_parts(line_degrees(crs, points)), about)
 
 
 def _polygon(rings: Sequence[FloatArray], about: Mapping[str, Any]) -> Feature:
-    parts = polygon_parts(rings)
-    return _feature("Polygon", parts[0], about) if len(parts) == 1 else _feature("MultiPolygon", parts, about)
+    return _one_or_several("Polygon", polygon_parts(rings), about)
 
 
 def _area(crs: str, outlines: Sequence[FloatArray], about: Mapping[str, Any]) -> Feature:
     """The area of ``outlines``, each (n, 2) [m], which may touch."""
     polygons = [[outline_degrees(crs, ring) for ring in rings] for rings in united_rings(outlines)]
-    if len(polygons) == 1:
-        return _polygon(polygons[0], about)
-    return _feature("MultiPolygon", [part for rings in polygons for part in polygon_parts(rings)], about)
+    return _one_or_several("Polygon", [part for rings in polygons for part in polygon_parts(rings)], about)
+
+
+def _one_or_several(kind: str, parts: Sequence[Any], about: Mapping[str, Any]) -> Feature:
+    return _feature(kind, parts[0], about) if len(parts) == 1 else _feature(f"Multi{kind}", parts, about)
 
 
 def _feature(kind: str, coordinates: Any, about: Mapping[str, Any]) -> Feature:
@@ -192,3 +192,44 @@ def _collection(features: list[Feature], exported: ExportedPlan) -> bytes:
     """The collection of ``features``; its description states the failure rates of the plan."""
     head = {"type": "FeatureCollection", "name": exported.name, "description": " ".join(exported.sentences())}
     return listed_json(head, "features", features)
+
+
+def listed_json(head: Mapping[str, Any], key: str, entries: Iterable[Any]) -> bytes:
+    """An object of the keys of ``head``, one on each line, and of the list ``entries`` as ``key``."""
+    pairs = ((json.dumps(name), json.dumps(value, allow_nan=False)) for name, value in head.items())
+    told = "".join(f" {name}: {value},\n" for name, value in pairs)
+    lines = ",\n".join(f"  {json.dumps(entry, allow_nan=False)}" for entry in entries)
+    return f"{{\n{told} {json.dumps(key)}: [\n{lines}\n ]\n}}\n".encode()
+
+
+# --- operational intent -------------------------------------------------------------------------
+
+LATERAL_FLOOR = 10.0  # [m] least distance from the expected path to the edge: navigation errors in calm air
+SHARE = 0.95  # of whole flights that stay in the volumes
+
+
+def operational_intent(exported: ExportedPlan) -> bytes:
+    """The file; raises ConfigError if the heights are not set."""
+    import shapely
+
+    if exported.band is None:
+        raise ConfigError(
+            "f3548 needs heights above the WGS 84 ellipsoid; set exports.altitude_lower and "
+            "exports.altitude_upper"
+        )
+    corridor, log = exported.corridor, exported.log
+    assert log.utc is not None
+    size = corridor.whole[corridor.level(SHARE)]
+    hulls = leg_hulls(corridor.outlines(np.full(len(corridor.mean), size)))
+    lower, upper = ({"value": h, "reference": "W84", "units": "M"} for h in exported.band)
+    volumes = []  # a plan without a step has a hull and no leg
+    for hull, ends, times in zip(hulls, pairwise(corridor.mean), pairwise(log.utc), strict=False):
+        area = hull.union(shapely.LineString(ends).buffer(LATERAL_FLOOR)).convex_hull
+        corners = lonlat(exported.crs, shapely.get_coordinates(area)[:-1]).tolist()
+        outline = {"vertices": [{"lng": lon, "lat": lat} for lon, lat in corners]}
+        start, end = ({"value": time, "format": "RFC3339"} for time in times)
+        volume = {"outline_polygon": outline, "altitude_lower": lower, "altitude_upper": upper}
+        volumes.append({"volume": volume, "time_start": start, "time_end": end})
+    note = f"{SHARE * 100:g} % of whole flights in {exported.law_words} stay in these volumes. "
+    head = {"pareto_ltl": {"note": note + " ".join(exported.sentences())}, "priority": 0}
+    return listed_json(head | {"off_nominal_volumes": []}, "volumes", plain_data(volumes))

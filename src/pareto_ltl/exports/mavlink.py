@@ -1,17 +1,20 @@
-"""``mavlink_script.json``: messages, with their times, for an autopilot that flies by heading and airspeed.
+"""Files for an autopilot that flies by heading and airspeed: ``mavlink_script.json`` and ``plan.lua``.
 
-Each message is a MAVLink command; ``examples/send_mavlink.py`` sends them with pymavlink. The sender replaces
-the values of a position estimate by a measurement at the landmark: those in the file are only what the plan
-expects.
+The first has messages with their times. Each message is a MAVLink command; ``examples/send_mavlink.py`` sends
+them with pymavlink. The sender replaces the values of a position estimate by a measurement at the landmark:
+those in the file are only what the plan expects. The second is the table as a script that ArduPlane runs,
+without a companion computer.
 """
 
 from __future__ import annotations
 
 import math
+from importlib.resources import files
 from typing import Any
 
 from pareto_ltl.exports.exported import ExportedPlan
-from pareto_ltl.exports.json_text import listed_json
+from pareto_ltl.exports.geojson import listed_json
+from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data
 
 SCHEMA = "pareto_ltl.mavlink_script/1"
@@ -42,7 +45,7 @@ def mavlink_script(exported: ExportedPlan) -> bytes:
         "schema": SCHEMA,
         "name": exported.name,
         "description": " ".join(exported.sentences()),
-        "start_utc": None if log.utc is None else log.utc[0],
+        "start_utc": log.time_utc(0),
         "wind_law": log.law,
         "dialect": "all",
         "firmware": FIRMWARE,
@@ -75,42 +78,75 @@ def prologue(lat: float, lon: float, sd: float) -> list[dict[str, Any]]:
 
 def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:
     """At the start of each leg wind if uncertain, airspeed, heading; at a fix of the plan, the position."""
-    log, messages = exported.log, []
-    turn = TURN if exported.turn is None else exported.turn
-    for k in range(len(log.t)):
-        if k in log.fixes:
-            messages.append(_position(exported, k))
-        if k == len(log.airspeed):
+    log, messages = exported.log, list[dict[str, Any]]()
+
+    def add(k: int, command: int, *params: float) -> None:
+        messages.append({
+            "t": log.t[k], "utc": log.time_utc(k), "message": "COMMAND_LONG", "command": command,
+            "name": NAMES[command], "params": list(params),
+        })  # fmt: skip
+
+    for k in range(log.legs + 1):
+        if k in log.fixes:  # x and y are latitude and longitude in 1e-7 degrees, ``params`` are params 1 to 4
+            sd = math.hypot(log.major[k], log.minor[k]) / math.sqrt(2.0)
+            add(k, POSITION_ESTIMATE, log.t[k], 0, sd, 0)
+            messages[-1] |= {
+                "message": "COMMAND_INT", "frame": GLOBAL, "x": round(log.lat[k] * DEGREE),
+                "y": round(log.lon[k] * DEGREE), "z": None, "fill_in": ["params", "x", "y"],
+            }  # fmt: skip
+        if k == log.legs:
             break
         if log.wind_speed_sd[k] > 0.0:  # an estimate without an error would claim certainty
-            messages.append(_message(exported, k, WIND_ESTIMATE, _wind(exported, k)))
-        messages.append(_message(exported, k, CHANGE_SPEED, [AIRSPEED, log.airspeed[k], AT_ONCE, 0, 0, 0, 0]))
+            wind = log.wind_speed[k], log.wind_speed_sd[k], log.wind_from[k], log.wind_from_sd[k]
+            add(k, WIND_ESTIMATE, *wind, 0, 0, 0)
+        add(k, CHANGE_SPEED, AIRSPEED, log.airspeed[k], AT_ONCE, 0, 0, 0, 0)
         if math.isfinite(log.heading[k]):
-            messages.append(
-                _message(exported, k, CHANGE_HEADING, [HEADING, log.heading[k], turn, 0, 0, 0, 0])
-            )
+            add(k, CHANGE_HEADING, HEADING, log.heading[k], turn_of(exported), 0, 0, 0, 0)
     return messages
 
 
-def _wind(exported: ExportedPlan, k: int) -> list[Any]:
-    """Speed and direction of the expected wind, each with its standard deviation."""
-    log = exported.log
-    return [log.wind_speed[k], log.wind_speed_sd[k], log.wind_from[k], log.wind_from_sd[k], 0, 0, 0]
+def turn_of(exported: ExportedPlan) -> float:
+    """Centripetal acceleration of turns [m/s²] for the autopilot."""
+    return TURN if exported.turn is None else exported.turn
 
 
-def _message(exported: ExportedPlan, k: int, command: int, params: list[Any]) -> dict[str, Any]:
+# --- a script for ArduPlane -----------------------------------------------------------------------
+
+TEMPLATE = "plan.lua"
+NO_HEADING = -1.0  # of a leg without airspeed
+
+
+def plan_lua(exported: ExportedPlan) -> bytes:
+    """The script; :file:`plan.lua` of this folder with the table of the plan.
+
+    Raises
+    ------
+    DataError
+        If the plan counts on position fixes: nothing in the script would give them to the autopilot.
+    """
     log = exported.log
-    return {
-        "t": log.t[k], "utc": None if log.utc is None else log.utc[k], "message": "COMMAND_LONG",
-        "command": command, "name": NAMES[command], "params": params,
+    if log.fixes:
+        raise DataError(
+            "plan.lua: the plan counts on position fixes at landmarks, which a script cannot measure; use "
+            "mavlink_script.json"
+        )
+    columns = (
+        log.t[:-1], log.airspeed, log.heading, log.wind_speed, log.wind_speed_sd, log.wind_from,
+        log.wind_from_sd,
+    )  # fmt: skip
+    legs = ["    { " + ", ".join(map(_number, row)) + " }," for row in zip(*columns, strict=True)]
+    about = "\n".join([exported.name, *exported.sentences()]).replace("]]", "] ]")  # which ends a comment
+    values = {
+        "@TEXT@": about, "@LEGS@": "\n".join(legs), "@LAT@": str(round(log.lat[0] * DEGREE)),
+        "@LON@": str(round(log.lon[0] * DEGREE)), "@SD@": _number(start_sd(exported)),
+        "@END@": _number(log.t[-1]), "@TURN@": _number(turn_of(exported)),
     }  # fmt: skip
+    text = files("pareto_ltl.exports").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    for key, value in values.items():
+        text = text.replace(key, value)
+    return text.encode()
 
 
-def _position(exported: ExportedPlan, k: int) -> dict[str, Any]:
-    """A COMMAND_INT: x and y are latitude and longitude in 1e-7 degrees, ``params`` are params 1 to 4."""
-    log = exported.log
-    sd = math.hypot(log.major[k], log.minor[k]) / math.sqrt(2.0)
-    return _message(exported, k, POSITION_ESTIMATE, [log.t[k], 0, sd, 0]) | {
-        "message": "COMMAND_INT", "frame": GLOBAL, "x": round(log.lat[k] * DEGREE),
-        "y": round(log.lon[k] * DEGREE), "z": None, "fill_in": ["params", "x", "y"],
-    }  # fmt: skip
+def _number(value: float) -> str:
+    """Six digits and more: numbers are single precision in ArduPilot's Lua."""
+    return f"{NO_HEADING if math.isnan(value) else value:.9g}"

@@ -14,6 +14,15 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, true_heading, utc_times
 
 SHARE = 0.95  # of the positions that lie within the radius
+LEG_COLUMNS = {  # names in files of the numbers of a leg
+    "heading_true_deg": "heading", "airspeed_m_s": "airspeed", "duration_s": "duration",
+    "wind_m_s": "wind_speed", "wind_from_deg": "wind_from", "wind_sd_m_s": "wind_sd",
+    "track_true_deg": "track", "ground_speed_m_s": "ground_speed", "distance_m": "distance",
+}  # fmt: skip
+SPREAD_COLUMNS = {  # and of the spread of the positions at a step
+    "radius_95_m": "radius", "ellipse_major_m": "major", "ellipse_minor_m": "minor",
+    "ellipse_azimuth_deg": "azimuth",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +90,23 @@ class NavigationLog:
     fixes: tuple[int, ...]
     late: float = 0.0
     swing: float = 0.0
+
+    @property
+    def legs(self) -> int:
+        """The number of legs T."""
+        return len(self.airspeed)
+
+    def time_utc(self, k: int) -> str | None:
+        """Time of step ``k`` in UTC; None where the map names no departure."""
+        return None if self.utc is None else self.utc[k]
+
+    def leg(self, k: int) -> dict[str, float]:
+        """The numbers of leg ``k`` by their names in files."""
+        return {name: getattr(self, attribute)[k] for name, attribute in LEG_COLUMNS.items()}
+
+    def spread(self, k: int) -> dict[str, float]:
+        """The spread of the position at step ``k`` by its names in files."""
+        return {name: getattr(self, attribute)[k] for name, attribute in SPREAD_COLUMNS.items()}
 
     @property
     def duration(self) -> FloatArray:

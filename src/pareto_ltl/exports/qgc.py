@@ -59,38 +59,34 @@ def mission_plan(exported: ExportedPlan) -> bytes:
 
 def mission_items(exported: ExportedPlan) -> list[dict[str, Any]]:
     """A waypoint for each leg's end, and before it the leg's airspeed where that changes."""
-    log, metres, speed = exported.log, exported.height.metres, -1.0
-    items: list[dict[str, Any]] = []
+    log, height, speed = exported.log, exported.height, -1.0
+    items = list[dict[str, Any]]()
+
+    def add(command: int, frame: int, *params: float | None) -> None:
+        items.append({
+            "type": "SimpleItem", "autoContinue": True, "doJumpId": len(items) + 1, "command": command,
+            "frame": frame, "params": list(params),
+        })  # fmt: skip
+
+    def add_place(command: int, step: int) -> None:
+        """An item at the expected position of ``step``."""
+        place = log.lat[step], log.lon[step], height.metres
+        add(command, POSITION_FRAMES[height.above_sea], 0, 0, 0, None, *place)
+        items[-1] |= {
+            "AMSLAltAboveTerrain": None, "Altitude": height.metres,
+            "AltitudeMode": ALTITUDE_MODES[height.above_sea],
+        }  # fmt: skip
+
     if exported.vehicle.takes_off:
-        items.append(_place_item(exported, 0, TAKE_OFF, 0, metres))
+        add_place(TAKE_OFF, 0)
     for k, airspeed in enumerate(log.airspeed):
         if abs(airspeed - speed) > LEAST_CHANGE and airspeed > 0.0:
             speed = float(airspeed)
-            items.append(
-                _item(len(items), CHANGE_SPEED, MISSION_FRAME, [AIRSPEED, speed, KEEP_THROTTLE, 0, 0, 0, 0])
-            )
-        items.append(_place_item(exported, len(items), WAYPOINT, k + 1, metres))
+            add(CHANGE_SPEED, MISSION_FRAME, AIRSPEED, speed, KEEP_THROTTLE, 0, 0, 0, 0)
+        add_place(WAYPOINT, k + 1)
     if exported.vehicle.hovers:
-        items.append(_place_item(exported, len(items), HOVER, len(log.airspeed), metres))
+        add_place(HOVER, log.legs)
     return items
-
-
-def _place_item(
-    exported: ExportedPlan, number: int, command: int, step: int, metres: float
-) -> dict[str, Any]:
-    """An item at the expected position of ``step``, ``metres`` high."""
-    log, above_sea = exported.log, exported.height.above_sea
-    params = [0, 0, 0, None, log.lat[step], log.lon[step], metres]
-    return _item(number, command, POSITION_FRAMES[above_sea], params) | {
-        "AMSLAltAboveTerrain": None, "Altitude": metres, "AltitudeMode": ALTITUDE_MODES[above_sea],
-    }  # fmt: skip
-
-
-def _item(number: int, command: int, frame: int, params: list[Any]) -> dict[str, Any]:
-    return {
-        "type": "SimpleItem", "autoContinue": True, "doJumpId": number + 1, "command": command,
-        "frame": frame, "params": params,
-    }  # fmt: skip
 
 
 def fence_polygons(exported: ExportedPlan) -> list[dict[str, Any]]:

@@ -31,6 +31,13 @@ def trajectory_netcdf(exported: ExportedPlan) -> bytes:
 
     log, content = exported.log, io.BytesIO()
     assert log.utc is not None
+    since = log.utc[0].replace("T", " ").removesuffix("Z")
+    coordinates: dict[str, tuple[FloatArray, dict[str, Any]]] = {
+        "time": (log.t - log.t[0], {"standard_name": "time", "units": f"seconds since {since}",
+                                    "calendar": "standard", "axis": "T"}),
+        "lat": (log.lat, {"standard_name": "latitude", "units": "degrees_north", "axis": "Y"}),
+        "lon": (log.lon, {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}),
+    }  # fmt: skip
     with h5netcdf.File(content, "w") as file:
         file.attrs.update(
             {
@@ -47,30 +54,13 @@ def trajectory_netcdf(exported: ExportedPlan) -> bytes:
         file.create_variable("trajectory", ("name_strlen",), data=name).attrs.update(
             {"cf_role": "trajectory_id", "long_name": "name of the run"}
         )
-        for key, values, attributes in _coordinates(exported):
+        for key, (values, attributes) in coordinates.items():
             file.create_variable(key, ("obs",), data=values).attrs.update(attributes)
         for key, (source, standard, unit, meaning) in VARIABLES.items():
-            variable = file.create_variable(
-                key, ("obs",), data=_padded(getattr(log, source), len(log.t)), fillvalue=np.nan
-            )
+            values = getattr(log, source)
+            padded = np.concatenate([values, np.full(len(log.t) - len(values), np.nan)])
             named = {} if standard is None else {"standard_name": standard}
-            variable.attrs.update(
+            file.create_variable(key, ("obs",), data=padded, fillvalue=np.nan).attrs.update(
                 named | {"units": unit, "long_name": meaning, "coordinates": "time lat lon"}
             )
     return content.getvalue()
-
-
-def _coordinates(exported: ExportedPlan) -> list[tuple[str, FloatArray, dict[str, Any]]]:
-    log = exported.log
-    assert log.utc is not None
-    since = log.utc[0].replace("T", " ").removesuffix("Z")
-    clock = {"standard_name": "time", "units": f"seconds since {since}", "calendar": "standard", "axis": "T"}
-    return [
-        ("time", log.t - log.t[0], clock),
-        ("lat", log.lat, {"standard_name": "latitude", "units": "degrees_north", "axis": "Y"}),
-        ("lon", log.lon, {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}),
-    ]
-
-
-def _padded(values: FloatArray, size: int) -> FloatArray:
-    return np.concatenate([values, np.full(size - len(values), np.nan)])

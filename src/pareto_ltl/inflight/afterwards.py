@@ -1,30 +1,41 @@
-"""What watched flights say about the wind law, from their journals: where the truth was, and ranks of fixes.
+"""What is made after a watched flight, from its journal: checks of the wind law, a picture, a search area.
 
 A place that is r standard deviations from the estimate has the rank P = 1 - exp(-r²/2), which is uniform in
 [0, 1] if the law is right. Ranks of fixes that were not used count as well: they are how a wrong law shows.
+
+``follow.png`` shows the flight on the map, and its promise over time. ``search_area.geojson`` and
+``search_area.kml`` are where to look for a robot after its last telemetry: the belief is carried on with the
+controls of the plan, and the areas are ellipses of the linear law, one for each share and time.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pareto_ltl.exports.ellipses import ellipse_scale
+from pareto_ltl.exports.corridor import FINEST
+from pareto_ltl.exports.degrees import outline_degrees
+from pareto_ltl.exports.ellipses import ellipse_outlines, ellipse_scale
+from pareto_ltl.exports.xml_files import boundary, coordinates_text, element, kml_bytes, placemark
 from pareto_ltl.inflight.journal import NAME, read_journal
 from pareto_ltl.inflight.telemetry import read_places
 from pareto_ltl.inflight.watch import ELLIPSE, Event
+from pareto_ltl.run.results import Results
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.world.projection import to_plane
+from pareto_ltl.support.files import write_bytes
+from pareto_ltl.world.projection import to_plane, utc_times
 from pareto_ltl.world.scene import Scene
 
-SHARES = (0.5, 0.9, 0.99)
+SHARES = (0.5, 0.9, 0.99)  # probabilities of ellipses and areas
 BINS = 10
 
 
@@ -80,3 +91,87 @@ def fix_ranks(folders: Sequence[Path]) -> dict[str, Any]:
         "fixes": len(far), "counts": counts,
         "intervals": [clopper_pearson(count, len(far)) for count in counts] if far else [],
     }  # fmt: skip
+
+
+# --- picture ------------------------------------------------------------------------------------
+
+
+def draw_watch(results: Results, folder: Path) -> Path | None:
+    """Draw the journal of ``folder`` on the map of ``results``; None without a status."""
+    from pareto_ltl.report.plan_maps import watch_figure
+    from pareto_ltl.report.study_axes import save_figures
+
+    events = list(read_journal(folder / NAME))
+    if not any(event["event"] in ("status", "end") for event in events):
+        return None
+    draw = partial(watch_figure, results.scene, results.plan, events)
+    return save_figures(folder, results.settings.report, {"follow": draw})[0]
+
+
+# --- search area --------------------------------------------------------------------------------
+
+
+CORNERS = 48
+FILLS = {0.5: "900000c8", 0.9: "600078ff", 0.99: "4000c8ff"}  # aabbggrr
+
+
+def write_search_area(scene: Scene, end: Event, folder: Path) -> tuple[Path, ...]:
+    """Write the areas of an event ``end``; nothing on a map without a place on Earth, or after the plan."""
+    if scene.crs is None or not end["ahead"]:
+        return ()
+    areas = search_areas(scene, end["ahead"])
+    text = (
+        f"Areas that hold the robot with 50, 90 and 99 % if it flies on as planned, {end['law']} winds; last "
+        f"telemetry {end['time']:.0f} s after departure."
+    )
+    geojson = {"type": "FeatureCollection", "description": text, "features": areas}
+    paths = folder / "search_area.geojson", folder / "search_area.kml"
+    write_bytes(paths[0], json.dumps(geojson).encode())
+    write_bytes(paths[1], _kml(areas, text))
+    return paths
+
+
+def search_areas(scene: Scene, ahead: Sequence[Event]) -> list[dict[str, Any]]:
+    """GeoJSON features: a polygon for each time and share."""
+    crs = scene.crs
+    assert crs is not None
+    mean, cov = (np.array([row[key] for row in ahead]) for key in ("mean", "cov"))
+    cov = cov + FINEST**2 * np.eye(2)  # the start of a plan is known exactly
+    times = [float(row["time"]) for row in ahead]
+    utc = utc_times(scene.time_zero, np.array(times))
+    found = []
+    for share in SHARES:
+        scale = np.full(len(mean), ellipse_scale(share))
+        for k, outline in enumerate(ellipse_outlines(mean, cov, scale, CORNERS)):
+            about = {"probability": share, "t_s": times[k], "time_utc": None if utc is None else utc[k]}
+            ring = _ring(crs, outline)
+            found.append({
+                "type": "Feature", "properties": about,
+                "geometry": {"type": "Polygon", "coordinates": [ring]},
+            })  # fmt: skip
+    return found
+
+
+def _ring(crs: str, outline: FloatArray) -> list[list[float]]:
+    ring = np.round(outline_degrees(crs, outline), 7).tolist()
+    return ring if ring[0] == ring[-1] else [*ring, ring[0]]
+
+
+def _kml(areas: Sequence[dict[str, Any]], text: str) -> bytes:
+    def name(share: float) -> str:
+        return f"p{100 * share:.0f}"
+
+    styles = [
+        element(
+            "Style", element("LineStyle", element("width", "1")),
+            element("PolyStyle", element("color", fill)), id=name(share),
+        )
+        for share, fill in FILLS.items()
+    ]  # fmt: skip
+    places = []
+    for area in reversed(areas):  # the widest first, below the others
+        about, (ring,) = area["properties"], area["geometry"]["coordinates"]
+        share, utc = about["probability"], about["time_utc"]
+        shape = element("Polygon", boundary(coordinates_text(ring, digits=7)))
+        places.append(placemark(f"{100 * share:.0f} %, {utc or about['t_s']}", name(share), shape, utc))
+    return kml_bytes("search area", text, *styles, *places)

@@ -1,17 +1,23 @@
-"""``follow.jsonl``: every event of a watch, one JSON object a line, appended and flushed.
+"""The events of a watch: as a journal, and in words for the pilot, one line each.
 
-The lines ``flown`` and ``fix`` are all that the belief depends on: :func:`read_journal` gives them back after
-the process was killed, and the watch continues with the same belief.
+``follow.jsonl`` has every event, one JSON object a line, appended and flushed. Its lines ``flown`` and
+``fix`` are all that the belief depends on: :func:`read_journal` gives them back after the process was killed,
+and the watch continues with the same belief.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
+from pareto_ltl.inflight.telemetry import refused_text
+from pareto_ltl.inflight.watch import Event
+from pareto_ltl.support.display import distance_text, in_kilometres, probability_text
 from pareto_ltl.support.errors import ConfigError, DataError
 
 NAME = "follow.jsonl"
@@ -80,3 +86,106 @@ def require_place(folder: Path, *, resume: bool) -> Path:
     if resume and not path.exists():
         raise ConfigError(f"{path}: there is no journal to resume; start without --resume")
     return path
+
+
+# --- events in words ----------------------------------------------------------------------------
+
+
+def event_line(event: Event) -> str:
+    """``event`` as a line for the pilot; empty for events that only the journal has."""
+    text = LINES[event["event"]](event)
+    return f"{clock_text(event['time'])}  {text}" if text else ""
+
+
+def clock_text(seconds: float) -> str:
+    """``+2:05:30`` after departure."""
+    hours, rest = divmod(round(seconds), 3600)
+    return f"+{hours:d}:{rest // 60:02d}:{rest % 60:02d}"
+
+
+def _place(event: Event) -> str:
+    if "lat" in event:
+        return f"{event['lat']:.4f},{event['lon']:.4f}"
+    return f"{event['x'] / 1e3:.2f},{event['y'] / 1e3:.2f} km"
+
+
+def _length(metres: float) -> str:
+    """A length as text: whole metres from 10 m to 2 km."""
+    return distance_text(metres, 0 if metres >= 10.0 and not in_kilometres(metres) else 1)
+
+
+def _hours(joules: float) -> str:
+    """An energy [J] in Wh as text, whole numbers from 100 Wh."""
+    value = joules / 3600.0
+    return f"{value:,.0f}" if abs(value) >= 100.0 else f"{value:.1f}"
+
+
+def _status(event: Event) -> str:
+    goal = ""
+    if event["goal"]:
+        late = event["goal_time"] - event["time"]
+        goal = f"; next {' and '.join(event['goal'])} in {clock_text(late)[1:]}"
+    promised = "" if event["promised"] is None else f" (promised {probability_text(event['promised'])})"
+    energy = ""
+    if event["energy"] is not None:
+        energy = f"; {_hours(event['energy'])} Wh used of {_hours(event['energy_needed'])} by the end"
+    if event["battery"] is not None:
+        energy += f"; battery {100.0 * event['battery']:.0f} %"
+    flights = (
+        f"{probability_text(event['failure'])} (at most {probability_text(event['high'])}) of "
+        f"{event['flights']:,} flights of the rest fail in {event['law']} winds{promised}"
+    )
+    return (
+        f"at {_place(event)}, 95 % within {_length(event['major'])} x {_length(event['minor'])}; "
+        f"{event['corridor']:.1f} sd from the plan{goal}; {flights}; wind "
+        f"{event['wind_from']:03.0f}/{math.hypot(*event['wind']):.1f} m/s, "
+        f"sd {event['wind_sd']:.1f}{_heard(event)}{energy}"
+    )
+
+
+def _heard(event: Event) -> str:
+    """The wind of the autopilot."""
+    if event["heard_wind"] is None:
+        return ""
+    come_from, speed = event["heard_wind"]
+    return f" (autopilot: {come_from:03.0f}/{speed:.1f})"
+
+
+def _fix(event: Event) -> str:
+    first, second = event["given"]
+    done = {"learnt": "used", "refused": "NOT used", "restarted": "believed anew"}[event["use"]]
+    return (
+        f"position fix {first:.4f},{second:.4f}, sd {_length(event['sd'])}: "
+        f"{event['distance']:.1f} standard deviations off, {done}"
+    )
+
+
+def _replanned(event: Event) -> str:
+    why = "" if event["wind"] is None else f" with the forecast {event['wind']}"
+    if event["new"] is None:
+        return f"a new plan{why} in {event['directory']} promises nothing: {'; '.join(event['alarms'])}"
+    new, old = (probability_text(event[key]) for key in ("new", "old"))
+    end = "type y to fly it" if event["better"] else "no better: the old one is flown on"
+    return (
+        f"a new plan{why} from {clock_text(event['at'])} on fails {new}, the rest of the old one {old}, in "
+        f"the same {event['law']} winds: {event['directory']}; {end}"
+    )
+
+
+def _end(event: Event) -> str:
+    refused = refused_text(Counter(event["refused"]))
+    lost = f"; readings that were not used: {refused}" if refused else ""
+    return f"end of the telemetry; {_status(event)}{lost}"
+
+
+LINES: dict[str, Callable[[Event], str]] = {
+    "begin": lambda event: f"watching {event['plan']}: {event['formula']}",
+    "flown": lambda _: "",
+    "sent": lambda event: f"sent {event['text']}",
+    "status": _status,
+    "fix": _fix,
+    "replanned": _replanned,
+    "switched": lambda event: f"SWITCHED to the plan in {event['directory']}; times count from its departure",
+    "alarm": lambda event: f"ALARM: {event['text']}",
+    "end": _end,
+}

@@ -13,18 +13,16 @@ import time as clock
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.inflight.sends import KINDS, Sender, at_leg, at_status
-from pareto_ltl.inflight.telemetry import Reading
-from pareto_ltl.inflight.typed import Typed
-from pareto_ltl.inflight.vehicle import Vehicle
-from pareto_ltl.inflight.watch import Event, Watch
+from pareto_ltl.inflight.telemetry import Reading, Typed
+from pareto_ltl.inflight.vehicle import KINDS, Sender, Vehicle, at_leg, at_status
+from pareto_ltl.inflight.watch import Event, Watch, alarm, event_of
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.reading import refuse_special
+from pareto_ltl.world.windows import utc_moment
 
 STALE = 5.0  # [s] after its last heartbeat the mode of a vehicle is not known any longer
 BEAT = 1.0  # [s] between two heartbeats, and the longest wait for a message
@@ -42,18 +40,14 @@ def departure_time(time_zero: str | None, given: str | None) -> float | None:
     ConfigError
         If ``given`` is no time.
     """
-    if given == "now":
-        return None
     text = given or time_zero
-    if text is None:
+    if text is None or given == "now":
         return None
     try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        raise ConfigError(
-            f"--departure must be now or a time such as 2018-10-09T06:00:00Z, got {text}"
-        ) from None
-    return (moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment).timestamp()
+        return utc_moment(text).timestamp()
+    except (ValueError, OverflowError):
+        form = "now or a time such as 2018-10-09T06:00:00Z"
+        raise ConfigError(f"--departure must be {form}, got {text}") from None
 
 
 def signing_key(path: Path) -> bytes:
@@ -259,12 +253,12 @@ class Link:
         """Send what follows from an event; yields what was sent, and alarms about it."""
         time, sends = event["time"], self.settings.sends
         for kind, text in self.sender.checked():
-            yield {"event": "alarm", "time": time, "kind": kind, "text": text}
+            yield alarm(time, kind, text)
         if len(self.vehicle.strangers) > self.known:
             self.known = len(self.vehicle.strangers)
             others = ", ".join(map(str, sorted(self.vehicle.strangers)))
             text = f"vehicle {self.vehicle.system} is followed; others on this link are ignored: {others}"
-            yield {"event": "alarm", "time": time, "kind": "vehicles", "text": text}
+            yield alarm(time, "vehicles", text)
         if not self.vehicle.heard or not sends:
             return
         if "prologue" in sends and not self.prepared:
@@ -286,11 +280,11 @@ class Link:
         self.prepared = True
         if vehicle.armed:
             text = "the vehicle is armed already: origin, home and position are not sent; set them by hand"
-            yield {"event": "alarm", "time": time, "kind": "prologue", "text": text}
+            yield alarm(time, "prologue", text)
             return
         yield from self._sent(((f"{message['name']}", message) for message in self.settings.prologue), time)
 
     def _sent(self, messages: Iterator[tuple[str, dict[str, Any]]], time: float) -> Iterator[Event]:
         for text, message in messages:
             self.sender.send(message)
-            yield {"event": "sent", "time": time, "text": text, "command": message.get("command")}
+            yield event_of("sent", time, text=text, command=message.get("command"))

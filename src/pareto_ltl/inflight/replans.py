@@ -17,17 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.inflight.typed import Typed
-from pareto_ltl.inflight.watch import Event, Watch
+from pareto_ltl.inflight.telemetry import Typed
+from pareto_ltl.inflight.watch import Event, Watch, alarm, event_of
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.files import write_csv
 
 LONGEST = 120.0  # [s] to wait for a new plan when the telemetry has ended
 TWICE = 2.0  # times the least failure rate that is known, above which a new plan is made
 APART = 600.0  # [s] of flight between two plans that are made for that reason
-LOOK = (
-    2.0  # [s] between two looks at the folder of forecasts; a file that did not change meanwhile is complete
-)
+LOOK = 2.0  # [s] between two looks at the folder of forecasts; a file that did not change is complete
 INFORMED = 0.8  # share of the planned variance below which the belief knows more than the plan
 
 
@@ -94,10 +92,9 @@ class Replans:
                 yield from self._finished(watch, event["time"])
         agreed = self.settings.auto or (self.typed is not None and self.typed.agreed.is_set())
         if self.offered is not None and agreed and not ended and not watch.over:
-            yield {
-                "event": "switched", "time": event["time"], "directory": self.offered["directory"],
-                "at": self.offered["at"], "known": [row[0] for row in self.fixes[: self.planned]],
-            }  # fmt: skip
+            known = [row[0] for row in self.fixes[: self.planned]]
+            offer = {key: self.offered[key] for key in ("directory", "at")}
+            yield event_of("switched", event["time"], **offer, known=known)
         if self.typed is not None:
             self.typed.agreed.clear()
 
@@ -154,19 +151,19 @@ class Replans:
         newer, self.newer = self.newer, None
         if failed:
             why = (errors.strip().splitlines() or ["the process was ended"])[-1]
-            yield {"event": "alarm", "time": time, "kind": "replan", "text": f"no new plan: {why}"}
+            yield alarm(time, "replan", f"no new plan: {why}")
             return
         document = json.loads((self._place() / "replan.json").read_text(encoding="utf-8"))
         old, new = _rate(document["old"]), _rate(document["new"])
         better = bool(document["difference"]) and document["difference"]["high"] < 0.0
         if newer is None and new is not None and not watch.over:
             old, new, better = self._compared(watch, round(document["step"]))
-        found = {
-            "event": "replanned", "time": time, "directory": str(self._place()), "at": document["time_s"],
-            "old": old, "new": new, "better": better, "alarms": document["alarms"],
-            "law": None if document["new"] is None else document["new"]["law"],
-            "wind": None if newer is None else str(newer),
-        }  # fmt: skip
+        found = event_of(
+            "replanned", time, directory=str(self._place()), at=document["time_s"], old=old, new=new,
+            better=better, alarms=document["alarms"],
+            law=None if document["new"] is None else document["new"]["law"],
+            wind=None if newer is None else str(newer),
+        )  # fmt: skip
         self.least = np.inf if new is None else new
         self.offered = found if better else None
         yield found

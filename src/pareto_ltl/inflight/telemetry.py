@@ -1,17 +1,20 @@
 """Telemetry as readings in order of time: from a table, or from anything that yields :class:`Reading`.
 
-Readings that cannot be used are counted by their fault, and never end a watch.
+Readings that cannot be used are counted by their fault, and never end a watch. What the pilot types are
+position fixes, and the answer to a new plan.
 """
 
 from __future__ import annotations
 
 import csv
 import math
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -203,3 +206,51 @@ def _reading(row: dict[str, str], places: Sequence[str], time_zero: str | None) 
 def refused_text(refused: Counter[str]) -> str:
     """``12 late, 3 position`` for a message; empty if there are none."""
     return ", ".join(f"{count} {shown_value(fault)[1:-1]}" for fault, count in sorted(refused.items()))
+
+
+# --- what the pilot types -----------------------------------------------------------------------
+
+
+HELP = "type fix LAT,LON,SD (or fix X,Y,SD) for a position [deg and m], or y to fly the new plan"
+
+
+class Typed:
+    """Reads ``stream`` line by line in a thread.
+
+    Attributes
+    ----------
+    fixes : deque of (float, float, float)
+        Positions with their standard deviations [m], which are not taken yet.
+    agreed : threading.Event
+        Whether ``y`` was typed; who takes it clears it.
+    """
+
+    def __init__(self, stream: TextIO, complain: Callable[[str], None]) -> None:
+        self.stream, self.complain = stream, complain
+        self.fixes: deque[tuple[float, float, float]] = deque(maxlen=100)
+        self.agreed = threading.Event()
+
+    def start(self) -> Typed:
+        """Begin to read."""
+        threading.Thread(target=self._read, daemon=True).start()
+        return self
+
+    def _read(self) -> None:
+        for line in self.stream:
+            self.take(line)
+
+    def take(self, line: str) -> None:
+        """Take one line; one that is not understood is answered with what can be typed."""
+        word, _, rest = line.strip().partition(" ")
+        if word == "y" and not rest:
+            self.agreed.set()
+            return
+        try:
+            first, second, sd = map(float, rest.split(","))
+        except ValueError:
+            word = ""
+            first = second = sd = math.nan
+        if word == "fix" and all(map(math.isfinite, (first, second, sd))) and sd > 0.0:
+            self.fixes.append((first, second, sd))
+        elif line.strip():
+            self.complain(HELP)

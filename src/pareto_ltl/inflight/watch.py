@@ -20,7 +20,7 @@ from pareto_ltl.run.position_fixes import causes, chance, in_plane, on_map
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 
-Event = dict[str, Any]
+Event = dict[str, Any]  # ``event``, its kind, ``time`` [s after departure], and what belongs to its kind
 TICK = 1.0  # [s] at least, between two lines of what was flown
 SURPRISE = 4.0  # standard deviations above which a fix is an alarm and not used
 AGREEING = 3  # such fixes in a row that agree with each other are believed
@@ -62,6 +62,16 @@ class WatchSettings:
     wind_age: float = math.inf
 
 
+def event_of(event: str, time: float, /, **values: Any) -> Event:
+    """An event of a kind, at ``time`` [s after departure]."""
+    return {"event": event, "time": time} | values
+
+
+def alarm(time: float, kind: str, text: str) -> Event:
+    """The event of an alarm."""
+    return event_of("alarm", time, kind=kind, text=text)
+
+
 class Watch:
     """The state of a watch; :meth:`take` turns each reading into events.
 
@@ -83,10 +93,8 @@ class Watch:
         self.raised: set[str] = set()
         self.issued = issued if math.isfinite(issued) else 0.0  # no older than the departure, at best
         self.heard_wind: tuple[float, float] | None = None
-        self.battery, self.charged = (
-            math.nan,
-            (0.0, math.nan),
-        )  # share left; when it was heard first, and what
+        self.battery = math.nan  # share left
+        self.charged = 0.0, math.nan  # when it was heard first, and what
         self.rest = np.empty((0, 1, 2)), np.empty(0, bool)  # flights of the last status, and which fail
         self.turn, self.turned = 0.0, -1  # meridian convergence [rad], and the step it was computed at
 
@@ -185,10 +193,8 @@ class Watch:
     def flushed(self) -> Iterator[Event]:
         """Give what was flown since the last time to the belief."""
         if self.pending > 0.0:
-            event = {
-                "event": "flown", "time": self.time, "seconds": self.pending, "east": float(self.air[0]),
-                "north": float(self.air[1]),
-            }  # fmt: skip
+            east, north = self.air.tolist()
+            event = event_of("flown", self.time, seconds=self.pending, east=east, north=north)
             self._advance(event)
             yield event
 
@@ -224,10 +230,9 @@ class Watch:
         yield from self.flushed()
         far = self.belief.distance(place, sd**2 * np.eye(2))
         use = "learnt" if far <= SURPRISE else "restarted" if self._confirmed(place, sd) else "refused"
-        event = {
-            "event": "fix", "time": self.time, "place": place.tolist(), "given": list(given), "sd": sd,
-            "distance": far, "use": use, "law": LAW,
-        }  # fmt: skip
+        event = event_of(
+            "fix", self.time, place=place.tolist(), given=list(given), sd=sd, distance=far, use=use, law=LAW
+        )
         yield event
         if far > SURPRISE:
             step = min(round(self.time / self.problem.motion.dt), len(self.plan.path.u))
@@ -266,7 +271,7 @@ class Watch:
         """An alarm of a kind, once until it ends."""
         if kind not in self.raised:
             self.raised.add(kind)
-            yield {"event": "alarm", "time": self.time, "kind": kind, "text": text}
+            yield alarm(self.time, kind, text)
 
     def _reported(self) -> Iterator[Event]:
         """A status, and the alarms that follow from it."""
@@ -321,17 +326,16 @@ class Watch:
         self.rest = flown[:DRAWN, self.belief.step :].copy(), failed[:DRAWN]
         fails, flights, promise = int(failed.sum()), len(failed), self.plan.promise
         low, high = clopper_pearson(fails, flights)
-        return {
-            "event": "status", "time": self.time, "step": step, **self.placed(now.mean),
-            **self._ellipse(now.cov), "corridor": float(np.sqrt(gap @ np.linalg.solve(spread, gap))),
-            "law": LAW, "failure": fails / flights, "low": low, "high": high, "fails": fails,
-            "flights": flights, "promised": promise and promise.rate.failure,
-            "wind": now.wind.tolist(), "wind_from": self._wind_from(now.wind),
-            "wind_sd": float(np.sqrt(np.trace(now.wind_cov) / 2.0)),
-            "energy": None if self.problem.energy is None else self.energy,
-            "energy_needed": self._energy_needed(), "heard_wind": self.heard_wind and list(self.heard_wind),
-            "battery": self.battery if math.isfinite(self.battery) else None, **self._next_goal(),
-        }  # fmt: skip
+        return event_of(
+            "status", self.time, step=step, **self.placed(now.mean), **self._ellipse(now.cov),
+            corridor=float(np.sqrt(gap @ np.linalg.solve(spread, gap))), law=LAW, failure=fails / flights,
+            low=low, high=high, fails=fails, flights=flights, promised=promise and promise.rate.failure,
+            wind=now.wind.tolist(), wind_from=self._wind_from(now.wind),
+            wind_sd=float(np.sqrt(np.trace(now.wind_cov) / 2.0)),
+            energy=None if self.problem.energy is None else self.energy,
+            energy_needed=self._energy_needed(), heard_wind=self.heard_wind and list(self.heard_wind),
+            battery=self.battery if math.isfinite(self.battery) else None, **self._next_goal(),
+        )  # fmt: skip
 
     def _planned_place(self) -> tuple[FloatArray, FloatArray]:
         """Expected position (2,) [m] and its covariance (2, 2) [m²] now by the plan, linear along a leg."""

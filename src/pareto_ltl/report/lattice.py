@@ -12,13 +12,8 @@ ARROWS_ALONG = 13  # wind arrows along the longer side of the map
 
 def interpolate_slots(times: FloatArray, values: FloatArray, t: float) -> FloatArray:
     """``values`` (K, ...) at ``t`` [s], linear between ``times`` (K,) [s] and constant outside of them."""
-    t = float(np.clip(t, times[0], times[-1]))
-    k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, max(0, len(times) - 2)))
-    if len(times) == 1:
-        return np.asarray(values[0], float)
-    w = (t - times[k]) / (times[k + 1] - times[k])
-    mixed: FloatArray = (1.0 - w) * values[k] + w * values[k + 1]
-    return mixed
+    weights = [np.interp(t, times, slot) for slot in np.eye(len(times))]
+    return np.asarray(np.tensordot(weights, values, 1), float)
 
 
 def lattice_nodes(wind: WindField) -> tuple[FloatArray, FloatArray]:

@@ -20,7 +20,7 @@ from pareto_ltl.simulation.flights import failure_times
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
-from pareto_ltl.support.medium import AIR, Medium
+from pareto_ltl.support.medium import Medium
 from pareto_ltl.world.projection import utc_times
 from pareto_ltl.world.scene import Scene
 
@@ -136,9 +136,9 @@ def plan_lines(
     plan: Plan,
     flown: Deployment,
     legs: Sequence[Leg],
+    medium: Medium,
     *,
     each: bool = False,
-    medium: Medium = AIR,
 ) -> Iterator[str]:
     """Lines of text: mission, the legs towards each goal, the promise and the errors that it does not cover.
 
@@ -147,22 +147,18 @@ def plan_lines(
     one line each.
     """
     path, scene = plan.path, problem.scene
-    words = mission_in_words(plan.formula)
+    words, flows, utc = mission_in_words(plan.formula), medium.flows, utc_times(scene.time_zero, path.t)
     yield f"mission: {words or plan.formula}" + (f"   [{plan.formula}]" if words else "")
     yield (
         f"plan: {distance_text(path.objectives.length)} in {float(path.t[-1] - path.t[0]) / 3600:.2f} h, "
         f"{len(path.u)} legs, {medium.speed} {plan.u_min:g} to {plan.u_max:g} m/s"
         + "".join(f", {cost_named(name).text(cost)}" for name, cost in path.objectives.further_costs.items())
-        + (f", departure {utc[0]}" if (utc := utc_times(scene.time_zero, path.t)) else "")
+        + (f", departure {utc[0]}" if utc else "")
     )
-    yield (
-        f"failed: share of {len(flown.x):,} simulated flights that have failed by the end of the leg, "
-        f"{flown.law} {medium.flows}"
-    )
-    yield (
-        f"sd: standard deviation of the position, and of the {medium.flow}, {problem.fidelity.law} "
-        f"{medium.flows}"
-    )
+    failed = "simulated flights that have failed by the end of the leg"
+    yield f"failed: share of {len(flown.x):,} {failed}, {flown.law} {flows}"
+    sd = f"standard deviation of the position, and of the {medium.flow}"
+    yield f"sd: {sd}, {problem.fidelity.law} {flows}"
     for first, last in _stretches(path):
         yield ""
         yield _goal_line(problem, path, first, last)
@@ -204,20 +200,14 @@ def _legs_line(legs: Sequence[Leg], medium: Medium) -> str:
 
 def _course_text(legs: Sequence[Leg], medium: Medium) -> str:
     """Mean heading, airspeed and expected wind; on a map without a place there are no directions."""
-    air, wind, sd = (
-        float(np.mean([getattr(leg, name) for leg in legs])) for name in ("airspeed", "wind", "wind_sd")
-    )
-    digits = speed_digits(max(air, wind))
+    means = np.mean([(leg.airspeed, leg.wind, leg.wind_sd) for leg in legs], axis=0).tolist()
+    digits = speed_digits(max(means[:2]))
+    air, wind, sd = (f"{mean:.{digits}f}" for mean in means)
     if np.isnan(legs[0].wind_from):
-        return f"{air:.{digits}f} m/s; {medium.flow} {wind:.{digits}f} m/s (sd {sd:.{digits}f})"
-    heading, source = (
-        _mean_angle([getattr(leg, name) for leg in legs]) for name in ("heading_true", "wind_from")
-    )
+        return f"{air} m/s; {medium.flow} {wind} m/s (sd {sd})"
+    heading, source = map(_mean_angle, zip(*((leg.heading_true, leg.wind_from) for leg in legs), strict=True))
     course = "drifting" if np.isnan(heading) else f"heading {heading:05.1f} true"
-    return (
-        f"{course}, {air:.{digits}f} m/s; {medium.flow} {wind:.{digits}f} m/s from {source:03.0f} "
-        f"(sd {sd:.{digits}f})"
-    )
+    return f"{course}, {air} m/s; {medium.flow} {wind} m/s from {source:03.0f} (sd {sd})"
 
 
 def _mean_angle(degrees: Sequence[float]) -> float:
@@ -267,21 +257,20 @@ def _courses(problem: Problem, path: PlannedPath) -> list[tuple[float, float, fl
 
 def _promise_lines(plan: Plan, flown: Deployment, medium: Medium) -> Iterator[str]:
     """Promised rate, simulated rate, bound, and what the probabilities cover and do not cover."""
-    cost, models, promise = plan.path.objectives, plan.models, plan.promise
+    cost, models, promise, flows = plan.path.objectives, plan.models, plan.promise, medium.flows
+
+    def fails(rate: FailureRate) -> str:
+        return f"fails {rate_text(rate.failure, rate.low, rate.high)} of {rate.sample}, {rate.law} {flows}"
+
     if plan.alarmed:
         yield NO_PROMISE
     else:
         if promise is not None:
-            yield f"promised: fails {_rate_words(promise.rate, medium)}"
-        failed = int(flown.failed.sum())
-        yield f"simulated: fails {_rate_words(counted_rate(flown.law, failed, len(flown.x)), medium)}"
-        bound = min(1.0, cost.mission_risk + cost.collision_risk)
-        what = f"upper bound of failures, {models.mission_symbol} + R"
-        yield f"{what}: {probability_text(bound)}, {models.law} {medium.flows}"
+            yield f"promised: {fails(promise.rate)}"
+        rate = counted_rate(flown.law, int(flown.failed.sum()), len(flown.x))
+        yield f"simulated: {fails(rate)}"
+        bound = probability_text(min(1.0, cost.mission_risk + cost.collision_risk))
+        yield f"upper bound of failures, {models.mission_symbol} + R: {bound}, {models.law} {flows}"
     for name, text in (("covered", plan.covered), ("not covered", plan.not_covered)):
         if text:
             yield f"{name}: {text}"
-
-
-def _rate_words(rate: FailureRate, medium: Medium) -> str:
-    return f"{rate_text(rate.failure, rate.low, rate.high)} of {rate.sample}, {rate.law} {medium.flows}"

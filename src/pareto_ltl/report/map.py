@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -14,65 +12,21 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pareto_ltl.planning.records import NO_PROMISE, Forest, Plan, Promise
-from pareto_ltl.report import style
+from pareto_ltl.report import map_layers, style
 from pareto_ltl.report.map_labels import dense_path
-from pareto_ltl.report.map_layers import (
-    DRAWN_VERTICES,
-    LANDMARK_LOOK,
-    OBSTACLE_LOOK,
-    REGION_LOOK,
-    TIMED_LOOK,
-    MapAxes,
-    draw_covariances,
-    draw_endpoints,
-    draw_flights,
-    draw_graticule,
-    draw_ground,
-    draw_mean_path,
-    map_axes,
-    name_regions,
-    number_obstacles,
-    tree_layer,
-)
+from pareto_ltl.report.map_layers import DRAWN_VERTICES, MapAxes, timed_obstacles, visited_outlines
 from pareto_ltl.report.records import DrawnRun
-from pareto_ltl.report.timed_places import timed_obstacles, visited_outlines
 from pareto_ltl.report.wind import draw_wind_arrows, flight_midpoint
 from pareto_ltl.settings import ReportConfig
-from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
-from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
 TEXT_LINE = 0.15  # height of a line of small text [in]
 HINTED = 1.05  # width of letters of a picture, at most, compared with their outlines
 LEFT = 0.10  # left edge of headings and legends [in]
 WEST = 0.50  # left edge of the map [in]
-
-
-@dataclass(frozen=True, slots=True)
-class _Sheet:
-    """Heights of the parts of the figure, from below [in]."""
-
-    keys: list[Artist]
-    flights: list[Artist]
-    title: list[str]
-    inner: float
-    height: float
-    windy: bool
-
-    @property
-    def legend_top(self) -> float:
-        return TEXT_LINE * (-(-len(self.keys) // 2) + _key_lines(self.flights)) + 0.08
-
-    @property
-    def bottom(self) -> float:
-        """Lower edge of the map; the scale of the wind arrows and the name of the axis are below it."""
-        return self.legend_top + (0.60 if self.windy else 0.42)
-
-    @property
-    def total(self) -> float:
-        return self.bottom + self.height + 0.26 + TEXT_LINE * len(self.title)
+SCALE_BELOW = 0.84  # below a map for its axis and a colour scale [in]
 
 
 def plan_figure(cfg: ReportConfig, run: DrawnRun, heading: Sequence[str] | None = None) -> Figure:
@@ -81,48 +35,49 @@ def plan_figure(cfg: ReportConfig, run: DrawnRun, heading: Sequence[str] | None 
     Without a plan the wind is that at departure, and the heading says why there is no plan; ``heading``
     replaces it. Every probability is given with its wind law.
     """
-    sheet = _sheet(cfg, run, _heading(run) if heading is None else fitted_heading(heading))
-    figure = style.blank_figure(style.COLUMN_WIDTH, sheet.total)
-    chart = map_axes(run.scene, style.axes_at(figure, WEST, sheet.bottom, sheet.inner, sheet.height))
-    draw_graticule(chart, run.scene)
+    keys, flights = _map_keys(cfg, run), _flight_keys(cfg, run)
+    legend = TEXT_LINE * (-(-len(keys) // 2) + _key_lines(flights)) + 0.08
+    below = legend + (0.42 if run.wind is None else 0.60)  # for the axis, and the scale of the wind arrows
+    figure, chart = column_map(run.scene, _heading(run) if heading is None else heading, below)
     _draw_layers(chart, cfg, run)
     if run.wind is not None:
         t, moment = flight_midpoint(run.plan)
         text = f"expected {run.medium.flow} {moment}"
-        draw_wind_arrows(chart, run.scene, run.wind, t, text, LEFT + 0.02, sheet.bottom - 0.46)
-    below = _add_legend(figure, sheet.flights, sheet.legend_top, columns=1)
-    _add_legend(figure, sheet.keys, below, columns=2)
-    for row, line in enumerate(reversed(sheet.title)):
-        place = sheet.bottom + sheet.height + 0.22 + TEXT_LINE * row
-        style.text_at(figure, LEFT, place, line, va="bottom")
+        draw_wind_arrows(chart, run.scene, run.wind, t, text, LEFT + 0.02, below - 0.46)
+    for entries, columns in ((flights, 1), (keys, 2)):
+        if entries:
+            style.legend_at(figure, entries, (LEFT, legend), columns, handlelength=1.6, columnspacing=1.2)
+            legend -= TEXT_LINE * _key_lines(entries)
     return figure
 
 
-def _sheet(cfg: ReportConfig, run: DrawnRun, title: list[str]) -> _Sheet:
-    inner, height = map_size(run.scene)
-    return _Sheet(_map_keys(cfg, run), _flight_keys(cfg, run), title, inner, height, run.wind is not None)
-
-
-def map_size(scene: Scene) -> tuple[float, float]:
-    """Width and height [in] of a map in a column."""
-    inner = style.COLUMN_WIDTH - WEST - (0.42 if scene.crs else 0.12)
-    span = np.ptp(scene.bounds, axis=0)
-    return inner, inner * float(np.clip(span[1] / span[0], 0.35, 1.6))
+def column_map(scene: Scene, heading: Sequence[str], below: float) -> tuple[Figure, MapAxes]:
+    """A figure of the width of a column: a map with ``heading`` above it, and ``below`` [in] below it."""
+    width, size = (style.COLUMN_WIDTH - 2 * LEFT) / HINTED, float(style.RC_SETTINGS["font.size"])
+    lines = [line for text in heading for line in style.fitted_lines(text, width, size)]
+    inner, span = style.COLUMN_WIDTH - WEST - (0.42 if scene.crs else 0.12), np.ptp(scene.bounds, axis=0)
+    tall = inner * float(np.clip(span[1] / span[0], 0.35, 1.6))
+    figure = style.blank_figure(style.COLUMN_WIDTH, below + tall + 0.26 + TEXT_LINE * len(lines))
+    for row, line in enumerate(reversed(lines)):
+        style.text_at(figure, LEFT, below + tall + 0.22 + TEXT_LINE * row, line, va="bottom")
+    chart = map_layers.map_axes(scene, style.axes_at(figure, WEST, below, inner, tall))
+    map_layers.draw_graticule(chart, scene)
+    return figure, chart
 
 
 def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun) -> None:
-    draw_ground(chart, run.scene, run.decomposition)
-    number_obstacles(chart, run.scene, "white")
+    map_layers.draw_ground(chart, run.scene, run.decomposition)
+    map_layers.number_obstacles(chart, run.scene, "white")
     if (forest := _shown_forest(cfg, run)) is not None:
-        chart.ax.add_collection(tree_layer(run.scene, forest), autolim=False)
+        map_layers.draw_trees(chart, forest)
     if run.plan is not None:
-        draw_covariances(chart, run.plan.path.x, run.plan.path.cov)
-    for deployment in _widest_first(run):
-        draw_flights(chart, deployment, cfg.paths)
+        map_layers.draw_covariances(chart, run.plan.path.x, run.plan.path.cov)
+    for flown in sorted(run.deployments.values(), key=lambda flown: -float(flown.x[:, -1].std(axis=0).sum())):
+        map_layers.draw_flights(chart, flown, cfg.paths)  # the widest spread first, below the others
     if run.plan is not None:
-        draw_mean_path(chart, run.plan.path.x)
-    draw_endpoints(chart, run.scene, run.plan)
-    name_regions(chart, run.scene, run.decomposition, taken_points(run.scene, run.plan))
+        map_layers.draw_mean_path(chart, run.plan.path.x)
+    map_layers.draw_endpoints(chart, run.scene, run.plan)
+    map_layers.name_regions(chart, run.scene, taken_points(run.scene, run.plan))
 
 
 def _shown_forest(cfg: ReportConfig, run: DrawnRun) -> Forest | None:
@@ -130,29 +85,22 @@ def _shown_forest(cfg: ReportConfig, run: DrawnRun) -> Forest | None:
     return run.forest if cfg.trees or run.plan is None else None
 
 
-def _widest_first(run: DrawnRun) -> list[Deployment]:
-    """Simulated flights, the law with the widest spread first, so that it does not cover the others."""
-    return sorted(run.deployments.values(), key=lambda d: -float(d.x[:, -1].std(axis=0).sum()))
+def draw_route(chart: MapAxes, scene: Scene, plan: Plan) -> None:
+    """Ground, the path with its ends, and the names of the regions beside them."""
+    map_layers.draw_ground(chart, scene, None)
+    map_layers.draw_mean_path(chart, plan.path.x)
+    map_layers.draw_endpoints(chart, scene, plan)
+    map_layers.name_regions(chart, scene, taken_points(scene, plan))
 
 
-def draw_route(chart: MapAxes, scene: Scene, decomposition: Decomposition | None, plan: Plan) -> None:
-    """Ground, graticule, the path with its ends, and the names of the regions beside them."""
-    draw_graticule(chart, scene)
-    draw_ground(chart, scene, None)
-    draw_mean_path(chart, plan.path.x)
-    draw_endpoints(chart, scene, plan)
-    name_regions(chart, scene, decomposition, taken_points(scene, plan))
-
-
-def draw_scale(
-    figure: Figure, layer: ScalarMappable, at: tuple[float, float, float], ticks: Mapping[float, str],
-    label: str,
-) -> None:  # fmt: skip
-    """The scale of the colours of ``layer`` with its axis below, at ``at`` (left, bottom, width) [in]."""
-    left, bottom, width = at
-    bar = figure.colorbar(
-        layer, cax=style.axes_at(figure, left, bottom, width, 0.08), orientation="horizontal"
-    )
+def draw_scale(chart: MapAxes, layer: ScalarMappable, ticks: Mapping[float, str], label: str) -> None:
+    """The scale of the colours of ``layer`` with its axis, below a map with ``SCALE_BELOW``."""
+    figure = chart.ax.figure
+    assert isinstance(figure, Figure)
+    box = chart.ax.get_position(original=True)
+    width, height = figure.get_size_inches()
+    place = style.axes_at(figure, WEST, box.y0 * height - 0.50, box.width * width, 0.08)
+    bar = figure.colorbar(layer, cax=place, orientation="horizontal")
     bar.set_ticks(list(ticks), labels=list(ticks.values()))
     bar.minorticks_off()
     bar.set_label(label)
@@ -183,16 +131,10 @@ def _heading(run: DrawnRun) -> list[str]:
         f"R ≤ {shown_probability(path.objectives.collision_risk)}",
         *promise_lines(run.plan.promise, run.medium.flows),
     ]
-    return fitted_heading([run.plan.formula, *lines])
+    return [run.plan.formula, *lines]
 
 
-def fitted_heading(texts: Sequence[str]) -> list[str]:
-    """``texts`` in lines that fit above the map."""
-    width, size = (style.COLUMN_WIDTH - 2 * LEFT) / HINTED, float(style.RC_SETTINGS["font.size"])
-    return [line for text in texts for line in style.fitted_lines(text, width, size)]
-
-
-def promise_lines(promise: Promise | None, flows: str = "winds") -> list[str]:
+def promise_lines(promise: Promise | None, flows: str) -> list[str]:
     """Failure rate of fresh flights, its upper limit, wind law and number of flights; empty without them."""
     if promise is None:
         return []
@@ -242,43 +184,35 @@ def flight_text(run: DrawnRun, law: str, count: int) -> str:
 def _flight_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
     """One entry for each wind law, and one for the flights that failed."""
     keys: list[Artist] = [
-        Line2D(
-            [],
-            [],
-            color=style.law_colour(law),
-            ls=style.law_dashes(law),
-            lw=1.0,
-            label=flight_text(run, law, cfg.paths),
-        )
+        Line2D([], [], color=style.law_colour(law), ls=style.law_dashes(law), lw=1.0,
+               label=flight_text(run, law, cfg.paths))
         for law in run.deployments
-    ]
+    ]  # fmt: skip
     if keys:
-        look: dict[str, Any] = {"marker": "x", "ms": 3.2, "mew": 0.7, "lw": 0.8}
-        keys.append(Line2D([], [], color=style.FAILED, label="flights that failed, with their ends", **look))
+        failed = "flights that failed, with their ends"
+        keys.append(Line2D([], [], color=style.FAILED, marker="x", ms=3.2, mew=0.7, lw=0.8, label=failed))
     return keys
 
 
 def _map_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
     """Entries of the legend for everything else on the map."""
-    keys: list[Artist] = []
-    look: dict[str, Any] = {"ls": "", "ms": 4, "mfc": "white", "mec": "black", "mew": 0.9}
+    start = Line2D([], [], label="start", **map_layers.START_LOOK)
+    keys: list[Artist] = [start]
     if run.plan is not None:
-        keys.append(Line2D([], [], color=style.BLACK, lw=1.3, label="planned path (mean)"))
-        law = run.plan.models.law
-        keys.append(
-            Patch(
-                fc=style.INK + "10",
-                ec=style.INK,
-                lw=0.5,
-                label=f"95 % of positions, {law} {run.medium.flows}",
-            )
-        )
-    keys.append(Line2D([], [], marker="o", label="start", **look))
-    if run.plan is not None:
-        keys.append(Line2D([], [], marker="s", label="end", **look))
+        law = f"{run.plan.models.law} {run.medium.flows}"
+        keys = [
+            Line2D([], [], color=style.BLACK, lw=1.3, label="planned path (mean)"),
+            Patch(fc=style.INK + "10", ec=style.INK, lw=0.5, label=f"95 % of positions, {law}"),
+            start,
+            Line2D([], [], label="end", **map_layers.END_LOOK),
+        ]
     keys += ground_keys(run.scene)
     if (forest := _shown_forest(cfg, run)) is not None:
-        keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=_vertices_text(forest)))
+        total = sum(map(len, forest.trees))
+        text = (
+            f"{total:,} vertices" if total <= DRAWN_VERTICES else f"{DRAWN_VERTICES:,} of {total:,} vertices"
+        )
+        keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=text))
     if run.decomposition is not None:
         keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))
     return keys
@@ -286,44 +220,16 @@ def _map_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
 
 def ground_keys(scene: Scene) -> list[Artist]:
     """Entries for regions, obstacles and landmarks; also for those that are active for a limited time."""
-    keys: list[Artist] = []
-    if visited_outlines(scene):
-        timed = any(name not in scene.forbidden for name in scene.windows)
-        keys.append(Patch(**REGION_LOOK, label="region, with times" if timed else "region"))
-    if scene.obstacles:
-        keys.append(Patch(**OBSTACLE_LOOK, label="obstacle"))
-    if timed_obstacles(scene):
-        keys.append(Patch(**TIMED_LOOK, label="obstacle for a time"))
-    if scene.landmarks:
-        keys.append(Patch(**LANDMARK_LOOK, label="landmark"))
-    return keys
-
-
-def _vertices_text(forest: Forest) -> str:
-    total = sum(map(len, forest.trees))
-    few = total <= DRAWN_VERTICES
-    return f"{total:,} vertices" if few else f"{DRAWN_VERTICES:,} of {total:,} vertices"
-
-
-def _add_legend(figure: Figure, keys: list[Artist], top: float, columns: int) -> float:
-    """A legend whose upper edge lies at ``top`` [in]; return where the next one begins."""
-    if not keys:
-        return top
-    w, h = figure.get_size_inches()
-    figure.legend(
-        handles=keys,
-        ncols=columns,
-        loc="upper left",
-        borderaxespad=0.0,
-        borderpad=0.0,
-        handlelength=1.6,
-        columnspacing=1.2,
-        labelspacing=0.35,
-        bbox_to_anchor=(LEFT / w, top / h),
+    timed = any(name not in scene.forbidden for name in scene.windows)
+    entries = (
+        (visited_outlines(scene), map_layers.REGION_LOOK, "region, with times" if timed else "region"),
+        (scene.obstacles, map_layers.OBSTACLE_LOOK, "obstacle"),
+        (timed_obstacles(scene), map_layers.TIMED_LOOK, "obstacle for a time"),
+        (scene.landmarks, map_layers.LANDMARK_LOOK, "landmark"),
     )
-    return top - TEXT_LINE * _key_lines(keys)
+    return [Patch(**look, label=label) for outlines, look, label in entries if outlines]
 
 
-def _key_lines(keys: list[Artist]) -> int:
+def _key_lines(keys: Sequence[Artist]) -> int:
     """Lines of text of a legend of one column."""
     return sum(str(key.get_label()).count("\n") + 1 for key in keys)

@@ -1,34 +1,38 @@
-"""Layers of a map figure: scene, cells, trees, paths, flights."""
+"""Layers of a map figure: scene, cells, trees, paths, flights. The axes of a map are in metres."""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.ticker import MaxNLocator
+from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from pareto_ltl.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl.planning.records import Forest, Plan
 from pareto_ltl.report import style
 from pareto_ltl.report.map_labels import (
     LEADING,
+    Lines,
+    area_on_map,
     covering_points,
-    fits_inside,
     label_half_size,
     label_position,
     line_height,
-    place_in_polygon,
+    places_inside,
 )
-from pareto_ltl.report.timed_places import time_lines, timed_obstacles, visited_outlines
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import in_kilometres
-from pareto_ltl.world.cells import Decomposition, convex_pieces
+from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.windows import Window, hours_text
 
 DRAWN_VERTICES = 12_000  # tree vertices drawn, at most: a second for 50,000, which merge into one grey area
 NAME_SIZE, TIME_SIZE = 8.5, 6.0  # font sizes of a region's name, and of its times [pt]
@@ -39,15 +43,21 @@ REGION_LOOK: dict[str, Any] = {"fc": style.GREEN + "30", "ec": style.GREEN, "lw"
 OBSTACLE_LOOK: dict[str, Any] = {"fc": "#6E6E6E", "ec": "#4A4A4A", "lw": 0.5}
 TIMED_LOOK: dict[str, Any] = {"fc": "#6E6E6E40", "ec": "#4A4A4A", "lw": 0.8, "ls": "--", "hatch": "/////"}
 LANDMARK_LOOK: dict[str, Any] = {"fc": "none", "ec": style.PURPLE, "lw": 0.9, "ls": "--"}
+START_LOOK: dict[str, Any] = {"marker": "o", "ls": "", "ms": 4, "mfc": "white", "mec": "black", "mew": 0.9}
+END_LOOK = START_LOOK | {"marker": "s"}
 
 
 @dataclass(frozen=True, slots=True)
 class MapAxes:
-    """Axes of a map with equal scales; ``per_metre`` is the number of ``unit`` in a metre."""
+    """Axes of a map in metres with equal scales."""
 
     ax: Axes
-    unit: str
-    per_metre: float
+
+    def inches_per_metre(self) -> float:
+        """Size of a metre of the map in the figure."""
+        figure, (west, east) = self.ax.figure, self.ax.get_xlim()
+        assert isinstance(figure, Figure)
+        return self.ax.get_position().width * float(figure.get_size_inches()[0]) / (east - west)
 
 
 def length_unit(scene: Scene) -> tuple[str, float]:
@@ -58,12 +68,15 @@ def length_unit(scene: Scene) -> tuple[str, float]:
 def map_axes(scene: Scene, ax: Axes) -> MapAxes:
     """Set limits, labels and ticks of ``ax`` for the bounds of ``scene``."""
     unit, per_metre = length_unit(scene)
-    (west, south), (east, north) = scene.bounds * per_metre
+    (west, south), (east, north) = scene.bounds
     ax.set(xlim=(west, east), ylim=(south, north), xlabel=f"east [{unit}]", ylabel=f"north [{unit}]")
     ax.set_aspect("equal", adjustable="box", anchor="SW")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
-    return MapAxes(ax, unit, per_metre)
+        axis.set_major_formatter(
+            FuncFormatter(lambda x, _: f"{x * per_metre:.6g}".replace("-", "\N{MINUS SIGN}"))
+        )
+    return MapAxes(ax)
 
 
 def draw_graticule(chart: MapAxes, scene: Scene) -> None:
@@ -76,41 +89,45 @@ def draw_graticule(chart: MapAxes, scene: Scene) -> None:
     x, y = np.linspace(west, east, 101), np.linspace(south, north, 101)
     lon = np.unwrap(to_geographic(scene.crs, np.column_stack([x, np.full_like(x, north)]))[0], period=360.0)
     lat = to_geographic(scene.crs, np.column_stack([np.full_like(y, east), y]))[1]
-    meridians = [
-        (p, style.degree_text((d + 180.0) % 360.0 - 180.0, "E", "W"))
-        for p, d in style.round_crossings(x, lon)
-    ]
-    parallels = [(p, style.degree_text(d, "N", "S")) for p, d in style.round_crossings(y, lat)]
-    for axis, marks in (
-        (chart.ax.secondary_xaxis("top").xaxis, meridians),
-        (chart.ax.secondary_yaxis("right").yaxis, parallels),
+    for axis, along, degrees, signs in (
+        (chart.ax.secondary_xaxis("top").xaxis, x, lon, ("E", "W")),
+        (chart.ax.secondary_yaxis("right").yaxis, y, lat, ("N", "S")),
     ):
-        axis.set_ticks([place * chart.per_metre for place, _ in marks], [text for _, text in marks])
+        order, (low, high) = np.argsort(degrees), (degrees.min(), degrees.max())
+        ticks = MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high) if high > low else np.empty(0)
+        marks = np.array([tick for tick in ticks if low <= tick <= high])
+        texts = [_degree_text((round(mark, 6) + 180.0) % 360.0 - 180.0, signs) for mark in marks]
+        axis.set_ticks(np.interp(marks, degrees[order], along[order]), texts)
         axis.set_tick_params(pad=1.5, colors=style.STONE, labelsize=6.0)
+
+
+def _degree_text(value: float, signs: tuple[str, str]) -> str:
+    """``92°W`` for -92 and the signs of east and west."""
+    side = "" if value == 0.0 else signs[0] if value > 0.0 else signs[1]
+    return f"{abs(value):g}°{side}"
 
 
 def draw_polygons(chart: MapAxes, polygons: Iterable[FloatArray], **look: Any) -> None:
     """``polygons`` (n, 2) [m] each, with the properties ``look`` of a PolyCollection."""
-    collection = PolyCollection([polygon * chart.per_metre for polygon in polygons], **look)
-    chart.ax.add_collection(collection, autolim=False)
+    chart.ax.add_collection(PolyCollection(list(polygons), **look), autolim=False)
 
 
 def draw_lines(chart: MapAxes, lines: Iterable[FloatArray], **look: Any) -> None:
     """``lines`` (n, 2) [m] each, as pixels in vector files, with the properties ``look``."""
-    chart.ax.add_collection(line_layer(lines, chart.per_metre, **look), autolim=False)
+    chart.ax.add_collection(LineCollection(list(lines), rasterized=True, **look), autolim=False)
 
 
-def line_layer(lines: Iterable[FloatArray], per_metre: float, **look: Any) -> LineCollection:
-    """``lines`` (n, 2) [m] each in the unit of a map that has ``per_metre`` of them in a metre."""
-    return LineCollection([line * per_metre for line in lines], rasterized=True, **look)
+def draw_text(chart: MapAxes, place: FloatArray, text: str, **look: Any) -> None:
+    """``text`` centred at ``place`` (2,) [m]."""
+    plain: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 9, "parse_math": False}
+    x, y = place.tolist()
+    chart.ax.text(x, y, text, **(plain | look))
 
 
 def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition | None) -> None:
     """Cells dotted, obstacles filled (hatched if for a time), landmarks dashed, regions outlined."""
     cells = () if decomposition is None else decomposition.cells
-    draw_polygons(
-        chart, cells, facecolors="none", edgecolors=style.MIST, linewidths=0.35, linestyles=":", zorder=1.5
-    )
+    draw_polygons(chart, cells, fc="none", ec=style.MIST, lw=0.35, ls=":", zorder=1.5)
     draw_polygons(chart, scene.obstacles, **OBSTACLE_LOOK, zorder=3)
     draw_polygons(chart, timed_obstacles(scene), **TIMED_LOOK, zorder=2.9)
     draw_polygons(chart, scene.landmarks, **LANDMARK_LOOK, zorder=2.6)
@@ -119,66 +136,50 @@ def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition | Non
 
 def number_obstacles(chart: MapAxes, scene: Scene, colour: str) -> None:
     """The name of each obstacle in which it fits, or else its number, by which texts name it too."""
-    scale = metres_per_inch(chart)
+    scale = 1.0 / chart.inches_per_metre()
     names = scene.obstacle_names or ("",) * len(scene.obstacles)
     for number, (outline, name) in enumerate(zip(scene.obstacles, names, strict=True), 1):
-        fitting = (
-            (text, place) for text in (name, str(number))
-            if text
-            and (
-                place := place_in_polygon(outline, label_half_size([(text, TIME_SIZE)], scale), scene.bounds)
-            ) is not None
-        )  # fmt: skip
-        if (found := next(fitting, None)) is None:
-            continue
-        label, (x, y) = found[0], found[1] * chart.per_metre
-        chart.ax.text(
-            x,
-            y,
-            label,
-            color=colour,
-            fontsize=TIME_SIZE,
-            ha="center",
-            va="center",
-            zorder=3.1,
-            clip_on=True,
-        )
+        area = area_on_map([outline], scene.bounds)
+        for text in filter(None, (name, str(number))):
+            half = label_half_size([(text, TIME_SIZE)], scale)
+            if len(places_inside(area, half)):
+                place = label_position(area, half, scene.bounds)
+                draw_text(chart, place, text, color=colour, fontsize=TIME_SIZE, zorder=3.1, clip_on=True)
+                break
 
 
 def name_regions(
-    chart: MapAxes,
-    scene: Scene,
-    decomposition: Decomposition | None,
-    taken: FloatArray | None = None,
-    *,
-    times: bool = True,
+    chart: MapAxes, scene: Scene, taken: FloatArray | None = None, *, times: bool = True
 ) -> None:
     """Names and times of the regions, at places that do not cover the points ``taken`` (n, 2) [m].
 
     Without ``times`` only the names are drawn, for a map of several departures.
     """
-    scale = metres_per_inch(chart)
+    scale = 1.0 / chart.inches_per_metre()
     smallest = label_half_size([("a", TIME_SIZE)], scale)
-    grounds = [
+    blocked = [
         covering_points(outline, smallest)
         for outline in (*scene.obstacles, *timed_obstacles(scene), *visited_outlines(scene), *scene.landmarks)
     ]
-    written: list[FloatArray] = []
-    named = {
-        name: _convex_region(scene, decomposition, name) for name, there in scene.regions.items() if there
-    }
+    areas = {name: area_on_map(there, scene.bounds, scene.obstacles) for name, there in scene.regions.items()}
     texts = {
         name: [(name, NAME_SIZE)] + [(text, TIME_SIZE) for text in _short_lines(scene, name) if times]
-        for name in named
+        for name, area in areas.items() if not area.is_empty
+    }  # fmt: skip
+    outside = {
+        name: not len(places_inside(areas[name], label_half_size(lines[:1], scale)))
+        for name, lines in texts.items()
     }
-    inside = {
-        name: fits_inside(parts, label_half_size(texts[name][:1], scale)) for name, parts in named.items()
-    }
-    for name in sorted(named, key=lambda name: not inside[name]):  # the others avoid those that are inside
-        lines, half = texts[name], label_half_size(texts[name], scale)
-        blocked = np.vstack([*grounds, *written]) if grounds or written else None
-        place = _label_place(named[name], lines, scale, taken, scene.bounds, blocked)
-        written.append(covering_points(place + half * CORNERS, smallest))
+    for name in sorted(texts, key=outside.__getitem__):  # the others avoid those that are inside
+        lines, area = texts[name], areas[name]
+        whole, first = label_half_size(lines, scale), label_half_size(lines[:1], scale)
+        if outside[name] or len(lines) == 1 or len(places_inside(area, whole)):
+            place = label_position(area, whole, scene.bounds, taken, np.vstack(blocked))
+        else:  # only the first line lies inside
+            place = label_position(area, first, scene.bounds, taken) - [0.0, whole[1] - first[1]]
+            low, high = scene.bounds
+            place = np.clip(place, low + whole, np.maximum(low, high - whole))
+        blocked.append(covering_points(place + whole * CORNERS, smallest))
         _write_lines(chart, place, lines, "#333333" if name in scene.forbidden else "#00523C")
 
 
@@ -187,81 +188,40 @@ def _short_lines(scene: Scene, name: str) -> list[str]:
     return [part for line in time_lines(scene, name) for part in FORBIDDEN.split(line, maxsplit=1)]
 
 
-def _label_place(
-    parts: Sequence[FloatArray],
-    lines: Sequence[tuple[str, float]],
-    scale: float,
-    taken: FloatArray | None,
-    bounds: FloatArray,
-    blocked: FloatArray | None,
-) -> FloatArray:
-    """Centre (2,) [m] of ``lines``: inside the region, or with only the first line inside, or beside it.
-
-    ``scale`` is the scale of the map [m/in].
-    """
-    whole, first = label_half_size(lines, scale), label_half_size(lines[:1], scale)
-    if len(lines) > 1 and not fits_inside(parts, whole) and fits_inside(parts, first):
-        below = np.array([0.0, whole[1] - first[1]])
-        place = label_position(parts, first, taken) - below
-        return np.asarray(np.clip(place, bounds[0] + whole, np.maximum(bounds[0], bounds[1] - whole)), float)
-    return label_position(parts, whole, taken, bounds, blocked)
-
-
-def _convex_region(scene: Scene, decomposition: Decomposition | None, name: str) -> Sequence[FloatArray]:
-    """Convex parts of a region, or its outlines if there are none."""
-    if decomposition is not None:
-        return decomposition.regions.get(name, scene.regions[name])
-    from shapely import Polygon
-
-    return convex_pieces(scene, map(Polygon, scene.regions[name])) or scene.regions[name]
-
-
-def _write_lines(chart: MapAxes, place: FloatArray, lines: Sequence[tuple[str, float]], colour: str) -> None:
-    """``lines`` (text, size [pt]) centred at ``place`` (2,) [m], the first of them bold."""
+def _write_lines(chart: MapAxes, place: FloatArray, lines: Lines, colour: str) -> None:
+    """``lines`` centred at ``place`` (2,) [m], the first of them bold."""
     sizes = [size for _, size in lines]
-    look: dict[str, Any] = {"ha": "center", "color": colour, "parse_math": False, "zorder": 9}
     for k, (text, size) in enumerate(lines):
-        below = line_height(sizes) / 2 - LEADING * sum(sizes[:k]) / 72.0 - 0.375 * size / 72.0
-        x, y = (place + np.array([0.0, below]) * metres_per_inch(chart)) * chart.per_metre
-        weight = "bold" if k == 0 else "normal"
-        halo = style.white_halo(2.0 if k == 0 else 1.4)
-        chart.ax.text(x, y, text, fontsize=size, fontweight=weight, va="center", path_effects=halo, **look)
+        above = line_height(sizes) / 2 - LEADING * sum(sizes[:k]) / 72.0 - 0.375 * size / 72.0
+        there = place + np.array([0.0, above / chart.inches_per_metre()])
+        look = {"fontsize": size, "fontweight": "normal" if k else "bold", "color": colour}
+        draw_text(chart, there, text, path_effects=style.white_halo(1.4 if k else 2.0), **look)
 
 
-def metres_per_inch(chart: MapAxes) -> float:
-    """Metres on the map for an inch of the figure."""
-    west, east = chart.ax.get_xlim()
-    figure = chart.ax.figure
-    inches = chart.ax.get_position().width * float(figure.get_size_inches()[0])  # type: ignore[union-attr]
-    return (east - west) / chart.per_metre / inches
+def draw_trees(chart: MapAxes, forest: Forest, limit: int = DRAWN_VERTICES) -> None:
+    """Edges of all trees, of each the oldest ``limit / trees`` vertices; the more, the more transparent.
 
-
-def tree_edges(forest: Forest, limit: int = DRAWN_VERTICES) -> FloatArray:
-    """Edges (n, 2, 2) [m] of all trees; of each tree the oldest ``limit / trees`` vertices."""
+    25,000 of them take 0.1 s.
+    """
     share = max(1, limit // max(1, len(forest.trees)))
-    pieces = []
+    pieces = [np.empty((0, 2, 2))]
     for tree in forest.trees:
         child = np.flatnonzero(tree.parent[:share] >= 0)
         pieces.append(np.stack([tree.x[tree.parent[child]], tree.x[child]], axis=1))
-    return np.concatenate(pieces) if pieces else np.empty((0, 2, 2))
-
-
-def tree_layer(scene: Scene, forest: Forest) -> LineCollection:
-    """All edges of :func:`tree_edges`; the more there are, the more transparent. 0.1 s for 25,000 of them."""
-    lines = tree_edges(forest)
+    lines = np.concatenate(pieces)
     alpha = float(np.clip(2500.0 / max(1, len(lines)), 0.10, 0.5))
-    look: dict[str, Any] = {"colors": style.STONE, "linewidths": 0.3, "alpha": alpha, "zorder": 1.0}
-    return line_layer(lines, length_unit(scene)[1], **look)
+    draw_lines(chart, lines, colors=style.STONE, linewidths=0.3, alpha=alpha, zorder=1.0)
 
 
 def draw_covariances(chart: MapAxes, x: FloatArray, cov: FloatArray) -> None:
     """95 % ellipses of about ``DRAWN_ELLIPSES`` steps, the last one included."""
     stride = max(1, -(-(len(x) - 1) // DRAWN_ELLIPSES))
     rows = np.arange(len(x) - 1, 0, -stride)
-    outlines = style.confidence_ellipses(x[rows], cov[rows])
-    draw_polygons(
-        chart, outlines, facecolors=style.INK + "10", edgecolors=style.INK, linewidths=0.5, zorder=5
-    )
+    major, minor, azimuth = axes_of(cov[rows])
+    scale, turns = 2.0 * ellipse_scale(0.95), 90.0 - np.rad2deg(azimuth)
+    look: dict[str, Any] = {"fc": style.INK + "10", "ec": style.INK, "lw": 0.5, "zorder": 5}
+    look |= {"units": "xy", "offsets": x[rows], "offset_transform": chart.ax.transData}
+    chart.ax.add_collection(EllipseCollection(scale * major, scale * minor, turns, **look), autolim=False)
 
 
 def draw_flights(chart: MapAxes, deployment: Deployment, count: int) -> None:
@@ -269,39 +229,64 @@ def draw_flights(chart: MapAxes, deployment: Deployment, count: int) -> None:
 
     The flights are not selected: the share of failed ones in the figure estimates the failure rate.
     """
-    law, flights = deployment.law, deployment.x[:count]
-    good = ~deployment.failed[:count]
-    flown: dict[str, Any] = {"colors": style.law_colour(law), "linestyles": [style.law_dashes(law)]}
-    draw_lines(chart, flights[good], **flown, linewidths=0.45, alpha=0.6, zorder=4.5)
-    failed: dict[str, Any] = {"colors": style.FAILED, "linestyles": [style.law_dashes(law)]}
-    draw_lines(chart, flights[~good], **failed, linewidths=0.5, alpha=0.7, zorder=4.6)
-    ends = flights[~good][:, -1] * chart.per_metre
-    chart.ax.plot(*ends.T, "x", color=style.FAILED, ms=3.2, mew=0.7, zorder=6.5)
+    law, flights, failed = deployment.law, deployment.x[:count], deployment.failed[:count]
+    dashes: dict[str, Any] = {"linestyles": [style.law_dashes(law)]}
+    colour = style.law_colour(law)
+    draw_lines(chart, flights[~failed], **dashes, colors=colour, linewidths=0.45, alpha=0.6, zorder=4.5)
+    draw_lines(chart, flights[failed], **dashes, colors=style.FAILED, linewidths=0.5, alpha=0.7, zorder=4.6)
+    chart.ax.plot(*flights[failed][:, -1].T, "x", color=style.FAILED, ms=3.2, mew=0.7, zorder=6.5)
 
 
 def draw_mean_path(chart: MapAxes, x: FloatArray) -> None:
     """The expected positions ``x`` (T+1, 2) [m] as a line."""
-    chart.ax.plot(
-        *(x * chart.per_metre).T,
-        color=style.BLACK,
-        lw=1.3,
-        zorder=6,
-        path_effects=style.white_halo(2.2),
-        solid_joinstyle="round",
-    )
+    look: dict[str, Any] = {"path_effects": style.white_halo(2.2), "solid_joinstyle": "round"}
+    chart.ax.plot(*x.T, color=style.BLACK, lw=1.3, zorder=6, **look)
 
 
 def draw_endpoints(chart: MapAxes, scene: Scene, plan: Plan | None) -> None:
     """A circle at the start, and a square at the last expected position of ``plan``."""
-    marks = [(scene.start, "o", 4.0)] + ([(plan.path.x[-1], "s", 4.0)] if plan is not None else [])
-    for place, marker, size in marks:
-        chart.ax.plot(
-            *(place * chart.per_metre),
-            marker=marker,
-            ms=size,
-            mfc="white",
-            mec="black",
-            mew=0.9,
-            zorder=9.5,
-            clip_on=False,
-        )
+    chart.ax.plot(*scene.start, **START_LOOK, zorder=9.5, clip_on=False)
+    if plan is not None:
+        chart.ax.plot(*plan.path.x[-1], **END_LOOK, zorder=9.5, clip_on=False)
+
+
+# --- regions and obstacles that are active for a limited time ------------------------------------
+
+
+def timed_obstacles(scene: Scene) -> tuple[FloatArray, ...]:
+    """Outlines of all regions that are forbidden for a limited time."""
+    barred = {scene.windows[name].region for name in scene.forbidden}
+    return tuple(outline for name in scene.regions if name in barred for outline in scene.regions[name])
+
+
+def visited_outlines(scene: Scene) -> tuple[FloatArray, ...]:
+    """Outlines of the regions that a mission can visit: all that are not forbidden for a limited time."""
+    free = (name for name in scene.regions if name not in scene.forbidden)
+    return tuple(outline for name in free for outline in scene.regions[name])
+
+
+def time_lines(scene: Scene, region: str) -> list[str]:
+    """When ``region`` is active or forbidden, one line for each window.
+
+    Examples are ``until 6 h`` and ``forbidden 3 to 5 h``. The line of a window that makes a proposition of
+    another name begins with that name.
+    """
+    lines = []
+    for name, window in scene.windows.items():
+        if window.region == region:
+            use = "forbidden" if name in scene.forbidden else name if name != region else ""
+            lines.append(f"{use} {short_span(window)}".strip())
+    return lines
+
+
+def short_span(window: Window) -> str:
+    """The times of a window after departure, abbreviated: ``3 to 5 h``, ``until 6 h``, ``from 90 min``."""
+    if window.begin <= 0.0 and math.isinf(window.end):
+        return "at any time"
+    if window.begin <= 0.0:
+        return f"until {hours_text(window.end)}"
+    if math.isinf(window.end):
+        return f"from {hours_text(window.begin)}"
+    first, last = hours_text(window.begin), hours_text(window.end)
+    unit = last.rpartition(" ")[2]
+    return f"{first.removesuffix(f' {unit}')} to {last}"

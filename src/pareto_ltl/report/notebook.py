@@ -19,11 +19,11 @@ from pareto_ltl.logic.picture import automaton_figure
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Front, Plan, PlannedPath, Tree
 from pareto_ltl.report import style
-from pareto_ltl.report.frames import frames_figure
 from pareto_ltl.report.front import front_figure
 from pareto_ltl.report.lattice import lattice_nodes
 from pareto_ltl.report.map import plan_figure
-from pareto_ltl.report.map_layers import MapAxes, draw_mean_path, length_unit
+from pareto_ltl.report.map_layers import MapAxes, draw_mean_path
+from pareto_ltl.report.plan_maps import frames_figure
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.report.wind import utc_text, wind_panels
 from pareto_ltl.settings import ReportConfig
@@ -112,8 +112,8 @@ def replanned_drawing(plan: Plan, rest: PlannedPath, scene: Scene | None = None)
     with style.report_style():
         ground = scene or _ground_around(plan.path.x, rest.x)
         figure = _plan_chart(plan, ground)
-        chart = _chart_of(figure, ground)
-        (line,) = chart.ax.plot(*(rest.x * chart.per_metre).T, **REST_LOOK, zorder=5.5)
+        chart = MapAxes(figure.axes[0])
+        (line,) = chart.ax.plot(*rest.x.T, **REST_LOOK, zorder=5.5)
         chart.ax.legend(handles=[line], labels=["rest of the old plan"], frameon=True, edgecolor="none")
         return Drawing(figure)
 
@@ -134,9 +134,9 @@ def _path_chart(path: PlannedPath, scene: Scene | None) -> Figure:
     """The expected positions without ellipses: a path has no record of the wind law of its covariances."""
     ground = scene or _ground_around(path.x)
     figure = _map_chart([", ".join(f"{name} {value}" for name, value in path.facts().items())], ground)
-    chart = _chart_of(figure, ground)
+    chart = MapAxes(figure.axes[0])
     draw_mean_path(chart, path.x)
-    chart.ax.plot(*(path.x[-1] * chart.per_metre), "s", mfc="white", mec="black", ms=4, mew=0.9, zorder=9.5)
+    chart.ax.plot(*path.x[-1], "s", mfc="white", mec="black", ms=4, mew=0.9, zorder=9.5)
     return figure
 
 
@@ -212,8 +212,3 @@ def _ground_around(*points: FloatArray) -> Scene:
     low, high = rows.min(axis=0), rows.max(axis=0)
     margin = MARGIN * max(float((high - low).max()), 1.0)
     return Scene(np.array([low - margin, high + margin]), rows[0], {})
-
-
-def _chart_of(figure: Figure, scene: Scene) -> MapAxes:
-    """The axes of a map, to draw more on them."""
-    return MapAxes(figure.axes[0], *length_unit(scene))

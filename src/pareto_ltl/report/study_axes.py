@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -98,18 +98,3 @@ def law_keys(laws: Sequence[str], before: str, after: str = "", **look: Any) -> 
         )
         for law in laws
     ]  # fmt: skip
-
-
-def legend_at(
-    figure: Figure,
-    keys: Sequence[Artist],
-    corner: tuple[float, float],
-    columns: int,
-    loc: Literal["upper left", "lower left"] = "upper left",
-) -> None:
-    """Legend with ``columns``, whose corner ``loc`` is at ``corner`` [in] of the figure."""
-    w, h = figure.get_size_inches()
-    figure.legend(
-        handles=list(keys), ncols=columns, loc=loc, bbox_to_anchor=(corner[0] / w, corner[1] / h),
-        borderaxespad=0.0, borderpad=0.0, handlelength=1.8, columnspacing=1.1, labelspacing=0.35,
-    )  # fmt: skip

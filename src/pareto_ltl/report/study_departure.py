@@ -173,7 +173,7 @@ def _draw_routes(
     for shade, (time, x) in zip(shades, sorted(routes.items()), strict=True):
         wide = time == best
         chart.ax.plot(
-            *(x * chart.per_metre).T, color=shade, lw=2.2 if wide else 1.0, zorder=7 if wide else 6,
+            *x.T, color=shade, lw=2.2 if wide else 1.0, zorder=7 if wide else 6,
             path_effects=style.white_halo(3.4 if wide else 1.8), solid_joinstyle="round",
         )  # fmt: skip
         name = datetime.fromtimestamp(time, UTC).strftime("%d %HZ" if time % HOUR == 0 else "%d %H:%MZ")
@@ -181,7 +181,7 @@ def _draw_routes(
         keys.append(Line2D([], [], color=shade, lw=width, label=label))
     map_layers.draw_endpoints(chart, scene, None)
     taken = np.concatenate([dense_path(x) for x in routes.values()])
-    map_layers.name_regions(chart, scene, decomposition, taken, times=False)
+    map_layers.name_regions(chart, scene, taken, times=False)
     w, h = figure.get_size_inches()
     figure.legend(
         handles=keys[:12], ncols=4, loc="upper left", bbox_to_anchor=(left / w, (bottom - 0.36) / h),

@@ -75,7 +75,7 @@ def sitl_figure(world: tuple[Scene, Decomposition], study: Study, drawn: int) ->
         label = f"{words}: {100 * numbers[f'{name}_failure']:.1f} % fail"
         keys.insert(0, Line2D([], [], color=colour, label=label))
     map_layers.draw_endpoints(chart, scene, None)
-    map_layers.name_regions(chart, scene, decomposition, flown.steps.x.mean(axis=0))
+    map_layers.name_regions(chart, scene, flown.steps.x.mean(axis=0))
     figure.legend(handles=keys, loc="upper left", bbox_to_anchor=(0.06, 1.0), ncol=2, frameon=False)
     law = flown.aircraft.law
     figure.text(0.63, 0.955, f"{len(flown.tracks)} pairs of flights, {law} winds", fontsize=7)

@@ -84,7 +84,7 @@ def comparison_figure(
         for line, text in enumerate(reversed(caption)):
             look: dict[str, Any] = {"fontweight": "bold"} if line == len(caption) - 1 else {"fontsize": 6.0}
             style.text_at(figure, left, bottom + height + 0.03 + 0.11 * line, text, va="bottom", **look)
-    shared.legend_at(figure, keys, (west - 0.02, 0.04), min(len(keys), MOST_KEYS), "lower left")
+    style.legend_at(figure, keys, (west - 0.02, 0.04), min(len(keys), MOST_KEYS), loc="lower left")
     return figure
 
 
@@ -93,14 +93,14 @@ def _draw_panel(
 ) -> None:
     """The map of one method: its planned path and flights of the first wind law."""
     draw_ground(chart, scene, decomposition)
-    name_regions(chart, scene, decomposition, dense_path(panel["x"]) if panel["planned"] else None)
+    name_regions(chart, scene, dense_path(panel["x"]) if panel["planned"] else None)
     if panel["planned"]:
         flights = next(iter(panel["flights"].values()))  # flights of two laws would cover each other
         draw_flights(chart, flights, cfg.paths)
         halo = style.white_halo(1.8)
-        chart.ax.plot(*(panel["x"] * chart.per_metre).T, **PLANNED, zorder=6, path_effects=halo)
+        chart.ax.plot(*panel["x"].T, **PLANNED, zorder=6, path_effects=halo)
     start: dict[str, Any] = {"marker": "o", "ms": 4, "mfc": "white", "mec": "black", "mew": 0.9, "zorder": 8}
-    chart.ax.plot(*(scene.start * chart.per_metre), **start)
+    chart.ax.plot(*scene.start, **start)
 
 
 def _panel_caption(panel: FigureRow) -> list[str]:
@@ -161,7 +161,7 @@ def outcomes_figure(rows: Sequence[FigureRow], each: Sequence[FigureRow]) -> Fig
         (9, 1.6, shared.BOUND_COLOUR, "V + R as planned (mean)"),
     ):
         keys.append(Line2D([], [], ls="", marker="|", ms=size, mew=width, color=colour, label=label))
-    shared.legend_at(figure, keys, (0.2, height - 0.05), 2 if len(keys) > 3 else 3)
+    style.legend_at(figure, keys, (0.2, height - 0.05), 2 if len(keys) > 3 else 3)
     return figure
 
 
@@ -215,7 +215,7 @@ def convergence_figure(rows: Sequence[FigureRow], numbers: Mapping[str, float]) 
         *shared.law_keys(some, "missed, ", ms=3, lw=1.2),
         Patch(fc="#00000022", label=f"quartiles over {one[0]['seeds']} seeds"),
     ]
-    shared.legend_at(figure, keys, (0.55, height - 0.05), len(keys))
+    style.legend_at(figure, keys, (0.55, height - 0.05), len(keys))
     return figure
 
 
@@ -294,7 +294,7 @@ def ablation_figure(rows: Sequence[FigureRow], factors: Sequence[str]) -> Figure
     keys = shared.law_keys(shared.laws_of(rows), "failed, ", ms=3.5, lw=1.2)
     keys += [Line2D([], [], color=style.STONE, lw=1.0, ls=shared.BOUND_DASHES, label="bound (V + R)")]
     keys += [Line2D([], [], color=style.STONE, lw=2.5, alpha=0.5, label="quartiles over seeds")]
-    shared.legend_at(figure, keys, (west - 0.05, height - 0.05), len(keys) if columns > 1 else 2)
+    style.legend_at(figure, keys, (west - 0.05, height - 0.05), len(keys) if columns > 1 else 2)
     return figure
 
 

@@ -8,6 +8,7 @@ The colours are taken from Okabe and Ito (2008), which colour-blind readers can 
 from __future__ import annotations
 
 import io
+import logging
 import math
 import re
 import threading
@@ -21,15 +22,28 @@ from typing import Any
 
 import matplotlib.style
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager
+from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 
-from pareto_ltl.report.fonts import FIRST_FONT, MISSING, font_families, missing_letters_reported
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_bytes
+
+LOG = logging.getLogger(__name__)
+FIRST_FONT = "DejaVu Sans"  # comes with matplotlib: the same letters on every machine
+OTHER_FONTS = (  # of Linux, macOS and Windows, for letters that the first font does not have
+    "Noto Sans CJK JP", "Noto Sans CJK SC", "Noto Sans CJK KR", "Noto Sans JP", "Noto Sans SC",
+    "Noto Sans KR", "Noto Sans Devanagari", "Noto Sans Bengali", "Noto Sans Tamil", "Noto Sans Thai",
+    "Noto Sans Ethiopic", "Hiragino Sans", "PingFang SC", "Apple SD Gothic Neo", "Yu Gothic",
+    "Microsoft YaHei", "Malgun Gothic", "Nirmala UI", "WenQuanYi Zen Hei", "Arial Unicode MS",
+    "Unifont",
+)  # fmt: skip
+MISSING = r"Glyph (\d+) .*missing from font"
 
 COLUMN_WIDTH, PAGE_WIDTH = 3.5, 7.16  # widths of a column and of a page [in]
 
@@ -42,8 +56,6 @@ FAILED = "#7A0018"  # darker than any colour of a law, in grey too; failed fligh
 INK, STONE, MIST = "#333333", "#8C8C8C", "#B8B8B8"
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-CHI2_95 = -2.0 * math.log(0.05)  # 95 % quantile of χ² with two degrees of freedom: its tail is exp(-x/2)
 
 RC_SETTINGS: dict[str, Any] = {
     "font.family": [FIRST_FONT],
@@ -86,6 +98,29 @@ NO_ORIGIN: dict[str, dict[str, None]] = {  # metadata of a file without date and
 _STYLE_LOCK = threading.Lock()  # the settings of matplotlib are global to the process
 
 
+def font_families() -> list[str]:
+    """The fonts of figures that are installed: each letter is drawn by the first one that has it."""
+    installed = {font.name for font in fontManager.ttflist}
+    return [FIRST_FONT, *(name for name in OTHER_FONTS if name in installed)]
+
+
+@contextmanager
+def missing_letters_reported() -> Iterator[None]:
+    """In the block, letters that no font has are one warning of the log; they are drawn as boxes."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.filterwarnings("always", MISSING)
+        yield
+    missing = {chr(int(found[1])) for each in said if (found := re.match(MISSING, str(each.message)))}
+    for each in said:
+        if not re.match(MISSING, str(each.message)):
+            warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+    if missing:
+        LOG.warning(
+            "figures have boxes in place of %s, which no installed font has; install one that has them, "
+            "for example Noto Sans CJK", " ".join(sorted(missing)),
+        )  # fmt: skip
+
+
 @contextmanager
 def report_style() -> Iterator[None]:
     """Apply our settings and ignore the matplotlibrc of the user; one thread at a time."""
@@ -111,6 +146,26 @@ def text_at(figure: Figure, left: float, bottom: float, text: str, **kwargs: Any
     """Text at ``left``, ``bottom`` [in]; ``$`` and ``_`` have no special meaning."""
     w, h = figure.get_size_inches()
     figure.text(left / w, bottom / h, text, parse_math=False, **kwargs)
+
+
+def mark_key(label: str, marker: str, size: float, face: str, edge: str, width: float = 0.6) -> Line2D:
+    """An entry of a legend for a mark of ``size`` with an outline of ``width`` [pt]."""
+    return Line2D([], [], ls="", marker=marker, ms=size, mfc=face, mec=edge, mew=width, label=label)
+
+
+def legend_at(
+    figure: Figure, keys: Sequence[Artist], corner: tuple[float, float], columns: int, **look: Any
+) -> None:
+    """Legend with ``columns``, whose corner ``loc`` (default upper left) is at ``corner`` [in]."""
+    w, h = figure.get_size_inches()
+    plain: dict[str, Any] = {
+        "loc": "upper left", "borderaxespad": 0.0, "borderpad": 0.0, "handlelength": 1.8,
+        "columnspacing": 1.1, "labelspacing": 0.35,
+    }  # fmt: skip
+    at = (corner[0] / w, corner[1] / h)
+    legend = figure.legend(handles=list(keys), ncols=columns, bbox_to_anchor=at, **(plain | look))
+    for text in legend.get_texts():
+        text.set_parse_math(False)
 
 
 def white_halo(width: float = 1.6) -> list[withStroke]:
@@ -209,44 +264,3 @@ def log_axis_end(values: FloatArray, least: float = 1e-9) -> tuple[float, bool]:
     end = 10.0 ** (math.floor(math.log10(shown.min()) + 1e-9)) if len(shown) else least
     hidden = bool(np.any(values < end))
     return (max(end / 10.0, least) if hidden else end), hidden
-
-
-def confidence_ellipses(x: FloatArray, cov: FloatArray, corners: int = 48) -> FloatArray:
-    """Ellipses that contain 95 % of a Gaussian each, shape (n, corners, 2).
-
-        {y : (y - x)' Σ⁻¹ (y - x) = χ²₀.₉₅}
-
-    Parameters
-    ----------
-    x : (n, 2) float
-        Means.
-    cov : (n, 2, 2) float
-        Covariances Σ; a singular one gives a segment or a point.
-    """
-    values, vectors = np.linalg.eigh(cov)
-    roots = vectors * np.sqrt(CHI2_95 * np.clip(values, 0.0, None))[:, None, :]
-    angle = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    outlines: FloatArray = x[:, None, :] + circle @ roots.transpose(0, 2, 1)
-    return outlines
-
-
-def round_crossings(along: FloatArray, value: FloatArray, wanted: int = 4) -> list[tuple[float, float]]:
-    """Positions ``along`` an edge where the monotone ``value`` is round: pairs (position, value)."""
-    span = float(np.ptp(value))
-    if not span > 0:
-        return []
-    step = next(
-        s
-        for s in (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60)
-        if span / s <= wanted + 1 or s == 60
-    )
-    order = np.argsort(value)
-    marks = np.arange(math.ceil(value.min() / step), math.floor(value.max() / step) + 1) * step
-    return [(float(np.interp(m, value[order], along[order])), float(round(m, 6))) for m in marks]
-
-
-def degree_text(value: float, positive: str, negative: str) -> str:
-    """``92°W`` for (-92, "E", "W")."""
-    side = positive if value > 0 else negative if value < 0 else ""
-    return f"{abs(value):g}°{side}"

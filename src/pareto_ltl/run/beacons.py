@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import DECOMPOSITION, PLAN, PROBLEM, SCENE
+from pareto_ltl.run.records import PLAN, PROBLEM, SCENE
 from pareto_ltl.run.results import Planned, planned_run
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.simulation.beacons import BeaconMap, BeaconPlaces, beacon_map
@@ -126,7 +126,7 @@ def place_text(scene: Scene, places: BeaconPlaces, number: int) -> str:
 
 def write_beacons(run: Run, found: BeaconMap, folder: Path) -> None:
     """Write ``beacons.csv``, ``beacons.png`` and, with the summary, ``beacons.txt`` into ``folder``."""
-    from pareto_ltl.report.beacons import beacons_figure
+    from pareto_ltl.report.plan_maps import beacons_figure
     from pareto_ltl.report.study_axes import save_figures
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -141,5 +141,5 @@ def write_beacons(run: Run, found: BeaconMap, folder: Path) -> None:
     )
     write_csv(folder / "beacons.csv", header, ((*row, law, found.flights) for row in rows))
     write_text(folder / "beacons.txt", "\n".join(beacon_lines(run, found)) + "\n")
-    draw = partial(beacons_figure, run.make(SCENE), run.make(DECOMPOSITION), run.make(PLAN), found)
+    draw = partial(beacons_figure, run.make(SCENE), run.make(PLAN), found)
     save_figures(folder, run.settings.report, {"beacons": draw})

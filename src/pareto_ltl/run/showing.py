@@ -171,9 +171,8 @@ def explanation(
     InfeasibleError
         If the front has no such path.
     """
-    from pareto_ltl.report.detours import detour_lines
     from pareto_ltl.report.legs import plan_legs, plan_lines
-    from pareto_ltl.report.limits import limit_lines, price_rows, segment_rows
+    from pareto_ltl.report.limits import PlanLimits, detour_lines
 
     run = planned_run(planned)
     if point is not None:
@@ -181,20 +180,20 @@ def explanation(
     problem, plan = run.make(keys.PROBLEM), run.make(keys.PLAN)
     medium = medium_of(run.settings.robot.level, run.make(keys.WIND).level)
     if limits:
-        segments, prices = segment_rows(problem.scene, plan), price_rows(problem.scene, plan, medium=medium)
+        told = PlanLimits(problem.scene, plan, medium)
         document: dict[str, Any] = {
             "law": plan.models.law,
             "epsilon": plan.epsilon,
-            "segments": [asdict(row) for row in segments],
-            "prices": [asdict(row) for row in prices],
+            "segments": [asdict(row) for row in told.segments()],
+            "prices": [asdict(row) for row in told.prices()],
         }
-        return Explanation(list(limit_lines(problem.scene, plan, medium=medium)), document)
+        return Explanation(list(told.lines()), document)
     runs = min(run.settings.deployment.runs, MOST_RUNS)
     flown = simulate(PlanningResult(run), runs, problem.fidelity.law)
     legs = plan_legs(problem, plan, flown)
     front = run.records.get(keys.FRONT)
     detours = [] if front is None else detour_lines(problem.scene, front, plan)
     document = {"law": flown.law, "flights": len(flown.x), "legs": [asdict(leg) for leg in legs]}
-    lines = list(plan_lines(problem, plan, flown, legs, each=each, medium=medium))
+    lines = list(plan_lines(problem, plan, flown, legs, medium, each=each))
     lines += [f"detour: {line}" for line in detours]
     return Explanation(lines, document | {"detours": detours})

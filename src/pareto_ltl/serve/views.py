@@ -16,9 +16,9 @@ import numpy as np
 from pareto_ltl.exports.degrees import lonlat
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import Front
+from pareto_ltl.report.limits import PlanLimits, chosen_number
 from pareto_ltl.report.page.ground import map_places, rounded, shown_wind
-from pareto_ltl.report.page.limits import limit_texts
-from pareto_ltl.report.page.points import chosen_number, flown_path, shown_flights, shown_path, shown_points
+from pareto_ltl.report.page.points import flown_path, shown_flights, shown_path, shown_points
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.interface import export
@@ -98,7 +98,7 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
         "point": number,
         "chosen": number == chosen,
         **shown_path(run, run.problem, path, flown),
-        "limits": limit_texts(run.scene, run.plan, run.medium)
+        "limits": PlanLimits(run.scene, run.plan, run.medium).tables()
         if run.plan is not None and number == chosen
         else None,
         "causes": list(CAUSES),
@@ -111,7 +111,7 @@ def limits_view(directory: Path, number: int) -> dict[str, Any]:
     """Prices and tight segments of a point of the front, as they would be if it were the plan."""
     run = choose(load_results(directory), point=number).run
     medium = medium_of(run.settings.robot.level, run.make(WIND).level)
-    return limit_texts(run.make(SCENE), run.make(PLAN), medium)
+    return PlanLimits(run.make(SCENE), run.make(PLAN), medium).tables()
 
 
 @one_at_a_time

@@ -20,7 +20,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.random import Generator
 
-from pareto_ltl.exports.held_course import held_problem
+from pareto_ltl.exports.exported import held_problem
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.records import PlannedPath

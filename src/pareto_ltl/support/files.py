@@ -133,9 +133,14 @@ def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    """Write a table with one header line; NaN, infinity and None become empty cells."""
+    """Write the table :func:`csv_text`."""
+    write_text(path, csv_text(header, rows))
+
+
+def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """A table with one header line; NaN, infinity and None become empty cells."""
     text = io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
     table.writerow(header)
     table.writerows([plain_data(cell) for cell in row] for row in rows)
-    write_text(path, text.getvalue())
+    return text.getvalue()

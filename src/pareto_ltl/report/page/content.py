@@ -11,14 +11,12 @@ import numpy as np
 from pareto_ltl.exports.exported import vehicle_of
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, PlannedPath, counted_rate
-from pareto_ltl.report.limits import priced_obstacles
+from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, Plan, counted_rate
+from pareto_ltl.report.limits import PlanLimits, chosen_number, priced_obstacles
 from pareto_ltl.report.page.ground import map_places, shown_map, shown_trees, shown_wind
-from pareto_ltl.report.page.limits import limit_texts, shown_places
 from pareto_ltl.report.page.machine import shown_automaton
 from pareto_ltl.report.page.points import (
     MOST_PLAIN_LEGS,
-    chosen_number,
     shown_flights,
     shown_path,
     shown_points,
@@ -26,6 +24,7 @@ from pareto_ltl.report.page.points import (
 )
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.simulation.flights import CAUSES
+from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
 from pareto_ltl.world.projection import utc_times
 
@@ -51,45 +50,58 @@ class Content:
 
 def page_content(run: ShownRun) -> Content:
     """Texts and numbers of the page of ``run``."""
-    front = run.front if run.front is not None and run.front.paths else None
-    chosen = chosen_number(run.front, run.plan)
+    plan, front = run.plan, run.front if run.front is not None and run.front.paths else None
+    limits = None if plan is None else PlanLimits(run.scene, plan, run.medium)
+    chosen = chosen_number(run.front, plan)
     paths, flights = _paths(run, front, chosen)
     last = max((path["t"][-1] for path in paths.values()), default=_horizon(run))
-    planned = _path_alone(run)
-    formula = run.automaton.formula if run.automaton is not None else run.plan.formula if run.plan else ""
+    # the page of a plan that was made after an alarm has no front and no rates
+    alone = {} if plan is None or not plan.alarmed else {"planned": map_places(run.scene, plan.path.x)}
+    formula = run.automaton.formula if run.automaton is not None else plan.formula if plan else ""
+    begin = utc_times(run.scene.time_zero, np.zeros(1))
     data = {
         "schema": SCHEMA,
         "name": run.name,
         "formula": formula,
         "law": _law(run),
-        "timeZero": None if (begin := utc_times(run.scene.time_zero, np.zeros(1))) is None else begin[0],
+        "timeZero": None if begin is None else begin[0],
         "map": shown_map(run.scene),
         "onEarth": run.scene.crs is not None,
         "height": {"metres": run.height.metres, "aboveSea": run.height.above_sea, "ofSea": run.height.of_sea},
         "vehicle": None if run.problem is None else vehicle_of(run.height, run.problem)._asdict(),
         "wind": shown_wind(run.scene, run.wind, last),
-        "trees": [] if paths or planned else shown_trees(run.scene, run.forest),
+        "trees": [] if paths or alone else shown_trees(run.scene, run.forest),
         "judge": "flights" if front is not None and front.rates else "bound",
         "points": [] if front is None else shown_points(front),
         "chosen": chosen,
         "paths": paths,
         "flights": flights,
         "medium": run.medium._asdict(),
-        "places": [] if run.plan is None else shown_places(run.scene, run.plan, run.medium),
-        "pricedObstacles": [] if run.plan is None else priced_obstacles(run.plan),
+        "places": [] if limits is None else limits.places(),
+        "pricedObstacles": [] if plan is None else priced_obstacles(plan),
         "causes": list(CAUSES),
         "automaton": None if run.automaton is None else shown_automaton(run.automaton),
-        "notCovered": "" if run.plan is None else run.plan.not_covered,
-        "promise": None if run.plan is None or run.plan.promise is None else asdict(run.plan.promise.rate),
-    } | planned
-    return Content(_texts(run, formula, chosen), data)
-
-
-def _path_alone(run: ShownRun) -> dict[str, Any]:
-    """The expected path of a plan that was made after an alarm: its page has no front and no rates."""
-    if run.plan is None or not run.plan.alarmed:
-        return {}
-    return {"planned": map_places(run.scene, run.plan.path.x)}
+        "notCovered": "" if plan is None else plan.not_covered,
+        "promise": None if plan is None or plan.promise is None else asdict(plan.promise.rate),
+    } | alone
+    words = mission_in_words(formula)
+    texts = {
+        "name": run.name,
+        "title": (words[:1].upper() + words[1:]) if words else formula or run.name,
+        "formula": formula,
+        "why": run.why,
+        "has_plan": plan is not None,
+        "has_front": front is not None,
+        "facts": [] if plan is None else list(_headline(run, plan, chosen)),
+        "verdicts": [] if plan is None else list(_verdicts(run, plan)),
+        "limits": None if limits is None or limits.plan.alarmed else limits.tables(),
+        "medium": run.medium._asdict(),
+        "covered": "" if plan is None else plan.covered,
+        "not_covered": "" if plan is None else plan.not_covered,
+        "law": _law(run),
+        "origin": run.origin,
+    }
+    return Content(texts, data)
 
 
 def _law(run: ShownRun) -> str:
@@ -125,67 +137,45 @@ def _paths(
 # --- texts -----------------------------------------------------------------------------------
 
 
-def _texts(run: ShownRun, formula: str, chosen: int | None) -> dict[str, Any]:
-    words = mission_in_words(formula)
-    return {
-        "name": run.name,
-        "title": (words[:1].upper() + words[1:]) if words else formula or run.name,
-        "formula": formula,
-        "why": run.why,
-        "has_plan": run.plan is not None,
-        "has_front": run.front is not None and bool(run.front.paths),
-        "facts": [] if run.plan is None else _headline(run, run.plan.path, chosen),
-        "verdicts": list(_verdicts(run)),
-        "limits": None
-        if run.plan is None or run.plan.alarmed
-        else limit_texts(run.scene, run.plan, run.medium),
-        "medium": run.medium._asdict(),
-        "covered": "" if run.plan is None else run.plan.covered,
-        "not_covered": "" if run.plan is None else run.plan.not_covered,
-        "law": _law(run),
-        "origin": run.origin,
-    }
-
-
-def _headline(run: ShownRun, path: PlannedPath, chosen: int | None) -> list[dict[str, str]]:
+def _headline(run: ShownRun, plan: Plan, chosen: int | None) -> Iterator[dict[str, str]]:
     """The numbers at the top: name, value, and a note with the wind law or unit."""
-    plan = run.plan
-    assert plan is not None
-    promise, law, flows = plan.promise, plan.models.law, run.medium.flows
+
+    def fact(name: str, value: str, note: str) -> dict[str, str]:
+        return {"name": name, "value": value, "note": note}
+
+    promise, path, flows = plan.promise, plan.path, run.medium.flows
+    cost, times = path.objectives, utc_times(run.scene.time_zero, path.t)
     if promise is not None:
-        rate = promise.rate
-        fails = {
-            "value": probability_text(rate.failure),
-            "note": f"{interval_text(rate.low, rate.high)} (95 %), under {rate.law} {flows}, {rate.sample}",
-        }
+        yield fact("fails", probability_text(promise.rate.failure), _interval_note(promise.rate, flows))
     elif plan.alarmed:
-        fails = {"value": "no promise", "note": NO_PROMISE}
+        yield fact("fails", "no promise", NO_PROMISE)
     else:
-        cost = path.objectives
-        fails = {
-            "value": _at_most(min(1.0, cost.mission_risk + cost.collision_risk)),
-            "note": f"upper bound of failures of the mission and collisions, under {law} {flows}",
-        }
-    others = [] if promise is not None else [_simulated_fact(run)] if run.deployments else []
-    hours = float(path.t[-1] - path.t[0]) / 3600
-    times = utc_times(run.scene.time_zero, path.t)
-    facts = [
-        {"name": "fails", **fails},
-        *others,
-        {"name": "length", "value": distance_text(path.objectives.length), "note": "of the expected path"},
-        {"name": "duration", "value": _duration(hours), "note": f"{len(path.u)} steps of {plan.dt:,.6g} s"},
-    ]
-    for name, value in path.objectives.further_costs.items():
-        row = cost_named(name)
-        facts.append({"name": name, "value": row.text(value), "note": row.note})
+        note = f"upper bound of failures of the mission and collisions, under {plan.models.law} {flows}"
+        yield fact("fails", _at_most(min(1.0, cost.mission_risk + cost.collision_risk)), note)
+    if promise is None and run.deployments:  # under the law with the most failures: a bound holds for one law
+        rates = [_rate_of(flown) for _, flown in sorted(run.deployments.items())]
+        worst = max(rates, key=lambda rate: rate.failure)
+        yield fact("simulated to fail", probability_text(worst.failure), _interval_note(worst, flows))
+    minutes = round((path.t[-1] - path.t[0]) / 60.0)
+    seconds = f"{float(path.t[-1] - path.t[0]):,.0f} s"
+    duration = f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else seconds
+    yield fact("length", distance_text(cost.length), "of the expected path")
+    yield fact("duration", duration, f"{len(path.u)} steps of {plan.dt:,.6g} s")
+    for name, value in cost.further_costs.items():
+        yield fact(name, cost_named(name).text(value), cost_named(name).note)
     if times is not None:
         for name, time in (("departure", times[0]), ("arrival", times[-1])):
-            facts.append({"name": name, "value": f"{time[11:16]} UTC", "note": time[:10]})
+            yield fact(name, f"{time[11:16]} UTC", time[:10])
     if chosen is not None:
-        facts.append(
-            {"name": "chosen", "value": f"point {chosen}", "note": f"of the front, rule {plan.rule}"}
-        )
-    return facts
+        yield fact("chosen", f"point {chosen}", f"of the front, rule {plan.rule}")
+
+
+def _interval_note(rate: FailureRate, flows: str) -> str:
+    return f"{interval_text(rate.low, rate.high)} (95 %), under {rate.law} {flows}, {rate.sample}"
+
+
+def _rate_of(flown: Deployment) -> FailureRate:
+    return counted_rate(flown.law, int(flown.failed.sum()), len(flown.x))
 
 
 def _at_most(bound: float) -> str:
@@ -194,36 +184,16 @@ def _at_most(bound: float) -> str:
     return text if text.startswith("<") else f"≤ {text}"
 
 
-def _simulated_fact(run: ShownRun) -> dict[str, str]:
-    """The simulated rate under the law with the most failures: a bound holds only under one law."""
-    rates = [counted_rate(law, int(f.failed.sum()), len(f.x)) for law, f in sorted(run.deployments.items())]
-    worst = max(rates, key=lambda rate: rate.failure)
-    ends = interval_text(worst.low, worst.high)
-    return {
-        "name": "simulated to fail", "value": probability_text(worst.failure),
-        "note": f"{ends} (95 %), under {worst.law} {run.medium.flows}, {worst.sample}",
-    }  # fmt: skip
-
-
-def _duration(hours: float) -> str:
-    minutes = round(60.0 * hours)
-    return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{3600 * hours:,.0f} s"
-
-
-def _verdicts(run: ShownRun) -> Iterator[dict[str, str]]:
+def _verdicts(run: ShownRun, plan: Plan) -> Iterator[dict[str, str]]:
     """Rows of the table of failures: what, wind law, rate, interval, source."""
-    plan = run.plan
-    if plan is None:
-        return
     if plan.promise is not None:
         promise = plan.promise
         stands = "the claim stands" if promise.passed else "above what the front claimed"
         yield _row("promised: fresh flights of the plan", promise.rate, f"{promise.rate.sample}; {stands}")
         yield _row("claimed when the front was judged", promise.claimed, promise.claimed.sample)
     for law in _laws(run.deployments, plan.models.law):
-        flown = run.deployments[law]
-        rate = counted_rate(law, int(flown.failed.sum()), len(flown.x))
-        yield _row("simulated flights of the plan", rate, f"{rate.sample}: {_causes(flown)}")
+        rate = _rate_of(run.deployments[law])
+        yield _row("simulated flights of the plan", rate, f"{rate.sample}: {_causes(run.deployments[law])}")
     for law in _laws(run.forecasts, plan.models.law):
         seen = run.forecasts[law]
         bound = min(1.0, seen.mission_risk + seen.collision_risk)
@@ -246,7 +216,7 @@ def _row(what: str, rate: FailureRate, source: str) -> dict[str, str]:
     }  # fmt: skip
 
 
-def _causes(flown: Any) -> str:
+def _causes(flown: Deployment) -> str:
     """Numbers of flights that met an obstacle, missed the mission, left the map; one can count in several."""
     causes = [
         f"{int(flown.collided.sum()):,} met an obstacle",

@@ -7,15 +7,14 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.exports.ellipses import axes_of, ellipse_scale
-from pareto_ltl.exports.navigation_log import SHARE, NavigationLog, navigation_log
+from pareto_ltl.exports.navigation_log import SHARE, navigation_log
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Front, Objectives, Plan, PlannedPath
+from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.report.page.ground import DEGREES, map_places, metre_digits, north_turn, rounded
 from pareto_ltl.report.page.shown_run import ShownRun
 from pareto_ltl.simulation.flights import CAUSES, DRAWS, failure_times, simulate_flights, unspawned
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.projection import utc_times
@@ -25,19 +24,12 @@ MOST_LEGS = 3000  # legs of all complete paths, at most: 200 bytes each
 MOST_PLAIN_LEGS = 40_000  # legs of all paths, with or without a navigation log: 40 bytes each
 MOST_FLIGHTS = 100  # flights drawn, at most
 MOST_PLACES = 6000  # positions of all flights drawn, at most
+JUDGED = ("failure", "failure_low", "failure_high", "runs", "law")  # columns of a rate, or of a bound
 LOG_DIGITS = {
     "heading": 3, "airspeed": 4, "wind_speed": 3, "wind_from": 2, "wind_sd": 3, "track": 3,
     "ground_speed": 3, "distance": 1, "lat": DEGREES + 1, "lon": DEGREES + 1, "radius": 1, "major": 1,
     "minor": 1, "azimuth": 2,
 }  # fmt: skip
-
-
-def chosen_number(front: Front | None, plan: Plan | None) -> int | None:
-    """The index of the plan in the front; None without a plan, or if the front does not contain it."""
-    if plan is None or front is None:
-        return None
-    same = (k for k, path in enumerate(front.paths) if np.array_equal(path.x, plan.path.x))
-    return next(same, None)
 
 
 def shown_points(front: Front) -> list[dict[str, Any]]:
@@ -46,26 +38,17 @@ def shown_points(front: Front) -> list[dict[str, Any]]:
     rows = []
     for path, rate in zip(front.paths, rates, strict=True):
         cost = path.objectives
+        judged = (
+            (bound_of(cost), None, None, None, front.models.law) if rate is None
+            else (rate.failure, rate.low, rate.high, rate.runs, rate.law)
+        )  # fmt: skip
         row = {
             "length_m": cost.length, "mission_risk": cost.mission_risk,
             "collision_risk": cost.collision_risk, "duration_s": float(path.t[-1] - path.t[0]),
-            "steps": len(path.u), "order": path.order,
-            "origin": path.origin,
+            "steps": len(path.u), "order": path.order, "origin": path.origin,
             "costs": [cost_named(name).text(value) for name, value in cost.further_costs.items()],
+            **dict(zip(JUDGED, judged, strict=True)),
         }  # fmt: skip
-        if rate is None:
-            row |= {
-                "failure": bound_of(cost),
-                "failure_low": None,
-                "failure_high": None,
-                "runs": None,
-                "law": front.models.law,
-            }
-        else:
-            row |= {
-                "failure": rate.failure, "failure_low": rate.low, "failure_high": rate.high,
-                "runs": rate.runs, "law": rate.law,
-            }  # fmt: skip
         rows.append(plain_data(row))
     return rows
 
@@ -104,7 +87,8 @@ def shown_path(
         "risk": _risk(problem, given or flown_path(run, problem, path)),
     }
     if logged and problem.scene.crs is not None:
-        shown["log"] = _shown_log(navigation_log(problem, path))
+        log = navigation_log(problem, path)  # NaN of a drifting robot's heading is null
+        shown["log"] = {name: np.round(getattr(log, name), digits) for name, digits in LOG_DIGITS.items()}
     plain: dict[str, Any] = plain_data(shown)
     return plain
 
@@ -134,18 +118,8 @@ def _risk(problem: Problem, flown: Deployment) -> dict[str, Any]:
         "law": flown.law,
         "runs": runs,
         "failed": counts.tolist(),
-        "low": [round(ends[int(k)][0], 6) for k in total],
-        "high": [round(ends[int(k)][1], 6) for k in total],
+        **{end: [round(ends[int(k)][n], 6) for k in total] for n, end in enumerate(("low", "high"))},
     }
-
-
-def _shown_log(log: NavigationLog) -> dict[str, Any]:
-    return {name: _rounded_column(getattr(log, name), digits) for name, digits in LOG_DIGITS.items()}
-
-
-def _rounded_column(values: FloatArray, digits: int) -> list[Any]:
-    column: list[Any] = plain_data(np.round(values, digits))  # NaN of a drifting robot's heading is null
-    return column
 
 
 def shown_flights(
