@@ -13,7 +13,7 @@ import numpy as np
 
 from pareto_ltl_verify import laws
 from pareto_ltl_verify.evidence import open_evidence
-from pareto_ltl_verify.segments import segment_risks
+from pareto_ltl_verify.gaussians import segment_risks
 
 
 def main() -> int:

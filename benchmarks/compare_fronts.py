@@ -15,7 +15,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl import load_results
-from pareto_ltl.run.extra_paths import extra_paths
+from pareto_ltl.run.front_stage import extra_paths
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PROBLEM, SCENE, WIND
 from pareto_ltl.run.stages import PLAN_TABLE

@@ -32,11 +32,10 @@ from pareto_ltl.inflight.belief import LAW, Belief
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.run.exporting import run_with_plan
-from pareto_ltl.run.interface import load_results
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PLAN, PROBLEM
 from pareto_ltl.run.replanning import replanned
+from pareto_ltl.run.results import load_results, planned_run
 from pareto_ltl.simulation.aircraft import Orders, fly_orders
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.simulation.flights import judge_flights
@@ -109,7 +108,7 @@ AIRCRAFT = {"steps": flown_by_steps, "jsbsim": flown_by_jsbsim}
 @cache
 def plan_and_winds(folder: str, flights: int) -> tuple[Run, DrawnFlights]:
     """The run with the plan, and the winds of all flights; once a process."""
-    run = run_with_plan(load_results(folder))
+    run = planned_run(load_results(folder))
     return run, draw_flights(run.make(PROBLEM), LAW, flights, SeedSequence(77))
 
 

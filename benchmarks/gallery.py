@@ -19,7 +19,7 @@ from PIL import Image
 
 import pareto_ltl
 from pareto_ltl.report.notebook import Drawing
-from pareto_ltl.run.interface import PlanningResult
+from pareto_ltl.run.results import PlanningResult
 from pareto_ltl.support.files import write_bytes, write_text
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml

@@ -19,8 +19,7 @@ import pareto_ltl
 from pareto_ltl.cli.command_table import COMMANDS
 from pareto_ltl.exports import dead_reckoning, flight_card
 from pareto_ltl.planning.costs import COSTS, cost_named
-from pareto_ltl.run.front_files import FRONT_HEADER
-from pareto_ltl.run.plan_files import TABLE_HEADER
+from pareto_ltl.planning.plan_files import FRONT_HEADER, TABLE_HEADER
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.checks import field_kinds
 from pareto_ltl.settings.outputs import EXPORT_FILES

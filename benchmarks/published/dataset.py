@@ -21,7 +21,7 @@ from pareto_ltl.settings import (
     preset,
 )
 from pareto_ltl.studies.planning import study_run
-from pareto_ltl.studies.true_fields import at_times
+from pareto_ltl.studies.random_missions import at_times
 from pareto_ltl.wind.field import wind_lattice
 from pareto_ltl.wind.readings import HOUR, seconds
 from pareto_ltl.wind.records import WindField

@@ -22,8 +22,8 @@ from pyproj import Geod
 
 import pareto_ltl
 from pareto_ltl.exports.navigation_log import navigation_log
-from pareto_ltl.run.exporting import run_with_plan
 from pareto_ltl.run.records import PLAN, PROBLEM
+from pareto_ltl.run.results import planned_run
 from pareto_ltl.simulation.aircraft import Cessna, Orders
 from pareto_ltl.simulation.flights import DRAWS
 from pareto_ltl.studies.sitl import flight_air
@@ -108,7 +108,7 @@ def report(link: mavutil.mavfile, vehicle: Point, t: float, fix: bool, rng: np.r
 
 def fly(options: argparse.Namespace) -> tuple[float, float]:
     """Fly to the end of the plan; returns the last position."""
-    run = run_with_plan(pareto_ltl.load_results(options.directory))
+    run = planned_run(pareto_ltl.load_results(options.directory))
     problem, plan = run.make(PROBLEM), run.make(PLAN)
     log, rng = navigation_log(problem, plan.path), np.random.default_rng(options.seed)
     draws = DRAWS["coherent"](problem, 1, len(plan.path.u), rng)

@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from pareto_ltl.inflight.telemetry import Reading
     from pareto_ltl.inflight.watch import WatchSettings
     from pareto_ltl.run.beacons import beacons
-    from pareto_ltl.run.exporting import export
-    from pareto_ltl.run.interface import PlanningResult, choose, load_results, plan, replan, simulate
-    from pareto_ltl.run.results import Results
+    from pareto_ltl.run.choosing import choose
+    from pareto_ltl.run.interface import export, plan, simulate, steer
+    from pareto_ltl.run.replanning import replan
+    from pareto_ltl.run.results import PlanningResult, Results, load_results
     from pareto_ltl.run.showing import explain, page, show
-    from pareto_ltl.run.steering import steer
     from pareto_ltl.settings import Settings
     from pareto_ltl.support.errors import (
         ConfigError,
@@ -86,11 +86,11 @@ _EXPORTS = {
     "pareto_ltl.inflight.telemetry": ("Reading",),
     "pareto_ltl.inflight.watch": ("WatchSettings",),
     "pareto_ltl.run.beacons": ("beacons",),
-    "pareto_ltl.run.exporting": ("export",),
-    "pareto_ltl.run.interface": ("PlanningResult", "choose", "load_results", "plan", "replan", "simulate"),
-    "pareto_ltl.run.results": ("Results",),
+    "pareto_ltl.run.choosing": ("choose",),
+    "pareto_ltl.run.interface": ("export", "plan", "simulate", "steer"),
+    "pareto_ltl.run.replanning": ("replan",),
+    "pareto_ltl.run.results": ("PlanningResult", "Results", "load_results"),
     "pareto_ltl.run.showing": ("explain", "page", "show"),
-    "pareto_ltl.run.steering": ("steer",),
     "pareto_ltl.settings": ("Settings",),
     "pareto_ltl.support.errors": (
         "ConfigError", "DataError", "FormulaError", "InfeasibleError", "ParetoLtlError",

@@ -4,35 +4,44 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pareto_ltl.support.archives import read_npz
-from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.run_status import ending_text
-from pareto_ltl_verify import laws
-from pareto_ltl_verify.energy import energy_limits
-from pareto_ltl_verify.flights import Ground, Simulator
-from pareto_ltl_verify.formula import Dfa, covers, losing
-from pareto_ltl_verify.gaussians import Way, growing, label_masses, ordered, path_bound, way_risks
+from pareto_ltl.support.yaml_files import read_yaml
+from pareto_ltl_verify import gaussians, laws
+from pareto_ltl_verify.flights import NONE, Ground, Simulator
+from pareto_ltl_verify.formula import Dfa, Timetable, covers, losing, windows_of
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, convex
-from pareto_ltl_verify.laws import Coherent, Course, Independent, Law, Robot, landmarks_of
-from pareto_ltl_verify.segments import with_lines
-from pareto_ltl_verify.timetable import Timetable, windows_of
-from pareto_ltl_verify.wind_modes import PartCovariance, part_covariances
-from pareto_ltl_verify.wind_tables import ENSEMBLE, Clock, WindFile, clock, read_wind_file, source_of
+from pareto_ltl_verify.laws import Coherent, Course, Independent, Law, landmarks_of
+from pareto_ltl_verify.robot import Robot, energy_limits
+from pareto_ltl_verify.wind_tables import ENSEMBLE, Clock, clock, read_wind_file, source_of
 
+T = TypeVar("T")
 LAWS = ("independent", "coherent")
 HELD_RUNS = 2000  # new flights with position feedback
 HELD_TIME = 60.0  # time constant of the position feedback of exports [s]
+ROBOT = ("dt", "u_max", "start_sd", "feedback_time", "effort_risk", "fix_sd", "fix_time")  # used as set
+
+
+def content_of(name: str, read: Callable[[Path], T]) -> cached_property[T]:
+    """A property of :class:`Evidence`: the content of a file, read when first needed."""
+    return cached_property(lambda self: read(self.directory / name))
+
+
+def read_table(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,41 +53,23 @@ class Evidence:
     metrics: Mapping[str, Any]
     settings: Mapping[str, Any]
 
+    scene = content_of("scene.json", read_json)
+    cells = content_of("cells.json", read_json)
+    automaton = content_of("automaton.json", read_json)
+    plan = content_of("plan.json", read_json)
+    front = content_of("front.csv", read_table)
+    front_arrays = content_of("front.npz", read_npz)
+    trees = content_of("trees.npz", read_npz)
+    flights = content_of("deployments.npz", read_npz)
+    wind = content_of("wind.nc", read_wind_file)
+
     def has(self, name: str) -> bool:
         """Whether the directory holds the file ``name``."""
         return (self.directory / name).is_file()
 
-    # --- files --------------------------------------------------------------------------------
-
-    @cached_property
-    def scene(self) -> dict[str, Any]:
-        """The content of ``scene.json``."""
-        return read_json(self.directory / "scene.json")
-
-    @cached_property
-    def cells(self) -> dict[str, Any]:
-        """The content of ``cells.json``."""
-        return read_json(self.directory / "cells.json")
-
-    @cached_property
-    def automaton(self) -> dict[str, Any]:
-        """The content of ``automaton.json``."""
-        return read_json(self.directory / "automaton.json")
-
-    @cached_property
-    def plan(self) -> dict[str, Any]:
-        """The content of ``plan.json``."""
-        return read_json(self.directory / "plan.json")
-
-    @cached_property
-    def front(self) -> list[dict[str, str]]:
-        """The rows of ``front.csv``."""
-        return self.table("front.csv")
-
-    @cached_property
-    def front_arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays of ``front.npz``."""
-        return read_npz(self.directory / "front.npz")
+    def table(self, name: str) -> list[dict[str, str]]:
+        """The rows of a CSV file."""
+        return read_table(self.directory / name)
 
     @property
     def front_size(self) -> int:
@@ -93,21 +84,6 @@ class Evidence:
         """Controls (T, 2) [m/s] of a path of the front."""
         return np.asarray(self.front_arrays[f"path_{number:03d}/u"], float)
 
-    @cached_property
-    def trees(self) -> dict[str, NDArray[Any]]:
-        """The arrays of ``trees.npz``."""
-        return read_npz(self.directory / "trees.npz")
-
-    @cached_property
-    def flights(self) -> dict[str, NDArray[Any]]:
-        """The arrays of ``deployments.npz``."""
-        return read_npz(self.directory / "deployments.npz")
-
-    @cached_property
-    def wind(self) -> WindFile:
-        """The wind field of ``wind.nc``."""
-        return read_wind_file(self.directory / "wind.nc")
-
     @property
     def horizon(self) -> float | None:
         """End of the longest flight [s]; None if robot.dt=auto and no plan has the chosen time step."""
@@ -121,16 +97,6 @@ class Evidence:
         source, modes = self.settings["wind"]["source"], self.wind.modes
         members = modes is not None and bool((modes.part == ENSEMBLE).any())
         return source == "ensemble" or (source_of(source).ensemble and members)
-
-    @cached_property
-    def error_parts(self) -> dict[int, PartCovariance]:
-        """Covariance of each part of the wind's error; the keys are numbers of ``wind_tables.PARTS``."""
-        return part_covariances(self.wind, math.inf if self.horizon is None else self.horizon)
-
-    def table(self, name: str) -> list[dict[str, str]]:
-        """The rows of a CSV file."""
-        with (self.directory / name).open(encoding="utf-8", newline="") as file:
-            return list(csv.DictReader(file))
 
     # --- the world ----------------------------------------------------------------------------
 
@@ -188,10 +154,6 @@ class Evidence:
         allowed = [(name, place) for name, place in places if name not in self.automaton.get("forbidden", ())]
         return [(name, self.regions[place]) for name, place in allowed if place is not None]
 
-    def letters_along(self, labels: Sequence[frozenset[str]]) -> list[frozenset[str]]:
-        """The propositions that hold at each step of a path with these labels."""
-        return [self.timetable.letter(label, self.timetable.now(t)) for t, label in enumerate(labels)]
-
     @property
     def grain(self) -> float:
         """A millionth of the size of the map [m]; points so close to an edge may count on either side."""
@@ -200,22 +162,17 @@ class Evidence:
     @cached_property
     def robot(self) -> Robot:
         """The robot of the settings; with robot.dt=auto its time step comes from the metrics."""
-        settings = self.settings["robot"]
-        if isinstance(settings["dt"], str):  # auto: the metrics have the chosen time step
-            settings = settings | {"dt": float(self.metrics["dt_s"])}
+        settings = dict(self.settings["robot"])
+        if self.step_is_open:
+            settings["dt"] = float(self.metrics["dt_s"])
         if self.settings["fidelity"]["judge"] == "flights":
-            settings = settings | {
-                "effort_risk": 1.0
-            }  # no airspeed is reserved: flights show what is missing
+            settings["effort_risk"] = 1.0  # no airspeed is reserved: flights show what is missing
         return Robot(
             a=np.array(settings["a"], float), b=np.array(settings["b"], float),
             ball=self.settings["wind"]["ball"],
             u_min=settings.get("u_min", 0.0),  # earlier versions have neither this setting nor the next two
             bank=math.radians(settings.get("bank", 0.0)), turn_delay=settings.get("turn_delay", 0.0),
-            **energy_limits(settings.get("power") or {}),
-            **{key: settings[key] for key in (
-                "dt", "u_max", "start_sd", "feedback_time", "effort_risk", "fix_sd", "fix_time"
-            )},
+            **energy_limits(settings.get("power") or {}), **{key: settings[key] for key in ROBOT},
         )  # fmt: skip
 
     def energy_of(self, u: FloatArray) -> float:
@@ -295,12 +252,21 @@ class Evidence:
     @cached_property
     def course(self) -> Course:
         """The Gaussian along the planned means, under the law that the plan is judged in."""
-        return laws.fly_means(self.law(self.planned_law), self.x)
+        return self.course_of(self.x)
+
+    def course_of(self, x: FloatArray) -> Course:
+        """The Gaussian along means ``x`` (T+1, 2) [m], under the law that the plan is judged in."""
+        return laws.fly_means(self.law(self.planned_law, len(x) - 1), x)
 
     @cached_property
     def paper_course(self) -> Course:
         """The Gaussian along the planned means under the independent law, for f_o of the paper."""
         return laws.fly_means(self.law("independent"), self.x)
+
+    @cached_property
+    def segments(self) -> tuple[FloatArray, FloatArray]:
+        """z of each segment of the plan and barrier (T, m), and the risk of each segment (T,)."""
+        return gaussians.segment_risks(self.barriers, self.x, self.course.cov)
 
     @cached_property
     def forecasts(self) -> dict[str, Course]:
@@ -312,39 +278,42 @@ class Evidence:
 
     def mission_bound(self, course: Course) -> float:
         """The ordered bound V of a course."""
-        dfa = self.dfa
-        masses = label_masses(self.labelled, course.x, course.cov)
-        shown, table, states = {s for seen in masses for s in seen}, self.timetable, range(len(dfa.delta))
-        nows, ways = [[of(t) for t in range(len(course.x))] for of in (table.now, table.way)]
-        read = {
-            now: [{s: dfa.delta[q][self._letter(s, now)] for s in shown} for q in states] for now in set(nows)
-        }
-        lost = {way: losing(dfa, self.ground.letter(frozenset(), way)) for way in set(ways)}
-        losers = {
-            way: [{s for s in shown if s and lost[way][q][self._letter(s, way)]} for q in states]
-            for way in lost
-        }
-        way_met = Way(
-            way_risks(self._hazards(lost, ways), course.x, course.cov, len(dfa.delta)),
-            [losers[way] for way in ways],
-        )
-        steps = [read[now] for now in nows]
-        return ordered(masses, steps, covers(dfa), dfa.initial, dfa.accepting, way_met)
-
-    def _letter(self, label: Iterable[str], holding: frozenset[str]) -> int:
-        """The number of the letter that a label shows while windows are open."""
-        return self.dfa.letters.index(self.ground.letter(frozenset(label), holding))
-
-    def _hazards(
-        self, lost: Mapping[frozenset[str], list[list[bool]]], ways: Sequence[frozenset[str]]
-    ) -> list[tuple[Convex, list[list[bool]]]]:
-        """Cells whose letter loses some state of the automaton, and at each step which states."""
+        dfa, table, steps = self.dfa, self.timetable, range(len(course.x))
+        masses = gaussians.label_masses(self.labelled, course.x, course.cov)
+        labels = list({label for seen in masses for label in seen})
+        empty = np.array([not label for label in labels])
+        ways = [table.way(t) for t in steps]
+        lose = {way: losing(dfa, self.ground.letter(NONE, way)) for way in set(ways)}
+        read = {now: self.letter_numbers(labels, now) for now in {*ways, *map(table.now, steps)}}
+        loses = {way: rows[:, self.letter_numbers(self.cells["labels"], way)] for way, rows in lose.items()}
+        hazards = np.flatnonzero(np.any([rows.any(axis=0) for rows in loses.values()], axis=0))
+        cells = [convex(self.cells["cells"][k]) for k in hazards]
         found = []
-        for cell, label in zip(self.cells["cells"], self.cells["labels"], strict=True):
-            by_way = {way: [row[self._letter(label, way)] for row in table] for way, table in lost.items()}
-            if any(any(row) for row in by_way.values()):
-                found.append((convex(cell), [by_way[way] for way in ways]))
-        return found
+        for t, (seen, way) in enumerate(zip(masses, ways, strict=True)):
+            on = slice(max(t - 1, 0), t + 1)
+            met = np.array([gaussians.crossing(cell, course.x[on], course.cov[on]) for cell in cells])
+            found.append(gaussians.Step(
+                mass=np.array([seen.get(label, 0.0) for label in labels]),
+                after=np.array(dfa.delta)[:, read[table.now(t)]],
+                lost=lose[way][:, read[way]] & ~empty,
+                cost=loses[way][:, hazards] @ met,
+            ))  # fmt: skip
+        return gaussians.ordered(found, covers(dfa), dfa.initial, dfa.accepting)
+
+    def paper_bound(self, course: Course, labels: Sequence[frozenset[str]]) -> float:
+        """f_o of Theorem 2 of a course with these labels at its steps."""
+        letters = [self.timetable.letter(label, self.timetable.now(t)) for t, label in enumerate(labels)]
+        return gaussians.theorem2(self.visited, course.x, course.cov, letters)
+
+    def judged_bound(self, course: Course, labels: Sequence[frozenset[str]]) -> float:
+        """The bound on the mission risk that the settings name."""
+        by_order = self.settings["fidelity"]["mission_bound"] == "ordered"
+        return self.mission_bound(course) if by_order else self.paper_bound(course, labels)
+
+    def letter_numbers(self, labels: Iterable[Iterable[str]], holding: frozenset[str]) -> IntArray:
+        """The numbers of the letters that ``labels`` show while windows ``holding`` are open."""
+        letters = (self.ground.letter(frozenset(label), holding) for label in labels)
+        return np.array([self.dfa.letters.index(letter) for letter in letters], int)
 
     def collision_bounds(self, law: Law, course: Course) -> tuple[float, float]:
         """R of a course (low, high), with a looser and a stricter test of growing deviations.
@@ -353,37 +322,31 @@ class Evidence:
         """
         parts: Sequence[Convex] = self.barriers
         if self.settings["fidelity"]["collision_bound"] == "path":
-            parts = [with_lines(part, course.x, course.cov) for part in parts]
+            parts = [gaussians.with_lines(part, course.x, course.cov) for part in parts]
+        n, across = len(course.x), None
+        walks = isinstance(law, Independent) and np.array_equal(law.robot.closed, np.eye(2))
+        if isinstance(law, Coherent) and not course.chances:
+            across = laws.covariance_across(law, course)
+
+        def grows(part: Convex, share: float) -> BoolArray:
+            """Whether the deviation along a normal grows from r to t, (faces, r, t)."""
+            if across is None:
+                return np.full((len(part.offsets), n, n), walks)
+            return gaussians.growing(part, across, share)
+
         low, high = (
-            path_bound(parts, course.x, course.cov, self._growth(parts, law, course, share))
+            gaussians.path_bound(parts, course.x, course.cov, [grows(part, share) for part in parts])
             for share in (1e-6, -1e-7)
         )
         return low, high
 
-    def _growth(self, parts: Sequence[Convex], law: Law, course: Course, share: float) -> list[BoolArray]:
-        """For each obstacle (faces, r, t): whether the deviation along a normal grows from r to t."""
-        n = len(course.x)
-        if isinstance(law, Coherent) and not course.chances:
-            cross = laws.covariance_across(law, course)
-            return [growing(part, cross, share) for part in parts]
-        walks = isinstance(law, Independent) and np.array_equal(law.robot.closed, np.eye(2))
-        return [np.full((len(part.offsets), n, n), walks) for part in parts]
-
     # --- flights ------------------------------------------------------------------------------
 
-    def simulator(self, name: str) -> Simulator:
-        """Simulator for new flights of the plan under a wind law."""
-        return self._simulator_of(name, self.x, self.u)
-
-    def front_simulator(self, number: int) -> Simulator:
-        """Simulator for new flights of a path of the front under the wind law of planning."""
-        return self._simulator_of(self.planned_law, self.front_x(number), self.front_u(number))
-
-    def _simulator_of(self, name: str, x: FloatArray, u: FloatArray) -> Simulator:
+    def simulator(self, name: str, x: FloatArray, u: FloatArray) -> Simulator:
+        """Simulator for new flights under a wind law, of the controls ``u`` (T, 2) about ``x`` (T+1, 2)."""
         planned, law = self.law("coherent", len(u)), self.law(name, len(u))
-        marks = planned.landmarks if isinstance(planned, Coherent) else ()
-        alone = replace(law, landmarks=()) if isinstance(law, Coherent) else law
-        return Simulator(law, laws.fly_means(alone, x) if marks else None, x, u, marks)
+        guide = laws.fly_means(replace(law, landmarks=()), x) if planned.landmarks else None
+        return Simulator(law, guide, x, u, planned.landmarks)
 
     @cached_property
     def new_flights(self) -> dict[str, FloatArray]:
@@ -396,7 +359,8 @@ class Evidence:
             if f"{name}/x" in self.flights:
                 promised = promise["runs"] if promise.get("law") == name else 0
                 runs = min(max(len(self.flights[f"{name}/x"]), promised, 2000), 20_000)
-                flights[name] = self.simulator(name).fly(runs, np.random.default_rng([20181009, number]))
+                rng = np.random.default_rng([20181009, number])
+                flights[name] = self.simulator(name, self.x, self.u).fly(runs, rng)
         return flights
 
     @cached_property
@@ -426,19 +390,9 @@ def open_evidence(directory: Path) -> Evidence:
             f"{directory}: holds no plan, its stages are {stages}; verify judges the results of the "
             "command plan"
         )
-    return Evidence(directory, run, read_json(directory / "metrics.json"), _settings(directory))
-
-
-def _settings(directory: Path) -> dict[str, Any]:
-    import yaml
-
     path = directory / "config_resolved.yaml"
-    try:
-        content = yaml.safe_load(read_text(path))
-    except yaml.YAMLError as error:
-        raise DataError(f"{path}: not YAML ({' '.join(str(error).split())}); run the plan again") from error
-    if not isinstance(content, dict):
-        raise DataError(
-            f"{path}: expected keys and values, found {type(content).__name__}; run the plan again"
-        )
-    return content
+    settings = read_yaml(path)
+    if not isinstance(settings, dict):
+        kind = type(settings).__name__
+        raise DataError(f"{path}: expected keys and values, found {kind}; run the plan again")
+    return Evidence(directory, run, read_json(directory / "metrics.json"), settings)

@@ -11,18 +11,18 @@ from scipy.special import betaincinv
 from scipy.stats import chi2, chi2_contingency, hypergeom, ks_2samp
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl_verify.fixes import Filters
-from pareto_ltl_verify.formula import Dfa, harmful
+from pareto_ltl_verify.formula import Dfa, Label, Timetable, harmful
 from pareto_ltl_verify.gaussians import ON_EDGE
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, deepest, met_by_any
 from pareto_ltl_verify.laws import Coherent, Course, Independent, Landmark, Law
-from pareto_ltl_verify.timetable import Label, Timetable
-from pareto_ltl_verify.wind_tables import at_step, square_of
+from pareto_ltl_verify.wind_tables import square_of
 
 SHORTEST = 1e-12  # share of a step; shorter pieces of it are rounding
 RARE = 1e-7  # significance level of each statistical claim: probability that correct results fail it
 CELL = 30  # flights in a cell of a χ² test
 NONE: Label = frozenset()
+SHARES = 8  # parts of a step in which the planner puts a fix
+History = tuple[tuple[int, int, int], ...]  # step, landmark and part of the step of each fix
 NEAR = 1.0  # [m] a position that is closer to an obstacle's face may count on either side
 
 
@@ -58,10 +58,9 @@ class Ground:
 
     def columns(self, points: FloatArray, slack: float = 0.0, holding: Label = NONE) -> IntArray:
         """Indices (P,) of the automaton's letters at ``points`` while windows ``holding`` are open."""
-        place = {letter: i for i, letter in enumerate(self.dfa.letters)}
-        return np.array(
-            [place.get(self.letter(label, holding), -1) for label in self.labels(points, slack)], int
-        )
+        place, labels = {letter: i for i, letter in enumerate(self.dfa.letters)}, self.labels(points, slack)
+        number = {label: place.get(self.letter(label, holding), -1) for label in set(labels)}
+        return np.array([number[label] for label in labels], int)
 
     def letter(self, label: Label, holding: Label) -> Label:
         """The letter of a label while windows ``holding`` are open."""
@@ -69,8 +68,7 @@ class Ground:
 
     def accepted(self, x: FloatArray, slack: float = 0.0) -> BoolArray:
         """Which flights ``x`` (n, T+1, 2) complete the mission."""
-        done = np.array(self.dfa.accepting)
-        return np.asarray(done[self.states(x, slack)[:, -1]], bool)
+        return np.asarray(np.array(self.dfa.accepting)[self.states(x, slack)[:, -1]], bool)
 
     def states(self, x: FloatArray, slack: float = 0.0) -> IntArray:
         """Automaton states of flights ``x`` (n, T+1, 2) after each step, (n, T+1)."""
@@ -88,7 +86,7 @@ class Ground:
         the formula counts steps. Windows ``holding`` are open between the ends.
         """
         delta, state = np.array(self.dfa.delta), state.copy()
-        harm = np.array(harmful(self.dfa, self.letter(NONE, holding)))
+        harm = harmful(self.dfa, self.letter(NONE, holding))
         rows = np.flatnonzero(harm[state].any(axis=1) & (delta[state, legs.first] == state))
         for i in rows[self._near_harm(legs, rows, harm, slack)]:
             for letter in self.letters_between(legs.start[i], legs.end[i], slack, holding):
@@ -124,14 +122,11 @@ class Ground:
         middles = start + ((cut[:-1] + cut[1:]) / 2)[:, None] * (end - start)
         low, high = self.bounds
         free = ((middles >= low) & (middles <= high)).all(axis=1) & (deepest(self.obstacles, middles) <= 0)
-        letters = self.columns(middles, slack, holding)
-        pieces = [int(letter) if there else -1 for letter, there in zip(letters, free, strict=True)]
-        inner = [key for key, _ in groupby(pieces)]
-        first, last = (int(letter) for letter in self.columns(np.stack([start, end]), slack, holding))
-        if inner and inner[0] == first:
-            inner = inner[1:]
-        if inner and inner[-1] == last:
-            inner = inner[:-1]
+        pieces = np.where(free, self.columns(middles, slack, holding), -1)
+        inner = [letter for letter, _ in groupby(pieces.tolist())]
+        first, last = self.columns(np.stack([start, end]), slack, holding).tolist()
+        inner = inner[inner[:1] == [first] :]
+        inner = inner[:-1] if inner[-1:] == [last] else inner
         return [letter for letter in inner if letter >= 0]
 
     def collided(self, x: FloatArray, margin: float = ON_EDGE) -> BoolArray:
@@ -168,34 +163,18 @@ def failures(accepted: BoolArray, collided: BoolArray, off_map: BoolArray, walle
     return failed | off_map if walled else failed
 
 
-@dataclass(frozen=True, slots=True)
-class Verdicts:
-    """The flags that the results give to n flights under one law."""
+def misjudged(ground: Ground, x: FloatArray, flags: Sequence[BoolArray], grain: float) -> int:
+    """Number of flights whose flags do not follow from their positions; near a face either flag is right.
 
-    x: FloatArray
-    accepted: BoolArray
-    collided: BoolArray
-    off_map: BoolArray
-
-
-def misjudged(ground: Ground, stated: Verdicts, grain: float) -> int:
-    """Number of flights whose flags do not follow from their positions; near a face either flag is right."""
-    x, accepted, collided = stated.x, stated.accepted, stated.collided
-    wrong = np.flatnonzero(ground.accepted(x) != accepted)
-    near = [
-        w
-        for w in wrong
-        if accepted[w] not in {ground.accepted(x[w, None], s)[0] for s in (-grain, grain, NEAR)}
-    ]
-    hit = np.flatnonzero(ground.collided(x) != collided)
-    far = [h for h in hit if collided[h] not in {ground.collided(x[h, None], m)[0] for m in (-grain, grain)}]
-    gone = np.flatnonzero(ground.off_map(x) != stated.off_map)
-    out = [
-        g
-        for g in gone
-        if stated.off_map[g] not in {ground.off_map(x[g, None], m)[0] for m in (-grain, grain)}
-    ]
-    return len({*near, *far, *out})
+    The ``flags`` are accepted, collided and off the map.
+    """
+    judges, near = (ground.accepted, ground.collided, ground.off_map), (-grain, grain)
+    wrong = set()
+    for judge, stated, slacks in zip(judges, flags, ((*near, NEAR), near, near), strict=True):
+        for k in np.flatnonzero(judge(x) != stated):
+            if stated[k] not in [judge(x[k, None], slack)[0] for slack in slacks]:
+                wrong.add(k)
+    return len(wrong)
 
 
 # --- new flights ------------------------------------------------------------------------------
@@ -220,19 +199,13 @@ class Simulator:
         robot, steps = self.law.robot, len(self.u)
         x = np.empty((runs, steps + 1, 2))
         x[:, 0] = self.mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
-        filters = None if self.guide is None else Filters(self.law, self.guide, self.landmarks)
-        robots = None if filters is None else filters.begin(runs)
+        filters = None if self.guide is None else Filters(self.law, self.guide, self.landmarks, runs)
         theta, capacity = rng.standard_normal((runs, self.law.modes)), self._capacity
         left = None if capacity is None else np.full(runs, capacity)
         for t in range(steps):
-            if t and isinstance(self.law, Coherent):
-                theta = next_field(self.law, t, theta, rng)
+            theta = next_field(self.law, t, theta, rng) if t else theta
             wind = self._wind(x[:, t], t, theta, rng)
-            if filters is None or robots is None:
-                flown = self._held(x[:, t], t, wind)
-            else:
-                filters.observe(robots, t, x, rng)
-                flown = filters.steered(robots, t, self.u[t])
+            flown = filters.controls(x, t, self.u[t], rng) if filters else self._held(x[:, t], t, wind)
             x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
             if left is not None:
                 left -= self._spent(flown)
@@ -253,19 +226,12 @@ class Simulator:
 
     def _wind(self, x: FloatArray, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Wind that each flight meets at its position, (n, 2) [m/s]."""
-        law, wind = self.law, self.law.wind
-        square = square_of(wind.x, wind.y, x)
-        met = square.value(at_step(wind.mean, law.times, t))
-        latent = square.value(at_step(wind.latent, law.times, t))
-        if isinstance(law, Independent):
-            white = at_step(wind.gust, law.times, t) + latent + law.times.between[t]
-        else:
-            carried = np.zeros_like(latent)
-            if wind.modes is not None:
-                psi = square_of(wind.modes.x, wind.modes.y, x).value(law.modes_at(t))
-                met = met + np.einsum("ncp,ncp->nc", psi, theta.reshape(len(x), 2, -1))
-                carried = (psi**2).sum(axis=2)
-            white = law.white_variance(t, latent, carried)
+        (met, latent), carried, modes = self.law.wind_at(t, x), np.zeros(2), self.law.wind.modes
+        if isinstance(self.law, Coherent) and modes is not None:
+            psi = square_of(modes.x, modes.y, x).value(self.law.modes_at(t))
+            met = met + np.einsum("ncp,ncp->nc", psi, theta.reshape(len(x), 2, -1))
+            carried = (psi**2).sum(axis=2)
+        white = self.law.white_variance(t, latent, carried)
         return np.asarray(met + np.sqrt(white) * rng.standard_normal(met.shape), float)
 
     def _held(self, x: FloatArray, t: int, wind: FloatArray) -> FloatArray:
@@ -282,12 +248,109 @@ class Simulator:
         return robot.within_speed(self.u[t] - np.linalg.solve(robot.b, back.T).T)
 
 
-def next_field(law: Coherent, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
+def next_field(law: Law, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
     """θ (n, 2P) of step t from θ of step t - 1: ρ θ + √(1 - ρ²) η, with ρ of the part of each mode."""
     keep = law.kept(t)
     if (keep == 1).all():
         return theta
     return np.asarray(keep * theta + np.sqrt(1 - keep**2) * rng.standard_normal(theta.shape), float)
+
+
+# --- position fixes ---------------------------------------------------------------------------
+
+
+class Filters:
+    """Filters of robots that measure their position in landmarks, one for each history of fixes.
+
+    The joint covariance of (e_t, e_{t-1}, θ) about the planned means is propagated as one matrix, so that a
+    fix between two steps is a Kalman update by a row of it.
+
+    Attributes
+    ----------
+    law, guide : Law, Course
+        The law of the flights, and the law linearised about the planned means; under the independent law
+        fixes measure positions only.
+    joint : dict of History to (4 + 2P, 4 + 2P) float
+        Covariance of the errors of (e_t, e_{t-1}, θ).
+    now, ago, wind : (n, 2), (n, 2), (n, 2P) float
+        What each robot expects: ê at this step and at the last, θ̂.
+    fixed, history : (n,) bool, list of n History
+        Whether each robot has had a fix, and its fixes.
+    """
+
+    def __init__(self, law: Law, guide: Course, landmarks: Sequence[Landmark], runs: int) -> None:
+        """Robots before departure."""
+        modes = guide.psi.shape[2]
+        self.law, self.guide, self.landmarks = law, guide, landmarks
+        joint = np.eye(4 + modes)
+        joint[:4, :4] = law.robot.start_sd**2 * np.tile(np.eye(2), (2, 2))
+        self.joint: dict[History, FloatArray] = {(): joint}
+        self.now, self.ago, self.wind = np.zeros((runs, 2)), np.zeros((runs, 2)), np.zeros((runs, modes))
+        self.fixed, self.history = np.zeros(runs, bool), list[History]([()] * runs)
+
+    def controls(self, x: FloatArray, t: int, u: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Controls (n, 2) [m/s] of all flights ``x`` (n, T+1, 2) at step t; ``u`` (2,) is the planned one."""
+        self._observe(t, x, rng)
+        robot, guide, fixed = self.law.robot, self.guide, self.fixed[:, None]
+        expected = self.wind @ guide.psi[t].T
+        wanted = u - np.linalg.solve(robot.b, (robot.fix_gain / robot.dt * self.now + expected).T).T
+        flown = np.where(fixed, robot.within_speed(wanted), u)
+        moved = self.now @ guide.F[t].T + robot.dt * (expected + (flown - u) @ robot.b.T)
+        self.ago, self.now = self.now, np.where(fixed, moved, 0.0)
+        return np.asarray(flown, float)
+
+    def _carry(self, t: int) -> None:
+        """All covariances from step t - 1 to t."""
+        guide, dt, kept = self.guide, self.law.robot.dt, self.law.kept(t)
+        M = np.zeros((4 + len(kept), 4 + len(kept)))
+        M[:2, :2], M[:2, 4:], M[2:4, :2] = guide.F[t - 1], dt * guide.psi[t - 1], np.eye(2)
+        M[4:, 4:] = np.diag(kept)
+        fresh = np.concatenate([dt**2 * guide.white[t - 1], np.zeros(2), 1.0 - kept**2])
+        self.joint = {key: M @ joint @ M.T + np.diag(fresh) for key, joint in self.joint.items()}
+        self.wind *= kept
+
+    def _observe(self, t: int, x: FloatArray, rng: np.random.Generator) -> None:
+        """The fixes of all flights on their way to step t."""
+        if t:
+            self._carry(t)
+        begin, here = x[:, max(t - 1, 0)], x[:, t]
+        shares = np.column_stack([_last_share(mark.area, begin, here) for mark in self.landmarks])
+        mark = shares.argmax(axis=1)
+        share = shares[np.arange(len(x)), mark] if t else np.where(shares.max(axis=1) >= 0, 1.0, -1.0)
+        groups: dict[History, list[int]] = {}
+        for i in np.flatnonzero(share >= 0.0).tolist():
+            part = min(max(int(share[i] * SHARES + 0.5), 1), SHARES)
+            groups.setdefault((*self.history[i], (t, int(mark[i]), part)), []).append(i)
+        noise = rng.standard_normal((len(x), 2))
+        for key, rows in groups.items():
+            error = np.linalg.cholesky(self.landmarks[key[-1][1]].error)
+            s, own = share[rows, None], np.array(rows)
+            self._update(key, own, s, begin[own] + s * (here[own] - begin[own]) + noise[own] @ error.T)
+        live = set(self.history)
+        self.joint = {key: joint for key, joint in self.joint.items() if key in live}
+
+    def _update(self, key: History, rows: IntArray, share: FloatArray, read: FloatArray) -> None:
+        """Kalman update of the flights ``rows``, which have the history ``key`` after this fix.
+
+        They ``read`` positions (n, 2) [m] at a ``share`` (n, 1) of their step.
+        """
+        joint, (t, mark, part), mean = self.joint[key[:-1]], key[-1], self.guide.x
+        H = np.zeros((2, len(joint)))
+        H[:, :2], H[:, 2:4] = part / SHARES * np.eye(2), (1.0 - part / SHARES) * np.eye(2)
+        gain = np.linalg.solve(H @ joint @ H.T + self.landmarks[mark].error, H @ joint).T
+        self.joint.setdefault(key, joint - gain @ (H @ joint))
+        known = share * (mean[t] + self.now[rows]) + (1.0 - share) * (mean[max(t - 1, 0)] + self.ago[rows])
+        self.now[rows] += (read - known) @ gain[:2].T
+        self.wind[rows] += (read - known) @ gain[4:].T
+        self.fixed[rows] = True
+        for i in rows.tolist():
+            self.history[i] = key
+
+
+def _last_share(mark: Convex, start: FloatArray, end: FloatArray) -> FloatArray:
+    """The last share of each segment (S, 2) to (S, 2) [m] in a convex polygon, (S,); -1 where none is."""
+    enter, leave, along = mark.pieces(start, end)
+    return np.asarray(np.where((along < 0) | (enter > leave), -1.0, leave), float)
 
 
 # --- statistics -------------------------------------------------------------------------------
@@ -298,6 +361,12 @@ def clopper_pearson(failures: int, runs: int) -> tuple[float, float]:
     low = float(betaincinv(failures, runs - failures + 1, 0.025)) if failures else 0.0
     high = float(betaincinv(failures + 1, runs - failures, 0.975)) if failures < runs else 1.0
     return low, high
+
+
+def rate_of(failures: int, runs: int) -> dict[str, float]:
+    """The ``failure`` rate, and the ends ``low`` and ``high`` of its interval."""
+    low, high = clopper_pearson(failures, runs)
+    return {"failure": failures / runs, "low": low, "high": high}
 
 
 def same_rate(failures: int, runs: int, others: int, other_runs: int) -> float:
@@ -340,14 +409,11 @@ def winds_as_drawn(law: Independent, x: FloatArray, u: FloatArray) -> float:
     The wind of a step is the motion minus the control, standardised with μ and Σ_w at the position. The sum
     of squares of all winds is chi-squared, and so is, after scaling, the square of their sum at each step.
     """
-    robot, wind = law.robot, law.wind
-    squares, count, drift = 0.0, 0, 1.0
+    robot, squares, count, drift = law.robot, 0.0, 0, 1.0
     for t in range(len(u)):
-        square = square_of(wind.x, wind.y, x[:, t])
+        mean, latent = law.wind_at(t, x[:, t])
         met = (x[:, t + 1] - x[:, t] @ robot.a.T) / robot.dt - u[t] @ robot.b.T
-        gap = met - square.value(at_step(wind.mean, law.times, t))
-        variance = square.value(at_step(wind.latent, law.times, t)) + at_step(wind.gust, law.times, t)
-        sd = np.sqrt(variance + law.times.between[t])
+        gap, sd = met - mean, np.sqrt(law.white_variance(t, latent, 0.0))
         if (np.abs(gap[sd <= 1e-9]) > 1e-6).any():
             return 0.0
         z = gap / np.maximum(sd, 1e-9) * (sd > 1e-9)
@@ -362,9 +428,6 @@ def winds_as_drawn(law: Independent, x: FloatArray, u: FloatArray) -> float:
 def rates(accepted: BoolArray, collided: BoolArray, off_map: BoolArray, walled: bool) -> dict[str, float]:
     """Failure rate, its interval, and the rates of its parts; one is leaving the map, if ``walled``."""
     failed = failures(accepted, collided, off_map, walled)
-    low, high = clopper_pearson(int(failed.sum()), len(failed))
-    return {
-        "runs": float(len(failed)), "failure": float(failed.mean()), "low": low, "high": high,
-        "mission": float((~accepted).mean()), "collision": float(collided.mean()),
-        "off_map": float(off_map.mean()),
-    }  # fmt: skip
+    parts = {"mission": ~accepted, "collision": collided, "off_map": off_map}
+    shares = {name: float(flags.mean()) for name, flags in parts.items()}
+    return {"runs": float(len(failed))} | rate_of(int(failed.sum()), len(failed)) | shares

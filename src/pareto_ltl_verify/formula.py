@@ -1,4 +1,4 @@
-"""Formulas and automata, read and compared without the planner's code.
+"""Formulas, automata and the times of propositions, read and compared without the planner's code.
 
 A co-safe formula is rewritten letter by letter: after a letter, the rest of the formula is a set of
 alternatives, each a set of subformulas that must all hold from the next letter on. A word completes the
@@ -9,17 +9,23 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
+import numpy as np
+
+from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.names import QUOTED
 
+Label = frozenset[str]
+Window = tuple[str | None, float, float]  # region or None, first and last moment [s after departure]
 Node = tuple[Any, ...]  # (operator, argument, ...); a proposition is ("ap", name)
 Rest = frozenset[frozenset[Node]]  # alternatives of obligations
 
+TOUCH = 1e-6  # [s] windows are wider by this at both ends, against rounding
 MOST_RESTS = 50_000  # limit of the number of different rests of a formula; a formula with more is an error
 DONE: Rest = frozenset({frozenset()})
 NEVER: Rest = frozenset()
@@ -213,10 +219,6 @@ class Dfa:
     initial: int
     accepting: tuple[bool, ...]
 
-    def read(self, label: Iterable[str], state: int) -> int:
-        """State after the propositions of ``label`` that the formula names."""
-        return self.delta[state][self.letters.index(frozenset(label) & frozenset(self.atoms))]
-
 
 def first_difference(dfa: Dfa, formula: str, forbidden: Collection[str] = ()) -> str | None:
     """A shortest word on which automaton and formula disagree; None if there is none.
@@ -262,65 +264,49 @@ def _walk_together(
     return None
 
 
-def distances(dfa: Dfa) -> list[float]:
+def distances(dfa: Dfa) -> FloatArray:
     """d_A: fewest letters to acceptance from each state, inf if it cannot be reached."""
-    found = [0.0 if yes else float("inf") for yes in dfa.accepting]
-    for _ in dfa.delta:
-        found = [
-            min(own, 1.0 + min(found[p] for p in row)) for own, row in zip(found, dfa.delta, strict=True)
-        ]
+    found, delta = np.where(dfa.accepting, 0.0, np.inf), np.array(dfa.delta)
+    for _ in delta:
+        found = np.minimum(found, 1.0 + found[delta].min(axis=1))
     return found
 
 
-def covers(dfa: Dfa) -> list[list[bool]]:
-    """``[q][p]``: q accepts every word that p accepts."""
-    n = len(dfa.delta)
-    fails = {(q, p) for q in range(n) for p in range(n) if dfa.accepting[p] and not dfa.accepting[q]}
+@cache
+def covers(dfa: Dfa) -> BoolArray:
+    """``[q, p]``: q accepts every word that p accepts."""
+    accepting, delta = np.array(dfa.accepting), np.array(dfa.delta)
+    better: BoolArray = accepting[:, None] | ~accepting
     while True:
-        more = {
-            (q, p)
-            for q in range(n)
-            for p in range(n)
-            if (q, p) not in fails
-            and any(pair in fails for pair in zip(dfa.delta[q], dfa.delta[p], strict=True))
-        }
-        if not more:
-            return [[(q, p) not in fails for p in range(n)] for q in range(n)]
-        fails |= more
+        left = better & better[delta[:, None], delta].all(axis=2)
+        if (left == better).all():
+            return better
+        better = left
 
 
 @cache
-def harmful(dfa: Dfa, empty: frozenset[str] = frozenset()) -> tuple[tuple[bool, ...], ...]:
-    """``[q][letter]``: whether a letter is read between steps; a place without regions has letter ``empty``.
+def harmful(dfa: Dfa, empty: Label = frozenset()) -> BoolArray:
+    """``[q, letter]``: whether a letter is read between steps; a place without regions has letter ``empty``.
 
     Such a letter leads from a state that can be completed to one that cannot, or it is not the empty letter
     and leads to a state that does not accept all words that are accepted after the empty letter.
     """
-    better, lost = covers(dfa), [math.isinf(d) for d in distances(dfa)]
-    nothing = dfa.letters.index(empty)
-    return tuple(
-        tuple(
-            (lost[then] and not lost[q]) or (k != nothing and not better[then][row[nothing]])
-            for k, then in enumerate(row)
-        )
-        for q, row in enumerate(dfa.delta)
-    )
+    delta, lost, nothing = np.array(dfa.delta), np.isinf(distances(dfa)), dfa.letters.index(empty)
+    worse = ~covers(dfa)[delta, delta[:, nothing, None]]
+    worse[:, nothing] = False
+    found: BoolArray = worse | (lost[delta] & ~lost[:, None])
+    return found
 
 
-def losing(dfa: Dfa, empty: frozenset[str] = frozenset()) -> list[list[bool]]:
-    """``[q][letter]``: whether the letter may lead from a state as good as q to one that is not.
+@cache
+def losing(dfa: Dfa, empty: Label = frozenset()) -> BoolArray:
+    """``[q, letter]``: whether the letter may lead from a state as good as q to one that is not.
 
     Such a state s accepts all words that q accepts, and the letter is harmful in it.
     """
-    better, harm = covers(dfa), harmful(dfa, empty)
-    states = range(len(dfa.delta))
-    return [
-        [
-            any(better[s][q] and harm[s][k] and not better[dfa.delta[s][k]][q] for s in states)
-            for k in range(len(dfa.letters))
-        ]
-        for q in states
-    ]
+    better, ahead = covers(dfa), covers(dfa)[np.array(dfa.delta)]  # (s, q) and (s, letter, q)
+    found: BoolArray = (better[:, None] & harmful(dfa, empty)[..., None] & ~ahead).any(axis=0).T
+    return found
 
 
 def read_hoa(text: str, letters: Sequence[frozenset[str]]) -> Dfa:
@@ -356,3 +342,59 @@ def _edge(edges: Sequence[str], atoms: Sequence[str], letter: frozenset[str]) ->
             f"automaton.hoa: letter {sorted(letter)} has {len(targets)} edges from a state, not 1"
         )
     return targets.pop()
+
+
+# --- times of propositions -------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Timetable:
+    """When propositions hold: windows by name, and the step ``dt`` [s]."""
+
+    windows: Mapping[str, Window] = field(default_factory=dict)
+    dt: float = 1.0
+
+    def now(self, step: int) -> Label:
+        """The propositions whose windows are open at a step."""
+        return self._open(self.dt * step, self.dt * step)
+
+    def way(self, step: int) -> Label:
+        """The propositions whose windows are open at some moment between the step before and this one."""
+        return self._open(self.dt * max(step - 1, 0), self.dt * step)
+
+    def _open(self, first: float, last: float) -> Label:
+        spans = {name: (begin - TOUCH, end + TOUCH) for name, (_, begin, end) in self.windows.items()}
+        return frozenset(name for name, (begin, end) in spans.items() if begin <= last and first <= end)
+
+    def letter(self, label: Collection[str], holding: Collection[str]) -> Label:
+        """The propositions that hold in the regions ``label`` while windows ``holding`` are open."""
+        timed = {name for name in holding if self.windows[name][0] in (None, *label)}
+        return frozenset(timed.union(name for name in label if name not in self.windows))
+
+    def places(self, label: Collection[str]) -> Label:
+        """The propositions that hold in the regions ``label`` at some time, without clocks."""
+        timed = {name for name, (region, _, _) in self.windows.items() if region in label}
+        return frozenset(timed.union(name for name in label if name not in self.windows))
+
+    def region(self, name: str) -> str | None:
+        """The region in which a proposition holds; None for a clock."""
+        return self.windows[name][0] if name in self.windows else name
+
+
+def windows_of(content: Mapping[str, Any] | None) -> dict[str, Window]:
+    """The windows of scene.json or automaton.json by name; null in the file means no limit."""
+    ends = (("begin", -math.inf), ("end", math.inf))
+    found = {}
+    for name, stated in (content or {}).items():
+        begin, end = (far if stated.get(key) is None else float(stated[key]) for key, far in ends)
+        found[name] = stated.get("region"), begin, end
+    return found
+
+
+def clock_of(name: str) -> Window | None:
+    """The window in the name of a clock, such as ``clock_0_21600`` or ``clock_21600p001_on``."""
+    match = re.fullmatch(r"clock_([\dp]+)_([\dp]+|on)", name)
+    if match is None:
+        return None
+    begin, end = (math.inf if t == "on" else float(t.replace("p", ".")) for t in match.groups())
+    return None, begin, end

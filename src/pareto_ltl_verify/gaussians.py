@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr, owens_t
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl_verify.geometry import Convex
 
 ROUNDING = 1e-13  # below this the computed probability of a polygon is only rounding error
 ON_EDGE = 1e-6  # [m] a point this far outside an edge still counts as on it
+DIRECTIONS, FINER = 1440, 41  # of the first sweep, and of the second about its best one
+LEAST_VARIANCE = 0.1  # [m²] that the planner adds to every variance
+CERTAIN = 40.0  # standard deviations that count as certainty
+NEAR_LINE = 6.0  # standard deviations up to which the lines of a segment are faces of the bound R
+BEHIND = 1e-3  # [m] by which a polygon may reach over a line and still be behind it
 Masses = list[dict[frozenset[str], float]]  # for each step P(label)
 
 
@@ -90,58 +95,38 @@ def label_masses(cells: Sequence[tuple[Convex, frozenset[str]]], x: FloatArray, 
     return masses
 
 
-def ordered(
-    masses: Masses, read: Sequence[Sequence[Mapping[frozenset[str], int]]], covers: Sequence[Sequence[bool]],
-    initial: int, accepting: Sequence[bool], way: Way,
-) -> float:  # fmt: skip
+class Step(NamedTuple):
+    """A step and the way to it, for labels s and states q.
+
+    Attributes
+    ----------
+    mass : (s,) float
+        P(label).
+    after : (q, s) int
+        State after each label.
+    lost : (q, s) bool
+        Whether a cell with the label between the steps loses the state.
+    cost : (q,) float
+        Bound on the probability that the way meets such a cell.
+    """
+
+    mass: FloatArray
+    after: IntArray
+    lost: BoolArray
+    cost: FloatArray
+
+
+def ordered(steps: Iterable[Step], covers: BoolArray, initial: int, accepting: Sequence[bool]) -> float:
     """V: a bound on the probability that the mission fails, by induction over steps and automaton states.
 
     V_t(p) = min(1, min_q [V_{t-1}(q) + P(reading the label in q does not reach p) + P(a cell between the
     steps loses q)]). A label that loses q is counted only in the second probability.
-    ``read[t][q]`` is the state after each label.
     """
-    states = range(len(covers))
-    V = [0.0 if covers[initial][p] else 1.0 for p in states]
-    for t, seen in enumerate(masses):
-        V = [
-            min(
-                1.0,
-                *(
-                    V[q]
-                    + way.cost[t][q]
-                    + sum(
-                        m for s, m in seen.items() if not covers[read[t][q][s]][p] and s not in way.lost[t][q]
-                    )
-                    for q in states
-                ),
-            )
-            for p in states
-        ]
-    return min([1.0] + [V[p] for p in states if accepting[p]])
-
-
-@dataclass(frozen=True, slots=True)
-class Way:
-    """Risks between steps: for each step and state the risk to lose the state, and labels that lose it."""
-
-    cost: list[list[float]]
-    lost: Sequence[Sequence[Collection[frozenset[str]]]]
-
-
-def way_risks(
-    cells: Sequence[tuple[Convex, Sequence[Sequence[bool]]]], x: FloatArray, cov: FloatArray, states: int
-) -> list[list[float]]:
-    """For each step and state, ``[t][q]``, the risk of meeting a cell that loses the state then.
-
-    It is the sum over those ``cells`` of a bound on P(cell met).
-    """
-    costs = []
-    for t in range(len(x)):
-        met = [crossing(part, x[max(t - 1, 0) : t + 1], cov[max(t - 1, 0) : t + 1]) for part, _ in cells]
-        costs.append(
-            [sum(m for m, (_, loses) in zip(met, cells, strict=True) if loses[t][q]) for q in range(states)]
-        )
-    return costs
+    V = np.where(covers[initial], 0.0, 1.0)
+    for step in steps:
+        missed = ~covers[step.after] & ~step.lost[:, :, None]  # (q, s, p)
+        V = np.minimum((V + step.cost + np.einsum("s,qsp->pq", step.mass, missed)).min(axis=1), 1.0)
+    return float(V[np.array(accepting)].min(initial=1.0))
 
 
 def crossing(part: Convex, x: FloatArray, cov: FloatArray) -> float:
@@ -250,3 +235,77 @@ def step_risk(obstacles: Sequence[Convex], x: FloatArray, cov: FloatArray) -> fl
         ends = np.where(np.isfinite(risk[:-1]), risk[1:], math.inf) if len(risk) > 1 else risk
         total += ends.min(axis=1)
     return float(total.max(initial=0.0))
+
+
+# --- chance constraints of segments: a sweep of directions for the best supporting lines ---
+
+
+def best_lines(part: Convex, x: FloatArray, cov: FloatArray) -> FloatArray:
+    """For each segment of ``x`` (T+1, 2): z, the normal and the offset of the best line, (T, 4).
+
+    ``cov`` (T+1, 2, 2) [m²]; z = min over the ends of (c'x - h) / √(c'Σc), h the largest c'v of the corners.
+    """
+    if not len(part.corners):  # a wall: the half plane beyond a side of the map
+        normal, offset = part.normals[0], part.offsets[0]
+        return np.column_stack([
+            _deviations(normal[None], offset[None], x, cov)[:, 0],
+            np.tile([*normal, offset], (len(x) - 1, 1)),
+        ])  # fmt: skip
+    angles = np.linspace(0.0, 2.0 * np.pi, DIRECTIONS, endpoint=False)
+    normals = _units(angles)
+    best = angles[_deviations(normals, (part.corners @ normals.T).max(axis=0), x, cov).argmax(axis=1)]
+    return np.array([_refined(part, best[k], x[k : k + 2], cov[k : k + 2]) for k in range(len(best))])
+
+
+def _refined(part: Convex, angle: float, x: FloatArray, cov: FloatArray) -> list[float]:
+    """z, the normal and the offset of the best line of one segment, with a normal about ``angle``."""
+    half, row = 4.0 * np.pi / DIRECTIONS, [0.0]
+    for _ in range(3):
+        angles = angle + np.linspace(-half, half, FINER)
+        normals = _units(angles)
+        reach = (part.corners @ normals.T).max(axis=0)
+        z = _deviations(normals, reach, x, cov)[0]
+        k = int(z.argmax())
+        angle, half, row = float(angles[k]), 3.0 * half / FINER, [z[k], *normals[k], reach[k]]
+    return row
+
+
+def with_lines(part: Convex, x: FloatArray, cov: FloatArray) -> Convex:
+    """``part`` with the best lines of its near segments as further half planes."""
+    if not len(part.corners):  # a wall has only one line
+        return part
+    rows = best_lines(part, x, cov)
+    rows = rows[(rows[:, 0] > 0.0) & (rows[:, 0] < NEAR_LINE)]
+    return Convex(part.corners, np.vstack([part.normals, rows[:, 1:3]]), np.append(part.offsets, rows[:, 3]))
+
+
+def _units(angles: FloatArray) -> FloatArray:
+    return np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def _deviations(normals: FloatArray, offsets: FloatArray, x: FloatArray, cov: FloatArray) -> FloatArray:
+    """z of each segment and direction, (T, D)."""
+    variance = np.einsum("di,tij,dj->td", normals, cov, normals)
+    z = (x @ normals.T - offsets) / np.sqrt(np.maximum(variance, 0.0) + LEAST_VARIANCE)
+    return np.asarray(np.minimum(np.minimum(z[:-1], z[1:]), CERTAIN), float)
+
+
+def segment_risks(parts: Sequence[Convex], x: FloatArray, cov: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """z of each segment and part (T, m), and Σ_lines Q(z) of each segment (T,).
+
+    A part behind the line of a closer one adds nothing.
+    """
+    lines = np.stack([best_lines(part, x, cov) for part in parts], axis=1)
+    risks = np.zeros(len(lines))
+    for t, rows in enumerate(lines):
+        left = list(np.argsort(rows[:, 0], kind="stable"))
+        while left:
+            z, normal, offset = rows[left[0], 0], rows[left[0], 1:3], rows[left[0], 3]
+            risks[t] += ndtr(-z)
+            left = [k for k in left[1:] if not _behind(parts[k], normal, offset)]
+    return lines[:, :, 0], risks
+
+
+def _behind(part: Convex, normal: FloatArray, offset: float) -> bool:
+    """Whether a polygon reaches no farther along ``normal`` than ``offset`` [m]; a wall has no end."""
+    return bool(len(part.corners)) and bool((part.corners @ normal).max() <= offset + BEHIND)

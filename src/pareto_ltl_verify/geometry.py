@@ -1,9 +1,11 @@
-"""Points, segments and polygons."""
+"""Points, segments and polygons in the plane, and the same points on the Earth."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -104,6 +106,37 @@ def outline_distance(corners: FloatArray, points: FloatArray) -> FloatArray:
     """Distance of ``points`` (P, 2) from the outline of a polygon [m]."""
     along = np.roll(corners, -1, axis=0) - corners
     offset = points[:, None] - corners
-    share = np.einsum("pij,ij->pi", offset, along) / np.einsum("ij,ij->i", along, along)
+    share = np.einsum("pij,ij->pi", offset, along) / np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
     nearest = np.clip(share, 0.0, 1.0)[..., None] * along
     return np.asarray(np.linalg.norm(offset - nearest, axis=2).min(axis=1), float)
+
+
+# --- on the Earth -----------------------------------------------------------------------------
+
+AHEAD = 1.0  # [m] distance from a position to the second point that gives the direction there
+WGS84 = "EPSG:4326"
+
+
+@cache
+def _transformer(source: str, target: str) -> Any:
+    from pyproj import Transformer
+
+    return Transformer.from_crs(source, target, always_xy=True)
+
+
+def on_earth(crs: str, x: FloatArray) -> FloatArray:
+    """Longitudes and latitudes (2, N) [deg] of positions ``x`` (N, 2) [m]."""
+    return np.array(_transformer(crs, WGS84).transform(*x.T))
+
+
+def in_plane(crs: str, lonlat: FloatArray) -> FloatArray:
+    """Positions (N, 2) [m] of longitudes and latitudes (N, 2) [deg]."""
+    return np.column_stack(_transformer(WGS84, crs).transform(*lonlat.T))
+
+
+def azimuths(crs: str, x: FloatArray, toward: FloatArray) -> FloatArray:
+    """True directions (T,) [deg], clockwise from north, at ``x`` (T, 2) [m] of plane vectors (T, 2)."""
+    from pyproj import Geod
+
+    ahead = x + AHEAD * toward / np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-12)
+    return np.asarray(Geod(ellps="WGS84").inv(*on_earth(crs, x), *on_earth(crs, ahead))[0], float)

@@ -11,28 +11,26 @@ from pathlib import Path
 
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_verify.claims import (
-    coverage,
+    Claim,
+    Verdict,
     export_rates,
     exports,
     flights,
     front,
     limits,
-    page,
     plan,
-    promise,
     record,
     replan,
     search,
+    texts,
     wind,
     world,
-)  # fmt: skip
-from pareto_ltl_verify.claims.verdict import Claim, Verdict
+)
 from pareto_ltl_verify.evidence import Evidence, open_evidence
 
 CLAIMS: tuple[Claim, ...] = (
-    *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *coverage.CLAIMS, *plan.CLAIMS, *limits.CLAIMS,
-    *search.CLAIMS, *front.CLAIMS, *promise.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *export_rates.CLAIMS,
-    *page.CLAIMS, *replan.CLAIMS,
+    *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *plan.CLAIMS, *limits.CLAIMS, *search.CLAIMS,
+    *front.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *export_rates.CLAIMS, *texts.CLAIMS, *replan.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({

@@ -7,93 +7,19 @@ coefficients θ of the wind field, so that a position fix is a Kalman update of 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl_verify.energy import Power
 from pareto_ltl_verify.gaussians import in_polygon
 from pareto_ltl_verify.geometry import Convex, convex
+from pareto_ltl_verify.robot import Robot
 from pareto_ltl_verify.wind_tables import TIME, Clock, WindFile, at_step, square_of
 
 WORTHWHILE = 0.01  # share of the unknown variance: fixes that take less are ignored
 RIM = np.array([(math.cos(a), math.sin(a)) for a in np.arange(8) * math.pi / 4])  # of the maximum-trace ball
-
-
-@dataclass(frozen=True, slots=True)
-class Robot:
-    """Dynamics x' = A x + dt (B u + w), limits of the airspeed, feedback and position fixes; SI units."""
-
-    a: FloatArray
-    b: FloatArray
-    dt: float
-    u_min: float
-    u_max: float
-    start_sd: float
-    feedback_time: float | None
-    effort_risk: float
-    fix_sd: float
-    fix_time: float
-    ball: float
-    bank: float = 0.0
-    turn_delay: float = 0.0
-    power: Power | None = None  # [W] at an airspeed [m/s]; None without a power curve
-    capacity: float | None = None  # energy that the robot can use [J]; None if it is not limited
-
-    @property
-    def feedback(self) -> float:
-        """Share of a deviation that feedback corrects in one step; 0 for a robot without feedback."""
-        return step_shares(self.feedback_time, self.dt)[0]
-
-    @property
-    def exposed(self) -> float:
-        """Share of a step's wind error that feedback leaves at its end."""
-        return step_shares(self.feedback_time, self.dt)[1]
-
-    @property
-    def fix_gain(self) -> float:
-        """Share of a deviation known from fixes that is corrected in one step."""
-        return step_shares(self.fix_time, self.dt)[0]
-
-    @property
-    def closed(self) -> FloatArray:
-        """A - K: the matrix (2, 2) that maps a deviation to the deviation of the next step."""
-        return self.a - self.feedback * np.eye(2)
-
-    def speed_left(self, correction: FloatArray) -> float:
-        """Airspeed [m/s] left for the plan if corrections of this covariance (2, 2) [m²] are flown too.
-
-        P(‖c‖ > r) <= exp(-r² / 2 λ), with λ the largest eigenvalue of the covariance.
-        """
-        turned = np.linalg.solve(self.b, np.linalg.solve(self.b, correction).T)
-        widest = max(float(np.linalg.eigvalsh(0.5 * (turned + turned.T))[-1]), 0.0)
-        return max(self.u_max - math.sqrt(-2.0 * math.log(self.effort_risk) * widest) / self.dt, 0.0)
-
-    def within_speed(self, u: FloatArray) -> FloatArray:
-        """Controls ``u`` (n, 2) [m/s] cut to the least and the largest airspeed."""
-        size = np.linalg.norm(u, axis=1, keepdims=True)
-        return np.asarray(u * (np.clip(size, self.u_min, self.u_max) / np.maximum(size, 1e-12)), float)
-
-    def least_speed(self, left: FloatArray) -> FloatArray:
-        """Least airspeed [m/s] of the plan if ``left`` [m/s] is the greatest.
-
-        Corrections may reduce the airspeed by as much as they may increase it.
-        """
-        return np.where(self.u_min > 0.0, self.u_min + (self.u_max - left), 0.0)
-
-
-def step_shares(time: float | None, dt: float) -> tuple[float, float]:
-    """Shares of a deviation corrected in a step of ``dt`` [s], and of the step's wind error that is left.
-
-    The solution of ė = -e / T + w after a step, for T = ``time`` [s]; None: no correction.
-    """
-    if time is None:
-        return 0.0, 1.0
-    left = math.exp(-dt / time)
-    return 1.0 - left, (1.0 - left) * time / dt
 
 
 @dataclass(slots=True)
@@ -139,32 +65,6 @@ class Belief:
     theta: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class Independent:
-    """The wind of every step is independent; Σ_w has the largest trace in a ball around the mean."""
-
-    wind: WindFile
-    times: Clock
-    robot: Robot
-    modes = 0
-
-    def advance(self, course: Course, t: int, belief: Belief) -> Belief:
-        """Fill row t of ``course`` and return what is uncertain one step later."""
-        robot, wind = self.robot, self.wind
-        reach = robot.ball * math.sqrt(float(np.trace(belief.unknown)) / 2)
-        around = course.x[t] + reach * np.vstack([[0.0, 0.0], RIM if reach > 0 else RIM[:0]])
-        square = square_of(wind.x, wind.y, around)
-        latent = square.value(at_step(wind.latent, self.times, t))
-        widest = latent[np.argmax(latent.sum(axis=1))]
-        course.white[t] = widest + at_step(wind.gust, self.times, t) + self.times.between[t]
-        course.drift[t] = square.value(at_step(wind.mean, self.times, t))[0]
-        course.F[t] = robot.closed
-        course.speed[t] = robot.speed_left(robot.feedback**2 * belief.unknown)
-        spread = robot.closed @ belief.unknown @ robot.closed.T
-        spread += (robot.exposed * robot.dt) ** 2 * np.diag(course.white[t])
-        return Belief(spread, belief.known, belief.cross, belief.theta)
-
-
 class Landmark(NamedTuple):
     """A convex area in which the robot measures its position, and the covariance (2, 2) of the error [m²]."""
 
@@ -190,13 +90,68 @@ def landmarks_of(scene: dict[str, Any], usual: float) -> tuple[Landmark, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class Coherent:
-    """One field for a whole flight, w(x) = μ(x) + ψ(x)' θ; the robot gets position fixes at ``landmarks``."""
+class Law:
+    """The wind of a flight at its steps, for a robot that measures its position at ``landmarks``."""
 
     wind: WindFile
     times: Clock
     robot: Robot
     landmarks: tuple[Landmark, ...] = ()
+
+    @property
+    def modes(self) -> int:
+        """2P, the number of coefficients of both components; 0 without a field for the whole flight."""
+        return 0
+
+    def kept(self, t: int) -> FloatArray:  # noqa: ARG002
+        """Share of each coefficient that step t keeps of step t - 1, (2P,)."""
+        return np.ones(self.modes)
+
+    def wind_at(self, t: int, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean [m/s] and variance without gusts of the wind at step t at ``points`` (P, 2), each (P, 2)."""
+        square = square_of(self.wind.x, self.wind.y, points)
+        tables = (self.wind.mean, self.wind.latent)
+        mean, latent = (square.value(at_step(table, self.times, t)) for table in tables)
+        return mean, latent
+
+    def white_variance(self, t: int, latent: FloatArray, carried: FloatArray | float) -> FloatArray:
+        """Variance (..., 2) of a step's mean wind without the part ``carried`` by coefficients."""
+        raise NotImplementedError
+
+    def advance(self, course: Course, t: int, belief: Belief) -> Belief:
+        """Fill row t of ``course`` and return what is uncertain one step later."""
+        raise NotImplementedError
+
+
+class Independent(Law):
+    """The wind of every step is independent; Σ_w has the largest trace in a ball around the mean."""
+
+    __slots__ = ()
+
+    def white_variance(self, t: int, latent: FloatArray, carried: FloatArray | float) -> FloatArray:
+        """Variance (..., 2) of the wind of a step, with gusts and the error of interpolation in time."""
+        gust = at_step(self.wind.gust, self.times, t)
+        return np.asarray(latent - carried + gust + self.times.between[t], float)
+
+    def advance(self, course: Course, t: int, belief: Belief) -> Belief:
+        """Fill row t of ``course`` and return what is uncertain one step later."""
+        robot = self.robot
+        reach = robot.ball * math.sqrt(float(np.trace(belief.unknown)) / 2)
+        around = course.x[t] + reach * np.vstack([[0.0, 0.0], RIM if reach > 0 else RIM[:0]])
+        mean, latent = self.wind_at(t, around)
+        course.white[t] = self.white_variance(t, latent[np.argmax(latent.sum(axis=1))], 0.0)
+        course.drift[t] = mean[0]
+        course.F[t] = robot.closed
+        course.speed[t] = robot.speed_left(robot.feedback**2 * belief.unknown)
+        spread = robot.closed @ belief.unknown @ robot.closed.T
+        spread += (robot.exposed * robot.dt) ** 2 * np.diag(course.white[t])
+        return Belief(spread, belief.known, belief.cross, belief.theta)
+
+
+class Coherent(Law):
+    """One field for a whole flight, w(x) = μ(x) + ψ(x)' θ; the robot gets position fixes at ``landmarks``."""
+
+    __slots__ = ()
 
     @property
     def modes(self) -> int:
@@ -216,7 +171,7 @@ class Coherent:
         grown = np.where(modes.part == TIME, math.sqrt(self.times.between[t]), 1.0)
         return np.asarray(modes.psi[self.times.nearest[t]] * grown, float)
 
-    def white_variance(self, t: int, latent: FloatArray, carried: FloatArray) -> FloatArray:
+    def white_variance(self, t: int, latent: FloatArray, carried: FloatArray | float) -> FloatArray:
         """Variance (..., 2) of a step's mean of gusts and of the rest, ``latent`` minus ``carried``.
 
         The rest is the part of the error without modes. It stays correlated for the time in which a robot
@@ -267,20 +222,13 @@ class Coherent:
 
     def _field_at(self, x: FloatArray, t: int, cross: FloatArray) -> tuple[FloatArray, FloatArray]:
         """ψ = blkdiag(ψ_x', ψ_y') (2, 2P) and ∂ψ : C (2,)."""
-        psi = np.zeros((2, self.modes))
-        swept = np.zeros(2)
-        modes = self.wind.modes
+        psi, modes = np.zeros((2, 2, self.modes // 2)), self.wind.modes
         if modes is None:
-            return psi, swept
-        table = self.modes_at(t)
-        square = square_of(modes.x, modes.y, x[None])
-        value, slopes = square.value(table)[0], square.slopes(table)
-        half = self.modes // 2
-        for c in (0, 1):
-            own = slice(c * half, (c + 1) * half)
-            psi[c, own] = value[c]
-            swept[c] = sum(slope[0, c] @ cross[d, own] for d, slope in enumerate(slopes))
-        return psi, swept
+            return psi.reshape(2, 0), np.zeros(2)
+        table, square = self.modes_at(t), square_of(modes.x, modes.y, x[None])
+        psi[[0, 1], [0, 1]] = square.value(table)[0]
+        slopes = np.concatenate(square.slopes(table))  # (direction, component, P)
+        return psi.reshape(2, -1), np.einsum("dcp,dcp->c", slopes, cross.reshape(2, 2, -1))
 
     def _with_fix(self, course: Course, t: int, belief: Belief) -> Belief:
         """The expected belief after a position fix that arrives with the probability to be in a landmark."""
@@ -294,9 +242,8 @@ class Coherent:
             p = in_polygon(mark.area, begin + s * (here - begin), total)
             if p > chance:
                 chance, share, error = p, s, mark.error
-        since = (1.0 - share) * self.robot.dt
-        square = square_of(self.wind.x, self.wind.y, here[None])
-        drifted = since**2 * square.value(at_step(self.wind.latent, self.times, max(t - 1, 0)))[0]
+        _, (latent,) = self.wind_at(max(t - 1, 0), here[None])
+        drifted = ((1.0 - share) * self.robot.dt) ** 2 * latent
         S = belief.unknown + error + np.diag(drifted)
         gain = chance * np.linalg.solve(S, belief.unknown).T
         if np.trace(gain @ belief.unknown) <= WORTHWHILE * np.trace(belief.unknown):
@@ -318,56 +265,47 @@ def nearest_share(begin: FloatArray, end: FloatArray, point: FloatArray) -> floa
     return float(np.clip((point - begin) @ along / size, 0.0, 1.0)) if size > 0.0 else 1.0
 
 
-Law = Independent | Coherent
-
-
 def fly_means(law: Law, x: FloatArray) -> Course:
     """The course along the means ``x`` (T+1, 2) [m], with the controls that they need."""
     course = _empty(law, len(x) - 1)
     course.x[:] = x
-    robot = law.robot
-
-    def steer(t: int) -> None:
-        free = robot.a @ x[t] + robot.dt * course.drift[t]
-        course.u[t] = np.linalg.solve(robot.b, x[t + 1] - free) / robot.dt
-
-    return _flown(law, course, steer)
+    return _flown(law, course, along_means=True)
 
 
 def fly_controls(law: Law, start: FloatArray, u: FloatArray) -> Course:
     """The course of the controls ``u`` (T, 2) [m/s] from ``start`` (2,) [m]."""
     course = _empty(law, len(u))
     course.x[0], course.u[:] = start, u
-    robot = law.robot
-
-    def move(t: int) -> None:
-        course.x[t + 1] = robot.a @ course.x[t] + robot.dt * (robot.b @ u[t] + course.drift[t])
-
-    return _flown(law, course, move)
+    return _flown(law, course, along_means=False)
 
 
 def _empty(law: Law, steps: int) -> Course:
-    pairs = np.empty((5, steps, 2))
+    pairs = np.empty((3, steps, 2))
     return Course(
         x=np.empty((steps + 1, 2)), u=pairs[0], cov=np.empty((steps + 1, 2, 2)), speed=np.empty(steps),
         drift=pairs[1], F=np.empty((steps, 2, 2)), psi=np.zeros((steps, 2, law.modes)), white=pairs[2],
     )  # fmt: skip
 
 
-def _flown(law: Law, course: Course, finish_step: Callable[[int], None]) -> Course:
-    n = law.modes
-    belief = Belief(law.robot.start_sd**2 * np.eye(2), np.zeros((2, 2)), np.zeros((2, n)), np.eye(n))
+def _flown(law: Law, course: Course, *, along_means: bool) -> Course:
+    """The course with all rows filled; each step determines its control or the next mean."""
+    n, robot = law.modes, law.robot
+    belief = Belief(robot.start_sd**2 * np.eye(2), np.zeros((2, 2)), np.zeros((2, n)), np.eye(n))
     for t in range(len(course.u)):
         course.cov[t] = belief.unknown + belief.known
         course.cross.append(belief.cross)
         belief = law.advance(course, t, belief)
-        finish_step(t)
+        free = robot.a @ course.x[t] + robot.dt * course.drift[t]
+        if along_means:
+            course.u[t] = np.linalg.solve(robot.b, course.x[t + 1] - free) / robot.dt
+        else:
+            course.x[t + 1] = free + robot.dt * robot.b @ course.u[t]
     course.cov[-1] = belief.unknown + belief.known
     course.cross.append(belief.cross)
     return course
 
 
-def covariance_across(law: Coherent, course: Course) -> FloatArray:
+def covariance_across(law: Law, course: Course) -> FloatArray:
     """Cov(e_t, e_s) for s <= t, (T+1, T+1, 2, 2), of a course without fixes."""
     n, dt = len(course.x), law.robot.exposed * law.robot.dt
     cross = np.zeros((n, n, 2, 2))

@@ -1,12 +1,15 @@
-"""The Gaussian process of a wind field, computed again from the readings in its file."""
+"""The Gaussian process of a wind field from its readings, and the law of the errors of forecasts."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
@@ -15,7 +18,9 @@ NEIGHBOURS = 250e3  # [m] standard deviation of the weights that average squared
 PRIOR_WEIGHT = 0.5  # weight of the mean squared residual in that average
 SAME_PLACE = 1e3  # [m] readings that are closer stand at the same place
 FEWEST_PAIRS = 10  # fewest pairs of residuals; with fewer ρ = 1
-DAY = 86_400.0  # [s]
+HOUR, DAY = 3600.0, 86_400.0  # [s]
+FAR = 1e9  # [s] beyond every lead
+SHORT_TIME_POWER = 1.3  # of D(τ) below the shortest time of a table
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +56,11 @@ class Fit:
     def factor(self, nodes: FloatArray) -> FloatArray:
         """s² (N,): mean squared residual about each of ``nodes`` (N, 2), weighted by a Gaussian."""
         places = np.concatenate([self.points[group[0]] for group in self.groups])
-        squares = np.concatenate(
-            [np.mean([self.residuals[k] ** 2 for k in group], axis=(0, 2)) for group in self.groups]
-        )
+        groups = ([self.residuals[k] ** 2 for k in group] for group in self.groups)
+        squares = np.concatenate([np.mean(group, axis=(0, 2)) for group in groups])
         near = np.exp(-((separation(nodes, places) / NEIGHBOURS) ** 2) / 2)
-        return np.asarray(
-            (near @ squares + PRIOR_WEIGHT * squares.mean()) / (near.sum(axis=1) + PRIOR_WEIGHT), float
-        )
+        weighted = near @ squares + PRIOR_WEIGHT * squares.mean()
+        return np.asarray(weighted / (near.sum(axis=1) + PRIOR_WEIGHT), float)
 
 
 def correlation(kernel: str, r: FloatArray) -> FloatArray:
@@ -127,14 +130,8 @@ def persistence(fit: Fit, times: FloatArray) -> float:
         if pairs[0].size < FEWEST_PAIRS or size <= 0.0:
             break
         found.append(float((pairs[0] * pairs[1]).sum()) / math.sqrt(size))
-    if not found:
-        return 1.0
-    low, high = 0.0, 1.0
-    for _ in range(60):
-        middle = (low + high) / 2
-        enough = sum(middle**j for j in range(1, len(found) + 1)) >= sum(found)
-        low, high = (low, middle) if enough else (middle, high)
-    return (low + high) / 2
+    total, powers = min(max(sum(found), 0.0), len(found)), np.arange(1, len(found) + 1)
+    return float(brentq(lambda rho: (rho**powers).sum() - total, 0.0, 1.0)) if found else 1.0
 
 
 def _pairs(fit: Fit, apart: int) -> FloatArray:
@@ -152,3 +149,111 @@ def _residuals(fit: Fit, k: int, c: int) -> FloatArray:
     K = amplitude**2 * correlation(fit.kernel, separation(fit.points[k], fit.points[k]) / length)
     inverse = np.linalg.inv(K + noise**2 * np.eye(len(K)))
     return np.asarray(inverse @ (fit.winds[k][:, c] - m) / np.sqrt(np.diag(inverse)), float)
+
+
+# --- errors of forecasts, changes of the wind -------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """Mean ``squares`` [m²/s²] of changes between analyses at ``pairs`` (P, 2) [s], and the factor of D."""
+
+    pairs: FloatArray
+    squares: FloatArray
+    freedom: float
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorLaw:
+    """Tables of one component; ``leads``, ``lags`` [s], ``forecast_sd``, ``change_sd``, ``spread`` [m/s].
+
+    ``forecast_length``, ``change_length`` [m] are length scales; errors of valid times ``persistence_time``
+    [s] apart have the correlation ``persistence``. ``scaled``: changes of the winds at hand, to which
+    ``change_sd`` was scaled.
+    """
+
+    name: str
+    level: str
+    spread: float
+    leads: FloatArray
+    forecast_sd: FloatArray
+    forecast_length: float
+    persistence: float
+    persistence_time: float
+    lags: FloatArray
+    change_sd: FloatArray
+    change_length: float
+    scaled: Scaled | None = None
+
+    def forecast_variance(self, lead: FloatArray) -> FloatArray:
+        """e²(L) [m²/s²] of each lead [s], linear between leads and beyond; 0 where the lead is not known."""
+        x, y = self.leads, self.forecast_sd**2
+        if len(x) > 1:
+            slope = max((y[-1] - y[-2]) / (x[-1] - x[-2]), 0.0)
+            x, y = np.append(x, x[-1] + FAR), np.append(y, y[-1] + slope * FAR)
+        known = np.isfinite(lead)
+        return np.where(known, np.interp(np.where(known, lead, 0.0), x, y), 0.0)
+
+    def change_variance(self, lag: float) -> float:
+        """D(τ) [m²/s²], a power of τ between two times of the table, and beyond."""
+        x, y = self.lags, self.change_sd**2
+        if lag <= 0.0 or not y.all():
+            return 0.0
+        i = int(np.searchsorted(x, lag, side="right")) - 1
+        if i < 0:
+            return float(y[0] * (lag / x[0]) ** SHORT_TIME_POWER)
+        if len(x) == 1:
+            return float(y[0])
+        left = min(i, len(x) - 2)
+        power = math.log(y[left + 1] / y[left]) / math.log(x[left + 1] / x[left])
+        return float(y[i] * (lag / x[i]) ** (max(power, 0.0) if i == len(x) - 1 else power))
+
+    def between_variance(self, passed: float, gap: float) -> float:
+        """Variance [m²/s²] of interpolation ``passed`` [s] after the first of two fields ``gap`` apart.
+
+        Var(X - a Y) of the changes X and Y of the wind in ``passed`` and in ``gap``, a = passed / gap::
+
+            D(passed) + a² D(gap) - 2 a Cov(X, Y),    2 Cov(X, Y) = D(passed) + D(gap) - D(gap - passed)
+        """
+        a = passed / gap
+        X, Y, rest = map(self.change_variance, (passed, gap, gap - passed))
+        return max(X + a * a * Y - a * (X + Y - rest), 0.0)
+
+    def change_correlation(self, first: float, second: float) -> float:
+        """Correlation in [0, 1] of the changes of the wind up to two times [s] after one field."""
+        s, t, apart = map(self.change_variance, (first, second, abs(second - first)))
+        return min(max(0.5 * (s + t - apart) / math.sqrt(s * t), 0.0), 1.0) if s * t > 0 else 0.0
+
+
+def error_law(document: Mapping[str, Any]) -> ErrorLaw:
+    """The law of a JSON document ``pareto_ltl.forecast_error/1``."""
+    forecast, change, scaled = document["forecast"], document["change"], document.get("variability")
+    return ErrorLaw(
+        name=str(document["name"]), level=str(document["level"]), spread=float(document["spread"]),
+        leads=HOUR * np.array(forecast["lead_hours"], float), forecast_sd=np.array(forecast["sd"], float),
+        forecast_length=float(forecast["length"]), persistence=float(forecast["persistence"]),
+        persistence_time=HOUR * float(forecast["persistence_hours"]),
+        lags=HOUR * np.array(change["lag_hours"], float), change_sd=np.array(change["sd"], float),
+        change_length=float(change["length"]), scaled=None if scaled is None else _scaled(scaled),
+    )  # fmt: skip
+
+
+def _scaled(document: Mapping[str, Any]) -> Scaled:
+    pairs = np.stack([np.array(document[name], float) for name in ("from_seconds", "to_seconds")], axis=1)
+    squares = np.array(document["mean_square"], float)
+    return Scaled(pairs, squares, float(document["freedom"]), float(document["factor"]))
+
+
+def independent_changes(law: ErrorLaw, pairs: FloatArray, kinship: FloatArray) -> float:
+    """Twice the squared mean over the variance of a mean of squares of equally distributed Gaussian changes.
+
+    The changes have two components over ``pairs`` (P, 2) of times [s] at places with the correlations
+    ``kinship`` (N, N).
+    """
+    total = 0.0
+    for a, b in pairs:
+        for c, d in pairs:
+            D = [law.change_variance(abs(t)) for t in (b - c, d - a, a - c, b - d, b - a, d - c)]
+            total += (D[0] + D[1] - D[2] - D[3]) ** 2 / (4 * D[4] * D[5])
+    return 2 * len(pairs) ** 2 * kinship.size / (total * float((kinship**2).sum()))

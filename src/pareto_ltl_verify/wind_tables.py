@@ -12,8 +12,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl_verify.forecast_errors import ErrorLaw, error_law
-from pareto_ltl_verify.wind_fit import Fit
+from pareto_ltl_verify.wind_fit import ErrorLaw, Fit, error_law
 
 COMPONENTS = ("u", "v")
 PARTS = (  # of the error of a field
@@ -72,11 +71,8 @@ def level_of(text: str) -> tuple[str, float, str]:
         pressure = float(number) * factors[unit]
         return "pressure", pressure, f"at {pressure / 100.0:.10g} hPa"
     metres = float(number) * (1000.0 if unit == "km" else 1.0)
-    return (
-        "depth" if depth else "height",
-        metres,
-        f"{metres:.10g} m {'below the surface' if depth else 'above ground'}",
-    )
+    kind, side = ("depth", "below the surface") if depth else ("height", "above ground")
+    return kind, metres, f"{metres:.10g} m {side}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +108,7 @@ class Modes:
 class WindFile:
     """Mean [m/s] and ``latent`` variance (K, NX, NY, 2) on nodes ``x``, ``y`` [m]; ``gust`` variance (K, 2).
 
-    ``clock`` is the unit of time; the wind is known ``until`` [s] for the reason ``ends``; ``leads`` (K,) [s]
+    ``clock`` is the unit of time; the wind is known ``until`` [s]; ``leads`` (K,) [s]
     are lead times of forecasts. The slots of a field that is ``held`` since a time [s] include the variance
     of its change.
     """
@@ -124,7 +120,6 @@ class WindFile:
     latent: FloatArray
     gust: FloatArray
     until: float
-    ends: str
     source: str
     level: str
     leads: FloatArray
@@ -154,58 +149,58 @@ def read_wind_file(path: Path) -> WindFile:
         raise DataError(f"{path}: not the wind of a run ({reason}); run the plan again") from error
 
 
-def _wind_file(file: Any) -> WindFile:
-    def both(suffix: str) -> FloatArray:
-        return np.stack([np.asarray(file[name + suffix][...], float) for name in COMPONENTS], axis=-1)
+@dataclass(frozen=True, slots=True)
+class _Content:
+    """The arrays and numbers of an open ``wind.nc``."""
 
+    file: Any
+
+    def table(self, name: str) -> FloatArray:
+        return np.asarray(self.file[name][...], float)
+
+    def both(self, name: str, axis: int = -1) -> FloatArray:
+        """Tables of both components, stacked; their names begin with u and v in place of ``{}``."""
+        return np.stack([self.table(name.format(component)) for component in COMPONENTS], axis=axis)
+
+    def number(self, name: str) -> float:
+        return float(self.file.attrs[name])
+
+    def text(self, name: str) -> str:
+        return str(self.file.attrs[name])
+
+
+def _wind_file(file: Any) -> WindFile:
+    content = _Content(file)
     return WindFile(
-        x=np.asarray(file["x"][...], float),
-        y=np.asarray(file["y"][...], float),
-        times=np.asarray(file["time"][...], float),
-        mean=both("").transpose(0, 2, 1, 3),
-        latent=both("_var").transpose(0, 2, 1, 3),
-        gust=both("_gust_var"),
-        until=float(file.attrs["known_until"]),
-        ends=str(file.attrs["known_until_because"]),
-        source=str(file.attrs["source"]),
-        level=str(file.attrs["level"]),
-        leads=np.asarray(file["lead"][...], float),
-        gust_time=float(file.attrs["gust_time"]),
-        score=json.loads(file.attrs["score"]),
-        modes=_modes(file) if "u_modes" in file else None,
-        fit=_fit(file) if "reading_count" in file else None,
+        x=content.table("x"), y=content.table("y"), times=content.table("time"), leads=content.table("lead"),
+        mean=content.both("{}").transpose(0, 2, 1, 3), latent=content.both("{}_var").transpose(0, 2, 1, 3),
+        gust=content.both("{}_gust_var"), until=content.number("known_until"),
+        source=content.text("source"), level=content.text("level"),
+        gust_time=content.number("gust_time"), score=json.loads(file.attrs["score"]),
+        modes=_modes(content) if "u_modes" in file else None,
+        fit=_fit(content) if "reading_count" in file else None,
         error=error_law(json.loads(file.attrs["forecast_error"])) if "forecast_error" in file.attrs else None,
         clock=str(file["time"].attrs["units"]),
-        held=float(file.attrs["held_since"]) if "held_since" in file.attrs else None,
-    )
+        held=content.number("held_since") if "held_since" in file.attrs else None,
+    )  # fmt: skip
 
 
-def _modes(file: Any) -> Modes:
-    psi = np.stack([np.asarray(file[f"{name}_modes"][...], float) for name in COMPONENTS], axis=-2)
+def _modes(content: _Content) -> Modes:
     return Modes(
-        x=np.asarray(file["mode_x"][...], float),
-        y=np.asarray(file["mode_y"][...], float),
-        psi=psi.transpose(0, 2, 1, 3, 4),
-        part=np.asarray(file["mode_part"][...], int),
-        rho=float(file.attrs["rho"]),
-        gap=float(file.attrs["rho_gap"]),
-        energy=np.stack([np.asarray(file[f"{name}_energy"][...], float) for name in COMPONENTS], axis=-1),
-        length=np.stack([np.asarray(file[f"{name}_length"][...], float) for name in COMPONENTS], axis=-1),
-        rest_length=float(file.attrs["rest_length"]),
-    )
+        x=content.table("mode_x"), y=content.table("mode_y"),
+        psi=content.both("{}_modes", axis=-2).transpose(0, 2, 1, 3, 4),
+        part=content.table("mode_part").astype(int), rho=content.number("rho"), gap=content.number("rho_gap"),
+        energy=content.both("{}_energy"), length=content.both("{}_length"),
+        rest_length=content.number("rest_length"),
+    )  # fmt: skip
 
 
-def _fit(file: Any) -> Fit:
-    ends = np.cumsum(np.asarray(file["reading_count"][...], int))[:-1]
-    points = np.stack([np.asarray(file[f"reading_{axis}"][...], float) for axis in "xy"], axis=-1)
-    winds = np.stack([np.asarray(file[f"reading_{name}"][...], float) for name in COMPONENTS], axis=-1)
-    hyper = [[np.asarray(file[f"{name}_{key}"][...], float) for key in HYPER] for name in COMPONENTS]
-    return Fit(
-        np.split(points, ends),
-        np.split(winds, ends),
-        np.array(hyper).transpose(2, 0, 1),
-        str(file.attrs["kernel"]),
-    )
+def _fit(content: _Content) -> Fit:
+    ends = np.cumsum(content.table("reading_count").astype(int))[:-1]
+    points = np.stack([content.table(f"reading_{axis}") for axis in "xy"], axis=-1)
+    hyper = np.stack([content.both(f"{{}}_{key}") for key in HYPER], axis=-1)
+    winds = np.split(content.both("reading_{}"), ends)
+    return Fit(np.split(points, ends), winds, hyper, content.text("kernel"))
 
 
 # --- between nodes ----------------------------------------------------------------------------

@@ -12,6 +12,8 @@ import numpy as np
 import yaml
 
 from pareto_ltl.logic import translate
+from pareto_ltl.logic.automaton_files import write_automaton
+from pareto_ltl.planning import plan_files
 from pareto_ltl.planning.records import (
     FailureRate,
     Forest,
@@ -22,10 +24,9 @@ from pareto_ltl.planning.records import (
     Promise,
     Tree,
 )
-from pareto_ltl.run import results
 from pareto_ltl.settings import Settings, preset
-from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.studies.sweeps.manifest import SweepManifest, SweepPoint
+from pareto_ltl.simulation.records import Deployment, write_deployments
+from pareto_ltl.studies.sweeps import SweepManifest, SweepPoint
 from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.netcdf import write_netcdf
@@ -33,6 +34,7 @@ from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindEvidence, WindFie
 from pareto_ltl.world.cells import decompose
 from pareto_ltl.world.projection import navigate
 from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene_files import write_cells, write_scene
 
 FORMULAS = (
     *("F(a & F b & F c)", "!a U b", "F(a & F(b & F c)) | F(a & F(d & F c))", "true", "X X a", "a M b"),
@@ -176,24 +178,24 @@ def wind() -> WindField:
 def write_run(place: Path, seed: int = 0) -> None:
     """A results directory of small records."""
     place.mkdir(parents=True)
-    results.write_scene(place, scene())
-    results.write_decomposition(place, decompose(scene()))
-    results.write_automaton(place, translate("F(a & F b)", [(), ("a",), ("b",)]))
+    write_scene(place, scene())
+    write_cells(place, decompose(scene()))
+    write_automaton(place, translate("F(a & F b)", [(), ("a",), ("b",)]))
     write_netcdf(wind(), place / "wind.nc", scene())
-    results.write_forest(place, Forest((tree(), tree()), np.array([[0, 3], [1, 2]]), 0.0))
+    plan_files.write_forest(place, Forest((tree(), tree()), np.array([[0, 3], [1, 2]]), 0.0))
     rate, flown = FailureRate("coherent", 0.15, 0.13, 0.17, 20), flight()
     front = Front(
         (flown, flight(2)), (flown.objectives,), 0.5, np.ones(2), (rate, rate), (rate,),
         failed=np.zeros((2, 20), bool), models=preset("full"),
     )  # fmt: skip
-    results.write_front(place, front)
+    plan_files.write_front(place, front)
     told = ("F(a & F b)", ("a", "b"), 1800.0, 30.0, 0.05, "full", "threshold", (0.5, 0.25, 0.25))
     known = navigate(scene(), flown.t, flown.x, flown.u)
     made = Plan(flown, *told, {"alpha": 0.1}, Promise(rate, rate, 0.1, 0.2, False), known)
-    results.write_plan(place, made)
+    plan_files.write_plan(place, made)
     x = np.zeros((5, 4, 2))
     flags = x[:, 0, 0] == 0, x[:, 0, 1] > 0, x[:, 0, 1] < 0
-    results.write_deployments(place, {"coherent": Deployment("coherent", x, *flags)})
+    write_deployments(place, {"coherent": Deployment("coherent", x, *flags)})
     (place / "config_resolved.yaml").write_text(yaml.safe_dump(settings(), sort_keys=False))
     record = {"status": "ok", "error": None, "measured": True, "argv": ["+experiment=phi1"], "inputs": {}}
     record |= {

@@ -280,9 +280,9 @@ def netcdf_winds(place: Path) -> Fuzz:
 def results(place: Path) -> Fuzz:
     """One file of a results directory is changed; everything that reads this file is called."""
     from pareto_ltl.cli.rerun_command import _finished_record
-    from pareto_ltl.run.extra_paths import read_extra_paths
+    from pareto_ltl.planning.plan_files import read_extra_paths
     from pareto_ltl.run.results import Results
-    from pareto_ltl.studies.sweeps.runs import RunJob
+    from pareto_ltl.studies.jobs import RunJob
 
     run = place / "run"
     corpora.write_run(run)
@@ -323,7 +323,7 @@ def results(place: Path) -> Fuzz:
 
 def sweeps(place: Path) -> Fuzz:
     """``sweep.json`` or a file of one of its runs is changed; the summary is made from the folder."""
-    from pareto_ltl.studies.sweeps import summary
+    from pareto_ltl.studies import sweep_summary as summary
 
     sweep = place / "sweep"
     corpora.write_sweep(sweep)
@@ -349,9 +349,9 @@ def sweeps(place: Path) -> Fuzz:
 
 def _summarize(summary: Any, sweep: Path) -> None:
     """The summary without its figure."""
-    manifest = summary.read_manifest(sweep)
-    rows = summary.sweep_rows(sweep, manifest)
-    made = summary.SweepSummary(sweep, manifest, rows, summary.seed_groups(rows))
+    manifest = sweeps.read_manifest(sweep)
+    rows = sweeps.sweep_rows(sweep, manifest)
+    made = summary.SweepSummary(sweep, manifest, rows, sweeps.seed_groups(rows))
     summary.summary_content(made)
     if figure := summary.chosen_figure(made):
         summary.figure_series(made, figure)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.files import write_csv, write_json, write_npz
 from pareto_ltl.support.reading import read_json
+from pareto_ltl_verify.claims.flights import METRICS
 from pareto_ltl_verify.flights import rates
 
 COSTS = {
@@ -167,18 +168,7 @@ def counted(*laws: str) -> Callable[[Path], Any]:
         for law in laws:
             flags = (flights[f"{law}/{name}"] for name in ("accepted", "collided", "off_map"))
             found = rates(*flags, bool(flights[f"{law}/walled"].all()))
-            keys = (
-                "runs_{}",
-                "failure_{}",
-                "failure_{}_low",
-                "failure_{}_high",
-                "mission_failure_{}",
-                "collision_{}",
-                "off_map_{}",
-            )
-            in_metrics({key.format(law): value for key, value in zip(keys, found.values(), strict=True)})(
-                place
-            )
+            in_metrics({METRICS[key].format(law): value for key, value in found.items()})(place)
 
     return edit
 

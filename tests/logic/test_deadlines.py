@@ -26,8 +26,7 @@ from pareto_ltl.world.windows import (
     shown_span,
     span_clock,
 )
-from pareto_ltl_verify.formula import Dfa, first_difference, normal_form, read_formula
-from pareto_ltl_verify.timetable import clock_of
+from pareto_ltl_verify.formula import Dfa, clock_of, first_difference, normal_form, read_formula
 
 seconds = st.integers(0, 400).map(lambda k: 450.0 * k)
 spans = st.tuples(seconds, seconds).filter(lambda span: span[0] < span[1])

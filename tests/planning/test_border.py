@@ -21,7 +21,6 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.planning.selection import tree_front
-from pareto_ltl.run.results import read_deployments, write_deployments
 from pareto_ltl.settings import (
     FidelityConfig,
     PlannerConfig,
@@ -32,6 +31,7 @@ from pareto_ltl.settings import (
 )
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.simulation.records import read_deployments, write_deployments
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.files import write_json

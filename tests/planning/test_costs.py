@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from pareto_ltl.planning.costs import COSTS, costs_with, path_costs
+from pareto_ltl.planning.plan_files import read_front, write_front
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.planning.selection import build_front
 from pareto_ltl.planning.selection_rules import choose_path
-from pareto_ltl.run.front_files import read_front, write_front
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.errors import ConfigError
 from problems import box, make_problem, make_scene

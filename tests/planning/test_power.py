@@ -23,7 +23,7 @@ from pareto_ltl.settings.robot import POWER_KINDS
 from pareto_ltl.support.display import energy_text
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.resources import choices
-from pareto_ltl_verify.energy import power_law
+from pareto_ltl_verify.robot import power_law
 from problems import box, make_problem, make_scene, steady_wind
 
 VEHICLES = sorted(set(choices("robot")) - {"airframe"})

@@ -24,8 +24,8 @@ from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
+from pareto_ltl_verify.gaussians import segment_risks
 from pareto_ltl_verify.geometry import beyond_bounds, convex
-from pareto_ltl_verify.segments import segment_risks
 from problems import box, make_problem, make_scene, smooth_wind
 from solves import next_means
 

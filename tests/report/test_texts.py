@@ -33,10 +33,13 @@ from pareto_ltl.report.metric_names import LAW_NAMES, METRIC_LABELS, is_probabil
 from pareto_ltl.report.notebook import draw_record
 from pareto_ltl.report.rate_axes import rate_tick_text, rate_ticks
 from pareto_ltl.report.records import DrawnRun
-from pareto_ltl.report.study_ablation import ablation_figure
-from pareto_ltl.report.study_comparison import comparison_figure, outcomes_figure
-from pareto_ltl.report.study_convergence import convergence_figure
 from pareto_ltl.report.study_forecast_test import reliability_figure
+from pareto_ltl.report.study_planners import (
+    ablation_figure,
+    comparison_figure,
+    convergence_figure,
+    outcomes_figure,
+)
 from pareto_ltl.report.sweep_figures import axis_label
 from pareto_ltl.report.wind import wind_figure
 from pareto_ltl.run.records import DECOMPOSITION, SCENE
@@ -48,8 +51,7 @@ from pareto_ltl.settings import (
     ReportConfig,
     preset,
 )
-from pareto_ltl.studies import ablation, compare, convergence
-from pareto_ltl.studies.sweeps import page
+from pareto_ltl.studies import compare, convergence, sweep_summary
 
 LAWS = ("independent", "coherent")
 LONG = " & ".join(f"F(a & F(long_name_of_a_region_{k} & F c))" for k in range(9))
@@ -243,7 +245,7 @@ def studies(tmp_path_factory: pytest.TempPathFactory) -> Any:
     made = {
         "compare": compare.run_comparison(cfg, world, folder / "compare"),
         "convergence": convergence.run_convergence(cfg, world, folder / "convergence"),
-        "ablation": ablation.run_ablation(cfg, world, folder / "ablation"),
+        "ablation": compare.run_ablation(cfg, world, folder / "ablation"),
     }
     return cfg, world, made
 
@@ -297,8 +299,8 @@ def test_every_metric_that_is_a_probability_names_its_law_on_axes_and_pages() ->
         if is_probability(name) and name != "completed":
             assert any(law in metric_label(name) for law in (*LAWS, "fidelity.law")), name
             assert axis_label(name).endswith("[%]")
-    assert {name for name in page.SHOWN_METRICS if "fidelity.law" in metric_label(name)} == set()
-    assert page.metric_text("failure_coherent", 3.2e-7) == "3.2e-5 %"
+    assert {name for name in sweep_summary.SHOWN_METRICS if "fidelity.law" in metric_label(name)} == set()
+    assert sweep_summary.metric_text("failure_coherent", 3.2e-7) == "3.2e-5 %"
 
 
 def test_a_longer_path_of_another_map_keeps_its_text_on_the_page(tmp_path: Path) -> None:

@@ -189,7 +189,7 @@ def test_a_wish_that_cannot_be_met_is_one_line(
         (lambda place: (place / "front.npz").unlink(), "front.npz: cannot be read"),
         (lambda place: (place / "front.csv").write_text("path\n"), "front.npz: not a front (it holds"),
         (lambda place: (place / "automaton.json").write_text("{}"), "automaton.json: lacks 'formula'"),
-        (lambda place: write_json(place / "run.json", {"status": "infeasible"}), "no front to choose from"),
+        (lambda place: write_json(place / "run.json", {"status": "infeasible"}), "its run found no plan"),
     ],
 )  # fmt: skip
 def test_results_that_hold_no_front_are_refused(

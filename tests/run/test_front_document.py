@@ -11,7 +11,7 @@ import pytest
 
 from pareto_ltl.cli.arguments import read_length, read_number, read_share
 from pareto_ltl.planning.costs import COSTS
-from pareto_ltl.run.front_files import FRONT_HEADER
+from pareto_ltl.planning.plan_files import FRONT_HEADER
 from pareto_ltl.settings.planner import SELECTION_RULES
 from pareto_ltl.support.resources import choices
 

@@ -12,8 +12,8 @@ import pytest
 
 import pareto_ltl
 from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.run.interface import PlanningResult
 from pareto_ltl.run.records import FOREST, PLAN, PROBLEM
+from pareto_ltl.run.results import PlanningResult
 from pareto_ltl.settings import MissionConfig, SceneConfig
 from problems import box, make_scene
 

@@ -339,7 +339,7 @@ def test_an_infeasible_mission_still_gets_its_trees_its_figure_and_metrics(tmp_p
         return "drawn"
 
     stages = (
-        Stage(makes=FOREST, make=forest),
+        Stage(makes=FOREST, make=forest, codec=PLAN_TABLE["forest"].codec),
         Stage(makes=FRONT, make=front, needs=(FOREST,)),
         Stage(makes=PLAN, make=plan, needs=(FRONT,)),
         Stage(makes=BREAD, make=report, needs=(FOREST,), uses=(PLAN,)),

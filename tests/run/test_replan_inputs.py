@@ -15,8 +15,8 @@ import pareto_ltl
 from coherent import SCENE
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.planning.records import NO_PROMISE
-from pareto_ltl.run.newer_wind import warn_of_use
-from pareto_ltl.run.replan_files import comparison_lines
+from pareto_ltl.run.replanning import comparison_lines
+from pareto_ltl.run.rest_of_flight import warn_of_use
 from pareto_ltl.run.results import Results
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.projection import to_geographic

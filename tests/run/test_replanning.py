@@ -13,7 +13,7 @@ import pareto_ltl
 from pareto_ltl.cli.arguments import read_fix
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.cli.result_commands import default_place
-from pareto_ltl.run.replan_files import comparison_lines
+from pareto_ltl.run.replanning import comparison_lines
 from pareto_ltl.run.results import Results
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.errors import ConfigError, DataError

@@ -18,6 +18,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from pareto_ltl.logic import Automaton, translate
+from pareto_ltl.planning import plan_files
+from pareto_ltl.planning.plan_files import NAVIGATION_KEYS
 from pareto_ltl.planning.records import (
     FailureRate,
     Forest,
@@ -28,9 +30,8 @@ from pareto_ltl.planning.records import (
     Promise,
     Tree,
 )
-from pareto_ltl.run import results as store
-from pareto_ltl.run.plan_files import NAVIGATION_KEYS
-from pareto_ltl.run.records import RecordKey
+from pareto_ltl.run.results import Results
+from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import preset
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.archives import read_npz
@@ -174,13 +175,13 @@ def scene() -> Scene:
 
 
 RECORDS = {
-    "scene": (scene, store.read_scene),
-    "decomposition": (decomposition, store.read_decomposition),
-    "automaton": (automaton, store.read_automaton),
-    "forest": (forest, store.read_forest),
-    "front": (flown_front, store.read_front),
-    "plan": (promised_plan, store.read_plan),
-    "deployment": (deployments, store.read_deployments),
+    "scene": scene,
+    "decomposition": decomposition,
+    "automaton": automaton,
+    "forest": forest,
+    "front": flown_front,
+    "plan": promised_plan,
+    "deployment": deployments,
 }
 FILES = {
     "scene": "scene.json",
@@ -194,32 +195,32 @@ FILES = {
 
 @pytest.mark.parametrize("name", RECORDS)
 def test_a_record_comes_back_bit_by_bit(name: str, tmp_path: Path) -> None:
-    make, read = RECORDS[name]
-    store.save_record(tmp_path, RecordKey(name), make())
+    make, read = RECORDS[name], PLAN_TABLE[name].load
+    PLAN_TABLE[name].save(tmp_path, make())
     assert same(read(tmp_path), make())
     if name in FILES:
         assert same(read(tmp_path / FILES[name]), make())
 
 
 def test_a_plan_without_promise_and_place_on_earth_comes_back(tmp_path: Path) -> None:
-    store.write_plan(tmp_path, plan())
-    assert same(store.read_plan(tmp_path), plan())
+    plan_files.write_plan(tmp_path, plan())
+    assert same(plan_files.read_plan(tmp_path), plan())
 
 
 def test_a_front_that_bounds_judge_comes_back(tmp_path: Path) -> None:
-    store.write_front(tmp_path, bounded_front())
-    assert same(store.read_front(tmp_path), bounded_front())
+    plan_files.write_front(tmp_path, bounded_front())
+    assert same(plan_files.read_front(tmp_path), bounded_front())
     empty = Front((), (), 0.0, np.ones(3), models=preset("paper"))
-    store.write_front(tmp_path, empty)
-    assert same(store.read_front(tmp_path), empty)
+    plan_files.write_front(tmp_path, empty)
+    assert same(plan_files.read_front(tmp_path), empty)
 
 
 def test_files_that_hold_other_numbers_of_paths_are_no_front(tmp_path: Path) -> None:
-    store.write_front(tmp_path, flown_front())
+    plan_files.write_front(tmp_path, flown_front())
     table = tmp_path / "front.csv"
     table.write_text("".join(table.read_text().splitlines(keepends=True)[:-1]))
     with pytest.raises(DataError, match=r"front\.npz: not a front \(it holds 2 paths, and front\.csv 1\)"):
-        store.read_front(tmp_path)
+        plan_files.read_front(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -232,10 +233,10 @@ def test_files_that_hold_other_numbers_of_paths_are_no_front(tmp_path: Path) -> 
     ],
 )
 def test_an_archive_that_is_no_front_is_refused(name: str, array: Any, words: str, tmp_path: Path) -> None:
-    store.write_front(tmp_path, flown_front())
+    plan_files.write_front(tmp_path, flown_front())
     write_npz(tmp_path / "front.npz", read_npz(tmp_path / "front.npz") | {name: array})
     with pytest.raises(DataError, match=words):
-        store.read_front(tmp_path)
+        plan_files.read_front(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -248,16 +249,16 @@ def test_an_archive_that_is_no_front_is_refused(name: str, array: Any, words: st
     ],
 )
 def test_a_table_that_is_no_front_is_refused(old: str, new: str, words: str, tmp_path: Path) -> None:
-    store.write_front(tmp_path, flown_front())
+    plan_files.write_front(tmp_path, flown_front())
     table = tmp_path / "front.csv"
     table.write_text(table.read_text().replace(old, new, 1))
     with pytest.raises(DataError, match=rf"front\.csv: not a front \(.*{words}"):
-        store.read_front(tmp_path)
+        plan_files.read_front(tmp_path)
 
 
 def test_a_plan_of_the_first_schema_is_read(tmp_path: Path) -> None:
     """As runs of version 0.2 wrote it, with its check by flights, which is no promise."""
-    store.write_plan(tmp_path, promised_plan())
+    plan_files.write_plan(tmp_path, promised_plan())
     content = json.loads((tmp_path / "plan.json").read_text())
     for key in ("models", "promise", "order", *NAVIGATION_KEYS):
         del content[key]
@@ -269,26 +270,26 @@ def test_a_plan_of_the_first_schema_is_read(tmp_path: Path) -> None:
     write_json(tmp_path / "plan.json", content | {"schema": "pareto_ltl.plan/1"})
     made = promised_plan()
     old = replace(made, promise=None, navigation=None, rule_settings={}, path=replace(made.path, order=""))
-    assert same(store.read_plan(tmp_path), old)
+    assert same(plan_files.read_plan(tmp_path), old)
 
 
 @pytest.mark.parametrize("name", RECORDS)
 def test_the_same_record_gives_the_same_bytes(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    make, _ = RECORDS[name]
-    store.save_record(tmp_path, RecordKey(name), make())
+    make = RECORDS[name]
+    PLAN_TABLE[name].save(tmp_path, make())
     first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     monkeypatch.setattr("time.time", lambda: 2e9)  # another day
-    store.save_record(tmp_path, RecordKey(name), make())
+    PLAN_TABLE[name].save(tmp_path, make())
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == first
 
 
 @pytest.mark.parametrize("name", FILES)
 @pytest.mark.parametrize("spoil", ["missing", "cut", "foreign"])
 def test_a_spoilt_file_is_named_in_one_line(name: str, spoil: str, tmp_path: Path) -> None:
-    make, read = RECORDS[name]
-    store.save_record(tmp_path, RecordKey(name), make())
+    make, read = RECORDS[name], PLAN_TABLE[name].load
+    PLAN_TABLE[name].save(tmp_path, make())
     path = tmp_path / FILES[name]
     if spoil == "missing":
         path.unlink()
@@ -313,33 +314,33 @@ def test_a_spoilt_file_is_named_in_one_line(name: str, spoil: str, tmp_path: Pat
     ],
 )
 def test_a_tree_that_no_growth_makes_is_refused(name: str, array: Any, words: str, tmp_path: Path) -> None:
-    store.write_forest(tmp_path, forest())
+    plan_files.write_forest(tmp_path, forest())
     arrays = read_npz(tmp_path / "trees.npz")
     write_npz(tmp_path / "trees.npz", arrays | {f"tree_003/{name}": array})
     with pytest.raises(DataError, match=words):
-        store.read_forest(tmp_path)
+        plan_files.read_forest(tmp_path)
 
 
 def test_a_plan_of_another_schema_is_refused_by_name(tmp_path: Path) -> None:
-    store.write_plan(tmp_path, plan())
+    plan_files.write_plan(tmp_path, plan())
     path = tmp_path / "plan.json"
     path.write_text(path.read_text().replace("pareto_ltl.plan/2", "pareto_ltl.plan/9"))
     known = "'pareto_ltl.plan/2' or 'pareto_ltl.plan/1'"
     with pytest.raises(DataError, match=f'expected schema {known}, found "pareto_ltl.plan/9"'):
-        store.read_plan(path)
+        plan_files.read_plan(path)
 
 
 def test_a_plan_with_a_row_too_few_is_refused(tmp_path: Path) -> None:
-    store.write_plan(tmp_path, plan())
+    plan_files.write_plan(tmp_path, plan())
     content = json.loads((tmp_path / "plan.json").read_text())
     content["u"].pop()
     (tmp_path / "plan.json").write_text(json.dumps(content))
     with pytest.raises(DataError, match=r"u must have shape \(4, 2\), got \(3, 2\)"):
-        store.read_plan(tmp_path)
+        plan_files.read_plan(tmp_path)
 
 
 def test_the_plan_has_the_keys_of_its_contract(tmp_path: Path) -> None:
-    store.write_plan(tmp_path, plan())
+    plan_files.write_plan(tmp_path, plan())
     content = json.loads((tmp_path / "plan.json").read_text())
     assert content["schema"] == "pareto_ltl.plan/2"
     wanted = (
@@ -355,7 +356,7 @@ def test_the_plan_has_the_keys_of_its_contract(tmp_path: Path) -> None:
 
 
 def test_the_table_of_a_plan_says_the_same_as_its_json(tmp_path: Path) -> None:
-    store.write_plan(tmp_path, plan())
+    plan_files.write_plan(tmp_path, plan())
     rows = list(csv.DictReader((tmp_path / "plan.csv").read_text().splitlines()))
     path = plan().path
     np.testing.assert_array_equal([[float(r["x_m"]), float(r["y_m"])] for r in rows], path.x)
@@ -366,7 +367,7 @@ def test_the_table_of_a_plan_says_the_same_as_its_json(tmp_path: Path) -> None:
 
 
 def test_a_promise_says_what_it_was_held_against(tmp_path: Path) -> None:
-    store.write_plan(tmp_path, promised_plan())
+    plan_files.write_plan(tmp_path, promised_plan())
     content = json.loads((tmp_path / "plan.json").read_text())
     assert content["promise"] == {
         "law": "coherent", "failure": 0.15, "low": 0.13, "high": 0.17, "runs": 2000, "method": "flights",
@@ -383,7 +384,7 @@ def test_a_promise_says_what_it_was_held_against(tmp_path: Path) -> None:
 
 
 def test_the_front_lists_every_path_with_its_rate_and_costs(tmp_path: Path) -> None:
-    store.write_front(tmp_path, flown_front())
+    plan_files.write_front(tmp_path, flown_front())
     rows = list(csv.DictReader((tmp_path / "front.csv").read_text().splitlines()))
     assert list(rows[0]) == [
         "path", "failure", "failure_low", "failure_high", "law", "runs", "length_m", "mission_risk",
@@ -395,7 +396,7 @@ def test_the_front_lists_every_path_with_its_rate_and_costs(tmp_path: Path) -> N
         ("0.15", "0.13", "coherent", "2000"), ("0.155", "0.13", "coherent", "2000"),
     ]  # fmt: skip
     assert [row["order"] for row in rows] == ["a>a+b", ""]
-    store.write_front(tmp_path, bounded_front())
+    plan_files.write_front(tmp_path, bounded_front())
     rows = list(csv.DictReader((tmp_path / "front.csv").read_text().splitlines()))
     assert {
         row[name] for row in rows for name in ("failure", "failure_low", "failure_high", "law", "runs")
@@ -403,10 +404,10 @@ def test_the_front_lists_every_path_with_its_rate_and_costs(tmp_path: Path) -> N
 
 
 def test_a_front_with_an_endless_field_is_refused(tmp_path: Path) -> None:
-    store.write_front(tmp_path, flown_front())
+    plan_files.write_front(tmp_path, flown_front())
     (tmp_path / "front.csv").write_text('"' + "x" * 200_000)
     with pytest.raises(DataError, match=r"front\.csv: not a front \(field larger than"):
-        store.read_front(tmp_path)
+        plan_files.read_front(tmp_path)
 
 
 def test_numbers_that_json_lacks_become_null(tmp_path: Path) -> None:
@@ -465,7 +466,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path)
 
 
 def test_a_run_is_done_when_its_status_says_so_and_its_metrics_are_there(tmp_path: Path) -> None:
-    results = store.Results(tmp_path)
+    results = Results(tmp_path)
     assert not results.done
     write_json(tmp_path / "run.json", {"status": "ok"})
     assert not results.done

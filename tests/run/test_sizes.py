@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from pareto_ltl.run.sizes import STUDIES, check_sizes
+from pareto_ltl.run.pipeline import STUDIES, check_sizes
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.support import memory

@@ -11,8 +11,8 @@ import shapely
 
 import pareto_ltl
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl_verify.gaussians import segment_risks
 from pareto_ltl_verify.geometry import beyond_bounds, convex
-from pareto_ltl_verify.segments import segment_risks
 from quick_wind import QUICK_WIND
 
 SMALL: dict[str, Any] = {

@@ -15,7 +15,7 @@ from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import PowerConfig, RobotConfig
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation.common_flights import draw_flights
-from pareto_ltl_verify.energy import power_law
+from pareto_ltl_verify.robot import power_law
 from problems import box, make_problem, make_scene, rough_wind
 
 DT, LAW, RUNS = 100.0, "independent", 40

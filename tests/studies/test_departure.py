@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.run.interface import choose
+from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.results import Results
 from pareto_ltl.settings import DepartureConfig, Settings
-from pareto_ltl.studies.departure import repeat_seed
+from pareto_ltl.studies.departure import candidate_starts, repeat_seed
 from pareto_ltl.studies.departure_fronts import Comparison, compare_fronts, flown_front
-from pareto_ltl.studies.departure_starts import candidate_starts, folder_name
 from pareto_ltl.studies.departure_table import (
     Delivered,
     Found,
     compared_paths,
     delivered_text,
+    folder_name,
     fronts_in_time,
     noise_text,
     recommendation_text,
@@ -187,6 +187,12 @@ def test_paths_and_starts_that_arrive_late_are_not_compared() -> None:
     assert "after departure.arrive_by" in rows[1]["verdict"]
     assert rows[0]["paths"] == 2
     assert [len(x) for _, x in compared_paths(cfg, 0.0, found)] == [2, 2]
+
+
+def test_a_start_may_have_no_plan_with_a_further_seed() -> None:
+    none = {"planned": False, "reason": "no path completes the mission"}
+    rows, _ = compared({0.0: [result(GOOD), none], 3600.0: [result(WORSE), result(WORSE)]})
+    assert [(row["recommended"], row["seeds"], row["paths"]) for row in rows] == [(True, 2, 2), (False, 2, 2)]
 
 
 def test_the_paths_for_the_full_plan_are_the_best_of_all_seeds() -> None:

@@ -185,7 +185,7 @@ def test_plans_of_two_fidelities_share_a_table() -> None:
 def test_missions_without_a_plan_are_told_with_their_reason() -> None:
     lost = result(-100.0, 0.1, 0.1) | {"plans": [], "reason_full": "no way"}
     found = study_of([*results(), lost])
-    assert found.tables["no_plan"] == ({"mission": 60, "reason": "no way"},)
+    assert found.tables["no_plan"] == [{"mission": 60, "reason": "no way"}]
     with pytest.raises(InfeasibleError, match=r"none of 1 random missions has a plan \(no way\)"):
         study_of([lost])
 

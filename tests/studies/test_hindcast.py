@@ -17,7 +17,6 @@ from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.settings import HindcastConfig, WindConfig
 from pareto_ltl.studies import forecast_test
 from pareto_ltl.studies import random_missions as missions
-from pareto_ltl.studies import true_fields as nature
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.observations import project_readings
 from pareto_ltl.wind.readings import Readings, iso
@@ -65,7 +64,7 @@ def test_a_bilinear_field_is_read_exactly_wherever_the_grid_wraps(middle: float)
     winds = np.stack([2 + 0.1 * east + 0.01 * east * (nodes[:, 1] - lat0), nodes[:, 1]], -1)
     rng = np.random.default_rng(1)
     lon, lat = lon0 + rng.uniform(-5, 5, 50), lat0 + rng.uniform(-5, 5, 50)
-    found = nature.interpolated(nodes, winds, (lon + 180) % 360 - 180, lat, middle)
+    found = missions.interpolated(nodes, winds, (lon + 180) % 360 - 180, lat, middle)
     expected = np.stack([2 + 0.1 * (lon - lon0) + 0.01 * (lon - lon0) * (lat - lat0), lat], -1)
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
@@ -75,7 +74,7 @@ def test_a_linear_field_on_scattered_nodes_is_read_exactly() -> None:
     nodes = rng.uniform([-110, 30], [-90, 50], (200, 2))
     winds = nodes @ np.array([[0.3, -0.2], [0.1, 0.4]])
     lon, lat = rng.uniform(-105, -95, 30), rng.uniform(36, 44, 30)
-    found = nature.interpolated(nodes, winds, lon, lat, -100.0)
+    found = missions.interpolated(nodes, winds, lon, lat, -100.0)
     np.testing.assert_allclose(
         found, np.stack([lon, lat], -1) @ np.array([[0.3, -0.2], [0.1, 0.4]]), atol=1e-9
     )
@@ -86,7 +85,7 @@ def test_fields_are_turned_into_the_plane_as_readings_are() -> None:
     near = np.abs(full.points[0][:, 0] - 260) + np.abs(full.points[0][:, 1] - 40) < 5
     nodes, winds = full.points[1][near], full.winds[1][near]
     points, turned = project_readings(str(here.crs), np.zeros(2), nodes, winds)
-    found = nature.at_times(full, here, np.array([10800.0]), points)[0]
+    found = missions.at_times(full, here, np.array([10800.0]), points)[0]
     np.testing.assert_allclose(found, turned, atol=1e-6)
     assert np.abs(found - winds).max() > 0.01  # the turn is visible
 
@@ -98,44 +97,44 @@ def test_the_real_wind_has_gusts_and_no_other_doubt() -> None:
     believed = WindField(
         np.full(2, -4e5), 4e5, times, np.zeros(shape), np.ones(shape), np.array([[1.0, 4.0], [2.0, 3.0]])
     )
-    real = nature.real_wind(HindcastConfig(gusts=0.5), WindConfig(), full, here, believed)
+    real = missions.real_wind(HindcastConfig(gusts=0.5), WindConfig(), full, here, believed)
     assert not real.latent_var.any()
     assert real.times.tolist() == [0.0, 10800.0, 21600.0, 32400.0]  # all that a flight can meet
     np.testing.assert_allclose(real.gust_var, 0.25 * believed.gust_var[[0, 1, 1, 1]])
     i, j = 4, 7
     node = real.origin + real.spacing * np.array([[i, j]])
-    np.testing.assert_allclose(real.mean[:, i, j], nature.at_times(full, here, real.times, node)[:, 0])
+    np.testing.assert_allclose(real.mean[:, i, j], missions.at_times(full, here, real.times, node)[:, 0])
 
 
 def test_fields_that_do_not_reach_the_scene_are_refused() -> None:
     nodes = np.stack(np.meshgrid(np.arange(-80.0, -69.0), np.arange(30.0, 41.0)), -1).reshape(-1, 2)
     part = readings(hours=(0,), lonlat=nodes, winds=[np.ones((len(nodes), 2))])
     with pytest.raises(DataError, match="do not cover the scene around longitude -100"):
-        nature.at_times(part, scene(), np.zeros(1), np.zeros((1, 2)))
+        missions.at_times(part, scene(), np.zeros(1), np.zeros((1, 2)))
 
 
 def test_spells_end_where_fields_are_missing() -> None:
     full = readings(hours=(0, 3, 6, 24, 27, 30, 33))
     cfg = HindcastConfig(hours=6.0, max_gap=6.0)
-    assert [(spell.first, spell.last) for spell in nature.spells(full, cfg)] == [(0, 2), (3, 6)]
-    assert [(s.first, s.last) for s in nature.spells(full, replace(cfg, hours=9.0))] == [(3, 6)]
+    assert [(spell.first, spell.last) for spell in missions.spells(full, cfg)] == [(0, 2), (3, 6)]
+    assert [(s.first, s.last) for s in missions.spells(full, replace(cfg, hours=9.0))] == [(3, 6)]
     with pytest.raises(DataError, match=r"no period of 12 h .* longest has 9 h"):
-        nature.spells(full, replace(cfg, hours=12.0))
+        missions.spells(full, replace(cfg, hours=12.0))
 
 
 def test_folders_of_full_fields_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ConfigError, match="no such folder"):
-        nature.full_fields(HindcastConfig(truth=str(tmp_path / "none")))
+        missions.full_fields(HindcastConfig(truth=str(tmp_path / "none")))
     with pytest.raises(DataError, match="holds no GRIB2 file"):
-        nature.full_fields(HindcastConfig(truth=str(tmp_path)))
-    monkeypatch.setattr(nature, "checkout", lambda: None)
+        missions.full_fields(HindcastConfig(truth=str(tmp_path)))
+    monkeypatch.setattr(missions, "checkout", lambda: None)
     with pytest.raises(ConfigError, match=r"hindcast\.truth is missing"):
-        nature.full_fields(HindcastConfig())
+        missions.full_fields(HindcastConfig())
 
 
 # --- missions --------------------------------------------------------------------------------
 
-SPELLS = tuple(nature.spells(readings(hours=tuple(range(0, 40, 3))), HindcastConfig()))
+SPELLS = tuple(missions.spells(readings(hours=tuple(range(0, 40, 3))), HindcastConfig()))
 
 
 @pytest.mark.parametrize("number", range(12))
@@ -158,7 +157,7 @@ def test_a_mission_keeps_its_shapes_apart_and_its_flight_within_the_wind(number:
         assert polygon.convex_hull.area == pytest.approx(polygon.area)
     assert shapely.contains_xy(shapely.Polygon(cfg.area), task.longitude, task.latitude)
     assert task.formula in cfg.formulas
-    leaves = nature.seconds(str(task.scene.time_zero))
+    leaves = missions.seconds(str(task.scene.time_zero))
     assert task.spell.start <= leaves <= task.spell.end - 3600 * cfg.hours
 
 

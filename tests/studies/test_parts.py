@@ -209,8 +209,8 @@ def test_a_part_at_work_elsewhere_is_waited_for_and_taken_over(tmp_path: Path) -
     place = parts.parts_folder(ONE, tmp_path)
     code = (
         "import sys, time\nfrom pathlib import Path\nfrom pareto_ltl.studies.parts import Part, PartJob\n"
-        "def slow(context):\n    print('held', flush=True)\n    time.sleep(0.5)\n    return {'value': 7.0}\n"
-        "PartJob(Path(sys.argv[1]), Part(sys.argv[2], (), sys.argv[3])).keep_result(slow, None)\n"
+        "def slow():\n    print('held', flush=True)\n    time.sleep(0.5)\n    return {'value': 7.0}\n"
+        "PartJob(Path(sys.argv[1]), Part(sys.argv[2], (), sys.argv[3])).keep_result(slow)\n"
     )
     words = [sys.executable, "-c", code, str(place), part.name, part.key]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as other:

@@ -14,8 +14,8 @@ from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_tex
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.report import style
 from pareto_ltl.report.promises import promises_figure
+from pareto_ltl.studies import calibration
 from pareto_ltl.studies import promises as study
-from pareto_ltl.studies import skill
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 
@@ -76,7 +76,7 @@ def test_the_area_below_the_murphy_curve_is_the_brier_score_of_rates(tmp_path: P
     rates = np.random.default_rng(1).random(60)  # shares of flights, not outcomes
     found = study.read_promises(written(tmp_path / "rates", table(chances, rates)))
     assert study.murphy_curve(found).mean() == pytest.approx(found.brier().mean(), abs=3e-3)
-    assert found.brier().mean() == pytest.approx(skill.brier_score(chances, rates))
+    assert found.brier().mean() == pytest.approx(calibration.brier_score(chances, rates))
 
 
 def test_the_band_holds_the_isotonic_rates_of_exact_promises_and_not_those_of_bold_ones() -> None:
@@ -86,7 +86,7 @@ def test_the_band_holds_the_isotonic_rates_of_exact_promises_and_not_those_of_bo
         order = np.argsort(chances)
         p, f = chances[order], came[order]
         low, high = study.consistency_band(p, seed)
-        rates = skill.isotonic_rates(p, f)
+        rates = calibration.isotonic_rates(p, f)
         inside.append(np.mean((low - 1e-9 <= rates) & (rates <= high + 1e-9)))
         low, high = study.consistency_band(0.3 * p, seed)
         beyond.append(np.mean(rates > high + 1e-9))

@@ -10,7 +10,7 @@ import pytest
 from forecast_winds import calm, context_of, settings, snapshots
 from pareto_ltl.run.records import PLAN, PROBLEM
 from pareto_ltl.settings import ReplanningConfig, preset
-from pareto_ltl.studies import replan_test as study
+from pareto_ltl.studies import replanning as study
 from pareto_ltl.studies.forecast_test import mission_settings
 from pareto_ltl.studies.random_missions import mission
 from pareto_ltl.support.errors import InfeasibleError
@@ -65,7 +65,7 @@ def test_a_newer_forecast_is_that_of_the_files() -> None:
     run = known.run_of(task, mission_settings(known.settings, known.cfg, task, preset("full")))
     run.make(PLAN)
     dt = run[PROBLEM].motion.dt
-    late = study.FieldCycles(known, task).at(run, None, 0, round(9.0 * HOUR / dt))
+    late = study.field_cycle(known, task, run, None, 0, round(9.0 * HOUR / dt))
     before = known.readings(task)
     assert late.times.max() > before.times.max()
     assert np.mean(late.winds[-1][:, 0]) > np.mean(before.winds[-1][:, 0]) + 2.0

@@ -16,9 +16,8 @@ from pyproj import Geod
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
-from pareto_ltl.run.exporting import run_with_plan
-from pareto_ltl.run.interface import load_results
 from pareto_ltl.run.records import EXPORTS, PLAN, PROBLEM, Records
+from pareto_ltl.run.results import load_results, planned_run
 from pareto_ltl.settings import Settings, SitlConfig
 from pareto_ltl.simulation.aircraft import Orders, fly_orders, read_orders
 from pareto_ltl.simulation.flights import draw_block, fly_block, pilot_maker
@@ -44,7 +43,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def planned(flown: Path) -> tuple[Problem, Plan]:
-    run = run_with_plan(load_results(flown))
+    run = planned_run(load_results(flown))
     return run.make(PROBLEM), run.make(PLAN)
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scores.continuous import isotonic_fit
 from scores.probability import brier_score, murphy_score
 
-from pareto_ltl.studies import skill
+from pareto_ltl.studies import calibration
 from pareto_ltl.studies.calibration import scorecard, situations_text
 
 PAIRS = st.lists(st.tuples(st.floats(0.0, 1.0), st.sampled_from([0.0, 1.0])), min_size=3, max_size=40)
@@ -20,7 +20,7 @@ PAIRS = st.lists(st.tuples(st.floats(0.0, 1.0), st.sampled_from([0.0, 1.0])), mi
 def test_the_brier_score_is_that_of_scores_and_its_murphy_diagram(pairs: list[tuple[float, float]]) -> None:
     """The mean is the expectile of 1/2: the score is four times the integral of elementary scores."""
     p, y = np.array(pairs).T
-    mine = skill.brier_score(p, y)
+    mine = calibration.brier_score(p, y)
     promised, seen = xr.DataArray(p, dims="mission"), xr.DataArray(y, dims="mission")
     assert float(brier_score(promised, seen)) == pytest.approx(mine, abs=1e-12)
     thetas = np.linspace(0.0, 1.0, 2001)
@@ -34,25 +34,25 @@ def test_isotonic_rates_are_those_of_scores(pairs: list[tuple[float, float]]) ->
     p = np.round(p, 3)
     fit = isotonic_fit(p, y)
     wanted = np.interp(p, fit["fcst_sorted"], fit["regression_values"])
-    np.testing.assert_allclose(skill.isotonic_rates(p, y), wanted, atol=1e-9)
+    np.testing.assert_allclose(calibration.isotonic_rates(p, y), wanted, atol=1e-9)
 
 
 @given(pairs=st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 1.0)), min_size=1, max_size=30))
 def test_the_parts_add_up_to_the_score_and_none_is_negative(pairs: list[tuple[float, float]]) -> None:
     """Realised rates are shares of flights, between 0 and 1."""
     p, f = np.array(pairs).T
-    parts = skill.brier_parts(p, f)
+    parts = calibration.brier_parts(p, f)
     whole = parts["miscalibration"] - parts["discrimination"] + parts["uncertainty"]
-    assert whole == pytest.approx(skill.brier_score(p, f), abs=1e-12)
+    assert whole == pytest.approx(calibration.brier_score(p, f), abs=1e-12)
     assert min(parts.values()) >= -1e-12
 
 
 def test_references_know_only_other_missions_and_earlier_departures() -> None:
     f, departures = np.array([0.0, 1.0, 0.5, 0.25]), ["T06", "T00", "T06", "T12"]
-    np.testing.assert_allclose(skill.climatology(f), [1.75 / 3, 0.75 / 3, 1.25 / 3, 1.5 / 3])
-    np.testing.assert_allclose(skill.persistence(f, departures), [1.0, 0.25, 1.0, 0.25])
-    assert skill.skill(f, np.round(f), np.full(4, 0.5)) < 1.0
-    assert skill.skill(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.full(2, 0.5)) == 1.0
+    np.testing.assert_allclose(calibration.climatology(f), [1.75 / 3, 0.75 / 3, 1.25 / 3, 1.5 / 3])
+    np.testing.assert_allclose(calibration.persistence(f, departures), [1.0, 0.25, 1.0, 0.25])
+    assert calibration.skill(f, np.round(f), np.full(4, 0.5)) < 1.0
+    assert calibration.skill(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.full(2, 0.5)) == 1.0
 
 
 @pytest.mark.statistical
@@ -63,7 +63,7 @@ def test_the_interval_by_situations_covers_where_that_by_missions_does_not() -> 
     for _ in range(500):
         rates = np.repeat(rng.beta(2.0, 2.0, 6), 30)
         failed = (rng.uniform(size=180) < rates).astype(float)
-        found = skill.situation_columns(failed, names)
+        found = calibration.situation_columns(failed, names)
         inside += found["by_situation_low"] <= 0.5 <= found["by_situation_high"]
         narrow += abs(failed.mean() - 0.5) <= 1.96 * np.sqrt(0.25 / 180)
     assert inside / 500 > 0.92

@@ -12,8 +12,9 @@ import pytest
 
 import small_study
 from pareto_ltl.planning import growth
+from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.report.records import Study
-from pareto_ltl.report.study_ablation import FACTOR_LABELS
+from pareto_ltl.report.study_planners import FACTOR_LABELS
 from pareto_ltl.run.records import DECOMPOSITION, FOREST, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import (
@@ -25,7 +26,7 @@ from pareto_ltl.settings import (
     Settings,
 )
 from pareto_ltl.settings.studies import METHODS, MODEL_FACTORS
-from pareto_ltl.studies import ablation, compare, convergence, flown_planners
+from pareto_ltl.studies import compare, convergence, planning
 from pareto_ltl.studies.planning import fly_seeded, still, study_run, unsmoothed
 from pareto_ltl.support.errors import ConfigError
 
@@ -125,7 +126,7 @@ def test_every_fidelity_and_baseline_can_be_asked_for() -> None:
 
 
 def test_one_seed_is_one_wind_whatever_flies(cfg: Settings, world: Records) -> None:
-    truth = flown_planners.truth(cfg, world)
+    truth = planning.truth(cfg, world)
     u = np.tile([4.0, 3.0], (8, 1))
     first, again, longer, other = (
         fly_seeded(truth, controls, 40, "independent", seed).x
@@ -278,7 +279,7 @@ def test_levels_that_are_the_default_share_their_parts(cfg: Settings, world: Rec
         ablation=wanted,
         evaluation=EvaluationConfig(seeds=[0], jobs=1, laws=["independent"]),
     )
-    study = ablation.run_ablation(few, world, tmp_path)
+    study = compare.run_ablation(few, world, tmp_path)
     assert len(list((tmp_path / "parts").iterdir())) == 2  # three trees, one tree
     by_level = {(row["factor"], row["level"]): row for row in study.tables["ablation"]}
     assert by_level["trees", 3]["failure"] == by_level["epsilon", 0.07]["failure"]
@@ -287,15 +288,15 @@ def test_levels_that_are_the_default_share_their_parts(cfg: Settings, world: Rec
 def test_one_thing_changes_at_a_time(cfg: Settings) -> None:
     cfg = replace(cfg, planner=replace(cfg.planner, epsilon=0.05))
     for factor, level in (("trees", 7), ("n_max", 9), ("epsilon", 0.2), ("kernel", "rbf"), ("ball", 3.0)):
-        other = ablation.changed(cfg, factor, level)
+        other = compare.changed(cfg, factor, level)
         section = other.wind if factor in ("kernel", "ball") else other.planner
         assert getattr(section, factor) == level
-        back = ablation.changed(
+        back = compare.changed(
             other, factor, getattr(cfg.wind if section is other.wind else cfg.planner, factor)
         )
         assert back == cfg
-    assert ablation.changed(cfg, "beta", 1.0) == cfg
-    assert ablation.changed(cfg, "beta", 0.0).planner.beta_length == 0.0
+    assert compare.changed(cfg, "beta", 1.0) == cfg
+    assert compare.changed(cfg, "beta", 0.0).planner.beta_length == 0.0
 
 
 @pytest.mark.parametrize("factor", MODEL_FACTORS)
@@ -304,9 +305,9 @@ def test_one_model_changes_at_a_time(cfg: Settings, factor: str) -> None:
     levels = getattr(AblationConfig(), factor)
     assert usual in levels
     for level in levels:
-        other = ablation.changed(cfg, factor, level)
+        other = compare.changed(cfg, factor, level)
         assert getattr(other.fidelity, factor) == level
-        assert ablation.changed(other, factor, usual) == cfg
+        assert compare.changed(other, factor, usual) == cfg
 
 
 def test_models_are_not_changed_unless_asked_for() -> None:
@@ -322,13 +323,13 @@ def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records,
     )
     one_seed = EvaluationConfig(seeds=[0], jobs=1, laws=["independent", "coherent"])
     few = replace(cfg, ablation=wanted, evaluation=one_seed)
-    study = ablation.run_ablation(few, world, tmp_path)
+    study = compare.run_ablation(few, world, tmp_path)
     assert len(list((tmp_path / "parts").iterdir())) == 5  # default, tchebycheff, path, convex, sampled
     rows = {(row["factor"], row["level"], row["law"]): row for row in study.tables["ablation"]}
     assert len(rows) == 14
-    truth = flown_planners.truth(few, world)
-    for factor, level in ablation.levels(few):
-        plan = study_run(ablation.changed(unsmoothed(few), factor, level), world).make(PLAN)
+    truth = planning.truth(few, world)
+    for factor, level in compare.levels(few):
+        plan = study_run(compare.changed(unsmoothed(few), factor, level), world).make(PLAN)
         for law in one_seed.laws:
             flown = fly_seeded(truth, plan.path.u, few.deployment.runs, law, 0, plan.path.x)
             row = rows[factor, level, law]
@@ -343,14 +344,14 @@ def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records,
 def test_the_mean_path_is_the_planned_one(cfg: Settings, world: Records) -> None:
     shop = study_run(unsmoothed(cfg), world)
     path = shop.make(PLAN).path
-    np.testing.assert_allclose(flown_planners.mean_path(shop.make(PROBLEM), path.u), path.x, atol=1e-6)
+    np.testing.assert_allclose(forecast(shop.make(PROBLEM), path.u, "independent").x, path.x, atol=1e-6)
 
 
 def test_independent_winds_promise_more_the_finer_the_step(
     cfg: Settings, world: Records, tmp_path: Path
 ) -> None:
     """Σ_T = T v² dt: the bound of one flight falls with dt, though nothing about the wind has changed."""
-    study = ablation.run_ablation(
+    study = compare.run_ablation(
         replace(cfg, ablation=AblationConfig(factors=["dt"], dt=[1, 4])), world, tmp_path
     )
     coarse, fine = study.tables["ablation"]
@@ -362,13 +363,13 @@ def test_independent_winds_promise_more_the_finer_the_step(
 def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(cfg: Settings, world: Records) -> None:
     """A step may begin with the last field; its pieces must find a wind too."""
     cfg = replace(cfg, planner=replace(cfg.planner, max_steps=400))
-    known = len(flown_planners.truth(cfg, world).wind.slot)
+    known = len(planning.truth(cfg, world).wind.slot)
     assert known == 301  # the wind ends before planner.max_steps does
     u = np.zeros((known, 2))
     for pieces in (1, 4):
-        finer = flown_planners.truth(ablation.cut(cfg, pieces), world)
+        finer = planning.truth(compare.cut(cfg, pieces), world)
         controls = np.repeat(u, pieces, axis=0)
-        assert np.isfinite(flown_planners.mean_path(finer, controls)).all()
+        assert np.isfinite(forecast(finer, controls, "independent").x).all()
         assert np.isfinite(fly_seeded(finer, controls, 3, "independent", 0).x).all()
 
 
@@ -377,7 +378,7 @@ def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
 ) -> None:
     damped = replace(cfg, robot=replace(cfg.robot, a=[[0.9, 0.0], [0.0, 0.9]]))
     with pytest.raises(ConfigError, match="leave dt out"):
-        ablation.run_ablation(damped, world, tmp_path)
+        compare.run_ablation(damped, world, tmp_path)
 
 
 # --- pictures --------------------------------------------------------------------------------
@@ -387,8 +388,7 @@ def test_every_study_draws_its_figures(
     cfg: Settings, world: Records, compared: Study, converged: Study, tmp_path: Path
 ) -> None:
     from pareto_ltl.report.study_axes import save_figures
-    from pareto_ltl.report.study_comparison import comparison_figures
-    from pareto_ltl.report.study_convergence import convergence_figures
+    from pareto_ltl.report.study_planners import comparison_figures, convergence_figures
 
     asked = replace(cfg.report, formats=["png", "svg"])
     made = {

@@ -26,11 +26,10 @@ from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
-from pareto_ltl.studies import jobs
-from pareto_ltl.studies.jobs import JobQueue, JobState
-from pareto_ltl.studies.sweeps import manifest, page, summary, table
-from pareto_ltl.studies.sweeps.manifest import FigureChoice, SweepManifest, SweepPoint
-from pareto_ltl.studies.sweeps.runs import RunJob
+from pareto_ltl.studies import jobs, sweeps
+from pareto_ltl.studies import sweep_summary as summary
+from pareto_ltl.studies.jobs import JobQueue, JobState, RunJob
+from pareto_ltl.studies.sweeps import FigureChoice, SweepManifest, SweepPoint
 from pareto_ltl.support import locks
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json
@@ -369,7 +368,7 @@ def test_the_name_of_a_job_is_the_fingerprint_that_its_run_records(asked: Path) 
     )
     done = sweep(*names, "name=plan", "seed=3", "planner.epsilon=0.02")
     assert done.returncode == 0, done.stderr
-    points = manifest.read_manifest(PLACE).points
+    points = sweeps.read_manifest(PLACE).points
     assert len(points) == 8
     for point in points:
         record = json.loads((PLACE / point.job / "run.json").read_text())
@@ -510,7 +509,7 @@ def test_a_job_killed_before_it_wrote_anything_was_at_work(tmp_path: Path) -> No
     (job,) = runs_in(tmp_path, 1)
     code = (
         "import os, signal, sys\nfrom pathlib import Path\n"
-        "from pareto_ltl.studies.sweeps.runs import RunJob\n"
+        "from pareto_ltl.studies.jobs import RunJob\n"
         "RunJob(Path(sys.argv[1])).do_once(lambda: os.kill(os.getpid(), signal.SIGKILL))\n"
     )
 
@@ -569,8 +568,8 @@ def made(place: Path, runs: int = 200) -> SweepManifest:
 
 
 def test_rates_are_pooled_over_seeds_with_the_exact_interval(tmp_path: Path) -> None:
-    rows = table.sweep_rows(tmp_path, made(tmp_path))
-    first, second = table.seed_groups(rows)
+    rows = sweeps.sweep_rows(tmp_path, made(tmp_path))
+    first, second = sweeps.seed_groups(rows)
     assert first.overrides == {"planner.n_max": "100"}
     assert (first.counts, second.counts) == ({"ok": 5}, {"ok": 4, "failed": 1})
     for group, members in ((first, rows[:5]), (second, rows[5:9])):
@@ -589,7 +588,7 @@ def test_the_summary_tells_results_from_times(tmp_path: Path) -> None:
     summary.write_summary(tmp_path)
     results, times = (csv_rows(tmp_path / name) for name in ("summary.csv", "timings.csv"))
     assert list(results[0])[:5] == ["job", "planner.n_max", "seed", "status", "error"]
-    assert not {name for name in results[0] if table.is_clock(name)}
+    assert not {name for name in results[0] if sweeps.is_clock(name)}
     assert set(times[0]) == {
         "job", "planner.n_max", "seed", "status", "run_seconds", "nodes_per_second", "memory_mib"
     }  # fmt: skip
@@ -607,7 +606,7 @@ def test_the_table_comes_back_from_the_directories_alone(tmp_path: Path) -> None
         for n_max in (5, 40):
             words = ["+experiment=phi1", f"seed={seed}", f"planner.n_max={n_max}"]
             answer(tmp_path / f"job{seed}x{n_max}", overrides=words)
-    found = manifest.read_manifest(tmp_path)
+    found = sweeps.read_manifest(tmp_path)
     assert found.swept == ("seed", "planner.n_max")
     assert found.fixed == ("experiment=phi1",)
     order = [tuple(point.overrides.values()) for point in found.points]
@@ -685,16 +684,16 @@ def test_the_figure_is_chosen_among_the_columns(tmp_path: Path) -> None:
 
 
 def test_numbers_keep_the_digits_that_matter() -> None:
-    assert [page.short_number(v) for v in (0.0, 12.0, 0.00123456, 1826879.93, 3.14159)] == [
+    assert [summary.short_number(v) for v in (0.0, 12.0, 0.00123456, 1826879.93, 3.14159)] == [
         "0", "12", "0.001235", "1,826,879.9", "3.142",
     ]  # fmt: skip
 
 
 def test_every_fidelity_and_law_of_the_settings_can_be_swept() -> None:
-    rates = {f"{rate}_{law}" for rate in table.POOLED_RATES for law in config.LAWS}
+    rates = {f"{rate}_{law}" for rate in sweeps.POOLED_RATES for law in config.LAWS}
     metrics = dict.fromkeys(rates, 0.5) | {f"runs_{law}": 10.0 for law in config.LAWS}
-    row = table.SweepRow("job", {}, JobState("ok", metrics=metrics))
-    (group,) = table.seed_groups([row])
+    row = sweeps.SweepRow("job", {}, JobState("ok", metrics=metrics))
+    (group,) = sweeps.seed_groups([row])
     assert set(group.rates) == rates | {"completed"}
     assert all(group.rates[name]["events"] == 5 for name in rates)
 
@@ -711,4 +710,4 @@ def test_files_of_a_sweep_keep_the_names_of_their_formats(tmp_path: Path) -> Non
 def test_a_manifest_of_another_schema_is_refused(tmp_path: Path) -> None:
     (tmp_path / "sweep.json").write_text('{"schema": "other/9"}')
     with pytest.raises(DataError, match="read it with the version"):
-        manifest.read_manifest(tmp_path)
+        sweeps.read_manifest(tmp_path)

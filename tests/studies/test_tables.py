@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.studies import statistics, tables
+from pareto_ltl.studies import tables
 from pareto_ltl.studies.compare import _points
 from pareto_ltl.support.counts import clopper_pearson
 
@@ -23,22 +23,22 @@ def test_flags_survive_being_written(values: list[bool]) -> None:
 def test_mcnemar_is_twice_the_smaller_binomial_tail(b: int, c: int) -> None:
     n = b + c
     tail = sum(math.comb(n, k) for k in range(min(b, c) + 1)) / 2**n
-    assert statistics.mcnemar_test(b, c) == pytest.approx(min(1.0, 2 * tail) if b != c else 1.0)
+    assert tables.mcnemar_test(b, c) == pytest.approx(min(1.0, 2 * tail) if b != c else 1.0)
 
 
 def test_mcnemar_of_no_difference_is_one() -> None:
-    assert statistics.mcnemar_test(0, 0) == 1.0
+    assert tables.mcnemar_test(0, 0) == 1.0
 
 
 @given(st.integers(0, 30), st.integers(1, 30))
 def test_a_share_of_whole_counts_has_the_interval_of_the_counts(k: int, more: int) -> None:
     n = k + more
-    row = statistics.mean_chance_columns("p", float(k), n)
+    row = tables.mean_chance_columns("p", float(k), n)
     assert (row["p_low"], row["p_high"]) == clopper_pearson(k, n)
 
 
 def test_a_share_between_counts_has_the_wider_ends() -> None:
-    row = statistics.mean_chance_columns("p", 2.4, 10)
+    row = tables.mean_chance_columns("p", 2.4, 10)
     assert row["p"] == pytest.approx(0.24)
     assert row["p_low"] == clopper_pearson(2, 10)[0]
     assert row["p_high"] == clopper_pearson(3, 10)[1]
@@ -50,7 +50,7 @@ def test_the_interval_of_a_share_holds_the_mean_at_least_as_often_as_it_says() -
     held = 0
     for _ in range(400):
         chances = rng.beta(0.3, 1.2, 60)  # mean 0.2
-        row = statistics.mean_chance_columns("p", float(chances.sum()), 60)
+        row = tables.mean_chance_columns("p", float(chances.sum()), 60)
         held += row["p_low"] <= 0.2 <= row["p_high"]
     assert held >= 0.95 * 400 - 5 * math.sqrt(400 * 0.95 * 0.05)
 
@@ -60,18 +60,18 @@ def test_the_interval_of_a_mean_is_students() -> None:
 
     values = np.array([0.1, 0.4, 0.35, 0.8])
     expected = t.interval(0.95, 3, loc=values.mean(), scale=values.std(ddof=1) / 2)
-    assert statistics.mean_interval(values) == pytest.approx(expected)
-    assert all(math.isnan(end) for end in statistics.mean_interval(values[:1]))
+    assert tables.mean_interval(values) == pytest.approx(expected)
+    assert all(math.isnan(end) for end in tables.mean_interval(values[:1]))
 
 
 def test_quartiles_leave_out_what_is_not_known() -> None:
-    row = statistics.quartile_columns("x", [3.0, math.nan, 1.0, 2.0])
+    row = tables.quartile_columns("x", [3.0, math.nan, 1.0, 2.0])
     assert (row["x_q25"], row["x"], row["x_q75"]) == (1.5, 2.0, 2.5)
-    assert math.isnan(statistics.quartile_columns("x", [])["x"])
+    assert math.isnan(tables.quartile_columns("x", [])["x"])
 
 
 def test_a_rate_of_nothing_is_not_zero() -> None:
-    assert math.isnan(statistics.rate_columns("f", np.empty(0, bool))["f"])
+    assert math.isnan(tables.rate_columns("f", np.empty(0, bool))["f"])
 
 
 def test_a_markdown_table_has_as_many_columns_in_every_line() -> None:

@@ -12,9 +12,8 @@ from numpy.random import SeedSequence
 from desk import SMALL
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.planning.power import EnergyModel
-from pareto_ltl.run.exporting import run_with_plan
-from pareto_ltl.run.interface import load_results
 from pareto_ltl.run.records import PLAN, PROBLEM
+from pareto_ltl.run.results import load_results, planned_run
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import RARE, same_rate
@@ -26,17 +25,18 @@ RUNS = 2000
 def test_the_checker_lands_as_many_robots_as_the_planner(tmp_path: Path) -> None:
     words = ["plan", "+experiment=hop", *SMALL, "robot.feedback_time=300", "exports=none"]
     assert run_command_line([*words, f"hydra.run.dir={tmp_path}"]) == 0
-    run = run_with_plan(load_results(tmp_path))
+    run = planned_run(load_results(tmp_path))
     problem, path = run.make(PROBLEM), run.make(PLAN).path
     assert problem.energy is not None
-    checker, told = open_evidence(tmp_path).simulator("coherent"), {}
+    evidence, told = open_evidence(tmp_path), {}
+    checker = evidence.simulator("coherent", evidence.x, evidence.u)
     for share in (1.0, 1.005, 1.02):
         capacity = share * problem.energy.of(path.u, problem.motion.dt)
         limited = replace(problem, energy=EnergyModel(problem.energy.curve, capacity))
         ours = simulate_flights(limited, path.u, RUNS, "coherent", SeedSequence(1), path.x).failed.sum()
         robot = replace(checker.law.robot, capacity=capacity)
         theirs = replace(checker, law=replace(checker.law, robot=robot)).fly(RUNS, np.random.default_rng(2))
-        failed = open_evidence(tmp_path).ground.failed(theirs).sum()
+        failed = evidence.ground.failed(theirs).sum()
         assert same_rate(int(ours), RUNS, int(failed), RUNS) > RARE
         told[share] = float(ours) / RUNS
     assert told[1.0] > told[1.02]

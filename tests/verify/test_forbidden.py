@@ -10,7 +10,7 @@ import pytest
 
 import pareto_ltl
 from lies.editing import in_flights
-from pareto_ltl.run.results import read_deployments
+from pareto_ltl.simulation.records import read_deployments
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.judge import verify
 from quick_wind import QUICK_WIND

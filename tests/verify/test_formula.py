@@ -49,8 +49,8 @@ def test_the_automaton_of_the_translator_is_that_of_the_formula(text: str) -> No
     automaton = translate(text)
     dfa = as_dfa(automaton)
     assert first_difference(dfa, text) is None
-    assert distances(dfa) == automaton.distance.tolist()
-    assert covers(dfa) == automaton.preorder.tolist()
+    assert distances(dfa).tolist() == automaton.distance.tolist()
+    assert covers(dfa).tolist() == automaton.preorder.tolist()
     again = read_hoa(hoa_text(automaton), dfa.letters)
     assert again == dfa
     assert unlike(dfa, again) is None

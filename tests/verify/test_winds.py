@@ -19,8 +19,9 @@ from pareto_ltl.wind.forecast_error import ForecastError, forecast_error_law
 from pareto_ltl.wind.modes import error_persistence
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import WindField, WindModes, WindObservations
-from pareto_ltl_verify import wind_fit, wind_modes
-from pareto_ltl_verify.forecast_errors import HOUR, ErrorLaw, error_law
+from pareto_ltl_verify import wind_fit
+from pareto_ltl_verify.claims import wind_modes
+from pareto_ltl_verify.wind_fit import HOUR, ErrorLaw, error_law
 from pareto_ltl_verify.wind_tables import clock, read_wind_file
 
 DT = 1800.0

@@ -800,8 +800,8 @@ def test_ingest_makes_no_folders_and_overwrites_nothing_that_it_reads(gribs, tmp
     ingested(grib(gribs), IngestConfig(points=9), first)
     kept = first.read_bytes()
     around = first.parent / "." / first.name
-    for out in (first, around, tmp_path / "table.json"):
-        with pytest.raises(ConfigError, match=r"name (it|another)"):
+    for out in (first, around):
+        with pytest.raises(ConfigError, match=r"name another"):
             ingested(WindConfig(source="csv", path=str(first)), IngestConfig(points=5), out)
     assert first.read_bytes() == kept
 

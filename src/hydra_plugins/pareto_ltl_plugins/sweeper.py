@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
@@ -25,8 +26,8 @@ from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 if TYPE_CHECKING:
-    from pareto_ltl.studies.sweeps.manifest import SweepManifest
-    from pareto_ltl.studies.sweeps.summary import SweepSummary
+    from pareto_ltl.studies.sweep_summary import SweepSummary
+    from pareto_ltl.studies.sweeps import SweepManifest
 
 SWEEP_LOCK = ".sweep.lock"
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -60,16 +61,16 @@ class PointsSweeper(BasicSweeper):
         from pareto_ltl.cli.composition import check_settings
         from pareto_ltl.cli.setting_keys import settings_from
         from pareto_ltl.run.provenance import config_hash
-        from pareto_ltl.studies.sweeps.manifest import FigureChoice, SweepManifest, SweepPoint
-        from pareto_ltl.studies.sweeps.runs import KEY_DIGITS
-        from pareto_ltl.studies.sweeps.summary import check_figure
+        from pareto_ltl.studies.jobs import KEY_DIGITS
+        from pareto_ltl.studies.sweep_summary import check_figure
+        from pareto_ltl.studies.sweeps import FigureChoice, SweepManifest, SweepPoint
 
         assert self.config is not None
         overrides = self._overrides(arguments)
         swept = {key for key, values in overrides.items() if len(values) > 1}
         words: dict[str, list[str]] = {}
         points: list[SweepPoint] = []
-        compose = PointComposer(self._loader(), self.config)
+        compose = point_composer(self._loader(), self.config)
         for line in map(list, product(*overrides.values())):
             settings = settings_from(compose(line))
             check_settings(settings)
@@ -89,9 +90,8 @@ class PointsSweeper(BasicSweeper):
         """Run the points without an answer and write the summary, also when that is interrupted."""
         from pareto_ltl.cli.output import print_problem
         from pareto_ltl.cli.summary import sweep_answer
-        from pareto_ltl.studies.jobs import JobQueue
-        from pareto_ltl.studies.sweeps.runs import RunJob
-        from pareto_ltl.studies.sweeps.summary import write_summary
+        from pareto_ltl.studies.jobs import JobQueue, RunJob
+        from pareto_ltl.studies.sweep_summary import write_summary
 
         def launch(batch: Sequence[RunJob]) -> None:
             size = self._batch_size() or len(batch)
@@ -196,43 +196,35 @@ class AwaitedJob:
         return found
 
 
-class PointComposer:
-    """Composes points of a grid; what Hydra needs milliseconds and more for is done once each."""
+def point_composer(loader: ConfigLoaderImpl, master: DictConfig) -> Callable[[Sequence[str]], DictConfig]:
+    """A function that composes a point of a grid; what takes Hydra milliseconds is done once each."""
+    parser = OverridesParser.create(config_loader=loader)
 
-    def __init__(self, loader: ConfigLoaderImpl, master: DictConfig) -> None:
-        self._loader, self._master = loader, master
-        self._parser = OverridesParser.create(config_loader=loader)
-        self._composed: dict[tuple[str, ...], DictConfig] = {}
-        self._parsed: dict[str, Override] = {}
-        self._groups: dict[str, bool] = {}
+    @cache
+    def parsed(word: str) -> Override:
+        (override,) = parser.parse_overrides([word])
+        return override
 
-    def __call__(self, line: Sequence[str]) -> DictConfig:
-        """The configuration of one point; choices of groups are composed once, values set in a copy."""
-        parsed = [self._parse(word) for word in line]
-        groups = tuple(word for word, override in zip(line, parsed, strict=True) if self._chooses(override))
-        if groups not in self._composed:
-            self._composed[groups] = self._without_hydra(groups)
-        config = copy.deepcopy(self._composed[groups])
-        values = [override for override in parsed if not self._chooses(override)]
-        ConfigLoaderImpl._apply_overrides_to_config(values, config)  # noqa: SLF001 - Hydra has no other way
-        return config
+    @cache
+    def is_group(key: str) -> bool:  # Hydra copies all that it has cached for each question: 3 ms
+        return bool(loader.get_group_options(key))
 
-    def _without_hydra(self, groups: Sequence[str]) -> DictConfig:
-        config = self._loader.load_sweep_config(self._master, list(groups))
+    @cache
+    def composed(groups: tuple[str, ...]) -> DictConfig:
+        config = loader.load_sweep_config(master, list(groups))
         with open_dict(config):
             del config["hydra"]
         return config
 
-    def _parse(self, word: str) -> Override:
-        if word not in self._parsed:
-            (self._parsed[word],) = self._parser.parse_overrides([word])
-        return self._parsed[word]
+    def compose(line: Sequence[str]) -> DictConfig:
+        """The configuration of one point; choices of groups are composed once, values set in a copy."""
+        groups = tuple(word for word in line if is_group(parsed(word).key_or_group))
+        values = [parsed(word) for word in line if word not in groups]
+        config = copy.deepcopy(composed(groups))
+        ConfigLoaderImpl._apply_overrides_to_config(values, config)  # noqa: SLF001 - Hydra has no other way
+        return config
 
-    def _chooses(self, override: Override) -> bool:
-        key = override.key_or_group
-        if key not in self._groups:  # Hydra copies all that it has cached for each question: 3 ms
-            self._groups[key] = bool(self._loader.get_group_options(key))
-        return self._groups[key]
+    return compose
 
 
 def _plain_key(key: str) -> str:

@@ -255,11 +255,12 @@ def _prepare_sweep(
     grid = [*parsed_overrides(hydra.config_loader, _grid_of(config)), *overrides]
     grid = list({override.get_key_element(): override for override in grid}.values())  # the last one counts
     _check_sweep_size(grid)
-    names = []
-    for first in (True, False):
+    ends, names = [_ends_of(override) for override in grid], []
+    for end in (0, 1):
+        words = [pair[end] for pair in ends]
         with described_composition():
             point = hydra.config_loader.load_configuration(
-                config_name(arguments), _corner(grid, first=first), RunMode.RUN, from_shell=False
+                config_name(arguments), words, RunMode.RUN, from_shell=False
             )
         settings = settings_from(point)
         check_settings(settings)
@@ -312,14 +313,6 @@ def _grid_of(config: DictConfig) -> list[str]:
     return [f"{key}={value}" for key, value in grid.items()]
 
 
-def _corner(grid: Sequence[Override], *, first: bool) -> list[str]:
-    """The first or the last point of ``grid``."""
-    return [
-        _end_of(override, first=first) if override.is_sweep_override() else _words_of(override)
-        for override in grid
-    ]
-
-
 def _check_sweep_size(grid: Sequence[Override]) -> None:
     """Raise ConfigError for a grid of more than ``MOST_POINTS`` points, before its points are listed."""
     points = math.prod(_sweep_length(override) for override in grid if override.is_discrete_sweep())
@@ -337,13 +330,17 @@ def _sweep_length(override: Override) -> int:
     return sum(1 for _ in override.sweep_string_iterator())
 
 
-def _end_of(override: Override, *, first: bool) -> str:
+def _ends_of(override: Override) -> tuple[str, str]:
+    """The words that set the first and the last value of a sweep; the same words for one value."""
+    if not override.is_sweep_override():
+        return _words_of(override), _words_of(override)
     if not override.is_discrete_sweep():
         raise ConfigError(f"{_words_of(override)}: an interval cannot be swept; use range(first,beyond,step)")
     values = list(override.sweep_string_iterator())
     if not values:
         raise ConfigError(f"{_words_of(override)} has no value to sweep")
-    return f"{override.get_key_element()}={values[0 if first else -1]}"
+    key = override.get_key_element()
+    return f"{key}={values[0]}", f"{key}={values[-1]}"
 
 
 def _words_of(override: Override) -> str:

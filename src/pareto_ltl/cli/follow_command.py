@@ -31,7 +31,7 @@ def follow(options: Namespace, output: Output) -> int:
     from pareto_ltl.inflight.session import FOLDER, Session
     from pareto_ltl.inflight.typed import Typed
     from pareto_ltl.inflight.watch import WatchSettings
-    from pareto_ltl.run.interface import load_results
+    from pareto_ltl.run.results import load_results
     from pareto_ltl.support.files import write_json
 
     _check(options)

@@ -36,7 +36,7 @@ from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, Infe
 from pareto_ltl.support.stopping import ends_process
 
 if TYPE_CHECKING:
-    from pareto_ltl.studies.sweeps.summary import SweepSummary
+    from pareto_ltl.studies.sweep_summary import SweepSummary
 
 
 SETTINGS_WORDS = {"sweep", *(command.name for command in PIPELINE_COMMANDS)}  # settings follow these commands
@@ -225,7 +225,7 @@ class HydraJob:
 
     def _sweep_job(self, config: DictConfig) -> int:
         """Run one job of a sweep, unless it has its answer; print one line about it."""
-        from pareto_ltl.studies.sweeps.runs import RunJob
+        from pareto_ltl.studies.jobs import RunJob
 
         directory = Path(HydraConfig.get().runtime.output_dir)
         varied = [word for word in _task_overrides() if word not in self.overrides]

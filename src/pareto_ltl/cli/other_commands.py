@@ -32,8 +32,8 @@ def sweep(options: Namespace) -> Answer:
             "see pareto-ltl sweep --help"
         )
     from pareto_ltl.cli.summary import sweep_answer
-    from pareto_ltl.studies.sweeps.manifest import OLDER_SWEEPS, FigureChoice
-    from pareto_ltl.studies.sweeps.summary import write_summary
+    from pareto_ltl.studies.sweep_summary import write_summary
+    from pareto_ltl.studies.sweeps import OLDER_SWEEPS, FigureChoice
 
     found = write_summary(options.folder, options.sweep, FigureChoice(options.x, options.y, options.by))
     out = options.folder / OLDER_SWEEPS / options.sweep if options.sweep else options.folder
@@ -224,7 +224,7 @@ def scores(options: Namespace) -> Answer:
 
 
 def _score_document(mine: Promises, found: Sequence[Compared], parts: dict[str, float]) -> dict[str, object]:
-    from pareto_ltl.studies import skill
+    from pareto_ltl.studies import calibration
 
     return {
         "name": mine.name,
@@ -233,7 +233,7 @@ def _score_document(mine: Promises, found: Sequence[Compared], parts: dict[str, 
         "promised": float(mine.promised.mean()),
         "failed": float(mine.realised.mean()),
         **{name.replace("Brier score", "brier"): value for name, value in parts.items()},
-        **skill.situation_columns(mine.realised, mine.situations),
+        **calibration.situation_columns(mine.realised, mine.situations),
         "compared": [
             {name: value for name, value in asdict(one).items() if not name.startswith("curve")}
             for one in found

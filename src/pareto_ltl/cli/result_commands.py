@@ -29,8 +29,8 @@ CLAIM_FAILS = 3  # exit code; 1 is for a crash, 2 for an input that cannot be re
 def front(options: Namespace) -> Answer:
     """The paths of a front with all their costs."""
     from pareto_ltl.report.page.points import chosen_number, shown_points
-    from pareto_ltl.run.interface import load_results
     from pareto_ltl.run.records import FRONT, PLAN
+    from pareto_ltl.run.results import load_results
 
     results = load_results(options.directory)
     records = results.records()
@@ -82,9 +82,9 @@ def _risk_text(point: dict[str, Any]) -> str:
 def choose(options: Namespace) -> Answer:
     """Write the plan of another path."""
     from pareto_ltl.cli.summary import run_answer
-    from pareto_ltl.run.choosing import Choice, choose_from_results, default_place
-    from pareto_ltl.run.interface import load_results
+    from pareto_ltl.run.choosing import Choice, chosen_run, default_place
     from pareto_ltl.run.metrics import run_metrics
+    from pareto_ltl.run.results import load_results
     from pareto_ltl.studies.stages import application_stages
 
     choice = Choice(
@@ -95,7 +95,7 @@ def choose(options: Namespace) -> Answer:
     place = options.out or default_place(results.directory, choice)
     table = application_stages(results.settings)
     with collected_warnings() as warnings:
-        run = choose_from_results(results, choice, table, place, ("pareto-ltl", "choose", *options.words))
+        run = chosen_run(results, choice, place, table, ("pareto-ltl", "choose", *options.words))
     return run_answer(run.settings, place, run_metrics(run.records, run.seconds), warnings)
 
 
@@ -126,7 +126,7 @@ def read_selection(rule: str | None, words: Sequence[str]) -> dict[str, Any] | N
 
 def export(options: Namespace) -> Answer:
     """Write files of a plan."""
-    from pareto_ltl.run.exporting import export
+    from pareto_ltl.run.interface import export
 
     settings: dict[str, Any] = {}
     if options.altitude is not None:
@@ -172,10 +172,9 @@ def _in_columns(line: str) -> list[str]:
 def beacons(options: Namespace) -> Answer:
     """The best places for beacons; writes table and figure."""
     from pareto_ltl.run import beacons
-    from pareto_ltl.run.exporting import run_with_plan
-    from pareto_ltl.run.interface import PlanningResult
+    from pareto_ltl.run.results import PlanningResult, planned_run
 
-    run = run_with_plan(options.directory)
+    run = planned_run(options.directory)
     found = beacons.beacons(
         PlanningResult(run), radius=options.radius, number=options.number, flights=options.flights
     )
@@ -227,8 +226,7 @@ def _claim_lines(found: Finding) -> tuple[str, ...]:
 
 def replan(options: Namespace) -> Answer:
     """Write a new plan for the rest of a flight."""
-    from pareto_ltl.run.interface import replan
-    from pareto_ltl.run.replan_files import comparison_lines, replan_document
+    from pareto_ltl.run.replanning import comparison_lines, replan, replan_document
 
     if options.time is None and options.fixes is None:
         raise ConfigError(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from pareto_ltl.planning.records import Plan
-    from pareto_ltl.studies.sweeps.summary import SweepSummary
+    from pareto_ltl.studies.sweep_summary import SweepSummary
 
 MOST_WARNINGS = 5  # warnings that are printed, at most
 WIDTH = 78  # columns of a terminal that tables fit into, without the edges of a table
@@ -39,7 +39,7 @@ def run_answer(
     """
     plan = None
     if (directory / "plan.json").is_file():
-        from pareto_ltl.run.plan_files import read_plan
+        from pareto_ltl.planning.plan_files import read_plan
 
         plan = read_plan(directory)
     covers = {key: text for key in ("covered", "not_covered") if (text := getattr(plan, key, ""))}
@@ -254,6 +254,6 @@ def fitting_columns(rows: Sequence[Sequence[str]], width: int = WIDTH) -> list[i
 
 def sweep_answer(found: SweepSummary, page: Path) -> Answer:
     """The answer of a sweep whose summary is the file ``page``."""
-    from pareto_ltl.studies.sweeps.summary import summary_content
+    from pareto_ltl.studies.sweep_summary import summary_content
 
     return Answer(summary_content(found), [found.line(), f"summary in {page}"], [page])

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING
 from pareto_ltl.inflight.journal import SCHEMA, Journal, read_journal, require_place
 from pareto_ltl.inflight.telemetry import Reading, read_log
 from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
-from pareto_ltl.run.exporting import run_with_plan
-from pareto_ltl.run.newer_wind import issued
 from pareto_ltl.run.records import PLAN, PROBLEM, SCENE, WIND
+from pareto_ltl.run.rest_of_flight import issued
+from pareto_ltl.run.results import planned_run
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.support.errors import ConfigError
 
 if TYPE_CHECKING:
-    from pareto_ltl.run.interface import PlanningResult
-    from pareto_ltl.run.results import Results
+    from pareto_ltl.run.results import PlanningResult, Results
 
 STREAM = "follow"
 Listener = Callable[[Watch, Event], Iterable[Event]]
@@ -59,7 +58,7 @@ def follow(
     """
     cfg = settings or WatchSettings()
     _check(cfg)
-    run = run_with_plan(planned)
+    run = planned_run(planned)
     scene, seed = run.make(SCENE), stage_seeds(run.settings.seed, STREAM)
     watch = Watch(run.make(PROBLEM), run.make(PLAN), cfg, seed, issued(run.make(WIND)))
     begin: Event = {

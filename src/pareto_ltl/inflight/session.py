@@ -47,7 +47,7 @@ class Session:
         self, readings: Iterable[Reading] | Path, *, resume: bool = False
     ) -> Generator[Event, None, None]:
         """Watch until the telemetry ends."""
-        from pareto_ltl.run.interface import load_results
+        from pareto_ltl.run.results import load_results
 
         scene, begun = self.results.scene, list[Event]()
         if isinstance(readings, Path):

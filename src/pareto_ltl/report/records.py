@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.support.medium import Medium, medium_of
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.records import Forest, Front, Plan
     from pareto_ltl.simulation.records import Deployment
@@ -65,10 +67,21 @@ class Study:
         Further data for figures (paths, flights); not written to disk.
     """
 
-    tables: Mapping[str, tuple[Mapping[str, Any], ...]]
+    tables: Mapping[str, Sequence[Mapping[str, Any]]]
     numbers: Mapping[str, float]
     text: str
     pictures: Mapping[str, Any] = field(default_factory=dict)
+
+
+def write_study(directory: Path, study: Study) -> None:
+    """Write every table as CSV, columns in the order of the first row, and the main ones as ``tables.md``."""
+    from pareto_ltl.support.files import write_bytes, write_csv
+
+    for name, rows in study.tables.items():
+        if rows:
+            header = tuple(rows[0])
+            write_csv(directory / f"{name}.csv", header, ([row[key] for key in header] for row in rows))
+    write_bytes(directory / "tables.md", study.text.encode())
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,6 +35,23 @@ def save_figures(folder: Path, cfg: ReportConfig, made: Figures) -> tuple[Path, 
         )
 
 
+def panel_row(
+    titles: Sequence[str], *, height: float, width: float, west: float, gap: float, base: float, top: float,
+    above: float = 0.08,
+) -> tuple[Figure, list[Axes]]:  # fmt: skip
+    """A figure of ``height`` with panels of ``width`` side by side, and their titles ``above`` them [in].
+
+    ``west``, ``base`` and ``top`` are the margins, ``gap`` lies between two panels.
+    """
+    figure, axes = style.blank_figure(style.PAGE_WIDTH, height), []
+    for k, title in enumerate(titles):
+        left = west + k * (width + gap)
+        axes.append(style.axes_at(figure, left, base, width, height - base - top))
+        style.text_at(figure, left, height - top + above, title, va="bottom", fontweight="bold")
+        hide_frame(axes[-1])
+    return figure, axes
+
+
 def laws_of(rows: Sequence[FigureRow]) -> list[str]:
     """The wind laws in ``rows``, in the order of their first occurrence."""
     return list(dict.fromkeys(row["law"] for row in rows))
@@ -93,13 +110,6 @@ def legend_at(
     """Legend with ``columns``, whose corner ``loc`` is at ``corner`` [in] of the figure."""
     w, h = figure.get_size_inches()
     figure.legend(
-        handles=list(keys),
-        ncols=columns,
-        loc=loc,
-        bbox_to_anchor=(corner[0] / w, corner[1] / h),
-        borderaxespad=0.0,
-        borderpad=0.0,
-        handlelength=1.8,
-        columnspacing=1.1,
-        labelspacing=0.35,
-    )
+        handles=list(keys), ncols=columns, loc=loc, bbox_to_anchor=(corner[0] / w, corner[1] / h),
+        borderaxespad=0.0, borderpad=0.0, handlelength=1.8, columnspacing=1.1, labelspacing=0.35,
+    )  # fmt: skip

@@ -1,43 +1,44 @@
-"""The figure of ``pipelines=departure``: failure, length and wind against the departure, and the routes."""
+"""The figures of ``pipelines=departure``: numbers over the departure, routes, and a heat map over lengths."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import NullLocator
 
-from pareto_ltl.report import style
+from pareto_ltl.report import map_layers, style
 from pareto_ltl.report.map_labels import dense_path
-from pareto_ltl.report.map_layers import (
-    draw_endpoints,
-    draw_graticule,
-    draw_ground,
-    map_axes,
-    name_regions,
-    number_obstacles,
-)
-from pareto_ltl.report.rate_axes import GRID_COLOUR
-from pareto_ltl.report.study_axes import FigureRow, Figures, column_values, hide_frame
-from pareto_ltl.report.study_departure_heat import clock_labels, heat_figure
+from pareto_ltl.report.rate_axes import GRID_COLOUR, set_rate_ticks
+from pareto_ltl.report.records import Study
+from pareto_ltl.report.study_axes import LOWEST_RATE, FigureRow, Figures, column_values, hide_frame
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 
-if TYPE_CHECKING:
-    from pareto_ltl.report.records import Study
-
-LEFT, PANEL, MAP, GAP = 0.52, 2.85, 2.75, 0.62  # [in] across
-BASE, HEIGHT, SPACE, TOP = 0.62, 0.95, 0.3, 0.24  # [in] up
+LEFT, BASE = 0.52, 0.62  # [in] of both figures
+PANEL, MAP, GAP = 2.85, 2.75, 0.62  # [in] across
+HEIGHT, SPACE, TOP = 0.95, 0.3, 0.24  # [in] up
 MOST_TICKS = 7
 RATIO_TICKS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+MARKS = "◆ recommended   ○ no difference beyond the noise   "
 HOUR = 3600.0
+ROW, HEAT_TOP = 0.17, 0.42  # [in] of the heat map
+BAR, BAR_GAP, RIGHT = 0.1, 0.12, 0.45  # [in]
+MARK, WORDS = 0.08, 0.2  # height of marks and of their meaning above the heat map [in]
+COLOURS = "cividis_r"  # light: few failures; the same to all kinds of colour vision
+LEAST_CELL = 0.33  # width of a cell [in] that its number fits into
+MOST_COLUMN = 0.62  # [in]
+DARK = 0.53  # luminance below which numbers are white
 
 
 def departure_figures(_: Settings, study: Study, scene: Scene, decomposition: Decomposition) -> Figures:
@@ -68,11 +69,12 @@ def departure_figure(
     _draw_failure(axes[0], planned)
     _draw_length(axes[1], planned)
     _draw_wind(axes[2], planned)
-    for row in rows:
-        if not row["planned"]:
-            for ax in axes:
-                ax.axvspan(*_slot(rows, row), color=style.MIST, alpha=0.25, lw=0, zorder=0)
+    half = 0.5 * _pitch(rows)
+    for at in [row["time"] / HOUR for row in rows if not row["planned"]]:
+        for ax in axes:
+            ax.axvspan(at - half, at + half, color=style.MIST, alpha=0.25, lw=0, zorder=0)
     _draw_routes(figure, total, scene, decomposition, rows, routes)
+    style.text_at(figure, LEFT, 0.06, f"{MARKS}● fails more   grey: no plan", va="bottom", fontsize=6.2)
     return figure
 
 
@@ -84,12 +86,6 @@ def _law(rows: Sequence[FigureRow]) -> str:
 def _hours(rows: Sequence[FigureRow]) -> FloatArray:
     """Departures [h since 1970]."""
     return column_values(rows, "time") / HOUR
-
-
-def _slot(rows: Sequence[FigureRow], row: FigureRow) -> tuple[float, float]:
-    """The interval of the time axis around one departure [h]."""
-    at, half = row["time"] / HOUR, 0.5 * _pitch(rows)
-    return at - half, at + half
 
 
 def _pitch(rows: Sequence[FigureRow]) -> float:
@@ -163,16 +159,14 @@ def _draw_routes(
     routes: Mapping[float, FloatArray],
 ) -> None:  # fmt: skip
     """The map; the recommended route is drawn last and wide, the others from light (early) to dark (late)."""
-    import matplotlib
-
     left = LEFT + PANEL + GAP
     size = np.ptp(scene.bounds, axis=0)
     height = min(MAP * float(size[1] / size[0]), total - BASE - TOP - 0.25)
     bottom = total - TOP - 0.12 - height
-    chart = map_axes(scene, style.axes_at(figure, left, bottom, MAP, height))
-    draw_graticule(chart, scene)
-    draw_ground(chart, scene, decomposition)
-    number_obstacles(chart, scene, "white")
+    chart = map_layers.map_axes(scene, style.axes_at(figure, left, bottom, MAP, height))
+    map_layers.draw_graticule(chart, scene)
+    map_layers.draw_ground(chart, scene, decomposition)
+    map_layers.number_obstacles(chart, scene, "white")
     shades = matplotlib.colormaps["viridis"](np.linspace(0.92, 0.08, max(len(routes), 1)))
     best = next(row["time"] for row in rows if row["recommended"])
     keys = []
@@ -183,21 +177,118 @@ def _draw_routes(
             path_effects=style.white_halo(3.4 if wide else 1.8), solid_joinstyle="round",
         )  # fmt: skip
         name = datetime.fromtimestamp(time, UTC).strftime("%d %HZ" if time % HOUR == 0 else "%d %H:%MZ")
-        keys.append(
-            Line2D([], [], color=shade, lw=2.2 if wide else 1.2, label=name + (" best" if wide else ""))
-        )
-    draw_endpoints(chart, scene, None)
+        label, width = (f"{name} best", 2.2) if wide else (name, 1.2)
+        keys.append(Line2D([], [], color=shade, lw=width, label=label))
+    map_layers.draw_endpoints(chart, scene, None)
     taken = np.concatenate([dense_path(x) for x in routes.values()])
-    name_regions(chart, scene, decomposition, taken, times=False)
+    map_layers.name_regions(chart, scene, decomposition, taken, times=False)
     w, h = figure.get_size_inches()
     figure.legend(
         handles=keys[:12], ncols=4, loc="upper left", bbox_to_anchor=(left / w, (bottom - 0.36) / h),
         borderaxespad=0.0, handlelength=1.4, columnspacing=1.0,
     )  # fmt: skip
-    _name_marks(figure)
 
 
-def _name_marks(figure: Figure) -> None:
-    """Write the meaning of the marks of the first panel below all panels."""
-    text = "◆ recommended   ○ no difference beyond the noise   ● fails more   grey: no plan"
-    style.text_at(figure, LEFT, 0.06, text, va="bottom", fontsize=6.2)
+# --- the heat map ----------------------------------------------------------------------------
+
+
+def heat_figure(rows: Sequence[FigureRow], limits: FloatArray, rates: FloatArray) -> Figure:
+    """Failure rates (starts, G) of the starts ``rows`` at the lengths ``limits`` (G,) [m].
+
+    A cell without a path is blank. The number of the start that fails least at a length is bold.
+    """
+    space = style.PAGE_WIDTH - LEFT - BAR_GAP - BAR - RIGHT
+    width = min(space, MOST_COLUMN * len(rows))
+    height = ROW * len(limits)
+    figure = style.blank_figure(LEFT + width + BAR_GAP + BAR + RIGHT, BASE + height + HEAT_TOP)
+    ax = style.axes_at(figure, LEFT, BASE, width, height)
+    known = rates[np.isfinite(rates)]
+    low = max(float(known.min(initial=1.0)), LOWEST_RATE)
+    norm = LogNorm(low, max(float(known.max(initial=0.0)), 1.5 * low))
+    edges = np.arange(len(rows) + 1) - 0.5, _edges(limits / 1e3)
+    mesh = ax.pcolormesh(*edges, np.ma.masked_invalid(rates.T), norm=norm, cmap=COLOURS, rasterized=True)
+    if width / len(rows) >= LEAST_CELL:
+        _write_numbers(ax, limits, rates, norm)
+    _mark_starts(ax, rows, edges[1])
+    _name_axes(ax, rows, limits)
+    bar = figure.colorbar(mesh, cax=style.axes_at(figure, LEFT + width + BAR_GAP, BASE, BAR, height))
+    bar.outline.set_visible(False)
+    set_rate_ticks(bar.ax.yaxis, low, float(norm.vmax or 1.0), hidden=False)
+    bar.ax.yaxis.set_minor_locator(NullLocator())
+    bar.set_label(f"failed flights [%], {_law(rows)} winds")
+    return figure
+
+
+def _edges(values: FloatArray) -> FloatArray:
+    """Edges of cells around increasing ``values``."""
+    half = 0.5 * float(np.diff(values).min()) if len(values) > 1 else 0.5
+    return np.append(values - half, values[-1] + half)
+
+
+def _write_numbers(ax: Axes, limits: FloatArray, rates: FloatArray, norm: LogNorm) -> None:
+    """The rate of each cell in per cent; bold where no other start fails less."""
+    colours = matplotlib.colormaps[COLOURS]
+    least = np.nanmin(np.where(np.isfinite(rates), rates, np.inf), axis=0)
+    for (k, g), rate in np.ndenumerate(rates):
+        if not math.isfinite(rate):
+            continue
+        dark = float(np.dot(colours(norm(rate))[:3], (0.299, 0.587, 0.114))) < DARK
+        ax.text(
+            k, float(limits[g]) / 1e3, _percent(rate), ha="center", va="center_baseline", fontsize=6.0,
+            color="white" if dark else style.INK, fontweight="bold" if rate <= least[g] else "normal",
+        )  # fmt: skip
+
+
+def _percent(rate: float) -> str:
+    percent = 100.0 * rate
+    digits = 0 if percent >= 9.95 else 1 if percent >= 0.995 else 2
+    return f"{percent:.{digits}f}"
+
+
+def _mark_starts(ax: Axes, rows: Sequence[FigureRow], edges: FloatArray) -> None:
+    """A frame around the recommended start, marks above it and equal ones, reasons for empty columns."""
+    low, high, cells = float(edges[0]), float(edges[-1]), len(edges) - 1
+    for k, row in enumerate(rows):
+        if row["recommended"]:
+            ax.add_patch(
+                Rectangle((k - 0.5, low), 1.0, high - low, fill=False, ec=style.VERMILLION, lw=1.6,
+                          clip_on=False, zorder=5)
+            )  # fmt: skip
+        if row["as_good"]:
+            ax.plot(
+                k, 1.0 + MARK / (ROW * cells), "D" if row["recommended"] else "o",
+                transform=ax.get_xaxis_transform(),
+                mfc=style.VERMILLION if row["recommended"] else "white", mec=style.VERMILLION, ms=4.5,
+                mew=0.9, clip_on=False,
+            )  # fmt: skip
+        if not row["planned"]:
+            ax.text(k, 0.5 * (low + high), "no plan", rotation=90, ha="center", va="center",
+                    color=style.STONE, fontsize=6.5)  # fmt: skip
+    ax.set_xlim(-0.5, len(rows) - 0.5)
+    ax.set_ylim(low, high)
+
+
+def clock_labels(times: Sequence[float]) -> list[str]:
+    """Hours in UTC of ``times`` [s since 1970], with the day below the first of each day."""
+    labels, before = [], ""
+    for time in (datetime.fromtimestamp(t, UTC) for t in times):
+        clock, day = time.strftime("%HZ" if time.minute == 0 else "%H:%MZ"), f"{time.day} {time:%b}"
+        labels.append(clock if day == before else f"{clock}\n{day}")
+        before = day
+    return labels
+
+
+def _name_axes(ax: Axes, rows: Sequence[FigureRow], limits: FloatArray) -> None:
+    stride = max(1, math.ceil(0.3 * len(rows) / max(ax.figure.get_figwidth() - 1.2, 1.0)))  # type: ignore[union-attr]
+    shown = range(0, len(rows), stride)
+    ax.set_xticks(shown, clock_labels([rows[k]["time"] for k in shown]))
+    ax.tick_params(length=0)
+    ax.set_yticks(limits[::2] / 1e3, [f"{limit / 1e3:,g}" for limit in limits[::2]])
+    ax.spines[:].set_visible(False)
+    ax.set_xlabel("departure, UTC")
+    ax.set_ylabel("length [km]")
+    ax.text(
+        0.0, 1.0 + WORDS / (ROW * len(limits)),
+        f"{MARKS}bold: least at this length",
+        transform=ax.transAxes, fontsize=6.2, va="bottom",
+    )  # fmt: skip

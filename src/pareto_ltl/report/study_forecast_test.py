@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,18 +13,21 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from pareto_ltl.report import style
 from pareto_ltl.report.rate_axes import GRID_COLOUR, scale_rate_axis
-from pareto_ltl.report.study_axes import BOUND_COLOUR, FigureRow, Figures, column_values, hide_frame
+from pareto_ltl.report.records import Study
+from pareto_ltl.report.study_axes import (
+    BOUND_COLOUR,
+    FigureRow,
+    Figures,
+    column_values,
+    hide_frame,
+    panel_row,
+)
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.support.arrays import FloatArray
 
-if TYPE_CHECKING:
-    from pareto_ltl.report.records import Study
-
-HEIGHT, PANEL, WEST, GAP, BASE, TOP = 2.5, 1.82, 0.5, 0.52, 0.4, 0.3  # [in]
 TICKS = (0.0, 0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 1.0)
 EDGES = np.array([0.0, 0.01, 0.025, 0.05, 0.1, 0.175, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0])
-REGION_COLOURS = (style.VERMILLION, style.GREEN, style.PURPLE)
-REGION_MARKS = ("^", "D", "v")
+REGION_LOOKS = ((style.VERMILLION, "^"), (style.GREEN, "D"), (style.PURPLE, "v"))
 PREDICTION_LABELS = {
     "bound_paper": "f_o + R, independent winds",
     "bound_independent": "V + R, independent winds",
@@ -49,14 +52,14 @@ def forecast_test_figures(_: Settings, study: Study) -> Figures:
             [row for row in _of(study.tables[table], name) if row["promise"] == promise]
             for table in ("reliability", "regions")
         )
-        bins = [row for row in bins if row["kind"] == CHOSEN]
+        chosen = [row for row in bins if row["kind"] == CHOSEN]
         made[f"forecast_test_{name}"] = partial(
-            forecast_test_figure, bins, regions, _of(plans, name), promise
+            forecast_test_figure, chosen, regions, _of(plans, name), promise
         )
     return made
 
 
-def reliability_figures(_: Settings, study: Study) -> Figures:
+def hindcast_figures(_: Settings, study: Study) -> Figures:
     """``reliability_F`` for each planning fidelity F, of all plans and promises."""
     groups, plans = study.tables["reliability"], study.tables["hindcast"]
     return {
@@ -73,12 +76,11 @@ def forecast_test_figure(
     bins: Sequence[FigureRow], regions: Sequence[FigureRow], plans: Sequence[FigureRow], promise: str
 ) -> Figure:
     """Realised against promised failure rate, by promise and by region, and a histogram of the promises."""
-    figure = style.blank_figure(style.PAGE_WIDTH, HEIGHT)
-    height, law = HEIGHT - BASE - TOP, promise.partition("_")[2]
-    places = [WEST + k * (PANEL + GAP) for k in range(3)]
-    axes = [style.axes_at(figure, left, BASE, PANEL, height) for left in places]
-    for left, title in zip(places, ("(a) by promise", "(b) by region", "(c) promises made"), strict=True):
-        style.text_at(figure, left, HEIGHT - TOP + 0.08, title, va="bottom", fontweight="bold")
+    figure, axes = panel_row(
+        ("(a) by promise", "(b) by region", "(c) promises made"), height=2.5, width=1.82, west=0.5, gap=0.52,
+        base=0.4, top=0.3,
+    )  # fmt: skip
+    law = promise.partition("_")[2]
     colour = style.law_colour(law)
     _draw_diagonal(axes[0], law)
     axes[0].scatter(
@@ -87,7 +89,7 @@ def forecast_test_figure(
     for row in bins:
         _draw_rate(axes[0], row, colour, **_verdict_mark(row, colour))
     _draw_diagonal(axes[1], law)
-    for row, shade, mark in zip(regions, REGION_COLOURS, REGION_MARKS, strict=False):
+    for row, (shade, mark) in zip(regions, REGION_LOOKS, strict=False):
         label = f"{row['region']} ({row['missions']})"
         _draw_rate(axes[1], row, shade, **_verdict_mark(row, shade) | {"marker": mark}, label=label)
     legend = axes[1].legend(
@@ -107,7 +109,6 @@ def _draw_diagonal(ax: Axes, law: str) -> None:
     _scale(ax, "y")
     ax.grid(color=GRID_COLOUR, lw=0.4)
     ax.set_xlabel(f"promised, {law} winds [%]")
-    hide_frame(ax)
 
 
 def _draw_broken_side(ax: Axes, rates: FloatArray, word: str) -> None:
@@ -155,7 +156,6 @@ def _draw_histogram(ax: Axes, promised: FloatArray, law: str, colour: str) -> No
     ax.set_xlabel(f"promised, {law} winds [%]")
     ax.set_ylabel("plans")
     ax.set_ylim(0, max(1, counts.max()) * 1.05)
-    hide_frame(ax)
 
 
 # --- all promises ----------------------------------------------------------------------------
@@ -175,10 +175,8 @@ def reliability_figure(groups: Sequence[FigureRow], plans: Sequence[FigureRow]) 
     width, height = west + columns * (inner + gap), rows * (inner + above) - 0.02
     figure, low = style.blank_figure(width, height), 1e-4
     for k, name in enumerate(order):
-        left, bottom = (
-            west + (k % columns) * (inner + gap),
-            (rows - 1 - k // columns) * (inner + above) + 0.38,
-        )
+        left = west + (k % columns) * (inner + gap)
+        bottom = (rows - 1 - k // columns) * (inner + above) + 0.38
         ax = style.axes_at(figure, left, bottom, inner, inner)
         mine = [row for row in groups if row["promise"] == name]
         _draw_reliability(ax, mine, [row for row in plans if name in row], name, low)
@@ -190,16 +188,12 @@ def reliability_figure(groups: Sequence[FigureRow], plans: Sequence[FigureRow]) 
         title = _prediction_label(name, mine)
         style.text_at(figure, left, bottom + inner + 0.04, title, va="bottom", fontweight="bold")
     if any(row.get("kind") == CHOSEN for row in groups):
-        _explain_marks(figure.axes[0])
+        ax = figure.axes[0]
+        for label, look in (("along the front", FRONT_MARK), ("chosen", CHOSEN_MARK)):
+            ax.plot([], [], **{"mfc": style.BLACK, "mec": style.BLACK} | look, label=label)
+        box: dict[str, Any] = {"handlelength": 1.0, "labelspacing": 0.3, "frameon": True, "edgecolor": "none"}
+        ax.legend(loc="lower right", **box).set_zorder(7)
     return figure
-
-
-def _explain_marks(ax: Axes) -> None:
-    """A legend of the two kinds of plans."""
-    for label, look in (("along the front", FRONT_MARK), ("chosen", CHOSEN_MARK)):
-        ax.plot([], [], **{"mfc": style.BLACK, "mec": style.BLACK} | look, label=label)
-    box = ax.legend(loc="lower right", handlelength=1.0, labelspacing=0.3, frameon=True, edgecolor="none")
-    box.set_zorder(7)
 
 
 def _prediction_label(name: str, rows: Sequence[FigureRow]) -> str:

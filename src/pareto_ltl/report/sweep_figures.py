@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.ticker import LogLocator
 
 from pareto_ltl.report import style
 from pareto_ltl.report.metric_names import is_probability, metric_label
+from pareto_ltl.report.study_axes import hide_frame
 from pareto_ltl.support.arrays import FloatArray
 
 SERIES_COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY, style.INK)
@@ -41,22 +43,18 @@ def draw_sweep_figure(
     with style.report_style():
         figure = style.blank_figure(SWEEP_WIDTH, SWEEP_HEIGHT)
         axes = style.axes_at(figure, 0.62, 0.4, SWEEP_WIDTH - 0.8, SWEEP_HEIGHT - (0.85 if named else 0.5))
-        places = _axis_places([value for points in series.values() for value, _ in points])
+        across = Across.of([value for points in series.values() for value, _ in points])
         for index, (name, points) in enumerate(series.items()):
-            _draw_series(axes, places, index, len(series), name, points, joined=not _is_unordered(x))
-        _label_axes(axes, x, y, places, series)
+            _draw_series(axes, across, (index, len(series)), name, points, joined=not _is_unordered(x))
+        axes.set_xlabel(axis_label(x), parse_math=False)
+        axes.set_ylabel(axis_label(y), parse_math=False)
+        _scale_axes(axes, across, np.array([value for points in series.values() for _, value in points]))
         if named:
             axes.legend(
-                title=by,
-                alignment="left",
-                loc="lower left",
-                bbox_to_anchor=(0.0, 1.0),
-                ncols=min(len(series), 5),
-                borderaxespad=0.2,
-                handletextpad=0.2,
-                columnspacing=1.2,
-            )
-        _, svg = style.save_figure(figure, folder, _file_name(y, x), dpi)
+                title=by, alignment="left", loc="lower left", bbox_to_anchor=(0.0, 1.0),
+                ncols=min(len(series), 5), borderaxespad=0.2, handletextpad=0.2, columnspacing=1.2,
+            )  # fmt: skip
+        _, svg = style.save_figure(figure, folder, f"{y}_over_{x}".replace("/", "-").replace(" ", "_"), dpi)
     text = svg.read_text(encoding="utf-8")
     return text[text.index("<svg") :]
 
@@ -76,69 +74,75 @@ def axis_scale(name: str) -> float:
     return 100.0 if is_probability(name) else AXIS_SCALES.get(name, 1.0)
 
 
-def _file_name(y: str, x: str) -> str:
-    return f"{y}_over_{x}".replace("/", "-").replace(" ", "_")
+@dataclass(frozen=True, slots=True)
+class Across:
+    """The values of the horizontal axis: numbers at their value, words one after the other.
 
+    Attributes
+    ----------
+    places : mapping of str to float
+        Position of each value.
+    words : bool
+        Whether a value is no number.
+    """
 
-def _axis_places(values: Sequence[str]) -> dict[str, float]:
-    """Position of each value: numbers at their value, words one after the other."""
-    try:
-        return {value: float(value) for value in values}
-    except ValueError:
-        return {value: float(i) for i, value in enumerate(dict.fromkeys(values))}
+    places: Mapping[str, float]
+    words: bool
 
+    @classmethod
+    def of(cls, values: Sequence[str]) -> Across:
+        """The positions of ``values``."""
+        try:
+            return cls({value: float(value) for value in values}, words=False)
+        except ValueError:
+            return cls({value: float(i) for i, value in enumerate(dict.fromkeys(values))}, words=True)
 
-def _has_words(places: Mapping[str, float]) -> bool:
-    return any(not _is_number(value) for value in places)
+    @property
+    def columns(self) -> FloatArray:
+        """The positions, increasing."""
+        return np.unique(list(self.places.values()))
 
-
-def _is_number(value: str) -> bool:
-    try:
-        float(value)
-    except ValueError:
-        return False
-    return True
+    @property
+    def spans_decade(self) -> bool:
+        """Whether the values are positive numbers that span more than a factor of ten."""
+        at = self.columns
+        return not self.words and bool(at[0] > 0 and at[-1] / at[0] > 10)
 
 
 def _draw_series(
-    axes: Axes,
-    places: Mapping[str, float],
-    index: int,
-    of: int,
-    name: str,
-    points: Sequence[tuple[str, float]],
-    *,
-    joined: bool,
-) -> None:
+    axes: Axes, across: Across, place: tuple[int, int], name: str, points: Sequence[tuple[str, float]],
+    *, joined: bool,
+) -> None:  # fmt: skip
+    """One series; ``place`` is its number, and the number of all."""
+    index, of = place
     colour, mark = SERIES_COLOURS[index % len(SERIES_COLOURS)], SERIES_MARKS[index % len(SERIES_MARKS)]
-    at = np.array([places[value] for value, _ in points])
+    at = np.array([across.places[value] for value, _ in points])
     up = np.array([value for _, value in points])
     columns = np.unique(at)
     repeated = len(columns) < len(at)
-    words = _has_words(places)
-    lane = DOT_SPREAD * _smallest_gap(places)
+    apart = np.diff(across.columns)
+    lane = DOT_SPREAD * (float(apart.min()) if len(apart) else 1.0)
     shift = (index - (of - 1) / 2) * 2 * lane / of
     width = lane / max(of, 1)
     if repeated:
         quartiles = np.array([np.quantile(up[at == column], [0.25, 0.5, 0.75]) for column in columns])
-        if words:
+        if across.words:
             _draw_boxes(axes, columns + shift, quartiles, width, colour)
         else:
-            axes.fill_between(
-                columns, quartiles[:, 0], quartiles[:, 2], color=colour, alpha=0.16, linewidth=0
-            )
+            band = quartiles[:, 0], quartiles[:, 2]
+            axes.fill_between(columns, *band, color=colour, alpha=0.16, linewidth=0)
             axes.plot(columns, quartiles[:, 1], color=colour, linewidth=1.1)
     elif not joined:
         low, middle, high = np.quantile(up, [0.25, 0.5, 0.75])
         axes.axhspan(low, high, color=colour, alpha=0.1, linewidth=0)
         axes.axhline(middle, color=colour, linewidth=1.0)
-    elif not words and len(columns) > 1:
+    elif not across.words and len(columns) > 1:
         order = np.argsort(at)
         axes.plot(at[order], up[order], color=colour, linewidth=0.9, alpha=0.6)
-    if words:
+    if across.words:
         moved = at + shift + _jitter(at, up, columns, width)
     else:  # shift series a little against each other, except on a logarithmic axis
-        moved = at + (0.12 * shift if repeated and not _spans_decade(places) else 0.0)
+        moved = at + (0.12 * shift if repeated and not across.spans_decade else 0.0)
     axes.plot(
         moved, up, mark, color=colour, markersize=3.2, markeredgecolor="white", markeredgewidth=0.35,
         linestyle="none", alpha=0.85, label=name or None, clip_on=False,
@@ -162,39 +166,25 @@ def _jitter(at: FloatArray, up: FloatArray, columns: FloatArray, width: float) -
     return shift
 
 
-def _smallest_gap(places: Mapping[str, float]) -> float:
-    apart = np.diff(np.unique(list(places.values())))
-    return float(apart.min()) if len(apart) else 1.0
-
-
-def _spans_decade(places: Mapping[str, float]) -> bool:
-    """Whether the values are positive numbers that span more than a factor of ten."""
-    values = np.array(list(places.values()))
-    return not _has_words(places) and bool(values.min() > 0 and values.max() / values.min() > 10)
-
-
-def _label_axes(axes: Axes, x: str, y: str, places: Mapping[str, float], series: SweepSeries) -> None:
-    axes.set_xlabel(axis_label(x), parse_math=False)
-    axes.set_ylabel(axis_label(y), parse_math=False)
+def _scale_axes(axes: Axes, across: Across, up: FloatArray) -> None:
+    """Scales and ticks for the values ``across`` and ``up``."""
     axes.grid(axis="y", color="#E6E6E6", linewidth=0.5)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    up = np.array([value for points in series.values() for _, value in points])
+    hide_frame(axes)
     if len(up) and up.min() > 0 and up.max() / up.min() > 30:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(numticks=8))
     elif len(up) and up.min() >= 0 and up.min() < 0.5 * up.max():
         axes.set_ylim(bottom=0.0)
-    columns = sorted(set(places.values()))
-    if _has_words(places):
-        labels = {place: value for value, place in places.items()}
-        shown = [column for column in columns if len(columns) <= 40]
-        axes.set_xticks(shown, [labels[column] for column in shown], parse_math=False)
+    columns = across.columns.tolist()
+    if across.words:
+        labels = list(across.places) if len(columns) <= 40 else []
+        axes.set_xticks(columns[: len(labels)], labels, parse_math=False)
         axes.set_xlim(-0.6, len(columns) - 0.4)
-        if max((len(labels[column]) for column in shown), default=0) * len(columns) > 70:
+        if max(map(len, labels), default=0) * len(columns) > 70:
             axes.tick_params(axis="x", labelrotation=30)
-    elif _spans_decade(places):
+        return
+    if across.spans_decade:
         axes.set_xscale("log")
-    if not _has_words(places) and len(columns) <= 8:
+    if len(columns) <= 8:
         axes.set_xticks(columns, [f"{column:g}" for column in columns])
         axes.tick_params(axis="x", which="minor", length=0)

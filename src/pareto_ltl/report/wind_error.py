@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pareto_ltl.report import style
-from pareto_ltl.report.study_axes import hide_frame
+from pareto_ltl.report.study_axes import panel_row
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.error_estimate import ASYMMETRY, MIXED, ErrorEstimate, ErrorTable, LengthFit
 from pareto_ltl.wind.forecast_error import ForecastError
 from pareto_ltl.wind.gp import CORRELATIONS
 from pareto_ltl.wind.readings import HOUR
 
-HEIGHT, PANEL, WEST, GAP, BASE, TOP = 2.35, 1.86, 0.44, 0.5, 0.42, 0.3  # [in]
 ERROR_COLOUR, CHANGE_COLOUR = style.VERMILLION, style.BLUE
 DPI = 300
 
@@ -38,18 +36,13 @@ def draw_wind_error(
 
 def wind_error_figure(estimate: ErrorEstimate, law: ForecastError, usual: ForecastError) -> Figure:
     """Three panels: error of forecasts, change of the wind, correlation of both by distance."""
-    figure = style.blank_figure(style.PAGE_WIDTH, HEIGHT)
-    height = HEIGHT - BASE - TOP
-    places = [WEST + k * (PANEL + GAP) for k in range(3)]
-    axes = [style.axes_at(figure, left, BASE, PANEL, height) for left in places]
-    titles = ("(a) error of forecasts", "(b) change of the wind", "(c) correlation in space")
-    for left, title in zip(places, titles, strict=True):
-        style.text_at(figure, left, HEIGHT - TOP + 0.08, title, va="bottom", fontweight="bold")
+    figure, axes = panel_row(
+        ("(a) error of forecasts", "(b) change of the wind", "(c) correlation in space"), height=2.35,
+        width=1.86, west=0.44, gap=0.5, base=0.42, top=0.3,
+    )  # fmt: skip
     _draw_errors(axes[0], estimate.forecast, law, usual)
     _draw_changes(axes[1], estimate.change, law, usual)
     _draw_correlations(axes[2], estimate)
-    for ax in axes:
-        hide_frame(ax)
     return figure
 
 
@@ -60,13 +53,12 @@ def _draw_errors(ax: Axes, table: ErrorTable | None, law: ForecastError, usual: 
         ax.plot(hours, np.sqrt(law.forecast_variance(HOUR * hours)), color=ERROR_COLOUR, lw=1.0, zorder=2)
         _draw_table(ax, table, ERROR_COLOUR, hollow=ASYMMETRY)
     else:
-        _say(ax, "no forecast can be\ncompared with analyses")
+        text = "no forecast can be\ncompared with analyses"
+        ax.text(0.5, 0.3, text, transform=ax.transAxes, ha="center", va="center", color=style.STONE)
     _draw_usual(ax, hours, np.sqrt(usual.forecast_variance(HOUR * hours)), usual)
     ax.set_xlabel("lead [h]")
     ax.set_ylabel("sd of one component [m/s]")
-    _finish(
-        ax, last, ["from asymmetry"] if table is not None and ASYMMETRY in table.ways else [], ERROR_COLOUR
-    )
+    _finish(ax, last, table is not None and ASYMMETRY in table.ways, "from asymmetry", ERROR_COLOUR)
 
 
 def _draw_changes(ax: Axes, table: ErrorTable, law: ForecastError, usual: ForecastError) -> None:
@@ -76,7 +68,7 @@ def _draw_changes(ax: Axes, table: ErrorTable, law: ForecastError, usual: Foreca
     _draw_usual(ax, hours, np.sqrt(usual.change_variance(HOUR * hours)), usual)
     _draw_table(ax, table, CHANGE_COLOUR, hollow=MIXED)
     ax.set_xlabel("time between two winds [h]")
-    _finish(ax, last, ["with forecasts"] if MIXED in table.ways else [], CHANGE_COLOUR)
+    _finish(ax, last, MIXED in table.ways, "with forecasts", CHANGE_COLOUR)
 
 
 def _draw_table(ax: Axes, table: ErrorTable, colour: str, hollow: str) -> None:
@@ -88,24 +80,19 @@ def _draw_table(ax: Axes, table: ErrorTable, colour: str, hollow: str) -> None:
 
 
 def _draw_usual(ax: Axes, hours: FloatArray, sd: FloatArray, usual: ForecastError) -> None:
-    ax.plot(
-        hours, sd, color=style.STONE, lw=0.9, ls=(0, (4, 2)), zorder=1, label=f"packaged law {usual.name}"
-    )
+    label = f"packaged law {usual.name}"
+    ax.plot(hours, sd, color=style.STONE, lw=0.9, ls=(0, (4, 2)), zorder=1, label=label)
 
 
-def _finish(ax: Axes, last: float, hollow: Sequence[str], colour: str) -> None:
-    """Limits, and a legend of the curves and of hollow marks."""
+def _finish(ax: Axes, last: float, marked: bool, text: str, colour: str) -> None:
+    """Limits, and a legend of the curves and, if there are any, of hollow marks."""
     ax.set_xlim(0.0, last)
     ax.set_ylim(0.0, None)
-    ax.set_xticks(np.arange(0.0, last, _tick_step(last)))
-    for text in hollow:
+    ticks = (float(step) for step in (1, 3, 6, 12, 24, 48, 96) if last / step <= 9)  # at most nine
+    ax.set_xticks(np.arange(0.0, last, next(ticks, 240.0)))
+    if marked:
         ax.plot([], [], "o", ms=3.6, mfc="white", mec=colour, mew=0.9, label=text)
     ax.legend(loc="lower right", handlelength=1.8, borderaxespad=0.2, labelspacing=0.3)
-
-
-def _tick_step(last: float) -> float:
-    """Hours between ticks: at most nine of them."""
-    return next((float(step) for step in (1, 3, 6, 12, 24, 48, 96) if last / step <= 9), 240.0)
 
 
 def _draw_correlations(ax: Axes, estimate: ErrorEstimate) -> None:
@@ -134,18 +121,8 @@ def _draw_fit(ax: Axes, fit: LengthFit, colour: str, mark: str, what: str) -> No
         return
     r = np.linspace(0.0, fit.distances[-1], 300)
     km = f"{length.value / 1e3:.0f} km"
-    ax.plot(
-        r / 1e3,
-        CORRELATIONS["matern32"](r / length.value),
-        color=colour,
-        lw=1.0,
-        zorder=3,
-        label=f"{what}: {km}",
-    )
+    middle = CORRELATIONS["matern32"](r / length.value)
+    ax.plot(r / 1e3, middle, color=colour, lw=1.0, zorder=3, label=f"{what}: {km}")
     if np.isfinite(length.low + length.high):
         low, high = (CORRELATIONS["matern32"](r / end) for end in (length.low, length.high))
         ax.fill_between(r / 1e3, low, high, color=colour, alpha=0.15, lw=0, zorder=2)
-
-
-def _say(ax: Axes, text: str) -> None:
-    ax.text(0.5, 0.3, text, transform=ax.transAxes, ha="center", va="center", color=style.STONE)

@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.run.exporting import run_with_plan
-from pareto_ltl.run.interface import PlanningResult
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import DECOMPOSITION, PLAN, PROBLEM, SCENE
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.results import Planned, planned_run
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.simulation.beacons import BeaconMap, BeaconPlaces, beacon_map
 from pareto_ltl.support.display import distance_text, probability_text
@@ -27,7 +25,7 @@ MOST = 3  # beacons that are placed
 
 
 def beacons(
-    planned: PlanningResult | Results | str | Path, *, radius: float | None = None, number: int = 1,
+    planned: Planned, *, radius: float | None = None, number: int = 1,
     flights: int = 2000,
 ) -> BeaconMap:  # fmt: skip
     """The places where a beacon would reduce the failure of a plan most.
@@ -49,7 +47,7 @@ def beacons(
     ConfigError
         If a value cannot be used, or the robot takes no position fixes.
     """
-    run = run_with_plan(planned)
+    run = planned_run(planned)
     problem = run.make(PROBLEM)
     size = float(np.ptp(problem.scene.bounds, axis=0).min())
     wide = RADIUS * size if radius is None else float(radius)

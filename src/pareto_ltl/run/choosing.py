@@ -6,40 +6,83 @@ with another selection. Their files are identical to the files of a whole run wi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.run import records as keys
 from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.file_shape import shaped
 from pareto_ltl.run.pipeline import Run, carry_out
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    FOREST,
-    FRONT,
-    OBSERVATIONS,
-    PLAN,
-    READINGS,
-    SCENE,
-    WIND,
-    RecordKey,
-    Records,
-)
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.records import Records
+from pareto_ltl.run.results import Planned, PlanningResult, place_of, planned_run
 from pareto_ltl.run.stage_table import Stage, StageTable
 from pareto_ltl.settings import SelectionConfig, Settings
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.display import distance_text, probability_text, round_up
-from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.support.run_status import ending_text
+from pareto_ltl.support.errors import ConfigError, InfeasibleError
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Front
 
-KEPT: tuple[RecordKey[Any], ...] = (SCENE, DECOMPOSITION, AUTOMATON, WIND, FOREST, FRONT)
-RAW: tuple[RecordKey[Any], ...] = (READINGS, OBSERVATIONS)  # from which the wind was made
+KEPT = (*keys.GROUND, keys.FOREST, keys.FRONT)
+RAW = (keys.READINGS, keys.OBSERVATIONS)  # from which the wind was made
+
+
+def choose(
+    planned: Planned,
+    *,
+    failure: float | None = None,
+    length: float | None = None,
+    knee: bool = False,
+    point: int | None = None,
+    energy: float | None = None,
+    selection: Mapping[str, Any] | None = None,
+    out: str | Path | None = None,
+) -> PlanningResult:
+    """Select another path of a front as the plan, without planning again. Give exactly one criterion.
+
+    Parameters
+    ----------
+    planned : PlanningResult, Results or path
+        What :func:`plan` returned, or a results directory.
+    failure : float, optional
+        The shortest path with at most this failure rate (upper end of its interval in the front).
+    length : float, optional
+        The safest path of at most this length [m].
+    knee : bool
+        The knee of the front: beyond it, a lower failure rate costs much more length.
+    point : int, optional
+        The path of that number in ``result.front.paths`` and ``front.csv``.
+    energy : float, optional
+        The path with the least energy and at most this failure rate; needs a robot with a power curve.
+    selection : mapping, optional
+        The path that a rule picks: the same mapping as for :func:`plan`, e.g.
+        ``{"rule": "weighted", "weights": [0.8, 0.1, 0.1]}``; other settings of the selection stay.
+    out : path, optional
+        Write a whole results directory there, identical to a run with that selection; ``planned`` must
+        then be a results directory. Without it, nothing is written.
+
+    Raises
+    ------
+    InfeasibleError
+        If the front has no such path.
+    """
+    choice = Choice(failure, length, knee, point, energy, selection)
+    if out is not None and isinstance(planned, PlanningResult):
+        raise ConfigError("choose writes from a results directory: plan with out=DIR and give choose DIR")
+    return PlanningResult(chosen_run(planned, choice, None if out is None else Path(out)))
+
+
+# --- criteria -----------------------------------------------------------------------------------
+
+# The rule that expresses a criterion, the setting that holds its value, and the value in a name of a folder.
+RULES: dict[str, tuple[str, str, Callable[[Any], str]]] = {
+    "failure": ("threshold", "alpha", "{:g}".format),
+    "energy": ("energy", "alpha", "{:g}".format),
+    "length": ("length", "length", lambda metres: f"{metres / 1e3:.10g}km"),
+    "point": ("point", "point", str),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +113,7 @@ class Choice:
     selection: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
-        values = (self.failure, self.length, self.point, self.energy, self.selection)
-        if sum(value is not None for value in values) + self.knee != 1:
+        if len(self._values()) + self.knee + (self.selection is not None) != 1:
             raise ConfigError("give one of failure, energy, length, knee, point and selection")
         if self.selection is not None and "rule" not in self.selection:
             raise ConfigError(
@@ -80,9 +122,16 @@ class Choice:
         if self.point is not None and self.point < 0:
             raise ConfigError(f"point must be the number of a path, 0 or more, got {self.point}")
 
+    def _values(self) -> dict[str, Any]:
+        """The given criterion of :data:`RULES` with its value, if there is one."""
+        return {name: value for name in RULES if (value := getattr(self, name)) is not None}
+
     def settings(self, cfg: SelectionConfig) -> SelectionConfig:
         """``cfg`` with the rule for this criterion; raises ConfigError for a value out of range."""
-        changes = self._changes()
+        changes = {"rule": "knee"} if self.selection is None else dict(self.selection)
+        for name, value in self._values().items():
+            rule, key, _ = RULES[name]
+            changes = {"rule": rule, key: value}
         values = {field.name: getattr(cfg, field.name) for field in fields(cfg)}
         if changes["rule"] != cfg.rule:
             values["options"] = {}  # options belong to one rule
@@ -90,32 +139,12 @@ class Choice:
         assert isinstance(changed, SelectionConfig)
         return changed
 
-    def _changes(self) -> dict[str, Any]:
-        """The settings of ``selection`` that express this criterion."""
-        if self.selection is not None:
-            return dict(self.selection)
-        if self.failure is not None:
-            return {"rule": "threshold", "alpha": self.failure}
-        if self.energy is not None:
-            return {"rule": "energy", "alpha": self.energy}
-        if self.length is not None:
-            return {"rule": "length", "length": self.length}
-        if self.point is not None:
-            return {"rule": "point", "point": self.point}
-        return {"rule": "knee"}
-
     @property
     def name(self) -> str:
         """The choice as part of the name of a folder: ``failure_0.02``, ``length_1900km``, ``point_3``."""
         if self.selection is not None:
             return f"rule_{self.selection['rule']}"
-        if self.failure is not None:
-            return f"failure_{self.failure:g}"
-        if self.energy is not None:
-            return f"energy_{self.energy:g}"
-        if self.length is not None:
-            return f"length_{self.length / 1e3:.10g}km"
-        return "knee" if self.point is None else f"point_{self.point}"
+        return next((f"{name}_{RULES[name][2](value)}" for name, value in self._values().items()), "knee")
 
 
 def require_choice(choice: Choice, front: Front, where: str) -> None:
@@ -149,70 +178,41 @@ def require_choice(choice: Choice, front: Front, where: str) -> None:
         )
 
 
-# --- from a results directory -------------------------------------------------------------------
+# --- the run with another plan ------------------------------------------------------------------
 
 
-def choose_from_results(
-    results: Results, choice: Choice, table: StageTable, place: Path, argv: Sequence[str] = ()
-) -> Run:
-    """Write the results of ``choice`` into ``place``, from the records of ``results``.
+def chosen_run(
+    planned: Planned, choice: Choice, place: Path | None = None, table: StageTable | None = None,
+    argv: Sequence[str] = (),
+) -> Run:  # fmt: skip
+    """The run of ``planned`` with the plan of ``choice``; with ``place``, all its later stages write there.
+
+    Parameters
+    ----------
+    table : StageTable, optional
+        The stages, if the run may have had stages of studies.
 
     Raises
     ------
     ConfigError
-        If ``place`` is the directory of ``results``.
+        If ``place`` is the directory of ``planned``.
     DataError
-        If ``results`` holds no finished plan.
+        If ``planned`` is a directory without a finished plan.
     InfeasibleError
         If the front has no such path.
     """
-    require_plan(results)
-    if place.resolve() == results.directory.resolve():
-        raise ConfigError(f"{place}: the result would overwrite its source; name another folder")
-    settings = chosen_settings(results.settings, choice)
-    records = kept_records(results)
-    require_choice(choice, records[FRONT], str(results.directory))
-    run = Run(settings, table, records, directory=place)
-    with claimed_directory(place, table.files):
-        carry_out(run, later_stages(settings, table), argv)
-    return run
-
-
-def require_plan(results: Results, needed: Sequence[RecordKey[Any]] = (FRONT, PLAN)) -> None:
-    """Raise DataError unless ``results`` is a finished run with the records ``needed``."""
-    directory = results.directory
-    if not directory.is_dir():
-        raise DataError(f"{directory}: no such folder; give a results directory")
-    if results.run.get("status") != "ok":
-        raise DataError(
-            f"{directory}: there is no front to choose from: "
-            f"{ending_text(directory, results.run.get('status'))}"
-        )
-    stages = results.settings.pipelines.stages
-    missing = [key.name for key in needed if key.name not in stages]
-    if missing == [FRONT.name] and (directory / "replan.json").is_file():
-        raise DataError(
-            f"{directory}: the plan was made after an alarm (replan.json), so that its front has no failure "
-            "rates to choose by; replan with a correct fix or forecast"
-        )
-    if missing:
-        raise DataError(
-            f"{directory}: its run made no {' and no '.join(missing)}; name the results directory of a plan"
-        )
-
-
-def chosen_settings(settings: Settings, choice: Choice) -> Settings:
-    """``settings`` with the rule of ``choice``."""
-    return replace(settings, selection=choice.settings(settings.selection))
-
-
-def kept_records(results: Results) -> Records:
-    """The records of ``results`` that come before the plan; the forest with its time of growth."""
-    fronted = FRONT.name in results.settings.pipelines.stages  # else a plan after an alarm
-    records = Records({key: results[key] for key in KEPT if fronted or key is not FRONT})
-    with shaped(results.directory / "metrics.json", "the metrics of a run"):
-        timed = replace(records[FOREST], seconds=float(results.metrics["growth_seconds"]))
-    return records.replaced(FOREST, timed)
+    run, source = planned_run(planned, (keys.FRONT, keys.PLAN)), place_of(planned, place)
+    settings = replace(run.settings, selection=choice.settings(run.settings.selection))
+    require_choice(choice, run.make(keys.FRONT), str(source or "the front"))
+    records = Records({key: run.make(key) for key in KEPT})
+    other = Run(settings, table or run.table, records, directory=place)
+    if place is None:
+        records[keys.PROBLEM] = run.make(keys.PROBLEM)
+        other.make(keys.PLAN)
+        return other
+    with claimed_directory(place, other.table.files):
+        carry_out(other, later_stages(settings, other.table), argv)
+    return other
 
 
 def later_stages(settings: Settings, table: StageTable) -> list[Stage[Any]]:

@@ -11,6 +11,7 @@ from pareto_ltl.run.stage_table import StageInputs, named_child, stage_seeds
 from pareto_ltl.support.errors import InfeasibleError
 
 if TYPE_CHECKING:
+    from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Front, PlannedPath
 
 LOG = logging.getLogger(__name__)
@@ -80,7 +81,6 @@ FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_fro
 def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
     """Refined paths, with the paths of ``selection.extra_paths`` and ``CANDIDATES``; why none is refined."""
     from pareto_ltl.planning.refine.epsilon import keeps_epsilon, within_limits
-    from pareto_ltl.run.extra_paths import extra_paths
 
     problem, fault = inputs[PROBLEM], ""
     extra = extra_paths(inputs.settings.selection.extra_paths, problem) + (inputs.get(CANDIDATES) or ())
@@ -96,6 +96,20 @@ def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tup
             LOG.warning("only paths of the search trees are left: %s", error)
         refined, fault = (), f"; {error}"
     return (*refined, *extra), fault
+
+
+def extra_paths(place: str | None, problem: Problem) -> tuple[PlannedPath, ...]:
+    """The paths of the file ``place`` that can be flown in ``problem``; a WARNING names the others."""
+    from pareto_ltl.planning.evaluate import completing_path
+    from pareto_ltl.planning.plan_files import read_extra_paths
+
+    able = []
+    for origin, x in [] if place is None else read_extra_paths(place):
+        try:
+            able.append(completing_path(problem, x, origin))
+        except InfeasibleError as error:
+            LOG.warning("%s of selection.extra_paths is left out: %s", origin, error)
+    return tuple(able)
 
 
 def _no_refinement(_inputs: StageInputs, _raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:

@@ -1,4 +1,4 @@
-"""The Python interface: ``pareto_ltl.plan``, ``choose``, ``replan``, ``simulate`` and ``load_results``.
+"""The Python interface: ``pareto_ltl.plan``, ``simulate``, ``export`` and ``steer``.
 
 They go through the runner of the command line: the same settings and seed give the same plan.
 """
@@ -6,99 +6,40 @@ They go through the runner of the command line: the same settings and seed give 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.run.choosing import (
-    KEPT,
-    Choice,
-    choose_from_results,
-    chosen_settings,
-    kept_records,
-    require_choice,
-    require_plan,
-)
+import numpy as np
+
+from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Run, carry_out, check_pipeline
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    DEPLOYMENTS,
-    FRONT,
-    PLAN,
-    PROBLEM,
-    READINGS,
-    SCENE,
-    WIND,
-    RecordKey,
-    Records,
-    T,
-)
-from pareto_ltl.run.results import RecordView, Results
-from pareto_ltl.run.stage_table import with_extension_stages
-from pareto_ltl.run.stages import PLAN_STAGES
-from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, Settings, WindConfig
+from pareto_ltl.run.records import DEPLOYMENTS, PLAN, PROBLEM, READINGS, SCENE, WIND, Records
+from pareto_ltl.run.results import Planned, PlanningResult, planned_run
+from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
+from pareto_ltl.run.stages import EXPORT_STREAM, PLAN_STAGES
+from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, WindConfig
 from pareto_ltl.settings.building import build_settings, section_of
+from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choices
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
-    from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.report.notebook import Drawing
-    from pareto_ltl.run.replanning import Replanned
+    from pareto_ltl.planning.records import PlannedPath
     from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.support.arrays import FloatArray
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField
 
+GOAL = "goal"  # name of the region about the end of a steered path
+WIDE = 0.5  # half side of that region, in full steps
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
-@dataclass(frozen=True, slots=True, repr=False)
-class PlanningResult(RecordView):
-    """The result of :func:`plan`. Each record of the run is an attribute, or ``result[KEY]``.
 
-    Attributes
-    ----------
-    run : Run
-        The records, the settings and the time of every stage.
-    """
-
-    run: Run
-
-    def __getitem__(self, key: RecordKey[T]) -> T:
-        return self.run.make(key)
-
-    @property
-    def settings(self) -> Settings:
-        """The settings of the run."""
-        return self.run.settings
-
-    @property
-    def problem(self) -> Problem:
-        """Map, wind, automaton and robot as the arrays that planning reads."""
-        return self[PROBLEM]
-
-    @property
-    def metrics(self) -> dict[str, float]:
-        """The numbers of ``metrics.json``, as far as the stages made them."""
-        from pareto_ltl.run.metrics import run_metrics
-
-        return run_metrics(self.run.records, self.run.seconds)
-
-    def facts(self) -> Mapping[str, str]:
-        """The facts of the plan, the size of the front, and the directory if there is one."""
-        facts = dict(self.plan.facts()) | {"front": f"{len(self.front.paths)} paths"}
-        where = self.run.directory
-        return facts if where is None else facts | {"directory": str(where)}
-
-    def plot(self, **options: Any) -> Drawing:
-        """The map with trees, plan and simulated flights."""
-        from pareto_ltl.report.notebook import mission_drawing
-
-        flights = self.run.records.get(DEPLOYMENTS)
-        maps = (self.scene, self.decomposition, self.wind, self.forest, self.plan)
-        return mission_drawing(*maps, flights, **options)
+# --- planning -----------------------------------------------------------------------------------
 
 
 def plan(
@@ -197,6 +138,18 @@ def _given_level(wind: Readings | WindField, others: Mapping[str, Any]) -> dict[
     return {"source": "given", "level": wind.level}
 
 
+def _map_settings(scene: str | Path | Mapping[str, Any] | SceneConfig) -> SceneConfig:
+    """Settings of the map from its keys, its name or its file; ConfigError for an unknown name."""
+    if isinstance(scene, str | Path) and str(scene) not in choices("scene"):
+        if not Path(scene).expanduser().is_file():
+            ready = ", ".join(choices("scene"))
+            raise ConfigError(f"scene {str(scene)!r} is neither a file nor a ready map; there are {ready}")
+        return SceneConfig(file=str(scene))
+    built = section_of("scene", str(scene) if isinstance(scene, Path) else scene)
+    assert isinstance(built, SceneConfig)
+    return built
+
+
 def _mission_settings(formula: Any, others: Any) -> Any:
     """The section ``mission`` from a formula or its keys, and from the other keys in ``others``.
 
@@ -215,127 +168,11 @@ def _mission_settings(formula: Any, others: Any) -> Any:
     return {**mission, **others}
 
 
-def choose(
-    planned: PlanningResult | Results | str | Path,
-    *,
-    failure: float | None = None,
-    length: float | None = None,
-    knee: bool = False,
-    point: int | None = None,
-    energy: float | None = None,
-    selection: Mapping[str, Any] | None = None,
-    out: str | Path | None = None,
-) -> PlanningResult:
-    """Select another path of a front as the plan, without planning again. Give exactly one criterion.
-
-    Parameters
-    ----------
-    planned : PlanningResult, Results or path
-        What :func:`plan` returned, or a results directory.
-    failure : float, optional
-        The shortest path with at most this failure rate (upper end of its interval in the front).
-    length : float, optional
-        The safest path of at most this length [m].
-    knee : bool
-        The knee of the front: beyond it, a lower failure rate costs much more length.
-    point : int, optional
-        The path of that number in ``result.front.paths`` and ``front.csv``.
-    energy : float, optional
-        The path with the least energy and at most this failure rate; needs a robot with a power curve.
-    selection : mapping, optional
-        The path that a rule picks: the same mapping as for :func:`plan`, e.g.
-        ``{"rule": "weighted", "weights": [0.8, 0.1, 0.1]}``; other settings of the selection stay.
-    out : path, optional
-        Write a whole results directory there, identical to a run with that selection; ``planned`` must
-        then be a results directory. Without it, nothing is written.
-
-    Raises
-    ------
-    InfeasibleError
-        If the front has no such path.
-    """
-    choice = Choice(failure, length, knee, point, energy, selection)
-    if isinstance(planned, PlanningResult):
-        if out is not None:
-            raise ConfigError("choose writes from a results directory: plan with out=DIR and give choose DIR")
-        run, where = planned.run, "the front"
-    else:
-        results = load_results(planned)
-        require_plan(results)
-        table = with_extension_stages(PLAN_STAGES, results.settings.pipelines.stages)
-        if out is not None:
-            return PlanningResult(choose_from_results(results, choice, table, Path(out)))
-        run, where = Run(results.settings, table, kept_records(results)), str(results.directory)
-    require_choice(choice, run.make(FRONT), where)
-    records = Records({key: run.make(key) for key in (*KEPT, PROBLEM)})
-    other = Run(chosen_settings(run.settings, choice), run.table, records)
-    other.make(PLAN)
-    return PlanningResult(other)
-
-
-def replan(
-    planned: PlanningResult | Results | str | Path,
-    time: float | str | None = None,
-    fix: Sequence[float] | None = None,
-    *,
-    fixes: str | Path | Sequence[Sequence[Any]] | None = None,
-    wind: str | Path | Mapping[str, Any] | Readings | WindField | None = None,
-    quick: bool = True,
-    out: str | Path | None = None,
-) -> Replanned:
-    """Plan the rest of a flight again, from position fixes or a newer forecast (docs/replanning.md).
-
-    Parameters
-    ----------
-    planned : PlanningResult, Results or path
-        What :func:`plan` returned, or a results directory.
-    time : float or str, optional
-        When: seconds after departure, ``"6h"``, or an ISO 8601 time; rounded to a step of the plan. With
-        ``fixes`` it is the time of the last one.
-    fix : (latitude, longitude, sd) or (x, y, sd), optional
-        Measured position [deg, or m on a map without a place on Earth] and its standard deviation [m].
-    fixes : path or sequence of (time, latitude, longitude, sd), optional
-        Several fixes: a CSV file with the columns ``time,lat,lon,sd_m`` (or ``time,x,y,sd_m``), or rows.
-    wind : path, mapping, Readings or WindField, optional
-        A newer forecast for the rest of the flight: a file that the reader of the plan's wind reads, or keys
-        of section ``wind`` that differ.
-    quick : bool
-        Whether to use a coarser refinement, which takes half of the time.
-    out : path, optional
-        Write a results directory of the new plan there.
-
-    Without fixes and without ``wind`` there is no new information, and the rest of the plan is unchanged.
-
-    Raises
-    ------
-    ConfigError
-        If the time lies outside the plan, or a fix is off the map or contradicts another one.
-    DataError
-        If the file of fixes or the newer forecast cannot be used.
-    InfeasibleError
-        If no path completes the mission from there.
-    """
-    from pareto_ltl.run.replan_files import write_replanned
-    from pareto_ltl.run.replanning import replanned
-    from pareto_ltl.run.situations import fixes_from
-
-    if isinstance(planned, PlanningResult):
-        run, source = planned.run, str(planned.run.directory or "a plan in memory")
-    else:
-        results = load_results(planned)
-        require_plan(results, (PLAN,))
-        run, source = _run_of(results), str(results.directory)
-        run.records[DECOMPOSITION], run.records[AUTOMATON] = results.decomposition, results.automaton
-        if out is not None and Path(out).resolve() == results.directory.resolve():
-            raise ConfigError(f"{out}: the result would overwrite its source; name another folder")
-    done = replanned(run, time, fixes_from(run, time, fix, fixes), wind=wind, quick=quick)
-    if out is not None:
-        write_replanned(done, run, Path(out), source)
-    return done
+# --- what follows from a plan -------------------------------------------------------------------
 
 
 def simulate(
-    planned: PlanningResult | Results | str | Path,
+    planned: Planned,
     runs: int = 500,
     law: str = "coherent",
     *,
@@ -350,7 +187,7 @@ def simulate(
     seed : int, optional
         Seed of the winds; default the seed of the plan. One seed gives the same winds to every plan.
     """
-    run = planned.run if isinstance(planned, PlanningResult) else _run_of(load_results(planned))
+    run = planned_run(planned)
     settings = replace(
         run.settings,
         seed=run.settings.seed if seed is None else seed,
@@ -360,35 +197,126 @@ def simulate(
     return Run(settings, run.table, records).make(DEPLOYMENTS)[law]
 
 
-def load_results(directory: str | Path | Results) -> Results:
-    """The results directory of a finished run; its records are read on first access.
+def export(
+    planned: Planned,
+    folder: str | Path,
+    formats: Sequence[str] | None = None,
+    *,
+    point: int | None = None,
+    **settings: Any,
+) -> tuple[Path, ...]:
+    """Write a plan into ``folder``; return the paths of the files.
+
+    Parameters
+    ----------
+    planned : PlanningResult, Results or path
+        What :func:`pareto_ltl.plan` returned, or a results directory.
+    formats : sequence of str, optional
+        Some of the formats of ``exports.formats``; default the formats of the run.
+    point : int, optional
+        The path of that number in ``front.csv``; default the plan.
+    settings
+        Other settings of the section ``exports``: ``altitude_lower=300.0, altitude_upper=400.0``.
 
     Raises
     ------
+    ConfigError
+        If a setting is wrong.
     DataError
-        If the directory holds no run.
+        If there is no plan, or a format of ``formats`` cannot be written for it.
+    InfeasibleError
+        If the front has no such path.
     """
-    results = directory if isinstance(directory, Results) else Results(directory)
-    if not (results.directory / "run.json").is_file():
-        raise DataError(f"{results.directory}: there is no run.json; name a results directory")
-    return results
+    from pareto_ltl.exports.exported import exported_plan, flown_level
+    from pareto_ltl.exports.formats import writable_formats, write_exports
+
+    run = planned_run(planned)
+    cfg = replace(
+        run.settings.exports,
+        formats=run.settings.exports.formats if formats is None else list(formats),
+        **settings,
+    )
+    if point is not None:
+        run = choose(planned, point=point).run
+    problem, plan = run.make(PROBLEM), run.make(PLAN)
+    written, reason = writable_formats(cfg.formats, problem.scene, plan.path.t)
+    if reason and (formats is not None or not written):
+        raise DataError(reason)
+    seeds = stage_seeds(run.settings.seed, EXPORT_STREAM)
+    exported = exported_plan(cfg, run.settings.name, flown_level(run.settings), problem, plan, seeds)
+    return write_exports(exported, written, Path(folder))
 
 
-def _run_of(results: Results) -> Run:
-    """The run of a results directory, with its map, its wind and its plan."""
-    settings = results.settings
-    table = with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
-    given = Records({SCENE: results.scene, WIND: results.wind, PLAN: results.plan})
-    return Run(settings, table, given)
+def steer(
+    planned: Planned, start: Sequence[float], end: Sequence[float],
+    *, radius: float | None = None, weight: float = 10.0,
+) -> PlannedPath:  # fmt: skip
+    """The path from ``start`` to ``end`` on the map and in the wind of a plan, from its departure on.
+
+    One convex programme bends lines past the obstacles; each segment keeps ``planner.epsilon``. Obstacles,
+    border, forbidden regions and robot are taken from the plan; its mission has no effect.
+
+    Parameters
+    ----------
+    planned : PlanningResult, Results or path
+        What :func:`pareto_ltl.plan` returned, or a results directory.
+    start, end : (2,) float
+        Positions on the plane of the map [m].
+    radius : float, optional
+        The path ends in the square of this half side about ``end`` [m]; by default half a full step.
+    weight : float
+        Weight of mission risk + collision risk, beside the length in units of the shortest line.
+
+    Raises
+    ------
+    ConfigError
+        If a point lies outside the map or in an obstacle.
+    InfeasibleError
+        If no path leads there within the limits.
+    """
+    from pareto_ltl.planning.refine.smoothing import steered_path
+
+    run = planned_run(planned)
+    settings, scene, problem = run.settings, run.make(SCENE), run.make(PROBLEM)
+    here, there = (_point(scene, name, at) for name, at in (("start", start), ("end", end)))
+    wide = WIDE * problem.reach if radius is None else radius
+    if not wide > 0.0:
+        raise ConfigError(f"steer: radius must be above 0 m, got {wide:g}")
+    settings = replace(
+        settings,
+        mission=MissionConfig(formula=f"F {GOAL}", start_time=scene.time_zero),
+        robot=replace(settings.robot, dt=problem.motion.dt),
+    )
+    records = Records({SCENE: _towards(scene, here, there, wide), WIND: run.make(WIND)})
+    leg = Run(settings, run.table, records).make(PROBLEM)
+    return steered_path(leg, settings.smoothing, weight)
 
 
-def _map_settings(scene: str | Path | Mapping[str, Any] | SceneConfig) -> SceneConfig:
-    """Settings of the map from its keys, its name or its file; ConfigError for an unknown name."""
-    if isinstance(scene, str | Path) and str(scene) not in choices("scene"):
-        if not Path(scene).expanduser().is_file():
-            ready = ", ".join(choices("scene"))
-            raise ConfigError(f"scene {str(scene)!r} is neither a file nor a ready map; there are {ready}")
-        return SceneConfig(file=str(scene))
-    built = section_of("scene", str(scene) if isinstance(scene, Path) else scene)
-    assert isinstance(built, SceneConfig)
-    return built
+def _point(scene: Scene, name: str, at: Sequence[float]) -> FloatArray:
+    import shapely
+
+    place = np.asarray(at, float)
+    if place.shape != (2,) or not np.isfinite(place).all():
+        raise ConfigError(f"steer: {name} must be two numbers [m], got {at!r}")
+    (west, south), (east, north) = scene.bounds
+    if not (scene.bounds[0] <= place).all() or not (place <= scene.bounds[1]).all():
+        raise ConfigError(
+            f"steer: {name} {tuple(place.tolist())} lies outside the map, which reaches from "
+            f"({west:g}, {south:g}) to ({east:g}, {north:g}) m"
+        )
+    for k, outline in enumerate(scene.obstacles):
+        if shapely.Polygon(outline).covers(shapely.Point(place)):
+            gap = shapely.Polygon(outline).exterior.distance(shapely.Point(place))
+            raise ConfigError(
+                f"steer: {name} lies {distance_text(gap)} deep in {scene.obstacle_title(k + 1)}; move it out"
+            )
+    return place
+
+
+def _towards(scene: Scene, start: FloatArray, end: FloatArray, wide: float) -> Scene:
+    """``scene`` from ``start``, with the square of half side ``wide`` about ``end`` as its only goal."""
+    square = np.clip(end + wide * CORNERS, *scene.bounds)
+    windows = {name: window for name, window in scene.windows.items() if name in scene.forbidden}
+    hazards = {window.region for window in windows.values()}
+    regions = {name: parts for name, parts in scene.regions.items() if name in hazards}
+    return replace(scene, start=start, regions={**regions, GOAL: (square,)}, windows=windows)

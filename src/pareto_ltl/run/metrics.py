@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.records import DEPLOYMENTS, FORECASTS, FOREST, FRONT, PLAN, WIND, Records
+from pareto_ltl.run.records import DEPLOYMENTS, FORECASTS, FOREST, FRONT, PLAN, WIND, RecordKey, Records
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.evaluate import Forecast
-    from pareto_ltl.planning.records import Forest, Front, Plan, Promise
+    from pareto_ltl.planning.records import Forest, Front, Plan
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.wind.records import WindField
 
@@ -23,18 +23,9 @@ def run_metrics(records: Records, seconds: Mapping[str, float]) -> dict[str, flo
     A record of another package adds its attribute ``numbers``, a mapping of name to float.
     """
     table: dict[str, float] = {"completed": float(PLAN in records)}
-    if (wind := records.get(WIND)) is not None:
-        table |= _wind_numbers(wind)
-    if (forest := records.get(FOREST)) is not None:
-        table |= _forest_numbers(forest)
-    if (front := records.get(FRONT)) is not None:
-        table |= _front_numbers(front)
-    if (plan := records.get(PLAN)) is not None:
-        table |= _plan_numbers(plan)
-    if (forecasts := records.get(FORECASTS)) is not None:
-        table |= _forecast_numbers(forecasts)
-    if (deployments := records.get(DEPLOYMENTS)) is not None:
-        table |= _deployment_numbers(deployments)
+    for key, numbers_of in NUMBERS.items():
+        if key in records:
+            table |= numbers_of(records[key])
     for record in records.values():
         if isinstance(record, Study):
             table |= {"completed": 1.0}
@@ -115,10 +106,10 @@ def _front_numbers(front: Front) -> dict[str, float]:
 
 def _plan_numbers(plan: Plan) -> dict[str, float]:
     from pareto_ltl.planning.costs import cost_named
-    from pareto_ltl.planning.records import RISKS
+    from pareto_ltl.planning.records import RISKS, WEIGHTED
 
-    o = plan.path.objectives
-    return {
+    o, promise = plan.path.objectives, plan.promise
+    table = {
         "length_m": o.length,
         **({} if plan.alarmed else {name: getattr(o, name) for name in RISKS}),
         "steps": len(plan.path.u),
@@ -126,16 +117,10 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
         "duration_s": float(plan.path.t[-1] - plan.path.t[0]),
         **{cost_named(name).column: value for name, value in o.further_costs.items()},
         **({} if plan.capacity is None else {"energy_share": o.costs["energy"] / plan.capacity}),
-        **_promise_numbers(plan.promise),
     }
-
-
-def _promise_numbers(promise: Promise | None) -> dict[str, float]:
     if promise is None:
-        return {}
-    from pareto_ltl.planning.records import WEIGHTED
-
-    return {
+        return table
+    return table | {
         "promise_failure": promise.rate.failure,
         "promise_low": promise.rate.low,
         "promise_high": promise.rate.high,
@@ -152,6 +137,16 @@ def _deployment_numbers(deployments: Mapping[str, Deployment]) -> dict[str, floa
     from pareto_ltl.simulation.flights import flight_rates
 
     return {name: rate for flights in deployments.values() for name, rate in flight_rates(flights).items()}
+
+
+NUMBERS: dict[RecordKey[Any], Callable[[Any], dict[str, float]]] = {
+    WIND: _wind_numbers,
+    FOREST: _forest_numbers,
+    FRONT: _front_numbers,
+    PLAN: _plan_numbers,
+    FORECASTS: _forecast_numbers,
+    DEPLOYMENTS: _deployment_numbers,
+}
 
 
 def peak_memory() -> float:

@@ -8,19 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run import provenance
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DEPLOYMENTS,
-    FORECASTS,
-    FOREST,
-    FRONT,
-    PLAN,
-    PROBLEM,
-    SCENE,
-    WIND,
-    RecordKey,
-    Records,
-)
+from pareto_ltl.run import records as keys
 from pareto_ltl.run.stage_table import StageInputs
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.outputs import PAGE_FILE
@@ -31,12 +19,12 @@ if TYPE_CHECKING:
     from numpy.random import SeedSequence
 
     from pareto_ltl.report.page.shown_run import Origin, ShownRun
+    from pareto_ltl.run.records import Records
 
 LOG = logging.getLogger(__name__)
 DEPLOYMENT_STREAM = "deployment"
 MOST_RUNS = 500  # flights of each point of the front
 SHOWN_FACTS = ("seed", "fidelity", "version", "code_hash", "config_hash", "python")
-USED: tuple[RecordKey[Any], ...] = (AUTOMATON, PROBLEM, FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS)
 
 
 def make_page(inputs: StageInputs) -> tuple[Path, ...]:
@@ -49,11 +37,7 @@ def make_page(inputs: StageInputs) -> tuple[Path, ...]:
     place, hashes = inputs.directory, provenance.input_hashes(settings)
     begun = (place / "run.json").is_file()  # only a pipeline writes it, before its first stage
     origin = origin_of(place, read_json(place / "run.json"), hashes) if begun else Origin("", {}, hashes, "")
-    given = Records({SCENE: inputs[SCENE], WIND: inputs[WIND]})
-    for key in USED:
-        if (record := inputs.get(key)) is not None:
-            given[key] = record
-    shown = shown_run(settings, given, origin, inputs.seeds, inputs.failure)
+    shown = shown_run(settings, inputs.records, origin, inputs.seeds, inputs.failure)
     return (write_page(place / PAGE_FILE, shown),)
 
 
@@ -76,20 +60,20 @@ def shown_run(
     altitude = settings.exports.altitude
     return ShownRun(
         name=settings.name,
-        scene=records[SCENE],
-        wind=records[WIND],
+        scene=records[keys.SCENE],
+        wind=records[keys.WIND],
         seeds=seeds,
         origin=origin,
         height=height_of(flown_level(settings)) if altitude is None else Height(altitude, above_sea=False),
         runs=min(settings.deployment.runs, MOST_RUNS),
         why=why,
-        automaton=records.get(AUTOMATON),
-        problem=records.get(PROBLEM),
-        forest=records.get(FOREST),
-        front=records.get(FRONT),
-        plan=records.get(PLAN),
-        deployments=records.get(DEPLOYMENTS) or {},
-        forecasts=records.get(FORECASTS) or {},
+        automaton=records.get(keys.AUTOMATON),
+        problem=records.get(keys.PROBLEM),
+        forest=records.get(keys.FOREST),
+        front=records.get(keys.FRONT),
+        plan=records.get(keys.PLAN),
+        deployments=records.get(keys.DEPLOYMENTS) or {},
+        forecasts=records.get(keys.FORECASTS) or {},
     )
 
 

@@ -16,18 +16,25 @@ from typing import Any
 
 from pareto_ltl.run import provenance
 from pareto_ltl.run.directory import RUN_LOG, claimed_directory
-from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.run.records import AUTOMATON, FOREST, PLAN, SCENE, RecordKey, Records, T
-from pareto_ltl.run.sizes import check_sizes
-from pareto_ltl.run.stage_table import FIGURES, Progress, Stage, StageInputs, StageTable
+from pareto_ltl.run.progress import ProgressBar, watcher
+from pareto_ltl.run.records import AUTOMATON, DEPLOYMENTS, FOREST, PLAN, SCENE, RecordKey, Records, T
+from pareto_ltl.run.stage_table import FIGURES, Stage, StageInputs, StageTable
 from pareto_ltl.run.stages import PLAN_TABLE
-from pareto_ltl.run.watching import watcher
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.budget import Budget
+from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
+from pareto_ltl.support.memory import require_memory
 from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger("pareto_ltl")
+VERTEX_BYTES = 150  # of a vertex, with fidelity=paper and one obstacle
+POSITION_BYTES = 16
+WRITTEN = 2.0  # copies of the positions while deployments.npz is packed
+STUDIES = (  # in several processes
+    "comparison", "convergence", "ablation", "hindcast", "forecast_test", "departure", "replanning",
+    "replan_test",
+)  # fmt: skip
 
 
 # --- checks before anything is made ------------------------------------------------------------
@@ -66,23 +73,19 @@ def check_pipeline(settings: Settings, table: StageTable, given: Collection[Reco
             raise ConfigError(f"pipelines.stages lists {name!r} twice; list it once")
         seen.add(name)
         stage = table[name]
-        if stage.makes not in given:
-            _check_stage(stage, stages, given)
-            stages.append(stage)
+        if stage.makes in given:
+            continue
+        made = {*given, *(other.makes for other in stages)}
+        if missing := [key.name for key in stage.needs if key not in made]:
+            raise ConfigError(
+                f"pipelines.stages: {name!r} needs {', '.join(missing)}, which no earlier stage makes; "
+                f"list {'it' if len(missing) == 1 else 'them'} before {name!r}"
+            )
+        stages.append(stage)
     _check_mission(settings, [stage.makes for stage in stages])
     _check_selection(settings, [stage.makes for stage in stages])
     check_sizes(settings, listed)
     return Pipeline(settings, table, tuple(stages))
-
-
-def _check_stage(stage: Stage[Any], before: Sequence[Stage[Any]], given: Collection[RecordKey[Any]]) -> None:
-    """Raise ConfigError for a stage that lacks a record."""
-    made = {*given, *(other.makes for other in before)}
-    if missing := [key.name for key in stage.needs if key not in made]:
-        raise ConfigError(
-            f"pipelines.stages: {stage.name!r} needs {', '.join(missing)}, which no earlier stage makes; "
-            f"list {'it' if len(missing) == 1 else 'them'} before {stage.name!r}"
-        )
 
 
 def _check_selection(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
@@ -128,6 +131,28 @@ def _check_mission(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
     positive(parse(formula))  # the automaton stage gets the same tree from the cache of ``parse``
 
 
+def check_sizes(settings: Settings, stages: Collection[str]) -> None:
+    """Raise ConfigError if the trees or the flights of ``settings`` can never fit into memory.
+
+    ``planning/growth.py`` and ``simulation/flights.py`` check again when map and wind are known and the need
+    is exact.
+    """
+    planner, flights = settings.planner, settings.deployment
+    if any(stage in stages for stage in (FOREST.name, *STUDIES)):
+        jobs = (settings.evaluation.jobs or cores()) if FOREST.name not in stages else 1
+        busy = f" in each of {jobs} processes (evaluation.jobs)" if jobs > 1 else ""
+        trees = f"{planner.trees} trees{busy}"
+        require_memory(
+            jobs * planner.trees * VERTEX_BYTES, "planner.n_max", planner.n_max, trees, "planner.trees"
+        )
+        if "convergence" in stages:
+            sizes = max(settings.convergence.sizes)
+            require_memory(planner.trees * VERTEX_BYTES, "convergence.sizes", sizes, trees, "planner.trees")
+    if DEPLOYMENTS.name in stages:
+        each = 2 * POSITION_BYTES * len(flights.laws) * WRITTEN
+        require_memory(each, "deployment.runs", flights.runs, "the positions of all simulated flights")
+
+
 # --- making ------------------------------------------------------------------------------------
 
 
@@ -166,11 +191,6 @@ class Run:
     def __getitem__(self, key: RecordKey[T]) -> T:
         return self.records[key]
 
-    @property
-    def stage_progress(self) -> Progress | None:
-        """The function to which a stage reports its progress; None if it is not shown."""
-        return self.progress
-
     def make(self, key: RecordKey[T]) -> T:
         """The record of ``key``; if it does not exist, it is made, after the records that it needs."""
         if key not in self.records:
@@ -188,9 +208,7 @@ class Run:
                 record = stage.make(StageInputs(stage, self))
                 self.records[stage.makes] = record
                 if self.directory is not None:
-                    from pareto_ltl.run.results import save_record
-
-                    save_record(self.directory, stage.makes, record)
+                    stage.save(self.directory, record)
                     watcher().made(stage.makes, self.records)
         finally:
             self.seconds[stage.name] = time.perf_counter() - start
@@ -270,45 +288,30 @@ def carry_out(
     if place is None:
         raise ValueError("the run has no directory: create it with Run(..., directory=PATH)")
     place.mkdir(parents=True, exist_ok=True)
-    heeding = run.budget.ends_at_key()
-    with logging_to(place / RUN_LOG), heeding, run.progress or ProgressBar() as bar:
-        run.progress = bar
-        return _recorded(run, stages, place, provenance.begin(run.settings, argv, overrides))
-
-
-def _recorded(
-    run: Run, stages: Sequence[Stage[Any]], place: Path, record: dict[str, Any]
-) -> dict[str, float]:
-    """Run all stages; ``run.json`` has the present status at any moment."""
-    try:
-        LOG.info("run %s, seed %d", run.settings.name, run.settings.seed)
-        provenance.write_settings(place, run.settings)
-        provenance.write(place, record)
-        _save_given(run, place)
-        make_all(run, stages)
-        table = _close(run, place, record, "ok")
-    except BaseException as error:
-        expected = isinstance(error, ParetoLtlError | OSError | KeyboardInterrupt)
-        with suppress(OSError):  # a full disk must not hide the error
-            LOG.error("%s", provenance.one_line(error), exc_info=None if expected else error)
-        with suppress(OSError):
-            _close(run, place, record, _end_status(error), error)
-        raise
-    return table
+    with logging_to(place / RUN_LOG), run.budget.ends_at_key(), run.progress or ProgressBar() as run.progress:
+        record = provenance.begin(run.settings, argv, overrides)
+        try:
+            LOG.info("run %s, seed %d", run.settings.name, run.settings.seed)
+            provenance.write_settings(place, run.settings)
+            provenance.write(place, record)  # with the present status at any moment
+            for key in run.records:  # those that were given, so that the directory is complete
+                if key.name in run.table:
+                    run.table.maker_of(key).save(place, run.records[key])
+            make_all(run, stages)
+            return _close(run, place, record, "ok")
+        except BaseException as error:
+            expected = isinstance(error, ParetoLtlError | OSError | KeyboardInterrupt)
+            with suppress(OSError):  # a full disk must not hide the error
+                LOG.error("%s", provenance.one_line(error), exc_info=None if expected else error)
+            with suppress(OSError):
+                _close(run, place, record, _end_status(error), error)
+            raise
 
 
 def _end_status(error: BaseException) -> str:
     if isinstance(error, KeyboardInterrupt):  # also for SIGTERM (support/stopping.py)
         return "stopped"
     return "infeasible" if isinstance(error, InfeasibleError) else "failed"
-
-
-def _save_given(run: Run, place: Path) -> None:
-    """Write the records that were given, so that the directory is complete."""
-    for key in run.records:
-        from pareto_ltl.run.results import save_record
-
-        save_record(place, key, run.records[key])
 
 
 def _close(
@@ -320,9 +323,17 @@ def _close(
 
     table = run_metrics(run.records, run.seconds)
     measured = status == "ok" or (status == "infeasible" and FOREST in run.records)
-    ended = provenance.end(record, run.settings, status, run.seconds, error)
-    ended |= {"outputs": provenance.file_hashes(_tables_elsewhere(run))}
-    provenance.write(place, ended | {"measured": measured})  # metrics.json follows
+    elsewhere = [made for made in run.records.values() if isinstance(made, Path)]  # tables in other folders
+    ended = {
+        "status": status,
+        "error": None if error is None else provenance.one_line(error),
+        "finished": provenance.now(),
+        "inputs": provenance.input_hashes(run.settings),
+        "seconds": dict(run.seconds),
+        "outputs": provenance.file_hashes(elsewhere),
+        "measured": measured,
+    }
+    provenance.write(place, record | ended)  # metrics.json follows
     if measured:
         write_json(place / "metrics.json", table)
     return table
@@ -339,11 +350,6 @@ class RunLogFile(logging.FileHandler):
         """Close the file; errors of writing were raised earlier."""
         with suppress(OSError):  # raised by an earlier write
             super().close()
-
-
-def _tables_elsewhere(run: Run) -> list[Path]:
-    """Files that stages wrote outside the results directory: their record is the path."""
-    return [record for record in run.records.values() if isinstance(record, Path)]
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Position fixes as users give them: read, placed on the map, and tested against the law of the plan.
+"""Position fixes as users give them, and the state of a flight that follows: position, wind, mission.
 
 A fix to which the law gives a probability below :data:`UNLIKELY` is an alarm: the plan is made, because the
 robot needs one, but it has no promise.
@@ -9,22 +9,32 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.planning.conditioning import Fix
+from pareto_ltl.planning.conditioning import (
+    Fix,
+    Learnt,
+    expected_at,
+    learn_at,
+    likely_histories,
+    states_reached,
+)
+from pareto_ltl.run.records import PLAN, PROBLEM
+from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import Advice, read_text
 
 if TYPE_CHECKING:
-    from pareto_ltl.planning.conditioning import Learnt
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Plan, PlannedPath
+    from pareto_ltl.run.pipeline import Run
     from pareto_ltl.support.arrays import FloatArray
 
 LOG = logging.getLogger(__name__)
@@ -35,6 +45,9 @@ APART = 5.0  # standard deviations of their errors by which two fixes must diffe
 ADVICE = Advice("give the path of a CSV file", "expected a CSV file with the columns time,lat,lon,sd_m")
 MOST_FIXES = 200
 LEAST_SD = 0.01  # [m] fixes that are more accurate make the covariance of several singular
+HISTORY = "replan history"  # stream of the past flights
+HISTORIES = 2000  # simulated past flights that estimate the automaton state
+VAGUE = 0.5  # of the least deviation of the position before: a less accurate fix gives a warning
 COLUMNS = {True: ("time", "lat", "lon", "sd_m"), False: ("time", "x", "y", "sd_m")}  # by place on Earth
 
 # --- when ---------------------------------------------------------------------------------------
@@ -129,22 +142,6 @@ def on_map(problem: Problem, place: FloatArray) -> bool:
 # --- several ------------------------------------------------------------------------------------
 
 
-def read_fixes(path: Path | str, problem: Problem, plan: Plan) -> tuple[Fix, ...]:
-    """The fixes of a CSV file with the columns ``time,lat,lon,sd_m`` or ``time,x,y,sd_m``, in order of time.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read or has other columns.
-    ConfigError
-        If a fix cannot be used, or two contradict each other.
-    """
-    rows = fix_rows(Path(path).expanduser(), on_earth=problem.scene.crs is not None)
-    return checked_fixes(
-        problem, [placed_fix(problem, plan, time, found, what) for what, time, found in rows]
-    )
-
-
 def fix_rows(file: Path, *, on_earth: bool) -> list[tuple[str, str, list[float]]]:
     """Place in the file, time, and the three numbers of each fix; DataError for another content."""
     columns = COLUMNS[on_earth]
@@ -164,18 +161,13 @@ def fix_rows(file: Path, *, on_earth: bool) -> list[tuple[str, str, list[float]]
         if len(row) != len(head):
             raise DataError(f"{what}: {len(row)} values for {len(head)} columns; expected {','.join(head)}")
         cells = dict(zip(head, row, strict=True))
-        found.append((what, cells["time"], _numbers(cells, columns, what)))
+        time, *numbers = (cells[name] for name in columns)
+        try:
+            found.append((what, time, [float(number) for number in numbers]))
+        except ValueError:
+            text = shown_value(",".join(numbers))
+            raise DataError(f"{what}: {text} are not three numbers; expected {','.join(columns)}") from None
     return found
-
-
-def _numbers(cells: dict[str, str], columns: Sequence[str], what: str) -> list[float]:
-    try:
-        return [float(cells[name]) for name in columns[1:]]
-    except ValueError:
-        text = ",".join(cells[name] for name in columns[1:])
-        raise DataError(
-            f"{what}: {shown_value(text)} are not three numbers; expected {','.join(columns)}"
-        ) from None
 
 
 def checked_fixes(problem: Problem, fixes: Iterable[Fix]) -> tuple[Fix, ...]:
@@ -258,3 +250,135 @@ def _swapped(problem: Problem, fix: Fix) -> FloatArray | None:
         return fix.place[::-1]
     lon, lat = (float(value[0]) for value in to_geographic(problem.scene.crs, fix.place[None]))
     return in_plane(problem, lon, lat)
+
+
+# --- the state of the flight ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """Time, position and automaton state of a flight.
+
+    Attributes
+    ----------
+    step : int
+        Steps flown; ``time`` [s after departure] is its time.
+    fixes : tuple of Fix
+        The last one at ``step``; empty without a fix.
+    learnt : Learnt or None
+        Without fixes the position that is expected, for a newer forecast; None without one.
+    state : int
+        Most likely automaton state, of probability ``certainty``.
+    alarms : tuple of str
+        Fixes and fields that the law makes very unlikely: then the plan has no promise.
+    """
+
+    step: int
+    time: float
+    fixes: tuple[Fix, ...]
+    learnt: Learnt | None
+    state: int
+    certainty: float
+    alarms: tuple[str, ...] = ()
+
+
+def fixes_from(
+    run: Run,
+    time: float | str | None,
+    fix: Sequence[float] | None,
+    fixes: str | Path | Sequence[Sequence[Any]] | None,
+) -> tuple[Fix, ...]:
+    """The fixes that a user gives: one at ``time``, or a file or rows (time, latitude, longitude, sd).
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read or has other columns.
+    ConfigError
+        If a fix cannot be used, or two contradict each other.
+    """
+    problem, plan = run.make(PROBLEM), run.make(PLAN)
+    if fix is not None and fixes is not None:
+        raise ConfigError("fix and fixes are both given: put all fixes into the file, with their times")
+    if fix is not None:
+        if time is None:
+            raise ConfigError("a fix needs its time: give --time, e.g. 6h or 2018-10-09T06:00:00Z")
+        return (placed_fix(problem, plan, time, fix),)
+    if fixes is None:
+        return ()
+    if isinstance(fixes, str | Path):
+        rows: Iterable[Any] = fix_rows(Path(fixes).expanduser(), on_earth=problem.scene.crs is not None)
+    elif wrong := [k for k, row in enumerate(fixes) if len(row) != 4]:
+        raise ConfigError(
+            f"fix {wrong[0]} has {len(fixes[wrong[0]])} values; expected time, latitude, longitude (or x, y) "
+            "and standard deviation"
+        )
+    else:
+        rows = ((f"fix {k}", row[0], row[1:]) for k, row in enumerate(fixes))
+    return checked_fixes(problem, [placed_fix(problem, plan, when, at, what) for what, when, at in rows])
+
+
+def planned_step(problem: Problem, plan: Plan, time: float | str | None, fixes: Sequence[Fix]) -> int:
+    """The step at which the new plan begins: the step of ``time``, or of the last fix."""
+    last = fixes[-1].step if fixes else None
+    if time is None:
+        if last is None:
+            raise ConfigError("replanning needs a time: give --time, e.g. 6h or 2018-10-09T06:00:00Z")
+        return last
+    step = step_at(problem, plan, time)
+    late = seconds_of(problem, "time", time) - step * problem.motion.dt
+    if last is not None and last != step:
+        raise ConfigError(
+            f"time {time} is step {step}, and the last fix is at step {last}: a plan begins at its last fix; "
+            "leave --time out, or give a fix of that time"
+        )
+    if abs(late) > 1e-6 * problem.motion.dt:
+        LOG.warning(
+            "time %s lies between two steps; the new plan begins at step %d, %g s after departure%s", time,
+            step, step * problem.motion.dt, ", where the fix is moved along the plan" if fixes else "",
+        )  # fmt: skip
+    return step
+
+
+def situation_at(run: Run, step: int, fixes: tuple[Fix, ...], *, ahead: bool = False) -> Situation:
+    """Position, time and automaton state at ``step``, given fixes; ``ahead``: there is a newer forecast."""
+    problem, plan = run.make(PROBLEM), run.make(PLAN)
+    time = step * problem.motion.dt
+    if not fixes and not ahead:
+        return Situation(step, time, (), None, int(plan.path.q[step]), 1.0)
+    learnt = learn_at(problem, plan.path.x, step, fixes) if fixes else expected_at(problem, plan.path.x, step)
+    if fixes and fixes[-1].sd > VAGUE * learnt.sd_before:
+        LOG.warning(
+            "the standard deviation of the fix, %s, is close to the standard deviation of the planned "
+            "position, %s: the covariance of position and wind after the fix is neglected",
+            distance_text(fixes[-1].sd), distance_text(learnt.sd_before),
+        )  # fmt: skip
+    state, certainty = likely_state(run, problem, plan, step, fixes)
+    alarms = fix_alarms(problem, plan.path, fixes, learnt)
+    return Situation(step, time, fixes, learnt, state, certainty, tuple(alarms))
+
+
+def likely_state(
+    run: Run, problem: Problem, plan: Plan, step: int, fixes: Sequence[Fix]
+) -> tuple[int, float]:
+    """The automaton state of most simulated past flights, conditioned on the fixes, and their share.
+
+    If no state has half of them: of the states above 5 %, the one farthest from acceptance.
+    """
+    from pareto_ltl.simulation.flights import simulate_flights
+
+    seeds, path = stage_seeds(run.settings.seed, HISTORY), plan.path
+    law = problem.fidelity.law
+    x = simulate_flights(problem, path.u[:step], HISTORIES, law, seeds, path.x[: step + 1]).x
+    if fixes:
+        noise = np.random.default_rng(seeds).standard_normal((HISTORIES, 2 * len(fixes)))
+        x = likely_histories(x, fixes, noise)
+    reached = states_reached(problem, x)
+    states, counts = np.unique(reached, return_counts=True)
+    shares = counts / counts.sum()
+    best = int(np.argmax(shares))
+    if shares[best] < 0.5:
+        distance = problem.logic.distance[states]
+        open_states = np.flatnonzero((shares > 0.05) & np.isfinite(distance))
+        best = int(open_states[np.argmax(distance[open_states])]) if len(open_states) else best
+    return int(states[best]), float(shares[best])

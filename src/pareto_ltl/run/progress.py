@@ -1,19 +1,20 @@
-"""The progress bar of a run: shown if the error stream is a terminal, silent otherwise."""
+"""Progress of a run: a bar if the error stream is a terminal, and a watcher of the runs of this process."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.run.watching import Found, watcher
+from pareto_ltl.run.records import RecordKey, Records
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
+    from pareto_ltl.support.arrays import FloatArray
 
+Found = Sequence[tuple[float, "FloatArray"]]  # failure rates on the flights of the search, and paths
 READING, CHECKING = "Reading the wind", "Checking the plan with new flights"
 STAGE_WORDS = {  # what a stage does, for people; the desk has the same words
     "readings": READING,
@@ -75,9 +76,7 @@ class ProgressBar:
             self._bar.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
 
@@ -101,3 +100,32 @@ class ProgressBar:
         if self._bar is not None and self._task is not None:
             counts = state or f"{done:,} of {total:,}"
             self._bar.update(self._task, completed=done, total=total, state=counts)
+
+
+# --- watchers -----------------------------------------------------------------------------------
+
+
+class Watcher:
+    """The calls that a run makes while it works; it ignores them. The desk sets a subclass in its worker."""
+
+    def stage(self, name: str) -> None:
+        """The stage ``name`` begins."""
+
+    def progress(self, done: int, total: int, state: str, found: Found) -> None:
+        """The present stage has done ``done`` of ``total``; ``state`` and ``found`` are the result so far."""
+
+    def made(self, key: RecordKey[Any], records: Records) -> None:
+        """The record of ``key`` was made; ``records`` has it and all before."""
+
+
+_WATCHERS: list[Watcher] = [Watcher()]
+
+
+def watcher() -> Watcher:
+    """The watcher of the runs of this process."""
+    return _WATCHERS[0]
+
+
+def watch_runs(new: Watcher) -> None:
+    """Let ``new`` follow all later runs of this process, in place of the one before."""
+    _WATCHERS[0] = new

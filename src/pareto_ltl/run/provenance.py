@@ -19,6 +19,7 @@ from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.support.files import FULL_DISK
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
 from pareto_ltl.support.messages import shown_line
+from pareto_ltl.support.reading import inside
 from pareto_ltl.support.resources import checkout
 
 if TYPE_CHECKING:
@@ -65,25 +66,7 @@ def begin(settings: Settings, argv: Sequence[str], overrides: Sequence[str] = ()
         "git": git_state(checkout()),
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in PACKAGES},
-        "started": _now(),
-    }
-
-
-def end(
-    record: Mapping[str, Any],
-    settings: Settings,
-    status: str,
-    seconds: Mapping[str, float],
-    error: BaseException | None,
-) -> dict[str, Any]:
-    """``record`` with status, error, input files and ``seconds`` of the stages [s]."""
-    return {
-        **record,
-        "status": status,
-        "error": None if error is None else one_line(error),
-        "finished": _now(),
-        "inputs": input_hashes(settings),
-        "seconds": dict(seconds),
+        "started": now(),
     }
 
 
@@ -167,7 +150,6 @@ def input_hashes(settings: Settings) -> dict[str, str]:
 
 def input_files(settings: Settings) -> list[Path]:
     """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
-    from pareto_ltl.run.file_shape import inside
     from pareto_ltl.wind.sources import wind_source
 
     maps = [Path(settings.scene.file).expanduser()] if settings.scene.file else []
@@ -193,5 +175,6 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _now() -> str:
+def now() -> str:
+    """The time in UTC, as ``run.json`` has it."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")

@@ -2,7 +2,7 @@
 
 Without fixes and without a newer forecast there is no new information, and the rest of the old plan is
 unchanged. Position and wind are conditioned on fixes (``planning/conditioning.py``, ``wind/conditioned.py``),
-or the wind is a newer forecast (``run/newer_wind.py``). The automaton continues from its most likely
+or the wind is a newer forecast (``run/rest_of_flight.py``). The automaton continues from its most likely
 state, and the stages from the trees on run with these records. The rest of the old plan is one of the paths
 of the new front. The new plan and the rest of the old one are then simulated in the same winds; a plan that
 fails significantly more often than the rest is replaced by a path of the front that does not.
@@ -14,32 +14,24 @@ import logging
 import math
 import time as clock
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.planning.records import NO_PROMISE
-from pareto_ltl.run.newer_wind import NewWind
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    FOREST,
-    FRONT,
-    PLAN,
-    PROBLEM,
-    SCENE,
-    WIND,
-    RecordKey,
-    Records,
-)
-from pareto_ltl.run.rest_of_flight import remaining_path, run_of_the_rest, scene_from
-from pareto_ltl.run.situations import Situation, planned_step, situation_at
+from pareto_ltl.planning.records import NO_PROMISE, counted_rate
+from pareto_ltl.run import records as keys
+from pareto_ltl.run.directory import claimed_directory
+from pareto_ltl.run.pipeline import Run, carry_out
+from pareto_ltl.run.position_fixes import Situation, fixes_from, planned_step, situation_at
+from pareto_ltl.run.records import Records
+from pareto_ltl.run.rest_of_flight import AUTOMATON_FILE, NewWind, remaining_path, run_of_the_rest, scene_from
+from pareto_ltl.run.results import Planned, place_of, planned_run
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.support.counts import paired_difference
-from pareto_ltl.support.display import Displayed, distance_text
+from pareto_ltl.support.display import Displayed, distance_text, probability_text
+from pareto_ltl.support.files import write_json
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.conditioning import Fix
@@ -47,9 +39,12 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.records import FailureRate, Front, Plan, PlannedPath
     from pareto_ltl.report.notebook import Drawing
     from pareto_ltl.support.arrays import BoolArray
+    from pareto_ltl.wind.readings import Readings
+    from pareto_ltl.wind.records import WindField
 
 LOG = logging.getLogger(__name__)
 STREAM = "replan"  # stream of the compared flights
+OF_RATES = ("front", "forecasts", "deployment")  # stages whose files are probabilities: not after an alarm
 TRIES = 3  # paths of the front that are compared if the rule's choice is the worse plan
 ADVICE = {
     "new": "the new plan is safer",
@@ -59,7 +54,6 @@ ADVICE = {
     "is not known, and the new plan arrives before",
     "alarm": f"{NO_PROMISE}; check the alarm before the new plan is flown",
 }
-KEPT: tuple[RecordKey[Any], ...] = (SCENE, DECOMPOSITION, AUTOMATON, WIND, PROBLEM, FOREST, FRONT)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -133,8 +127,58 @@ class Replanned(Displayed):
         """The map with the new plan, and the rest of the old one dashed."""
         from pareto_ltl.report.notebook import replanned_drawing
 
-        scene = None if self.run is None else self.run.make(SCENE)
+        scene = None if self.run is None else self.run.make(keys.SCENE)
         return replanned_drawing(self.plan, self.rest, scene=scene, **options)
+
+
+def replan(
+    planned: Planned,
+    time: float | str | None = None,
+    fix: Sequence[float] | None = None,
+    *,
+    fixes: str | Path | Sequence[Sequence[Any]] | None = None,
+    wind: str | Path | Mapping[str, Any] | Readings | WindField | None = None,
+    quick: bool = True,
+    out: str | Path | None = None,
+) -> Replanned:
+    """Plan the rest of a flight again, from position fixes or a newer forecast (docs/replanning.md).
+
+    Parameters
+    ----------
+    planned : PlanningResult, Results or path
+        What :func:`plan` returned, or a results directory.
+    time : float or str, optional
+        When: seconds after departure, ``"6h"``, or an ISO 8601 time; rounded to a step of the plan. With
+        ``fixes`` it is the time of the last one.
+    fix : (latitude, longitude, sd) or (x, y, sd), optional
+        Measured position [deg, or m on a map without a place on Earth] and its standard deviation [m].
+    fixes : path or sequence of (time, latitude, longitude, sd), optional
+        Several fixes: a CSV file with the columns ``time,lat,lon,sd_m`` (or ``time,x,y,sd_m``), or rows.
+    wind : path, mapping, Readings or WindField, optional
+        A newer forecast for the rest of the flight: a file that the reader of the plan's wind reads, or keys
+        of section ``wind`` that differ.
+    quick : bool
+        Whether to use a coarser refinement, which takes half of the time.
+    out : path, optional
+        Write a results directory of the new plan there.
+
+    Without fixes and without ``wind`` there is no new information, and the rest of the plan is unchanged.
+
+    Raises
+    ------
+    ConfigError
+        If the time lies outside the plan, or a fix is off the map or contradicts another one.
+    DataError
+        If the file of fixes or the newer forecast cannot be used.
+    InfeasibleError
+        If no path completes the mission from there.
+    """
+    run, place = planned_run(planned), None if out is None else Path(out)
+    source = place_of(planned, place)
+    done = replanned(run, time, fixes_from(run, time, fix, fixes), wind=wind, quick=quick)
+    if place is not None:
+        write_replanned(done, run, place, str(source or "a plan in memory"))
+    return done
 
 
 # --- replanning ------------------------------------------------------------------------------
@@ -170,10 +214,8 @@ def replanned(
     InfeasibleError
         If no path completes the mission from there.
     """
-    from pareto_ltl.planning.records import counted_rate
-
     began = clock.perf_counter()
-    problem, plan = run.make(PROBLEM), run.make(PLAN)
+    problem, plan = run.make(keys.PROBLEM), run.make(keys.PLAN)
     step = planned_step(problem, plan, time, fixes)
     situation = situation_at(run, step, tuple(fixes), ahead=wind is not None)
     rest = remaining_path(problem, plan.path, step)
@@ -183,16 +225,17 @@ def replanned(
     situation = replace(situation, alarms=(*situation.alarms, *alarms))
     for alarm in situation.alarms:
         LOG.warning("ALARM: %s", alarm)
-    other.make(PLAN)
+    other.make(keys.PLAN)
     seconds = clock.perf_counter() - began
     other, flown = never_worse(other, rest)
     if situation.alarms:
-        other.records[PLAN] = other.make(PLAN).without_promise()
+        other.records[keys.PLAN] = other.make(keys.PLAN).without_promise()
     new, *others = (counted_rate(problem.fidelity.law, int(row.sum()), len(row)) for row in flown)
     difference = paired_difference(flown[1], flown[0]) if others else (math.nan, math.nan, math.nan)
     return Replanned(
-        situation, other, other.make(PLAN), rest, others[0] if others else None, new, difference, seconds,
-        "" if wind is None else str(wind) if isinstance(wind, str | Path) else other.make(WIND).source,
+        situation, other, other.make(keys.PLAN), rest, others[0] if others else None, new, difference,
+        seconds,
+        "" if wind is None else str(wind) if isinstance(wind, str | Path) else other.make(keys.WIND).source,
     )  # fmt: skip
 
 
@@ -205,14 +248,14 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     """
     from pareto_ltl.simulation.judging import which_fail_each
 
-    problem, cfg = other.make(PROBLEM), other.settings.selection
+    problem, cfg = other.make(keys.PROBLEM), other.settings.selection
     seeds = stage_seeds(other.settings.seed, STREAM)
     if len(rest.u) > len(problem.wind.slot):
-        return other, list(which_fail_each(problem, [other.make(PLAN).path], cfg.runs, seeds))
-    old, new = which_fail_each(problem, [rest, other.make(PLAN).path], cfg.runs, seeds)
+        return other, list(which_fail_each(problem, [other.make(keys.PLAN).path], cfg.runs, seeds))
+    old, new = which_fail_each(problem, [rest, other.make(keys.PLAN).path], cfg.runs, seeds)
     if paired_difference(old, new)[1] <= 0.0:
         return other, [new, old]
-    front = other.make(FRONT)
+    front = other.make(keys.FRONT)
     tried = _safer_points(front, float(old.mean()))
     if not tried:
         return other, [new, old]
@@ -221,10 +264,11 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     row = held[0] if held else int(np.argmin(failed.sum(axis=1)))
     LOG.info("the choice of selection.rule=%s fails more often than the rest of the old plan", cfg.rule)
     selection = replace(cfg, rule="point", point=tried[row])
-    records: dict[RecordKey[Any], Any] = {key: other.make(key) for key in KEPT}
+    kept = (*keys.GROUND, keys.PROBLEM, keys.FOREST, keys.FRONT)
+    records = Records({key: other.make(key) for key in kept})
     settings = replace(other.settings, selection=selection)
-    safer = Run(settings, other.table, Records(records), dict(other.seconds))
-    safer.make(PLAN)
+    safer = Run(settings, other.table, records, dict(other.seconds))
+    safer.make(keys.PLAN)
     return safer, [failed[row], old]
 
 
@@ -240,7 +284,6 @@ def _carried_on(
     run: Run, problem: Problem, plan: Plan, situation: Situation, rest: PlannedPath, began: float
 ) -> Replanned:
     """The result without a fix: the rest of the old plan, with the failure rate of the whole plan."""
-    from pareto_ltl.planning.records import counted_rate
     from pareto_ltl.simulation.judging import which_fail
     from pareto_ltl.world.projection import navigate
 
@@ -256,3 +299,92 @@ def _carried_on(
         plan, path=rest, limits=limits, prices=(), navigation=navigate(scene, rest.t, rest.x, rest.u)
     )
     return Replanned(situation, None, plan, rest, rate, rate, (0.0, 0.0, 0.0), seconds)
+
+
+# --- files and summary ----------------------------------------------------------------------------
+
+
+def write_replanned(done: Replanned, run: Run, place: Path, source: str) -> None:
+    """Write a results directory of the new plan; without a fix, the rest of the old one as ``plan.json``."""
+    with claimed_directory(place, run.table.files):
+        if done.run is not None:
+            settings, records = done.run.settings, done.run.records
+            mission = replace(settings.mission, automaton=str(place / AUTOMATON_FILE))
+            if done.situation.alarms:
+                left = [name for name in settings.pipelines.stages if name not in OF_RATES]
+                settings = replace(settings, pipelines=replace(settings.pipelines, stages=left))
+                records = Records({key: records[key] for key in records if key is not keys.FRONT})
+            written = Run(
+                replace(settings, mission=mission), run.table, records, dict(done.run.seconds), place
+            )
+            stages = [run.table[name] for name in settings.pipelines.stages]
+            carry_out(written, [s for s in stages if s.makes not in written.records])
+        else:
+            place.mkdir(parents=True, exist_ok=True)
+            run.table.maker_of(keys.PLAN).save(place, done.plan)
+        write_json(place / "replan.json", replan_document(done, source))
+
+
+def replan_document(done: Replanned, source: str) -> dict[str, Any]:
+    """The content of ``replan.json``: the old plan, time and position, and the comparison of both plans."""
+    at, learnt = done.situation, done.situation.learnt
+    compared = not at.alarms
+    return {
+        "schema": "pareto_ltl.replan/2",
+        "source": source,
+        "step": at.step,
+        "time_s": at.time,
+        "fixes": [
+            {"step": fix.step, "place": fix.place, "sd": fix.sd, "distance": far}
+            for fix, far in zip(at.fixes, () if learnt is None else learnt.distance.tolist(), strict=True)
+        ],
+        "wind": done.wind or None,
+        "alarms": list(at.alarms),
+        "position": None
+        if learnt is None
+        else {"mean": learnt.mean, "cov": learnt.cov, "before": learnt.before},
+        "state": at.state,
+        "certainty": at.certainty,
+        "rest": {"x": done.rest.x, "u": done.rest.u},
+        "old": asdict(done.old) if compared and done.old is not None else None,
+        "new": asdict(done.new) if compared else None,
+        "difference": dict(zip(("middle", "low", "high"), done.difference, strict=True))
+        if compared and done.old is not None
+        else None,
+    }
+
+
+def comparison_lines(done: Replanned) -> list[str]:
+    """The summary for the user."""
+    at = done.situation
+    lines = [f"step {at.step}, {at.time / 3600:.4g} h after departure"]
+    if at.learnt is None:
+        return [
+            *lines,
+            "no fix: there is no new information, and the rest of the plan is unchanged; "
+            f"the failure rate of the whole flight is {done.old}",
+        ]
+    if at.fixes:
+        lines.append(
+            f"position known to {distance_text(at.learnt.sd)} (before: {distance_text(at.learnt.sd_before)} "
+            f"or more); automaton state {at.state}, reached by {probability_text(at.certainty)} of the "
+            "histories that lead to the fix"
+        )
+    else:
+        lines.append(f"no fix: the position is known to {distance_text(at.learnt.sd)}; the forecast is new")
+    lines += [f"wind: {done.wind}"] if done.wind else []
+    rest, new = (distance_text(path.objectives.length) for path in (done.rest, done.plan.path))
+    if at.alarms:
+        alarms = [f"ALARM: {alarm}" for alarm in at.alarms]
+        return [*lines, *alarms, f"new plan: {new}; planned in {done.seconds:.1f} s", ADVICE["alarm"]]
+    fails = f"failure rate of the new plan ({new}): {done.new}"
+    if done.old is None:
+        return [*lines, fails, f"planned in {done.seconds:.1f} s", ADVICE[done.advice]]
+    gap, low, high = (100.0 * value for value in done.difference)
+    lines += [
+        f"failure rate of the rest of the old plan ({rest}): {done.old}",
+        fails,
+        f"difference: {gap:+.2f} points [{low:+.2f}, {high:+.2f}]; planned in {done.seconds:.1f} s",
+        ADVICE[done.advice],
+    ]
+    return lines

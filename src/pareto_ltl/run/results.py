@@ -1,322 +1,80 @@
-"""Results on disk: one directory for each run, with documented files.
-
-A file is written completely or not at all, and the same records give the same bytes (``support.files``).
-``metrics.json`` is written last; its presence means that the run is complete.
-"""
+"""What a run made: a plan in memory, or a results directory; and the run of either, to continue from."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from pareto_ltl.planning.records import Forest, Front, Plan, Tree
-from pareto_ltl.report.records import Study
 from pareto_ltl.run import provenance
-from pareto_ltl.run.file_shape import inside, shaped
-from pareto_ltl.run.front_files import read_front, write_front
-from pareto_ltl.run.plan_files import read_plan, write_plan
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    DEPLOYMENTS,
-    FOREST,
-    FRONT,
-    PLAN,
-    SCENE,
-    WIND,
-    RecordKey,
-    Records,
-    T,
-)
+from pareto_ltl.run import records as keys
+from pareto_ltl.run.metrics import run_metrics
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import RecordKey, Records, RecordView, T
+from pareto_ltl.run.stage_table import with_extension_stages
+from pareto_ltl.run.stages import PLAN_STAGES, PLAN_TABLE
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import read_settings_file
-from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.support.archives import read_npz
-from pareto_ltl.support.arrays import require_shape
-from pareto_ltl.support.display import Displayed
-from pareto_ltl.support.files import write_bytes, write_csv, write_json, write_npz
-from pareto_ltl.support.reading import read_json
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.reading import shaped
+from pareto_ltl.support.run_status import ending_text
 from pareto_ltl.support.schemas import read_document
-from pareto_ltl.wind.records import WindField
-from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
-    from pareto_ltl.logic import Automaton
-
-COLLISION_COLUMNS = "collision_columns"  # number of last columns of Tree.risk; missing if there are none
-TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "beta")
+    from pareto_ltl.planning.problem import Problem
+    from pareto_ltl.report.notebook import Drawing
 
 
-# --- scene, cells, automaton, wind -----------------------------------------------------------
+@dataclass(frozen=True, slots=True, repr=False)
+class PlanningResult(RecordView):
+    """The result of :func:`plan`. Each record of the run is an attribute, or ``result[KEY]``.
 
+    Attributes
+    ----------
+    run : Run
+        The records, the settings and the time of every stage.
+    """
 
-def write_scene(directory: Path, scene: Scene) -> None:
-    """Write ``scene.json``."""
-    from pareto_ltl.world.scene_files import scene_to_dict as to_dict
-
-    write_json(directory / "scene.json", to_dict(scene))
-
-
-def read_scene(place: Path | str) -> Scene:
-    """The map of ``scene.json``, a file or the directory that has it."""
-    from pareto_ltl.world.scene_files import scene_from_dict as from_dict
-    from pareto_ltl.world.scene_shapes import refuse_crossings
-
-    path = inside(place, "scene.json")
-    content = read_document(path, "scene")
-    with shaped(path, "a scene"):
-        scene = from_dict(content)
-        refuse_crossings((*scene.region_outlines, *scene.obstacles, *scene.landmarks))
-    return scene
-
-
-def write_decomposition(directory: Path, decomposition: Decomposition) -> None:
-    """Write ``cells.json``."""
-    write_json(directory / "cells.json", asdict(decomposition))
-
-
-def read_decomposition(place: Path | str) -> Decomposition:
-    """The cells of ``cells.json``, a file or the directory that has it."""
-    path = inside(place, "cells.json")
-    content = read_document(path, "cells")
-    with shaped(path, "a decomposition"):
-        return Decomposition(
-            cells=_polygons(content["cells"]),
-            labels=tuple(frozenset(label) for label in content["labels"]),
-            doors=np.array(content["doors"], np.int64).reshape(-1, 2),
-            obstacles=_polygons(content["obstacles"]),
-            regions={name: _polygons(parts) for name, parts in content["regions"].items()},
-        )
-
-
-def _polygons(lists: list[Any]) -> tuple[NDArray[np.float64], ...]:
-    return tuple(np.array(polygon, float) for polygon in lists)
-
-
-def write_automaton(directory: Path, automaton: Automaton) -> None:
-    """Write ``automaton.json`` and ``automaton.hoa``."""
-    from pareto_ltl.logic.hoa import hoa_text as dumps
-
-    content = {
-        "formula": automaton.formula,
-        "atoms": automaton.atoms,
-        "letters": automaton.letters,
-        "initial": automaton.initial,
-        "accepting": automaton.accepting,
-        "delta": automaton.delta,  # delta[state][letter]
-        "d_A": automaton.distance,  # null where acceptance is out of reach
-    }
-    if automaton.windows:
-        content["windows"] = {name: window.as_dict() for name, window in automaton.windows.items()}
-        content["forbidden"] = automaton.forbidden
-    write_json(directory / "automaton.json", content)
-    write_bytes(directory / "automaton.hoa", dumps(automaton).encode())
-
-
-def read_automaton(place: Path | str) -> Automaton:
-    """The automaton of ``automaton.json``, a file or the directory that has it."""
-    from pareto_ltl.logic import Automaton
-    from pareto_ltl.world.windows import Window
-
-    path = inside(place, "automaton.json")
-    content = read_document(path, "automaton")
-    with shaped(path, "an automaton"):
-        return Automaton(
-            delta=np.array(content["delta"], np.int32),
-            letters=tuple(frozenset(letter) for letter in content["letters"]),
-            initial=content["initial"],
-            accepting=np.array(content["accepting"], bool),
-            distance=np.array([math.inf if d is None else d for d in content["d_A"]], float),
-            atoms=tuple(content["atoms"]),
-            formula=content["formula"],
-            windows={name: Window.from_dict(w) for name, w in content.get("windows", {}).items()},
-            forbidden=tuple(content.get("forbidden", ())),
-        )
-
-
-def write_wind(directory: Path, wind: WindField) -> None:
-    """Write ``wind.nc``; if ``scene.json`` is in ``directory``, with its time zero and projection."""
-    from pareto_ltl.wind.netcdf import write_netcdf as to_netcdf
-    from pareto_ltl.world.scene_files import scene_from_dict as from_dict
-
-    path = directory / "scene.json"  # written by this run: a check against its schema would take 0.2 s
-    scene = from_dict(read_json(path)) if path.is_file() else None
-    to_netcdf(wind, directory / "wind.nc", scene)
-
-
-def read_wind(place: Path | str) -> WindField:
-    """The wind field of ``wind.nc``, a file or the directory that has it."""
-    from pareto_ltl.wind.netcdf import read_netcdf as from_netcdf
-
-    return from_netcdf(inside(place, "wind.nc"))
-
-
-# --- forest ----------------------------------------------------------------------------------
-
-
-def write_forest(directory: Path, forest: Forest) -> None:
-    """Write ``trees.npz``."""
-    arrays: dict[str, NDArray[Any]] = {"accepted": forest.accepted}
-    columns = {tree.risk.shape[1] for tree in forest.trees}
-    if collision := max(columns, default=forest.mission_columns) - forest.mission_columns:
-        arrays[COLLISION_COLUMNS] = np.array(collision)  # write_npz stores it with shape (1,)
-    for number, tree in enumerate(forest.trees):
-        arrays |= {f"tree_{number:03d}/{name}": getattr(tree, name) for name in TREE_ARRAYS}
-        causes = sorted(tree.reach)
-        arrays[f"tree_{number:03d}/causes"] = np.array(causes, dtype=np.str_)
-        arrays[f"tree_{number:03d}/counts"] = np.array([tree.reach[cause] for cause in causes], float)
-    write_npz(directory / "trees.npz", arrays)
-
-
-def read_forest(place: Path | str) -> Forest:
-    """The forest, without times (NaN): an archive must not depend on the speed of the machine."""
-    path = inside(place, "trees.npz")
-    arrays = read_npz(path)
-    with shaped(path, "a forest"):
-        names = sorted({key.partition("/")[0] for key in arrays if "/" in key})
-        trees = tuple(_tree(arrays, name) for name in names)
-        columns = trees[0].risk.shape[1] - int(np.asarray(arrays.get(COLLISION_COLUMNS, 0)).item())
-        return Forest(trees, arrays["accepted"], math.nan, columns)
-
-
-def _tree(arrays: Mapping[str, NDArray[Any]], name: str) -> Tree:
-    counts = zip(arrays[f"{name}/causes"].tolist(), arrays[f"{name}/counts"].tolist(), strict=True)
-    tree = Tree(**{key: arrays[f"{name}/{key}"] for key in TREE_ARRAYS}, seconds=math.nan, reach=dict(counts))
-    size = len(tree.parent)
-    require_shape(f"{name}/x", tree.x, size, 2)
-    require_shape(f"{name}/risk", tree.risk, size, None)
-    for key in ("step", "q", "cell", "length"):
-        require_shape(f"{name}/{key}", getattr(tree, key), size)
-    if (tree.parent >= np.arange(size)).any() or (tree.parent < -1).any():
-        raise ValueError(f"a vertex of {name} does not come after its parent")
-    return tree
-
-
-# --- deployments -----------------------------------------------------------------------------
-
-FLIGHT_ARRAYS = "x", "accepted", "collided", "off_map", "walled"
-
-
-def write_deployments(directory: Path, deployments: Mapping[str, Deployment]) -> None:
-    """Write ``deployments.npz``: the flights under each wind law."""
-    flights = deployments.items()
-    arrays = {f"{law}/{n}": np.asarray(getattr(flown, n)) for law, flown in flights for n in FLIGHT_ARRAYS}
-    write_npz(directory / "deployments.npz", arrays)
-
-
-def read_deployments(place: Path | str) -> dict[str, Deployment]:
-    """The flights of ``deployments.npz`` by wind law; ``place`` is the file or the directory that has it."""
-    path = inside(place, "deployments.npz")
-    arrays = read_npz(path)
-    with shaped(path, "deployments"):
-        laws = sorted({name.partition("/")[0] for name in arrays})
-        flights = {law: [arrays[f"{law}/{name}"] for name in FLIGHT_ARRAYS] for law in laws}
-        return {law: Deployment(law, f[0], f[1], f[2], f[3], bool(f[4].all())) for law, f in flights.items()}
-
-
-# --- evaluations -----------------------------------------------------------------------------
-
-
-def write_study(directory: Path, study: Study) -> None:
-    """Write every table as CSV, columns in the order of the first row, and the main ones as ``tables.md``."""
-    for name, rows in study.tables.items():
-        if rows:
-            header = tuple(rows[0])
-            write_csv(directory / f"{name}.csv", header, ([row[key] for key in header] for row in rows))
-    write_bytes(directory / "tables.md", study.text.encode())
-
-
-# --- the directory ---------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class RecordFiles:
-    """The files of a record, the function that writes them into a directory, and the one that reads them."""
-
-    names: tuple[str, ...]
-    write: Callable[[Path, Any], None]
-    read: Callable[[Path], Any]
-
-
-RECORD_FILES: dict[RecordKey[Any], RecordFiles] = {
-    SCENE: RecordFiles(("scene.json",), write_scene, read_scene),
-    DECOMPOSITION: RecordFiles(("cells.json",), write_decomposition, read_decomposition),
-    AUTOMATON: RecordFiles(("automaton.json",), write_automaton, read_automaton),
-    WIND: RecordFiles(("wind.nc",), write_wind, read_wind),
-    FOREST: RecordFiles(("trees.npz",), write_forest, read_forest),
-    FRONT: RecordFiles(("front.csv", "front.npz"), write_front, read_front),
-    PLAN: RecordFiles(("plan.json",), write_plan, read_plan),
-    DEPLOYMENTS: RecordFiles(("deployments.npz",), write_deployments, read_deployments),
-}
-
-
-def save_record(directory: Path, key: RecordKey[T], record: T) -> None:
-    """Write ``record`` into ``directory`` if it has files."""
-    if key in RECORD_FILES:
-        RECORD_FILES[key].write(directory, record)
-    elif isinstance(record, Study):
-        write_study(directory, record)
-
-
-class RecordView(Displayed):
-    """The records of a run as attributes, or as ``view[KEY]``; a subclass defines where they come from."""
-
-    __slots__ = ()
+    run: Run
 
     def __getitem__(self, key: RecordKey[T]) -> T:
-        raise NotImplementedError
+        return self.run.make(key)
 
     @property
-    def scene(self) -> Scene:
-        """The map."""
-        return self[SCENE]
+    def settings(self) -> Settings:
+        """The settings of the run."""
+        return self.run.settings
 
     @property
-    def decomposition(self) -> Decomposition:
-        """The convex cells of the map."""
-        return self[DECOMPOSITION]
+    def problem(self) -> Problem:
+        """Map, wind, automaton and robot as the arrays that planning reads."""
+        return self[keys.PROBLEM]
 
     @property
-    def automaton(self) -> Automaton:
-        """The minimal automaton of the mission."""
-        return self[AUTOMATON]
+    def metrics(self) -> dict[str, float]:
+        """The numbers of ``metrics.json``, as far as the stages made them."""
+        return run_metrics(self.run.records, self.run.seconds)
 
-    @property
-    def wind(self) -> WindField:
-        """The wind that the plan was made for."""
-        return self[WIND]
+    def facts(self) -> Mapping[str, str]:
+        """The facts of the plan, the size of the front, and the directory if there is one."""
+        facts = dict(self.plan.facts()) | {"front": f"{len(self.front.paths)} paths"}
+        where = self.run.directory
+        return facts if where is None else facts | {"directory": str(where)}
 
-    @property
-    def forest(self) -> Forest:
-        """The search trees."""
-        return self[FOREST]
-
-    @property
-    def front(self) -> Front:
-        """The non-dominated paths."""
-        return self[FRONT]
-
-    @property
-    def plan(self) -> Plan:
-        """The path to fly."""
-        return self[PLAN]
-
-    @property
-    def deployments(self) -> Mapping[str, Deployment]:
-        """The simulated flights by wind law."""
-        return self[DEPLOYMENTS]
+    def plot(self, **options: Any) -> Drawing:
+        """The map with trees, plan and simulated flights."""
+        return _mission_drawing(self, deployments=self.run.records.get(keys.DEPLOYMENTS), **options)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Results(RecordView):
-    """One results directory, read lazily: ``Results("outputs/phi1/...").plan.path.objectives``."""
+    """One results directory, read lazily: ``Results("outputs/phi1/...").plan.path.objectives``.
+
+    ``metrics.json`` is written last; its presence means that the run is complete.
+    """
 
     directory: Path
 
@@ -324,18 +82,13 @@ class Results(RecordView):
         object.__setattr__(self, "directory", Path(directory))
 
     def __getitem__(self, key: RecordKey[T]) -> T:
-        record: T = RECORD_FILES[key].read(self.directory)
-        return record
+        return PLAN_TABLE.maker_of(key).load(self.directory)
 
-    def records(self, keys: Iterable[RecordKey[Any]] = tuple(RECORD_FILES)) -> Records:
-        """The records of ``keys`` whose files exist."""
-        return Records(
-            {
-                key: self[key]
-                for key in keys
-                if all((self.directory / name).is_file() for name in RECORD_FILES[key].names)
-            }
-        )
+    def records(self, required: Sequence[RecordKey[Any]] = ()) -> Records:
+        """The ``required`` records, and those whose files exist; each is read when it is asked for."""
+        stages = (stage for stage in PLAN_STAGES if stage.codec)
+        there = (s for s in stages if s.makes in required or (self.directory / s.writes[0]).is_file())
+        return Records(unread={stage.makes: partial(stage.load, self.directory) for stage in there})
 
     def facts(self) -> Mapping[str, str]:
         """Directory, and name, seed, fidelity and status of the run."""
@@ -343,11 +96,9 @@ class Results(RecordView):
         names = ("name", "seed", "fidelity", "status")
         return {"directory": str(self.directory)} | {name: str(record.get(name)) for name in names}
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, **options: Any) -> Drawing:
         """The map with trees and plan, as a ``Drawing``."""
-        from pareto_ltl.report.notebook import mission_drawing
-
-        return mission_drawing(self.scene, self.decomposition, self.wind, self.forest, self.plan, **options)
+        return _mission_drawing(self, **options)
 
     @property
     def settings(self) -> Settings:
@@ -373,3 +124,72 @@ class Results(RecordView):
     def run(self) -> dict[str, Any]:
         """The content of ``run.json``: status, versions, times."""
         return read_document(self.directory / "run.json", "run")
+
+
+def _mission_drawing(view: RecordView, **options: Any) -> Drawing:
+    from pareto_ltl.report.notebook import mission_drawing
+
+    return mission_drawing(view.scene, view.decomposition, view.wind, view.forest, view.plan, **options)
+
+
+# --- the run of a plan, to continue from --------------------------------------------------------
+
+Planned = PlanningResult | Results | str | Path  # what the functions of the Python interface take
+
+
+def load_results(directory: str | Path | Results) -> Results:
+    """The results directory of a finished run; its records are read on first access.
+
+    Raises
+    ------
+    DataError
+        If the directory holds no run.
+    """
+    results = directory if isinstance(directory, Results) else Results(directory)
+    if not (results.directory / "run.json").is_file():
+        raise DataError(f"{results.directory}: there is no run.json; name a results directory")
+    return results
+
+
+def place_of(planned: Planned, out: Path | None = None) -> Path | None:
+    """The results directory of a plan; None in memory. Raises ConfigError if it is ``out``."""
+    place = planned.run.directory if isinstance(planned, PlanningResult) else load_results(planned).directory
+    if out is not None and place is not None and out.resolve() == place.resolve():
+        raise ConfigError(f"{out}: the result would overwrite its source; name another folder")
+    return place
+
+
+def planned_run(planned: Planned, needed: Sequence[RecordKey[Any]] = (keys.PLAN,)) -> Run:
+    """The run of a plan; the records of a results directory are read when they are asked for.
+
+    Raises
+    ------
+    DataError
+        If ``planned`` is the directory of a run that has not ended with the records ``needed``.
+    """
+    if isinstance(planned, PlanningResult):
+        return planned.run
+    results = load_results(planned)
+    directory, status = results.directory, results.run.get("status")
+    if status != "ok":
+        raise DataError(f"{directory}: there is no plan: {ending_text(directory, status)}")
+    settings = results.settings
+    listed = settings.pipelines.stages
+    missing = [key.name for key in needed if key.name not in listed]
+    if missing == [keys.FRONT.name] and (directory / "replan.json").is_file():
+        raise DataError(
+            f"{directory}: the plan was made after an alarm (replan.json), so that its front has no failure "
+            "rates to choose by; replan with a correct fix or forecast"
+        )
+    if missing:
+        raise DataError(
+            f"{directory}: its run made no {' and no '.join(missing)}; name the results directory of a plan"
+        )
+    records = results.records((*keys.GROUND, keys.FOREST, keys.PLAN, *needed))  # never made again
+    with shaped(directory / "metrics.json", "the metrics of a run"):
+        seconds = float(results.metrics["growth_seconds"])
+    records.read_later(keys.FOREST, lambda: replace(results.forest, seconds=seconds))
+    states = records[keys.PLAN].path.q
+    if not ((states >= 0) & (states < records[keys.AUTOMATON].n_states)).all():
+        raise DataError(f"{directory}: plan.json names states that automaton.json lacks; run the plan again")
+    return Run(settings, with_extension_stages(PLAN_STAGES, listed), records)

@@ -8,8 +8,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.run.exporting import run_with_plan
-from pareto_ltl.run.interface import PlanningResult, choose, load_results, simulate
+from pareto_ltl.run import records as keys
+from pareto_ltl.run.choosing import choose
+from pareto_ltl.run.interface import simulate
 from pareto_ltl.run.page_stage import (
     DEPLOYMENT_STREAM,
     MOST_RUNS,
@@ -19,18 +20,8 @@ from pareto_ltl.run.page_stage import (
     write_page,
 )
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    FORECASTS,
-    FRONT,
-    PLAN,
-    PROBLEM,
-    SCENE,
-    WIND,
-    RecordKey,
-)
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.records import RecordKey
+from pareto_ltl.run.results import Planned, PlanningResult, Results, load_results, place_of, planned_run
 from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES
 from pareto_ltl.settings.outputs import PAGE_FILE
@@ -59,7 +50,7 @@ def page_of(planned: Results | str | Path, *, again: bool = False) -> Path:
     return path if path.is_file() and not again else page(results, path)
 
 
-def page(planned: PlanningResult | Results | str | Path, path: str | Path) -> Path:
+def page(planned: Planned, path: str | Path) -> Path:
     """Write the page of a plan as the file ``path``; return it.
 
     Parameters
@@ -74,7 +65,7 @@ def page(planned: PlanningResult | Results | str | Path, path: str | Path) -> Pa
     """
     if isinstance(planned, PlanningResult):
         run = planned.run
-        needed: tuple[RecordKey[Any], ...] = (PROBLEM, FRONT, PLAN, FORECASTS)
+        needed: tuple[RecordKey[Any], ...] = (keys.PROBLEM, keys.FRONT, keys.PLAN, keys.FORECASTS)
         for key in needed:
             run.make(key)
         origin, seeds = origin_in_memory(run.settings), stage_seeds(run.settings.seed, DEPLOYMENT_STREAM)
@@ -97,9 +88,9 @@ def _run_of_records(results: Results, unfinished: bool) -> Run:
         ending = ending_text(results.directory, status)
         raise DataError(f"{results.directory}: there is nothing to show: {ending}")
     there = results.records()
-    if SCENE not in there or WIND not in there or AUTOMATON not in there:
+    if keys.SCENE not in there or keys.WIND not in there or keys.AUTOMATON not in there:
         raise DataError(f"{results.directory}: it holds no plan of a mission; there is no page of it")
-    known, atoms = {*there[SCENE].regions, *there[SCENE].windows}, there[AUTOMATON].atoms
+    known, atoms = {*there[keys.SCENE].regions, *there[keys.SCENE].windows}, there[keys.AUTOMATON].atoms
     if lost := sorted({*atoms} - known - {*clock_windows(atoms)}):
         raise DataError(
             f"{results.directory}: scene.json has no region {shown_value(lost[0])}, which automaton.json "
@@ -107,10 +98,10 @@ def _run_of_records(results: Results, unfinished: bool) -> Run:
         )
     settings = results.settings
     run = Run(settings, with_extension_stages(PLAN_STAGES, settings.pipelines.stages), there)
-    if DECOMPOSITION in there:
-        run.make(PROBLEM)
-    if PLAN in there and not there[PLAN].alarmed:
-        run.make(FORECASTS)
+    if keys.DECOMPOSITION in there:
+        run.make(keys.PROBLEM)
+    if keys.PLAN in there and not there[keys.PLAN].alarmed:
+        run.make(keys.FORECASTS)
     return run
 
 
@@ -126,13 +117,13 @@ def open_page(path: Path) -> bool:
         return False
 
 
-def show(planned: PlanningResult | Results | str | Path) -> Path:
+def show(planned: Planned) -> Path:
     """Open the page of a plan in the default browser; return its path, also if there is no browser.
 
     The page of a results directory is its ``report.html``; the page of a plan in memory is written to a new
     temporary folder.
     """
-    place = planned.run.directory if isinstance(planned, PlanningResult) else planned
+    place = place_of(planned)
     if place is None:
         from tempfile import mkdtemp
 
@@ -151,15 +142,13 @@ class Explanation:
     document: dict[str, Any]
 
 
-def explain(
-    planned: PlanningResult | Results | str | Path, *, point: int | None = None, limits: bool = False
-) -> str:
+def explain(planned: Planned, *, point: int | None = None, limits: bool = False) -> str:
     """The text of :func:`explanation`, of all legs."""
     return "\n".join(explanation(planned, point=point, limits=limits).lines)
 
 
 def explanation(
-    planned: PlanningResult | Results | str | Path, *, point: int | None = None, limits: bool = False,
+    planned: Planned, *, point: int | None = None, limits: bool = False,
     each: bool = False,
 ) -> Explanation:  # fmt: skip
     """Text on the legs of a plan: its goal, the closest obstacle, the share of flights failed by its end.
@@ -186,11 +175,11 @@ def explanation(
     from pareto_ltl.report.legs import plan_legs, plan_lines
     from pareto_ltl.report.limits import limit_lines, price_rows, segment_rows
 
-    run = run_with_plan(planned)
+    run = planned_run(planned)
     if point is not None:
         run = choose(planned, point=point).run
-    problem, plan = run.make(PROBLEM), run.make(PLAN)
-    medium = medium_of(run.settings.robot.level, run.make(WIND).level)
+    problem, plan = run.make(keys.PROBLEM), run.make(keys.PLAN)
+    medium = medium_of(run.settings.robot.level, run.make(keys.WIND).level)
     if limits:
         segments, prices = segment_rows(problem.scene, plan), price_rows(problem.scene, plan, medium=medium)
         document: dict[str, Any] = {
@@ -203,7 +192,7 @@ def explanation(
     runs = min(run.settings.deployment.runs, MOST_RUNS)
     flown = simulate(PlanningResult(run), runs, problem.fidelity.law)
     legs = plan_legs(problem, plan, flown)
-    front = run.records.get(FRONT)
+    front = run.records.get(keys.FRONT)
     detours = [] if front is None else detour_lines(problem.scene, front, plan)
     document = {"law": flown.law, "flights": len(flown.x), "legs": [asdict(leg) for leg in legs]}
     lines = list(plan_lines(problem, plan, flown, legs, each=each, medium=medium))

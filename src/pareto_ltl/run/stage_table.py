@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, Protocol
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Generic
 from zlib import crc32
 
 from pareto_ltl.run.records import RecordKey, Records, T
@@ -22,29 +23,11 @@ if TYPE_CHECKING:
 
     from numpy.random import SeedSequence
 
+    from pareto_ltl.run.pipeline import Run
+
 FIGURES = "_figures"  # end of the names of stages that draw a study
 
 Progress = Callable[..., None]  # called with (done, total), and with a text on the result so far
-
-
-class StageContext(Protocol):
-    """The source of the inputs of a stage: a ``Run`` (``run/pipeline.py``)."""
-
-    settings: Settings
-    records: Records
-    directory: Path | None
-
-    @property
-    def stage_progress(self) -> Progress | None:
-        """The function to which a stage reports its progress."""
-
-    @property
-    def budget(self) -> Budget:
-        """The time that is left for planning."""
-
-    @property
-    def failure(self) -> str:
-        """Why the run has no plan; empty if it has one."""
 
 
 class StageInputs:
@@ -53,32 +36,33 @@ class StageInputs:
     ``inputs[WIND]`` is a record that the stage needs, ``inputs.get(PLAN)`` one that it uses if it exists.
     """
 
-    __slots__ = ("_context", "_stage")
+    __slots__ = ("_run", "_stage")
 
-    def __init__(self, stage: Stage[Any], context: StageContext) -> None:
+    def __init__(self, stage: Stage[Any], run: Run) -> None:
         self._stage = stage
-        self._context = context
+        self._run = run
 
     def __getitem__(self, key: RecordKey[T]) -> T:
         if key not in self._stage.needs:
             raise ValueError(f"stage {self._stage.name!r} asks for {key.name!r}: add its key to needs")
-        return self._context.records[key]
+        return self._run.records[key]
 
     def get(self, key: RecordKey[T]) -> T | None:
         """The record of ``key``, one of the stage's ``uses``; None if no earlier stage made it."""
         if key not in self._stage.uses:
             raise ValueError(f"stage {self._stage.name!r} asks for {key.name!r}: add its key to uses")
-        return self._context.records.get(key)
+        return self._run.records.get(key)
 
     @property
     def records(self) -> Records:
-        """A new store of the records that the stage needs, for studies that make further plans."""
-        return Records({key: self[key] for key in self._stage.needs})
+        """A new store of the records that the stage needs, and of those that it uses and that exist."""
+        used = {key: record for key in self._stage.uses if (record := self.get(key)) is not None}
+        return Records({key: self[key] for key in self._stage.needs} | used)
 
     @property
     def settings(self) -> Settings:
         """All settings of the run."""
-        return self._context.settings
+        return self._run.settings
 
     @property
     def seeds(self) -> SeedSequence:
@@ -90,24 +74,24 @@ class StageInputs:
     @property
     def directory(self) -> Path:
         """The results directory. A run without one raises ``ConfigError``."""
-        if self._context.directory is None:
+        if self._run.directory is None:
             raise ConfigError(f"stage {self._stage.name!r} writes files: run it with a results directory")
-        return self._context.directory
+        return self._run.directory
 
     @property
     def budget(self) -> Budget:
         """Time limit of growth and refinement together (``planner.budget_seconds``)."""
-        return self._context.budget
+        return self._run.budget
 
     @property
     def failure(self) -> str:
         """Why the mission is infeasible; empty if it is not, or not known to be."""
-        return self._context.failure
+        return self._run.failure
 
     @property
     def progress(self) -> Progress | None:
         """A function to call with (done, total) and optionally a text; None if no progress is shown."""
-        return self._context.stage_progress
+        return self._run.progress
 
 
 @dataclass(frozen=True)
@@ -132,6 +116,11 @@ class Stage(Generic[T]):
         of seconds. ``*`` is a wildcard.
     shows : tuple of str
         Files for people, figures and texts, which may contain times of computation.
+    codec : str
+        ``module:NAME``: functions ``write_NAME(directory, record)`` and ``read_NAME(place)`` of the module
+        write the record into a directory and read it back, from the directory or from its only file. The
+        record is there if the first of ``writes`` is. Empty if ``make`` writes the files itself, or there
+        are none.
     """
 
     makes: RecordKey[T]
@@ -141,11 +130,27 @@ class Stage(Generic[T]):
     stream: str | None = None
     writes: tuple[str, ...] = ()
     shows: tuple[str, ...] = ()
+    codec: str = ""
 
     @property
     def name(self) -> str:
         """The name of the stage and of its record."""
         return self.makes.name
+
+    def save(self, directory: Path, record: T) -> None:
+        """Write ``record`` into ``directory`` if it has a codec."""
+        if self.codec:
+            self._coder("write")(directory, record)
+
+    def load(self, place: Path | str) -> T:
+        """The record in a directory or a file, as :meth:`save` wrote it; DataError if it cannot be read."""
+        record: T = self._coder("read")(place)
+        return record
+
+    def _coder(self, action: str) -> Callable[..., Any]:
+        module, _, name = self.codec.partition(":")
+        function: Callable[..., Any] = getattr(import_module(module), f"{action}_{name}")
+        return function
 
 
 def stage_seeds(seed: int, stream: str) -> SeedSequence:

@@ -15,29 +15,10 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.run.compiling import compiling_in_two
+from pareto_ltl.run import records as keys
 from pareto_ltl.run.front_stage import FOREST_STREAM, make_front
 from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, make_page
 from pareto_ltl.run.provenance import wanted_wind
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    CANDIDATES,
-    DECOMPOSITION,
-    DEPLOYMENTS,
-    EXPORTS,
-    FIGURES,
-    FORECASTS,
-    FOREST,
-    FRONT,
-    OBSERVATIONS,
-    PAGE,
-    PLAN,
-    PROBLEM,
-    READINGS,
-    SCENE,
-    WIND,
-    WIND_TABLE,
-)  # fmt: skip
 from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, named_child
 from pareto_ltl.settings import ReportConfig, RobotConfig, WindConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
@@ -88,7 +69,7 @@ def make_scene(inputs: StageInputs) -> Scene:
     from pareto_ltl.world.scene_sketch import MissionUse
 
     settings = inputs.settings
-    departure, mission = settings.mission.start_time or inputs[READINGS].first_time, settings.mission
+    departure, mission = settings.mission.start_time or inputs[keys.READINGS].first_time, settings.mission
 
     def use() -> MissionUse | None:
         found = region_use(mission)
@@ -101,7 +82,7 @@ def make_decomposition(inputs: StageInputs) -> Decomposition:
     """The convex cells of the map."""
     from pareto_ltl.world import cells
 
-    return cells.decompose(inputs[SCENE])
+    return cells.decompose(inputs[keys.SCENE])
 
 
 def make_automaton(inputs: StageInputs) -> Automaton:
@@ -109,7 +90,7 @@ def make_automaton(inputs: StageInputs) -> Automaton:
     from pareto_ltl.logic.mission import automaton_of
     from pareto_ltl.world import cells
 
-    settings, scene, decomposition = inputs.settings, inputs[SCENE], inputs[DECOMPOSITION]
+    settings, scene, decomposition = inputs.settings, inputs[keys.SCENE], inputs[keys.DECOMPOSITION]
     letters = {*decomposition.letters, frozenset[str]()}
     result = automaton_of(
         settings.mission, letters, settings.logic.max_states, scene.regions, scene.windows, scene.forbidden
@@ -126,7 +107,7 @@ def make_observations(inputs: StageInputs) -> WindObservations:
     """The readings near the map, in its plane and with times since departure."""
     from pareto_ltl.wind.observations import place_readings
 
-    return place_readings(inputs.settings.wind, inputs[READINGS], inputs[SCENE])
+    return place_readings(inputs.settings.wind, inputs[keys.READINGS], inputs[keys.SCENE])
 
 
 def make_wind(inputs: StageInputs) -> WindField:
@@ -136,8 +117,8 @@ def make_wind(inputs: StageInputs) -> WindField:
 
     settings = inputs.settings
     steps = settings.planner.max_steps
-    horizon = steps * step_of(settings.robot, inputs[SCENE], steps)
-    return field.fit_wind_field(settings.wind, inputs[OBSERVATIONS], inputs[SCENE], horizon)
+    horizon = steps * step_of(settings.robot, inputs[keys.SCENE], steps)
+    return field.fit_wind_field(settings.wind, inputs[keys.OBSERVATIONS], inputs[keys.SCENE], horizon)
 
 
 def make_problem(inputs: StageInputs) -> Problem:
@@ -148,17 +129,17 @@ def make_problem(inputs: StageInputs) -> Problem:
     from pareto_ltl.world.windows import missed_windows
 
     settings = inputs.settings
-    _check_level(settings.robot, inputs[WIND])
+    _check_level(settings.robot, inputs[keys.WIND])
     if settings.fidelity.refine != "none":
         import_early()  # behind the modes of the wind and the trees
     problem = build_problem(
         settings.robot,
         settings.planner,
         settings.wind,
-        inputs[SCENE],
-        inputs[WIND],
-        inputs[DECOMPOSITION],
-        inputs[AUTOMATON],
+        inputs[keys.SCENE],
+        inputs[keys.WIND],
+        inputs[keys.DECOMPOSITION],
+        inputs[keys.AUTOMATON],
         settings.fidelity,
     )
     problem = replace(problem, costs=costs_with(settings.selection.costs))
@@ -183,8 +164,9 @@ def _check_level(robot: RobotConfig, wind: WindField) -> None:
 def make_forest(inputs: StageInputs) -> Forest:
     """The search trees (Algorithm 1)."""
     from pareto_ltl.planning import growth
+    from pareto_ltl.run.warmup import compiling_in_two
 
-    settings, problem = inputs.settings, inputs[PROBLEM]
+    settings, problem = inputs.settings, inputs[keys.PROBLEM]
     importing = Thread(target=_import_report, args=(settings.report,), daemon=True)
 
     def progress(*news: Any) -> None:
@@ -225,19 +207,19 @@ def make_plan(inputs: StageInputs) -> Plan:
     from pareto_ltl.wind.coverage import coverage_of, held_warning
     from pareto_ltl.world.projection import navigate
 
-    settings, problem = inputs.settings, inputs[PROBLEM]
-    front = within_capacity(settings.selection, inputs[FRONT], problem)
+    settings, problem = inputs.settings, inputs[keys.PROBLEM]
+    front = within_capacity(settings.selection, inputs[keys.FRONT], problem)
     coverage = coverage_of(
-        inputs[WIND],
+        inputs[keys.WIND],
         problem.scene.time_zero,
         settings.robot.level or "",
         by_default=settings.mission.start_time is None,
     )
     if front.rates:
-        path, promise = promise_path(settings.selection, problem, inputs[WIND], front, inputs.seeds)
+        path, promise = promise_path(settings.selection, problem, inputs[keys.WIND], front, inputs.seeds)
     else:
         path, promise = choose_path(settings.selection, front), None
-    held = held_warning(inputs[WIND], float(path.t[-1]), problem.scene.time_zero)
+    held = held_warning(inputs[keys.WIND], float(path.t[-1]), problem.scene.time_zero)
     for warning in filter(None, (bound_warning(path, settings.fidelity), held)):
         LOG.warning("%s", warning)
     law, seed = problem.fidelity.law, named_child(inputs.seeds, PRICING)
@@ -272,20 +254,20 @@ def make_forecasts(inputs: StageInputs) -> Mapping[str, Forecast]:
     """V and R of the plan under every law of ``deployment.laws``."""
     from pareto_ltl.planning.evaluate import forecast
 
-    plan = inputs[PLAN]
-    return {law: forecast(inputs[PROBLEM], plan.path.u, law) for law in inputs.settings.deployment.laws}
+    plan = inputs[keys.PLAN]
+    return {law: forecast(inputs[keys.PROBLEM], plan.path.u, law) for law in inputs.settings.deployment.laws}
 
 
 def make_deployments(inputs: StageInputs) -> Mapping[str, Deployment]:
     """Simulated flights of the plan under every law of ``deployment.laws``."""
     from pareto_ltl.simulation.flights import deploy_plan
 
-    return deploy_plan(inputs.settings.deployment, inputs[PROBLEM], inputs[PLAN], inputs.seeds)
+    return deploy_plan(inputs.settings.deployment, inputs[keys.PROBLEM], inputs[keys.PLAN], inputs.seeds)
 
 
 def make_export(inputs: StageInputs) -> tuple[Path, ...]:
     """Files of the plan, in the formats of ``exports.formats`` that the map and its departure allow."""
-    settings, problem, plan = inputs.settings, inputs[PROBLEM], inputs[PLAN]
+    settings, problem, plan = inputs.settings, inputs[keys.PROBLEM], inputs[keys.PLAN]
     if not settings.exports.files:
         return ()
     from pareto_ltl.exports.exported import exported_plan, flown_level
@@ -309,14 +291,14 @@ def make_report(inputs: StageInputs) -> tuple[Path, ...]:
     from pareto_ltl.report.records import DrawnRun
 
     run = DrawnRun(
-        scene=inputs[SCENE],
-        decomposition=inputs[DECOMPOSITION],
-        wind=inputs[WIND],
-        forest=inputs.get(FOREST),
-        front=inputs.get(FRONT),
-        plan=inputs.get(PLAN),
-        deployments=inputs.get(DEPLOYMENTS) or {},
-        forecasts=inputs.get(FORECASTS) or {},
+        scene=inputs[keys.SCENE],
+        decomposition=inputs[keys.DECOMPOSITION],
+        wind=inputs[keys.WIND],
+        forest=inputs.get(keys.FOREST),
+        front=inputs.get(keys.FRONT),
+        plan=inputs.get(keys.PLAN),
+        deployments=inputs.get(keys.DEPLOYMENTS) or {},
+        forecasts=inputs.get(keys.FORECASTS) or {},
     )
     return draw_run_figures(inputs.directory / "figures", inputs.settings.report, run)
 
@@ -326,70 +308,56 @@ def make_wind_table(inputs: StageInputs) -> Path:
     from pareto_ltl.wind.ingest import write_wind_table
 
     ingest = inputs.settings.ingest
-    return write_wind_table(inputs.settings.wind, inputs[READINGS], ingest, Path(ingest.out))
+    return write_wind_table(inputs.settings.wind, inputs[keys.READINGS], ingest, Path(ingest.out))
 
 
 EXPORT_STREAM = "export"
 FIGURE_FILES = tuple(f"figures/*.{kind}" for kind in FIGURE_FORMATS)
+MAP_FILES, PLAN_FILES = "pareto_ltl.world.scene_files", "pareto_ltl.planning.plan_files"
+SHOWN = (keys.FOREST, keys.FRONT, keys.PLAN, keys.DEPLOYMENTS, keys.FORECASTS)  # if they exist
 PLAN_STAGES = (
-    Stage(makes=READINGS, make=make_readings),
-    Stage(makes=SCENE, make=make_scene, needs=(READINGS,), writes=("scene.json",)),
-    Stage(makes=DECOMPOSITION, make=make_decomposition, needs=(SCENE,), writes=("cells.json",)),
+    Stage(keys.READINGS, make_readings),
+    Stage(keys.SCENE, make_scene, (keys.READINGS,), writes=("scene.json",), codec=f"{MAP_FILES}:scene"),
     Stage(
-        makes=AUTOMATON,
-        make=make_automaton,
-        needs=(SCENE, DECOMPOSITION),
-        writes=("automaton.json", "automaton.hoa"),
-    ),
-    Stage(makes=OBSERVATIONS, make=make_observations, needs=(READINGS, SCENE)),
-    Stage(makes=WIND, make=make_wind, needs=(OBSERVATIONS, SCENE), writes=("wind.nc",)),
-    Stage(makes=PROBLEM, make=make_problem, needs=(SCENE, WIND, DECOMPOSITION, AUTOMATON)),
-    Stage(makes=FOREST, make=make_forest, needs=(PROBLEM,), stream=FOREST_STREAM, writes=("trees.npz",)),
-    Stage(
-        makes=FRONT,
-        make=make_front,
-        needs=(PROBLEM, FOREST),
-        uses=(CANDIDATES,),
-        stream="front",
-        writes=("front.csv", "front.npz"),
+        keys.DECOMPOSITION, make_decomposition, (keys.SCENE,),
+        writes=("cells.json",), codec=f"{MAP_FILES}:cells",
     ),
     Stage(
-        makes=PLAN,
-        make=make_plan,
-        needs=(PROBLEM, WIND, FRONT),
-        stream="plan",
-        writes=("plan.json", "plan.csv"),
+        keys.AUTOMATON, make_automaton, (keys.SCENE, keys.DECOMPOSITION),
+        writes=("automaton.json", "automaton.hoa"), codec="pareto_ltl.logic.automaton_files:automaton",
     ),
-    Stage(makes=FORECASTS, make=make_forecasts, needs=(PROBLEM, PLAN)),
+    Stage(keys.OBSERVATIONS, make_observations, (keys.READINGS, keys.SCENE)),
     Stage(
-        makes=DEPLOYMENTS,
-        make=make_deployments,
-        needs=(PROBLEM, PLAN),
-        stream=DEPLOYMENT_STREAM,
-        writes=("deployments.npz",),
+        keys.WIND, make_wind, (keys.OBSERVATIONS, keys.SCENE),
+        writes=("wind.nc",), codec="pareto_ltl.wind.netcdf:wind",
+    ),
+    Stage(keys.PROBLEM, make_problem, (keys.SCENE, keys.WIND, keys.DECOMPOSITION, keys.AUTOMATON)),
+    Stage(
+        keys.FOREST, make_forest, (keys.PROBLEM,), stream=FOREST_STREAM,
+        writes=("trees.npz",), codec=f"{PLAN_FILES}:forest",
     ),
     Stage(
-        makes=EXPORTS,
-        make=make_export,
-        needs=(PROBLEM, PLAN),
-        stream=EXPORT_STREAM,
+        keys.FRONT, make_front, (keys.PROBLEM, keys.FOREST), (keys.CANDIDATES,), stream="front",
+        writes=("front.csv", "front.npz"), codec=f"{PLAN_FILES}:front",
+    ),
+    Stage(
+        keys.PLAN, make_plan, (keys.PROBLEM, keys.WIND, keys.FRONT), stream="plan",
+        writes=("plan.json", "plan.csv"), codec=f"{PLAN_FILES}:plan",
+    ),
+    Stage(keys.FORECASTS, make_forecasts, (keys.PROBLEM, keys.PLAN)),
+    Stage(
+        keys.DEPLOYMENTS, make_deployments, (keys.PROBLEM, keys.PLAN), stream=DEPLOYMENT_STREAM,
+        writes=("deployments.npz",), codec="pareto_ltl.simulation.records:deployments",
+    ),
+    Stage(
+        keys.EXPORTS, make_export, (keys.PROBLEM, keys.PLAN), stream=EXPORT_STREAM,
         writes=tuple(EXPORT_FILES.values()),
     ),
+    Stage(keys.FIGURES, make_report, (keys.SCENE, keys.DECOMPOSITION, keys.WIND), SHOWN, shows=FIGURE_FILES),
     Stage(
-        makes=FIGURES,
-        make=make_report,
-        needs=(SCENE, DECOMPOSITION, WIND),
-        uses=(FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS),
-        shows=FIGURE_FILES,
+        keys.PAGE, make_page, (keys.SCENE, keys.WIND), (keys.AUTOMATON, keys.PROBLEM, *SHOWN),
+        stream=DEPLOYMENT_STREAM, shows=(PAGE_FILE,),
     ),
-    Stage(
-        makes=PAGE,
-        make=make_page,
-        needs=(SCENE, WIND),
-        uses=(AUTOMATON, PROBLEM, FOREST, FRONT, PLAN, DEPLOYMENTS, FORECASTS),
-        stream=DEPLOYMENT_STREAM,
-        shows=(PAGE_FILE,),
-    ),
-    Stage(makes=WIND_TABLE, make=make_wind_table, needs=(READINGS,)),
-)
+    Stage(keys.WIND_TABLE, make_wind_table, (keys.READINGS,)),
+)  # fmt: skip
 PLAN_TABLE = StageTable(PLAN_STAGES)

@@ -1,4 +1,4 @@
-"""Compiling before it is needed: small missions whose kernels have the types of real runs.
+"""Compiling before it is needed, or in a second process: small missions with the kernels of real runs.
 
 Each entry of :data:`KINDS` is a mission that is planned, flown and exported in some seconds once its kernels
 are compiled. Kernels depend on the models and on what a map has (landmarks, windows), not on sizes.
@@ -6,22 +6,31 @@ are compiled. Kernels depend on the models and on what a map has (landmarks, win
 
 from __future__ import annotations
 
+import multiprocessing
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.settings import PRESETS
+from pareto_ltl.settings import PRESETS, Settings, preset
+from pareto_ltl.support.budget import Budget
+from pareto_ltl.support.cache import LOCKS_FOLDER, cache_root
+from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.files import process_lives
+from pareto_ltl.support.locks import TakenError, hold_lock
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
 
@@ -163,7 +172,8 @@ def small_sections(kind: Kind) -> Sections:
 
 
 def _plan(kind: Kind, folder: Path) -> None:
-    from pareto_ltl.run.interface import plan, replan
+    from pareto_ltl.run.interface import plan
+    from pareto_ltl.run.replanning import replan
 
     sections = small_sections(kind)
     planned = plan(sections.pop("scene"), kind.formula, out=folder, **sections)
@@ -211,7 +221,7 @@ def warm_up_all(names: Sequence[str], jobs: int, told: Told) -> Iterator[Warmed]
         for done, name in enumerate(names):
             yield warm_up(name, partial(_tell, told, done, total, name))
         return
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as workers:
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as workers:
         waiting = {workers.submit(warm_up, name) for name in names}
         told(0, total, f"{total} kinds of runs in {jobs} processes")
         for done, ended in enumerate(as_completed(waiting), 1):
@@ -221,3 +231,84 @@ def warm_up_all(names: Sequence[str], jobs: int, told: Told) -> Iterator[Warmed]
 
 def _tell(report: Told, done: int, total: int, name: str, kernel: str) -> None:
     report(done, total, f"{name}: {kernel}")
+
+
+# --- in a second process ------------------------------------------------------------------------
+
+GROWTH = "growth.grow"
+LONGEST = 300.0  # [s] to wait for the second process
+PAUSE = 0.1  # [s]
+CODE = "import sys; from pareto_ltl.run.warmup import second_process; second_process(*sys.argv[1:])"
+
+
+@contextmanager
+def compiling_in_two(settings: Settings, budget: Budget) -> Iterator[None]:
+    """In the block, a second process compiles all else while this one compiles growth.
+
+    Growth takes about half of the time. The second process plans a small mission of the same kind with a
+    given path (:func:`warm_up`); the machine code that it writes is then on disk. If it fails, or code for
+    other types is needed, this process compiles as usual. The block ends after the second process.
+
+    It ends earlier if ``budget`` is used up, or after :data:`LONGEST`; the second process is then ended.
+    """
+    from pareto_ltl.kernels.code_cache import compilation_watched
+
+    kind = kind_of(settings)
+    if kind is None or not _may_start():
+        yield
+        return
+    started: list[subprocess.Popen[bytes]] = []
+    with ExitStack() as held:
+
+        def start(kernel: str) -> None:
+            if kernel == GROWTH and not started:
+                with suppress(OSError, TakenError):  # another run has a second process
+                    locks = cache_root() / LOCKS_FOLDER
+                    locks.mkdir(parents=True, exist_ok=True)
+                    held.enter_context(hold_lock(locks / "compiling", wait=False))
+                    folder = held.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
+                    started.append(_process(kind, folder))
+                    held.callback(started[0].wait)
+                    held.callback(started[0].kill)
+
+        with compilation_watched(start):
+            yield
+        latest = time.monotonic() + LONGEST
+        while started and started[0].poll() is None and time.monotonic() < latest and not budget.over():
+            time.sleep(PAUSE)
+
+
+def kind_of(settings: Settings) -> str | None:
+    """The kind of warm-up with the kernels of ``settings``; None if there is none."""
+    if settings.fidelity != preset(settings.fidelity.name) or settings.robot.feedback_time is not None:
+        return None
+    if settings.scene.landmarks and settings.fidelity.name == "full":  # paper takes no fixes
+        return "full-fixes"
+    return settings.fidelity.name
+
+
+def _may_start() -> bool:
+    """Whether there is a core for a second process, and this one is not a worker of a sweep or study."""
+    return cores() > 1 and multiprocessing.parent_process() is None and not getattr(sys, "frozen", False)
+
+
+def _process(kind: str, folder: str) -> subprocess.Popen[bytes]:
+    """The second process; ``folder`` is for its temporary files, as it may be killed."""
+    paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "TMPDIR": folder, "TEMP": folder}
+    return subprocess.Popen(
+        [sys.executable, "-c", CODE, kind, str(os.getpid())],
+        env=os.environ | paths,
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def second_process(kind: str, first: str) -> None:
+    """Compile the kernels of ``kind`` except growth; end when the process ``first`` has ended."""
+
+    def watch() -> None:
+        while process_lives(int(first)):
+            time.sleep(1.0)
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
+    warm_up(kind, grown=False)

@@ -74,20 +74,19 @@ class Asked:
         """A parameter after the ``?``."""
         return self.request.query_params.get(name, default)
 
-    def body(self) -> Any:
-        """The JSON of the request; ConfigError if it is not JSON, or if its header does not declare JSON."""
+    def fields(self, *known: str) -> Mapping[str, Any]:
+        """The JSON object in the request; ConfigError if it is none, or has other names than ``known``.
+
+        Its header must declare JSON, which a form of another page cannot.
+        """
         if self.request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
             raise ConfigError("send JSON, with Content-Type: application/json")
         try:
-            return json.loads(self.content)
+            body = json.loads(self.content)
         except (ValueError, RecursionError):
             raise ConfigError("the body of the request is not JSON") from None
-
-    def fields(self, *known: str) -> Mapping[str, Any]:
-        """The object in the request; ConfigError if it has other names than ``known``."""
-        body = self.body()
         if not isinstance(body, dict) or not set(body) <= set(known):
-            raise ConfigError(f"expected an object with {', '.join(known)}, got {shown_json(body)}")
+            raise ConfigError(f"expected an object with some of {', '.join(known)}, got {shown_json(body)}")
         return body
 
     def started(self, job: Job) -> Response:
@@ -131,7 +130,9 @@ def operation(method: str, path: str, body: str = "") -> Callable[[Endpoint], En
            "formula; command: plan, departure (compares starts) or wind (without a plan)")  # fmt: skip
 async def make_plan(asked: Asked) -> Answer:
     """Start a plan; answers its id at once."""
-    command, *words = missions.command_words(asked.folder, asked.body())
+    command, *words = missions.command_words(
+        asked.folder, asked.fields("command", "overrides", "map", "formula")
+    )
     return asked.started(asked.plans.plan(command, words))
 
 

@@ -20,10 +20,11 @@ from pareto_ltl.report.page.ground import map_places, rounded, shown_wind
 from pareto_ltl.report.page.limits import limit_texts
 from pareto_ltl.report.page.points import chosen_number, flown_path, shown_flights, shown_path, shown_points
 from pareto_ltl.report.page.shown_run import ShownRun
-from pareto_ltl.run.exporting import export
-from pareto_ltl.run.interface import choose, load_results
-from pareto_ltl.run.newer_wind import issued
+from pareto_ltl.run.choosing import choose
+from pareto_ltl.run.interface import export
 from pareto_ltl.run.records import PLAN, SCENE, WIND
+from pareto_ltl.run.rest_of_flight import issued
+from pareto_ltl.run.results import load_results
 from pareto_ltl.run.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation.flights import CAUSES

@@ -23,8 +23,8 @@ from typing import IO, Any
 import numpy as np
 
 from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.run.progress import Found, Watcher, watch_runs
 from pareto_ltl.run.records import FOREST, FRONT, PROBLEM, RecordKey, Records
-from pareto_ltl.run.watching import Found, watch_runs
 from pareto_ltl.support.arrays import FloatArray
 
 MOST_PATHS = 40  # paths of the search trees that are reported
@@ -42,7 +42,7 @@ SMALL_PLAN = (
 Known = tuple[float, float, FloatArray]  # failure, length [m], positions (T+1, 2) [m]
 
 
-class Reporter:
+class Reporter(Watcher):
     """Writes the events of the present job; a watcher of its run."""
 
     def __init__(self, stream: IO[str]) -> None:

@@ -1,13 +1,20 @@
-"""The record of simulated flights that stages exchange."""
+"""The record of simulated flights that stages exchange, and its file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
 
 from pareto_ltl.planning.records import counted_rate
+from pareto_ltl.support.archives import stored
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.display import Displayed
+from pareto_ltl.support.files import write_npz
+
+FLIGHT_ARRAYS = ("x", "accepted", "collided", "off_map", "walled")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -50,3 +57,18 @@ class Deployment(Displayed):
             "meet an obstacle": f"{int(self.collided.sum()):,}",
             "leave the map": f"{gone:,}" + ("" if self.walled or not gone else ", which is no failure"),
         }
+
+
+def write_deployments(directory: Path, deployments: Mapping[str, Deployment]) -> None:
+    """Write ``deployments.npz``: the flights under each wind law."""
+    flights = deployments.items()
+    arrays = {f"{law}/{n}": np.asarray(getattr(flown, n)) for law, flown in flights for n in FLIGHT_ARRAYS}
+    write_npz(directory / "deployments.npz", arrays)
+
+
+def read_deployments(place: Path | str) -> dict[str, Deployment]:
+    """The flights of ``deployments.npz`` by wind law; ``place`` is the file or the directory that has it."""
+    with stored(place, "deployments.npz", "deployments") as arrays:
+        laws = sorted({name.partition("/")[0] for name in arrays})
+        flights = {law: [arrays[f"{law}/{name}"] for name in FLIGHT_ARRAYS] for law in laws}
+        return {law: Deployment(law, f[0], f[1], f[2], f[3], bool(f[4].all())) for law, f in flights.items()}

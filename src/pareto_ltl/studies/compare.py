@@ -1,4 +1,6 @@
-"""One mission, several planners, the same winds (the paper's Figure 1 and its baseline).
+"""One mission, several planners, the same winds: ``compare`` and ``ablation``.
+
+``compare`` runs these methods (the paper's Figure 1 and its baseline):
 
 ``paper``            the proposed planner as in the paper: paths of the trees without refinement
 ``smoothed``         the same with convex smoothing, as ``pipelines=plan fidelity=paper``
@@ -9,12 +11,30 @@
 
 The last two fly the airspeeds that they planned for calm air in the wind. All plans of one seed meet the same
 winds.
+
+``ablation`` changes one setting at a time; all plans are simulated with the same model:
+
+    trees, n_max   size of the forest
+    beta           slack of Eq. (11): 0 (no parent that is worse in any objective), random (default), large
+    epsilon        collision probability allowed at a step
+    kernel         covariance of the wind's regression for planning; flights use the kernel of the run
+    ball           radius of the maximum-trace ball
+    dt             the default plan flown with every step divided into shorter ones of equal control
+    law, mission_bound, collision_bound, parents, refine
+                   one model of ``fidelity`` for planning; flights use the models of the run.
+                   With ``planner.epsilon=null`` each collision bound has another default ε.
+
+Plans are paths of the trees without refinement (``refine=none``), except at other levels of ``refine``.
+
+``dt`` is about the wind laws, not the planner: the flight is the same, only the number of its steps changes.
+Independent draws average out, so that under this law bound and failure rate go to 0 with the time step; under
+the coherent law finer steps do not make the same flight safer.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,27 +43,16 @@ import numpy as np
 
 from pareto_ltl.report.records import Study
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PROBLEM, WIND, Records
+from pareto_ltl.run.records import PROBLEM, SCENE, WIND, Records
 from pareto_ltl.settings import Settings, preset
-from pareto_ltl.studies.flown_planners import (
-    FlownPlanners,
-    Planner,
-    Result,
-    Results,
-    bound,
-    failure_columns,
-    flags,
-    fly_planners,
-    planned_text,
-    pooled_flags,
-    truth,
-    with_plan,
-)
-from pareto_ltl.studies.parts import PartsProgress, part_key
-from pareto_ltl.studies.planning import fly_seeded, still, study_run, with_wind
-from pareto_ltl.studies.statistics import Columns, mcnemar_test, mean_interval, quartile_columns, rate_columns
-from pareto_ltl.studies.tables import kilometres_text, markdown_table, number_or_nan, rate_cell
+from pareto_ltl.settings.studies import FACTOR_SECTIONS, FACTOR_TITLES
+from pareto_ltl.studies import planning, tables
+from pareto_ltl.studies.parts import Progress, part_key
+from pareto_ltl.studies.planning import FlownPlanners, Planner, Result, Results, bound, flags, pooled_flags
+from pareto_ltl.studies.tables import Columns, quartile_columns, quartiles_cell, rate_cell, rate_columns
 from pareto_ltl.support.display import probability_text
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.world.time_step import step_of
 
 TITLES = {
     "paper": "proposed (paper)",
@@ -53,6 +62,7 @@ TITLES = {
     "ml_rrt": "ML-RRT (no wind)",
     "calm_shortest": "shortest in calm air",
 }
+CALM = ("ml_rrt", "calm_shortest")  # methods that plan for calm air
 COSTS = ("mission_risk_paper", "mission_risk_ordered", "collision_risk")
 
 
@@ -61,91 +71,70 @@ def method(name: str, settings: Settings, world: Records) -> Run:
     models = preset("full" if name == "full" else "paper")
     if name not in ("smoothed", "full", "calm_shortest"):
         models = replace(models, refine="none")
-    mine = replace(
-        settings,
-        fidelity=models,
-        planner=replace(settings.planner, threads=1),  # seeds share the cores, not trees
-    )
-    if name == "cc_rrt":
-        mine = replace(mine, planner=replace(mine.planner, near=0))  # no parents tried: no re-selection
-    run = study_run(mine, world)
+    # Seeds share the cores, not trees. Without other parents to try there is no re-selection.
+    near = 0 if name == "cc_rrt" else settings.planner.near
+    planner = replace(settings.planner, threads=1, near=near)
+    run = planning.study_run(replace(settings, fidelity=models, planner=planner), world)
     wind = run.make(WIND)
-    if name in ("ml_rrt", "calm_shortest"):
-        run = run.with_record(WIND, still(wind))
+    if name in CALM:
+        run = run.with_record(WIND, planning.still(wind))
     run.make(PROBLEM)
     return run
 
 
-def run_comparison(
-    settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
-) -> Study:
+def run_comparison(settings: Settings, world: Records, directory: Path, progress: Progress = None) -> Study:
     """Plan with every method and seed, fly all, and compare."""
-    world = with_wind(settings, world)
-    real = truth(settings, world)
-    planners = {
-        name: Planner(method(name, settings, world), real, seeded=name != "calm_shortest")
-        for name in settings.compare.methods
-    }
-
-    def key(name: str, seed: int) -> str:
-        mine, more = replace(planners[name].run.settings, seed=seed), settings.deployment.runs
-        return part_key(mine, "compare", name, more, settings.evaluation.laws, settings.fidelity.label)
-
-    return _collect_comparison(settings, *fly_planners(settings, planners, key, directory, progress))
-
-
-# --- tables ----------------------------------------------------------------------------------
-
-
-def _collect_comparison(settings: Settings, flown: FlownPlanners, found: Results) -> Study:
+    world = planning.with_wind(settings, world)
+    real = planning.truth(settings, world)
+    planners = {}
+    for name in settings.compare.methods:
+        run, key = method(name, settings, world), ("compare", name, settings.fidelity.label)
+        planners[name] = Planner(run, real, key, seeded=name != "calm_shortest")
+    flown, found = planning.fly_planners(settings, planners, directory, progress)
     names, seeds, laws = settings.compare.methods, settings.evaluation.seeds, flown.laws
-    rows = [
-        _comparison_row(name, law, [found[name, seed] for seed in seeds]) for name in names for law in laws
-    ]
-    each = [
-        _flight_row(name, seed, law, found[name, seed])
-        for name in names
-        for seed in seeds
-        for law in laws
-        if found[name, seed]["planned"]
-    ]
+    rows = [_method_row(name, law, [found[name, seed] for seed in seeds]) for name in names for law in laws]
     pairs = [_difference(names[0], name, law, found, seeds) for name in names[1:] for law in laws]
-    missing = [
-        {"method": name, "seed": seed, "reason": found[name, seed]["reason"]}
-        for name in names
-        for seed in seeds
-        if not found[name, seed]["planned"]
-    ]
-    tables = {"compare": rows, "compare_seeds": each, "differences": pairs, "no_plan": missing}
+    each = [(name, seed, found[name, seed]) for name in names for seed in seeds]
+    made = {
+        "compare": rows,
+        "compare_seeds": [_flight_row(*one, law) for one in each if one[-1]["planned"] for law in laws],
+        "differences": pairs,
+        "no_plan": [
+            {"method": name, "seed": seed, "reason": result["reason"]}
+            for name, seed, result in each
+            if not result["planned"]
+        ],
+    }
     numbers = {
         f"{row['method']}_failure_{row['law']}{end}": row[f"failure{end}"]
         for row in rows
         for end in ("", "_low", "_high")
     }
-    numbers |= {f"{row['method']}_planned": row["planned"] for row in rows}
-    numbers |= {"seeds": float(len(seeds))}
-    pictures = {"panels": _panels(settings, flown, found), "wind": _wind(flown)}
-    return Study(
-        {name: tuple(table) for name, table in tables.items()},
-        numbers,
-        _comparison_text(rows, pairs),
-        pictures,
-    )
+    numbers |= {f"{row['method']}_planned": row["planned"] for row in rows} | {"seeds": float(len(seeds))}
+    winds = (planner.run[WIND] for planner in planners.values())
+    pictures = {
+        "panels": [_panel(flown, name, found[name, seeds[0]], seeds[0]) for name in names],
+        "wind": next((wind for wind in winds if wind.mean.any()), None),  # for the arrows
+    }
+    return Study(made, numbers, _methods_text(rows, pairs), pictures)
 
 
-def _comparison_row(name: str, law: str, results: Sequence[Result]) -> Columns:
+# --- tables of methods -----------------------------------------------------------------------
+
+
+def _method_row(name: str, law: str, results: Sequence[Result]) -> Columns:
     """All seeds of one method under one law; a seed without a plan has no flights."""
-    planned = with_plan(results)
+    planned = planning.with_plan(results)
     row: Columns = {"method": name, "title": TITLES[name], "law": law, "seeds": len(results)}
-    row |= {"flights": len(pooled_flags(planned, law))} | failure_columns(results, law)
+    row |= {"flights": len(pooled_flags(planned, law))} | planning.failure_columns(results, law)
     for rate, flag in (("collision", "collided"), ("off_map", "off_map"), ("completion", "accepted")):
         row |= rate_columns(rate, pooled_flags(planned, law, flag))
     for cost in COSTS:
-        row |= quartile_columns(cost, [number_or_nan(result["objectives"][cost]) for result in planned])
+        row |= quartile_columns(cost, [tables.number_or_nan(one["objectives"][cost]) for one in planned])
     bounds = [bound(result) for result in planned]
     row |= quartile_columns("bound_paper", [bound(result, "mission_risk_paper") for result in planned])
     row |= quartile_columns("bound", bounds)
-    row |= {"bound_mean": float(np.mean(bounds)) if bounds else float("nan")}
+    row |= {"bound_mean": float(np.mean(bounds)) if bounds else math.nan}
     row |= quartile_columns("forecast", [result["laws"][law]["bound"] for result in planned])
     row |= {"bounds_broken": sum(_is_broken(result, law) for result in planned)}
     return row | quartile_columns("plan_seconds", [result["seconds"] for result in results])
@@ -156,15 +145,12 @@ def _is_broken(result: Result, law: str) -> bool:
     return bool(rate_columns("f", flags(result, law))["f_low"] > result["laws"][law]["bound"])
 
 
-def _flight_row(name: str, seed: int, law: str, result: Result) -> Columns:
+def _flight_row(name: str, seed: int, result: Result, law: str) -> Columns:
     costs = result["objectives"]
     row: Columns = {"method": name, "seed": seed, "law": law, "length_m": costs["length"]}
-    row |= {cost: number_or_nan(costs[cost]) for cost in COSTS} | {"steps": len(result["u"])}
-    return (
-        row
-        | rate_columns("failure", flags(result, law))
-        | rate_columns("collision", flags(result, law, "collided"))
-    )
+    row |= {cost: tables.number_or_nan(costs[cost]) for cost in COSTS} | {"steps": len(result["u"])}
+    row |= rate_columns("failure", flags(result, law))
+    return row | rate_columns("collision", flags(result, law, "collided"))
 
 
 def _difference(first: str, other: str, law: str, found: Results, seeds: Sequence[int]) -> Columns:
@@ -172,64 +158,40 @@ def _difference(first: str, other: str, law: str, found: Results, seeds: Sequenc
     both = [s for s in seeds if found[first, s]["planned"] and found[other, s]["planned"]]
     pairs = [(flags(found[first, s], law), flags(found[other, s], law)) for s in both]
     gaps = np.array([b.mean() - a.mean() for a, b in pairs])
-    low, high = mean_interval(gaps)
-    one_only, other_only = (
-        int(sum(n)) for n in ([(a & ~b).sum() for a, b in pairs], [(b & ~a).sum() for a, b in pairs])
-    )
-    return {
-        "method": other,
-        "against": first,
-        "law": law,
-        "seeds": len(both),
-        "pairs": sum(len(a) for a, _ in pairs),
-        "difference": float(gaps.mean()) if len(gaps) else float("nan"),
-        "difference_low": low,
-        "difference_high": high,
-        "only_this_failed": other_only,
-        "only_the_other_failed": one_only,
-        "mcnemar_p": mcnemar_test(one_only, other_only),
-    }
+    alone = sum(int((b & ~a).sum()) for a, b in pairs)
+    first_alone = sum(int((a & ~b).sum()) for a, b in pairs)
+    row: Columns = {"method": other, "against": first, "law": law, "seeds": len(both)}
+    row |= {"pairs": sum(len(a) for a, _ in pairs)}
+    middle = float(gaps.mean()) if len(gaps) else math.nan
+    row |= tables.interval_columns("difference", middle, *tables.mean_interval(gaps))
+    row |= {"only_this_failed": alone, "only_the_other_failed": first_alone}
+    return row | {"mcnemar_p": tables.mcnemar_test(first_alone, alone)}
 
 
-def _panels(settings: Settings, flown: FlownPlanners, found: Results) -> list[Columns]:
-    """The first seed's plan of every method with its flights, for Figure 1."""
-    seed = settings.evaluation.seeds[0]
-    panels = []
-    for name in settings.compare.methods:
-        result = found[name, seed]
-        panel: Columns = {"method": name, "title": TITLES[name], "planned": result["planned"]}
-        if result["planned"]:
-            u, x = (np.array(result[key], float).reshape(-1, 2) for key in ("u", "x"))
-            panel |= {
-                "x": x,
-                "flights": {
-                    law: fly_seeded(flown.planners[name].truth, u, flown.runs, law, seed, x)
-                    for law in flown.laws
-                },
-                "length_m": result["objectives"]["length"],
-                "bound": bound(result),
-            }
-        panels.append(panel)
-    return panels
+def _panel(flown: FlownPlanners, name: str, result: Result, seed: int) -> Columns:
+    """The plan of a method with its flights, for Figure 1."""
+    panel: Columns = {"method": name, "title": TITLES[name], "planned": result["planned"]}
+    if not result["planned"]:
+        return panel
+    u, x = (np.array(result[key], float).reshape(-1, 2) for key in ("u", "x"))
+    truth = flown.planners[name].truth
+    flights = {law: planning.fly_seeded(truth, u, flown.runs, law, seed, x) for law in flown.laws}
+    return panel | {
+        "x": x, "flights": flights, "length_m": result["objectives"]["length"], "bound": bound(result)
+    }  # fmt: skip
 
 
-def _wind(flown: FlownPlanners) -> Any:
-    """The expected wind, for the arrows."""
-    winds = (planner.run[WIND] for planner in flown.planners.values())
-    return next((wind for wind in winds if wind.mean.any()), None)
-
-
-def _comparison_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
-    first = markdown_table(
+def _methods_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
+    first = tables.markdown_table(
         "Failure of the flights (missed the mission, touched an obstacle or, where the border is a wall, "
         "left the map), 95 % intervals; bounds: mission "
         "risk (f_o or V) + collision risk R, in the winds that the plan was made for and in those flown in; "
         "medians over seeds",
         {
-            "method": lambda row: TITLES[row["method"]],
-            "winds": lambda row: row["law"],
-            "planned": planned_text,
-            "length [km]": lambda row: kilometres_text(row["length_m"]),
+            "method": "title",
+            "winds": "law",
+            "planned": planning.planned_text,
+            "length [km]": tables.length_cell,
             "f_o + R, as planned": lambda row: _planned_risk(row, "bound_paper"),
             "V + R, as planned": lambda row: _planned_risk(row, "bound"),
             "V + R in these winds": lambda row: probability_text(row["forecast"]),
@@ -243,31 +205,24 @@ def _comparison_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
     if not pairs:
         return first
     reference = TITLES[pairs[0]["against"]]
-    second = markdown_table(
+    return f"{first}\n" + tables.markdown_table(
         f"Failure minus failure of {reference}, in the same winds (95 % interval over seeds)",
         {
             "method": lambda row: TITLES[row["method"]],
-            "winds": lambda row: row["law"],
+            "winds": "law",
             "difference": _points,
             "only this failed": lambda row: f"{row['only_this_failed']:,}",
             "only the other failed": lambda row: f"{row['only_the_other_failed']:,}",
-            "McNemar p": lambda row: _chance(row["mcnemar_p"]),
+            "McNemar p": lambda row: "< 1e-6" if row["mcnemar_p"] < 1e-6 else f"{row['mcnemar_p']:.2g}",
         },
         pairs,
     )
-    return first + "\n" + second
-
-
-def planned_winds(method: str) -> str:
-    """The winds that a method plans for."""
-    if method in ("ml_rrt", "calm_shortest"):
-        return "calm air"
-    return f"{preset('full' if method == 'full' else 'paper').law} winds"
 
 
 def _planned_risk(row: Columns, name: str) -> str:
-    """A bound of the plan with its winds; f_o does not hold in coherent winds."""
-    winds = planned_winds(row["method"])
+    """A bound of the plan, and the winds that the method plans for; f_o does not hold in coherent winds."""
+    law = preset("full" if row["method"] == "full" else "paper").law
+    winds = "calm air" if row["method"] in CALM else f"{law} winds"
     if name == "bound_paper" and winds == "coherent winds":
         return "-"
     return f"{probability_text(row[name])} in {winds}"
@@ -280,5 +235,112 @@ def _points(row: Columns) -> str:
     return f"{100 * row['difference']:+.2f} % ({100 * low:+.2f} to {100 * high:+.2f})"
 
 
-def _chance(p: float) -> str:
-    return "< 1e-6" if p < 1e-6 else f"{p:.2g}"
+# --- one setting at a time -------------------------------------------------------------------
+
+
+def levels(settings: Settings) -> Iterator[tuple[str, Any]]:
+    """Every (factor, level) of the settings."""
+    for factor in settings.ablation.factors:
+        for level in getattr(settings.ablation, factor):
+            yield factor, level
+
+
+def changed(settings: Settings, factor: str, level: Any) -> Settings:
+    """``settings`` with ``factor`` set to ``level``; ``dt`` changes flights, not the planner."""
+    if factor == "dt":
+        return settings
+    part = getattr(settings, FACTOR_SECTIONS[factor])
+    new = {factor: level}
+    if factor == "beta":
+        new = {name: level * getattr(part, name) for name in ("beta_risk", "beta_length")}
+    return replace(settings, **{FACTOR_SECTIONS[factor]: replace(part, **new)})
+
+
+def run_ablation(settings: Settings, world: Records, directory: Path, progress: Progress = None) -> Study:
+    """Plan with every level and seed, and fly all plans.
+
+    Raises
+    ------
+    ConfigError
+        If time steps cannot be divided.
+    """
+    plain = settings.robot.a == [[1.0, 0.0], [0.0, 1.0]] and settings.robot.feedback_time is None
+    if "dt" in settings.ablation.factors and not plain:
+        raise ConfigError(
+            "ablation.factors contains dt, which divides time steps: this needs robot.a = [[1,0],[0,1]] and "
+            "robot.feedback_time = null (they depend on the time step); leave dt out"
+        )
+    dt = step_of(settings.robot, world[SCENE], settings.planner.max_steps)
+    settings = replace(settings, robot=replace(settings.robot, dt=dt))
+    cfg = settings.evaluation
+    _, found = planning.fly_planners(settings, _planners(settings, world), directory, progress)
+    rows = [
+        _level_row(settings, name, law, [found[name, seed] for seed in cfg.seeds])
+        for name in levels(settings)
+        for law in cfg.laws
+    ]
+    numbers = {f"{row['factor']}_{row['level']}_failure_{row['law']}": row["failure"] for row in rows}
+    return Study({"ablation": rows}, {"seeds": float(len(cfg.seeds))} | numbers, _levels_text(settings, rows))
+
+
+def _planners(settings: Settings, world: Records) -> dict[tuple[str, Any], Planner]:
+    """A planner for each (factor, level); those with the default settings share a run."""
+    mine = planning.unsmoothed(settings)
+    whole = planning.with_wind(mine, world)
+    reference, real = planning.study_run(mine, whole), planning.truth(settings, whole)
+    key = "ablation", part_key(replace(settings, seed=0))  # with the model of the flights, which stays
+    planners = {}
+    for factor, level in levels(settings):
+        other = changed(mine, factor, level)
+        same = world if factor == "kernel" else whole
+        run = planning.study_run(other, same) if other != mine else reference
+        run.make(PROBLEM)
+        pieces = level if factor == "dt" else 1
+        flown_in = planning.truth(cut(settings, pieces), world) if pieces > 1 else real
+        planners[factor, level] = Planner(run, flown_in, key, pieces)
+    return planners
+
+
+def cut(settings: Settings, pieces: int) -> Settings:
+    """The same robot and wind with time steps of 1/``pieces`` of the length.
+
+    The last field is held to the end of a step that begins with it, as for an undivided step.
+    """
+    robot = replace(settings.robot, dt=settings.robot.dt / pieces)
+    planner = replace(settings.planner, max_steps=settings.planner.max_steps * pieces)
+    wind = settings.wind if pieces == 1 else replace(settings.wind, hold_last=True)
+    return replace(settings, robot=robot, planner=planner, wind=wind)
+
+
+def _level_row(settings: Settings, name: tuple[str, Any], law: str, results: Sequence[Result]) -> Columns:
+    """All seeds of one level under one law."""
+    (factor, level), planned = name, planning.with_plan(results)
+    row: Columns = {"factor": factor, "level": level, "law": law, "seeds": len(results)}
+    row |= {"shown": settings.robot.dt / level if factor == "dt" else level}
+    row |= planning.failure_columns(results, law)
+    collided = [planning.flags(result, law, "collided").mean() for result in planned]
+    row |= quartile_columns("collided_of_a_plan", collided)
+    row |= quartile_columns("bound_planned", [planning.bound(result) for result in planned])
+    return row | quartile_columns("bound", [result["laws"][law]["bound"] for result in planned])
+
+
+def _levels_text(settings: Settings, rows: Sequence[Columns]) -> str:
+    return "\n".join(
+        tables.markdown_table(
+            f"{FACTOR_TITLES[factor]}: median (quartiles) over seeds; "
+            "failed of all flights with 95 % interval",
+            {
+                FACTOR_TITLES[factor]: lambda row: (
+                    row["shown"] if isinstance(row["shown"], str) else f"{row['shown']:g}"
+                ),
+                "winds": "law",
+                "with a plan": planning.planned_text,
+                "V + R in these winds": lambda row: quartiles_cell(row, "bound"),
+                "failed, a plan": lambda row: quartiles_cell(row, "failure_of_a_plan"),
+                "failed, all": lambda row: rate_cell(row, "failure"),
+                "length [km]": tables.length_cell,
+            },
+            [row for row in rows if row["factor"] == factor],
+        )
+        for factor in settings.ablation.factors
+    )

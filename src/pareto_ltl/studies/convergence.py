@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,20 +26,10 @@ from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import FOREST, PLAN, PROBLEM, Records
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import FidelityConfig, Settings
-from pareto_ltl.studies.flown_planners import (
-    bound,
-    failure_columns,
-    flags,
-    outcomes,
-    plan_columns,
-    planned_text,
-    truth,
-    with_plan,
-)
-from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
-from pareto_ltl.studies.planning import study_run, unsmoothed, with_wind
-from pareto_ltl.studies.statistics import Columns, quartile_columns, rate_columns
-from pareto_ltl.studies.tables import kilometres_text, markdown_table, number_or_nan, quartiles_cell
+from pareto_ltl.studies import planning, tables
+from pareto_ltl.studies.parts import Part, Progress, part_key, work_parts
+from pareto_ltl.studies.planning import flags
+from pareto_ltl.studies.tables import Columns, number_or_nan, quartile_columns, quartiles_cell, rate_columns
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 
@@ -48,60 +38,47 @@ FAR = 2.0  # the reference of the hypervolume, in lengths of the shortest path o
 BY_CREATION = ("swaps", "beta")  # arrays of a tree without a row for each vertex
 
 
-@dataclass(frozen=True, slots=True)
-class ConvergenceContext:
-    """Data for all parts of the study: the run, the true model, sizes, number of flights and wind laws."""
-
-    run: Run
-    truth: Problem
-    sizes: tuple[int, ...]
-    runs: int
-    laws: tuple[str, ...]
-
-
-def run_convergence(
-    settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
-) -> Study:
+def run_convergence(settings: Settings, world: Records, directory: Path, progress: Progress = None) -> Study:
     """Grow one forest for each seed, and select and fly a plan at every size."""
     cfg, sizes = settings.evaluation, tuple(sorted(settings.convergence.sizes))
-    mine = unsmoothed(settings)
-    mine = replace(mine, planner=replace(mine.planner, n_max=sizes[-1], threads=1))
-    world = with_wind(settings, world)
-    run = study_run(mine, world)
+    mine = planning.unsmoothed(settings, n_max=sizes[-1])
+    world = planning.with_wind(settings, world)
+    run = planning.study_run(mine, world)
     run.make(PROBLEM)
-    context = ConvergenceContext(
-        run, truth(settings, world), sizes, settings.deployment.runs, tuple(cfg.laws)
-    )
-    inputs = context.sizes, context.runs, context.laws
+    inputs = sizes, settings.deployment.runs, tuple(cfg.laws)
     todo = [
         Part(f"seed-{seed}", (seed,), part_key(replace(mine, seed=seed), "convergence", *inputs))
         for seed in cfg.seeds
     ]
-    results = work_parts(cfg, directory, convergence_part, context, todo, progress)
-    return _collect_convergence(mine, context.laws, results)
+    context = run, planning.truth(settings, world)
+    return _study(mine, work_parts(cfg, directory, convergence_part, context, todo, progress))
 
 
 # --- one seed --------------------------------------------------------------------------------
 
 
-def convergence_part(context: ConvergenceContext, seed: int) -> Columns:
-    """One forest at every size, and the time of its first solution."""
-    run = context.run.with_seed(seed)
+def convergence_part(context: tuple[Run, Problem], seed: int) -> Columns:
+    """One forest at every size, and the time of its first solution; ``context``: the run, the true model."""
+    run = context[0].with_seed(seed)
     forest = run.make(FOREST)
-    looks = [_look(context, snapshot(forest, n), n, seed) for n in context.sizes]
-    return {"looks": looks, "nodes_per_second": _rate(forest), **first_answer(run)}
+    sizes = sorted(run.settings.convergence.sizes)
+    looks = [_look(run.with_record(FOREST, snapshot(forest, n)), context[1], n) for n in sizes]
+    spent = sum(tree.seconds for tree in forest.trees)
+    rate = sum(map(len, forest.trees)) / spent if spent > 0 else math.nan
+    return {"looks": looks, "nodes_per_second": rate, **first_answer(run)}
 
 
-def _look(context: ConvergenceContext, forest: Forest, n: int, seed: int) -> Columns:
+def _look(run: Run, truth: Problem, n: int) -> Columns:
     """The plan of a run that stops at ``n`` vertices per tree, and the outcomes of its flights."""
-    run = context.run.with_seed(seed).with_record(FOREST, forest)
+    forest, cfg = run[FOREST], run.settings
     look: Columns = {"size": n, "vertices": sum(map(len, forest.trees)), "accepted": len(forest.accepted)}
     try:
         plan = run.make(PLAN)
     except InfeasibleError:
         return look | {"planned": False}
-    laws = outcomes(context.truth, plan.path.u, plan.path.x, context.runs, context.laws, seed)
-    found = look | plan_columns(plan, laws)
+    flight = plan.path.u, plan.path.x
+    laws = planning.outcomes(truth, flight, cfg.deployment.runs, cfg.evaluation.laws, cfg.seed)
+    found = look | planning.plan_columns(plan, laws)
     return found | {"mission_bound": found["objectives"]["mission_risk"], "front": trade_offs(forest)}
 
 
@@ -131,11 +108,6 @@ def _first(tree: Tree, n: int) -> Tree:
     return replace(tree, **rows)
 
 
-def _rate(forest: Forest) -> float:
-    spent = sum(tree.seconds for tree in forest.trees)
-    return sum(map(len, forest.trees)) / spent if spent > 0 else float("nan")
-
-
 def first_answer(run: Run) -> Columns:
     """Number of vertices with which the fastest tree completes the mission, and its time [s]."""
     from pareto_ltl.planning import growth
@@ -157,39 +129,34 @@ def first_answer(run: Run) -> Columns:
 # --- all seeds -------------------------------------------------------------------------------
 
 
-def _collect_convergence(
-    settings: Settings, laws: Sequence[str], results: Sequence[Mapping[str, Any]]
-) -> Study:
-    sizes, seeds = tuple(sorted(settings.convergence.sizes)), settings.evaluation.seeds
+def _study(settings: Settings, results: Sequence[Mapping[str, Any]]) -> Study:
+    sizes, cfg = sorted(settings.convergence.sizes), settings.evaluation
     volumes = hypervolumes(results)
     rows = [
-        _convergence_row(n, law, [result["looks"][k] for result in results], volumes[:, k])
+        _row(n, law, [result["looks"][k] for result in results], volumes[:, k])
         | {"planned_law": settings.fidelity.law}
         for k, n in enumerate(sizes)
-        for law in laws
+        for law in cfg.laws
     ]
     each = [
         _seed_row(seed, law, look, volumes[s, k])
-        for s, seed in enumerate(seeds)
+        for s, seed in enumerate(cfg.seeds)
         for k, look in enumerate(results[s]["looks"])
-        for law in laws
+        for law in cfg.laws
     ]
+    clocks = ("first_seconds", "first_vertices", "nodes_per_second")
     firsts = [
-        {"seed": seed}
-        | {key: number_or_nan(result[key]) for key in ("first_seconds", "first_vertices", "nodes_per_second")}
-        for seed, result in zip(seeds, results, strict=True)
+        {"seed": seed} | {key: number_or_nan(result[key]) for key in clocks}
+        for seed, result in zip(cfg.seeds, results, strict=True)
     ]
-    numbers = {"seeds": float(len(seeds))}
-    for name in ("first_seconds", "first_vertices"):
+    numbers = {"seeds": float(len(cfg.seeds))}
+    for name in clocks[:2]:
         numbers |= quartile_columns(name, [row[name] for row in firsts])
-    for row in rows:
-        if row["size"] == sizes[-1]:
-            numbers |= {
-                f"bound_{row['law']}": row["bound"],
-                f"median_failure_{row['law']}": row["failure_of_a_plan"],
-            }
-    tables = {"convergence": tuple(rows), "convergence_seeds": tuple(each), "first_answer": tuple(firsts)}
-    return Study(tables, numbers, _convergence_text(rows, numbers, settings.fidelity))
+    for row in rows[-len(cfg.laws) :]:
+        law = row["law"]
+        numbers |= {f"bound_{law}": row["bound"], f"median_failure_{law}": row["failure_of_a_plan"]}
+    made = {"convergence": rows, "convergence_seeds": each, "first_answer": firsts}
+    return Study(made, numbers, _text(rows, numbers, settings.fidelity))
 
 
 def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
@@ -219,13 +186,13 @@ def decades(risk: float) -> float:
     return 1.0 - math.log10(max(risk, FEWEST)) / math.log10(FEWEST)
 
 
-def _convergence_row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArray) -> Columns:
+def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArray) -> Columns:
     """Median and quartiles over the seeds that have a plan at this size."""
-    planned = with_plan(looks)
+    planned = planning.with_plan(looks)
     missed = [1.0 - flags(look, law, "accepted").mean() for look in planned]
-    row: Columns = {"size": n, "law": law, "seeds": len(looks)} | failure_columns(looks, law)
+    row: Columns = {"size": n, "law": law, "seeds": len(looks)} | planning.failure_columns(looks, law)
     row |= quartile_columns("mission_bound", [number_or_nan(look["mission_bound"]) for look in planned])
-    row |= quartile_columns("bound", [bound(look) for look in planned])
+    row |= quartile_columns("bound", [planning.bound(look) for look in planned])
     row |= quartile_columns("missed_of_a_plan", missed)
     row |= {"bounds_broken": sum(bound_is_broken(look, law) for look in planned)}
     return row | quartile_columns("hypervolume", volumes)
@@ -246,21 +213,20 @@ def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Co
     return row | {"hypervolume": volume, "accepted_vertices": look["accepted"]}
 
 
-def _convergence_text(rows: Sequence[Columns], numbers: Mapping[str, float], models: FidelityConfig) -> str:
-    table = markdown_table(
+def _text(rows: Sequence[Columns], numbers: Mapping[str, float], models: FidelityConfig) -> str:
+    mission_bound = f"bound {models.mission_symbol} on missed, {models.law} winds"
+    table = tables.markdown_table(
         "The selected path as trees grow: median (quartiles) over seeds that have a plan",
         {
             "vertices per tree": lambda row: f"{row['size']:,}",
-            "winds": lambda row: row["law"],
-            "with a plan": planned_text,
-            f"bound {models.mission_symbol} on missed, {models.law} winds": lambda row: quartiles_cell(
-                row, "mission_bound"
-            ),
+            "winds": "law",
+            "with a plan": planning.planned_text,
+            mission_bound: lambda row: quartiles_cell(row, "mission_bound"),
             "missed": lambda row: quartiles_cell(row, "missed_of_a_plan"),
             "broken": lambda row: f"{row['bounds_broken']} of {round(row['planned'] * row['seeds'])}",
             f"bound V + R, {models.law} winds": lambda row: quartiles_cell(row, "bound"),
             "failed": lambda row: quartiles_cell(row, "failure_of_a_plan"),
-            "length [km]": lambda row: kilometres_text(row["length_m"]),
+            "length [km]": tables.length_cell,
             "hypervolume": lambda row: f"{row['hypervolume']:.3f}",
         },
         rows,

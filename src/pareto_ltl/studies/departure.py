@@ -2,10 +2,11 @@
 
 A start is a time of departure. Readings, cells and automaton do not depend on it and are made once. For each
 start the wind is fitted from its departure on, and trees, front and plan are made as in a run with that
-``mission.start_time``; with ``departure.quick`` by a coarser refinement (``run/quick.py``). Starts that may
-be the best are planned with further seeds. The paths of all fronts are compared by fresh flights that
-planning has not used; flights of the same number have the same draws at every start. The recommended start is
-then planned in full, with all files of a run; its compared paths are judged with the paths of the full plan.
+``mission.start_time``; with ``departure.quick`` by a coarser refinement (``run/rest_of_flight.py``). Starts
+that may be the best are planned with further seeds. The paths of all fronts are compared by fresh flights
+that planning has not used; flights of the same number have the same draws at every start. The recommended
+start is then planned in full, with all files of a run; its compared paths are judged with the paths of the
+full plan.
 """
 
 from __future__ import annotations
@@ -19,62 +20,38 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.exports.navigation_log import expected_winds
+from pareto_ltl.planning.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.selection_rules import within_capacity
 from pareto_ltl.report.records import Study
+from pareto_ltl.run import records
 from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.extra_paths import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.pipeline import Run, carry_out
 from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.run.quick import quick_settings
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    FOREST,
-    FRONT,
-    PLAN,
-    PROBLEM,
-    READINGS,
-    SCENE,
-    Records,
-)
+from pareto_ltl.run.records import Records
+from pareto_ltl.run.rest_of_flight import quick_settings
 from pareto_ltl.run.stage_table import named_child, stage_seeds
 from pareto_ltl.run.stages import PLAN_TABLE
-from pareto_ltl.settings import Settings
+from pareto_ltl.settings import DepartureConfig, Settings
 from pareto_ltl.simulation.judging import which_fail_each
-from pareto_ltl.studies.departure_fronts import (
-    FlownFront,
-    compare_fronts,
-    flown_front,
-    pooled_front,
-    starts_to_repeat,
-)
-from pareto_ltl.studies.departure_starts import candidate_starts, folder_name
-from pareto_ltl.studies.departure_table import (
-    Delivered,
-    Found,
-    compared_paths,
-    departure_study,
-    departures_document,
-    fronts_in_time,
-    on_time,
-    planned_path,
-    start_rows,
-)
-from pareto_ltl.studies.parts import Part, PartsProgress, half_the_cores, part_key, work_parts
+from pareto_ltl.studies import departure_table as tables
+from pareto_ltl.studies.departure_fronts import compare_fronts, flown_front, pooled_front, starts_to_repeat
+from pareto_ltl.studies.departure_table import Found, folder_name
+from pareto_ltl.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
 from pareto_ltl.studies.planning import study_run
-from pareto_ltl.studies.statistics import Columns
-from pareto_ltl.studies.tables import flags_to_text
-from pareto_ltl.support.arrays import BoolArray
-from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl.studies.tables import Columns, flags_to_text
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import plain_data, write_json
-from pareto_ltl.wind.readings import iso, seconds
+from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import scene_to_dict
 
 STREAM = "departure"  # random stream of the flights that compare starts
 STARTS, RECOMMENDED = "starts", "recommended"  # folders
+MOST_STARTS = 1000
+A_DAY = 24 * HOUR  # span of the starts in calm wind, which has no times
 QUICK_RUNS = 2000  # upper limit of selection.runs: other flights compare the starts
 BATCH = 2  # starts that are planned together in the search for the latest ones
 TOO_FAST = 0.6  # of the fastest flight of the first start: flights of other starts are assumed to take longer
@@ -88,16 +65,19 @@ METRICS = ("energy_j",)  # metrics of a plan that become columns if a run has th
 
 @dataclass(frozen=True, slots=True)
 class DepartureContext:
-    """Data for all starts; ``folder``: for the results directories of starts, None to write none."""
+    """Data for all starts."""
 
     settings: Settings
     world: Records
-    folder: Path | None
+    directory: Path
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder of the results directories of starts; None to write none."""
+        return self.directory / STARTS if self.settings.departure.keep == "all" else None
 
 
-def run_departure(
-    settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
-) -> Study:
+def run_departure(settings: Settings, world: Records, directory: Path, progress: Progress = None) -> Study:
     """Plan the starts of ``settings.departure``, compare their fronts and plan the recommended one in full.
 
     Raises
@@ -108,33 +88,89 @@ def run_departure(
         If no start has a plan, or none arrives in time.
     """
     cfg = settings.departure
-    times = candidate_starts(cfg, world[READINGS], settings.mission.start_time)
-    context = DepartureContext(settings, world, directory / STARTS if cfg.keep == "all" else None)
-    found = _planned_starts(context, directory, times, progress)
+    times = candidate_starts(cfg, world[records.READINGS], settings.mission.start_time)
+    context = DepartureContext(settings, world, directory)
+    found = _planned_starts(context, times, progress)
     _require_one(settings, found)
-    while again := starts_to_repeat(fronts_in_time(cfg, found), cfg.seeds):
-        pieces = [(time, len(found[time])) for time in again]
-        for (time, _), result in zip(pieces, _worked(context, directory, pieces, progress), strict=True):
+    while again := starts_to_repeat(tables.fronts_in_time(cfg, found), cfg.seeds):
+        results = _worked(context, [(time, len(found[time])) for time in again], progress)
+        for time, result in zip(again, results, strict=True):
             found[time].append(result)
-    if cfg.keep == "all":
-        _fetch_folders(settings, directory, found)
-    fronts = fronts_in_time(cfg, found)
+    _fetch_folders(context, found)
+    fronts = tables.fronts_in_time(cfg, found)
     comparison = compare_fronts(fronts)
     time = comparison.recommended
-    rows = start_rows(settings, found, comparison)
-    run = plan_in_full(settings, world, time, directory / RECOMMENDED, compared_paths(cfg, time, found))
-    delivered = Delivered(run[PLAN], _flown(run, settings), pooled_front(fronts[time]))
-    document = departures_document(settings, rows, comparison, delivered, RECOMMENDED)
-    write_json(directory / "departures.json", document)
-    return departure_study(settings, rows, comparison, found, delivered)
-
-
-def _flown(run: Run, settings: Settings) -> FlownFront:
-    """The front of ``run`` in the flights that compare the starts."""
-    front = within_capacity(settings.selection, run[FRONT], run[PROBLEM])
+    rows = tables.start_rows(settings, found, comparison)
+    extra, place = tables.compared_paths(cfg, time, found), directory / RECOMMENDED
+    run = plan_in_full(settings, world, time, place, extra)
+    front = within_capacity(settings.selection, run[records.FRONT], run[records.PROBLEM])
     seeds = stage_seeds(settings.seed, STREAM)
-    failed = which_fail_each(run[PROBLEM], front.paths, settings.departure.flights, seeds)
-    return flown_front(np.array([path.objectives.length for path in front.paths]), failed)
+    failed = which_fail_each(run[records.PROBLEM], front.paths, cfg.flights, seeds)
+    lengths = np.array([path.objectives.length for path in front.paths])
+    delivered = tables.Delivered(run[records.PLAN], flown_front(lengths, failed), pooled_front(fronts[time]))
+    document = tables.departures_document(settings, rows, comparison, delivered, RECOMMENDED)
+    write_json(directory / "departures.json", document)
+    return tables.departure_study(settings, rows, comparison, found, delivered)
+
+
+# --- the times of departure ------------------------------------------------------------------
+
+
+def candidate_starts(cfg: DepartureConfig, readings: Readings, departure: str | None) -> tuple[float, ...]:
+    """Times of departure of the settings, increasing [s since 1970].
+
+    They are every ``cfg.every`` hours, or every wind time except the last one, after which no wind is known.
+
+    Parameters
+    ----------
+    departure : str or None
+        ``mission.start_time``: the earliest start if ``cfg.first`` is not set.
+
+    Raises
+    ------
+    ConfigError
+        If there is none, or one lies outside the times of the wind.
+    """
+    known = np.asarray(readings.times, float)
+    if not len(known) and not (cfg.first or departure or cfg.starts):
+        raise ConfigError("calm wind has no times: give departure.first or departure.starts")
+
+    def time_of(key: str, text: str) -> float:
+        time = seconds(text)
+        if len(known) and not known[0] <= time <= known[-1]:
+            raise ConfigError(
+                f"departure.{key}: departure {iso(time)} lies outside the wind of {readings.name} "
+                f"({iso(known[0])} .. {iso(known[-1])}); choose a time inside, or add wind files"
+            )
+        return time
+
+    if cfg.starts:
+        return tuple(sorted({time_of("starts", text) for text in cfg.starts}))
+    earliest = seconds(departure) if departure else None
+    begin = time_of("first", cfg.first) if cfg.first else known[0] if earliest is None else earliest
+    end = time_of("last", cfg.last) if cfg.last else known[-1] if len(known) else begin + A_DAY
+    if cfg.every is not None:
+        count = int((end - begin) / (HOUR * cfg.every) + 1e-9) + 1 if end >= begin else 0
+        times: FloatArray = begin + HOUR * cfg.every * np.arange(min(count, MOST_STARTS + 1), dtype=float)
+    else:
+        times = known if len(known) else np.array([begin])
+    if len(times) > 1 and len(known) and times[-1] == known[-1]:
+        times = times[:-1]
+    times = times[(times >= begin) & (times <= end)]
+    if cfg.arrive_by is not None:
+        times = times[times < seconds(cfg.arrive_by)]
+    if not len(times):
+        before = "" if cfg.arrive_by is None else f" and before departure.arrive_by = {cfg.arrive_by}"
+        raise ConfigError(
+            f"no start lies between {iso(begin)} and {iso(end)}{before}: move departure.first or last, or "
+            "choose a smaller departure.every"
+        )
+    if len(times) > MOST_STARTS:
+        raise ConfigError(
+            f"departure.every = {cfg.every:g} h gives {len(times):,} starts, expected at most "
+            f"{MOST_STARTS:,}: choose a larger one"
+        )
+    return tuple(times.tolist())
 
 
 # --- one start -------------------------------------------------------------------------------
@@ -176,9 +212,9 @@ def departure_part(context: DepartureContext, time: float, repeat: int) -> Colum
     except (InfeasibleError, DataError) as error:
         return {"planned": False, "reason": str(error)}
     if context.folder is not None and repeat == 0:
-        _write_start(run, context.folder / folder_name(time))
-    plan, problem = run[PLAN].path, run[PROBLEM]
-    paths = within_capacity(settings.selection, run[FRONT], problem).paths
+        _make_rest(run, context.folder / folder_name(time))
+    plan, problem = run[records.PLAN].path, run[records.PROBLEM]
+    paths = within_capacity(settings.selection, run[records.FRONT], problem).paths
     seeds = stage_seeds(context.settings.seed, STREAM)
     flown = which_fail_each(problem, paths, settings.departure.flights, seeds)
     numbers = run_metrics(run.records, {})
@@ -209,10 +245,10 @@ def world_at(settings: Settings, world: Records) -> Run:
 
     A map can depend on the time, for example by windows in UTC; then each start has another map.
     """
-    run = study_run(settings, Records({READINGS: world[READINGS]}))
-    if same_map(run.make(SCENE), world[SCENE]):
-        run.records[DECOMPOSITION] = world[DECOMPOSITION]
-        run.records[AUTOMATON] = world[AUTOMATON]
+    run = study_run(settings, Records({records.READINGS: world[records.READINGS]}))
+    if same_map(run.make(records.SCENE), world[records.SCENE]):
+        run.records[records.DECOMPOSITION] = world[records.DECOMPOSITION]
+        run.records[records.AUTOMATON] = world[records.AUTOMATON]
     return run
 
 
@@ -228,42 +264,38 @@ def plan_start(run: Run) -> None:
     If no tree reaches acceptance before the wind ends, no other settings are tried: to find out which one
     would help takes as long as ten plans.
     """
-    forest = run.make(FOREST)
+    forest = run.make(records.FOREST)
     if not len(forest.accepted) and any(tree.reach["beyond"] for tree in forest.trees):
-        problem = run[PROBLEM]
+        problem = run[records.PROBLEM]
         hours = problem.horizon * problem.motion.dt / 3600.0
         raise InfeasibleError(
             f"no flight is short enough: the wind is known for {hours:.1f} h from there"
             f"{f' ({problem.wind_ends})' if problem.wind_ends else ''}, and no tree completes the mission in "
             "that time"
         )
-    run.make(PLAN)
-
-
-def _write_start(run: Run, place: Path) -> None:
-    """Write the results directory of a start, the same as of a run with its ``mission.start_time``."""
-    mine = Run(run.settings, PLAN_TABLE, run.records.copy(), dict(run.seconds), place, ProgressBar(False))
-    stages = [PLAN_TABLE[name] for name in STAGES if PLAN_TABLE[name].makes not in run.records]
-    with claimed_directory(place, PLAN_TABLE.files):
-        carry_out(mine, [stage for stage in stages if mine.has_all(stage.needs)])
+    run.make(records.PLAN)
 
 
 def plan_in_full(
-    settings: Settings, world: Records, time: float, place: Path, extra: Sequence[ExtraPath] = ()
+    settings: Settings, world: Records, time: float, place: Path, extra: Sequence[ExtraPath]
 ) -> Run:
     """The recommended start as a separate run, with exports and figures; ``extra`` paths are judged too."""
     mine = start_settings(settings, time, quick=False, files=True)
-    file = place.absolute() / EXTRA_FILE
     if extra:
-        mine = replace(mine, selection=replace(mine.selection, extra_paths=str(file)))
-    records = world_at(mine, world).records
-    run = Run(mine, PLAN_TABLE, records, directory=place, progress=ProgressBar(False))
-    stages = [PLAN_TABLE[name] for name in mine.pipelines.stages]
+        file = str(place.absolute() / EXTRA_FILE)
+        mine = replace(mine, selection=replace(mine.selection, extra_paths=file))
+    return _make_rest(world_at(mine, world), place, extra)
+
+
+def _make_rest(run: Run, place: Path, extra: Sequence[ExtraPath] = ()) -> Run:
+    """Make what is left of ``run`` in the results directory ``place``, and return the run of all stages."""
+    mine = Run(run.settings, PLAN_TABLE, run.records.copy(), dict(run.seconds), place, ProgressBar(False))
+    stages = [PLAN_TABLE[name] for name in run.settings.pipelines.stages]
     with claimed_directory(place, PLAN_TABLE.files):
         if extra:
-            write_extra_paths(file, extra)
-        carry_out(run, [stage for stage in stages if stage.makes not in records])
-    return run
+            write_extra_paths(place / EXTRA_FILE, extra)
+        carry_out(mine, [stage for stage in stages if stage.makes not in run.records])
+    return mine
 
 
 def route_conditions(problem: Any, path: PlannedPath) -> dict[str, float]:
@@ -285,14 +317,12 @@ def route_conditions(problem: Any, path: PlannedPath) -> dict[str, float]:
 # --- all starts ------------------------------------------------------------------------------
 
 
-def _planned_starts(
-    context: DepartureContext, directory: Path, times: Sequence[float], progress: PartsProgress | None
-) -> Found:
+def _planned_starts(context: DepartureContext, times: Sequence[float], progress: Progress) -> Found:
     """Each start planned once; with ``arrive_by``, the latest that arrive in time and later ones."""
     cfg = context.settings.departure
 
-    def once(some: Sequence[float], shown: PartsProgress | None = None) -> Found:
-        results = _worked(context, directory, [(time, 0) for time in some], shown)
+    def once(some: Sequence[float], shown: Progress = None) -> Found:
+        results = _worked(context, [(time, 0) for time in some], shown)
         return {time: [result] for time, result in zip(some, results, strict=True)}
 
     if cfg.arrive_by is None:
@@ -302,11 +332,11 @@ def _planned_starts(
     paths = found[times[0]][0].get("paths", [])
     fastest = TOO_FAST * min((path["duration_s"] for path in paths), default=0.0)
     left = [time for time in times[1:] if time + fastest <= limit]
-    enough = cfg.most - int(on_time(times[0], found[times[0]], limit))
+    enough = cfg.most - int(tables.on_time(times[0], found[times[0]], limit))
     while left and enough > 0:
         batch, left = left[-BATCH:], left[:-BATCH]
         new = once(batch)
-        enough -= sum(on_time(time, results, limit) for time, results in new.items())
+        enough -= sum(tables.on_time(time, results, limit) for time, results in new.items())
         found |= new
         if progress is not None:
             progress(len(found), len(found) + len(left))
@@ -314,25 +344,17 @@ def _planned_starts(
 
 
 def _worked(
-    context: DepartureContext, directory: Path, pieces: Sequence[tuple[float, int]],
-    progress: PartsProgress | None,
-) -> list[Columns]:  # fmt: skip
+    context: DepartureContext, pieces: Sequence[tuple[float, int]], progress: Progress
+) -> list[Columns]:
     """Results of pairs (departure, number of the seed)."""
-    settings = context.settings
-    cfg = settings.departure
-    parts = [
-        Part(
-            f"start-{folder_name(time)}-{repeat}",
-            (time, repeat),
-            part_key(
-                start_settings(settings, time, quick=cfg.quick, repeat=repeat), STREAM, settings.seed,
-                cfg.flights, context.folder is not None,
-            ),
-        )
-        for time, repeat in pieces
-    ]  # fmt: skip
+    settings, cfg = context.settings, context.settings.departure
+    parts = []
+    for time, repeat in pieces:
+        mine = start_settings(settings, time, quick=cfg.quick, repeat=repeat)
+        key = part_key(mine, STREAM, settings.seed, cfg.flights, cfg.keep)
+        parts.append(Part(f"start-{folder_name(time)}-{repeat}", (time, repeat), key))
     shared = half_the_cores(settings.evaluation)
-    return work_parts(shared, directory, departure_part, context, parts, progress)
+    return work_parts(shared, context.directory, departure_part, context, parts, progress)
 
 
 def _require_one(settings: Settings, found: Found) -> None:
@@ -345,23 +367,22 @@ def _require_one(settings: Settings, found: Found) -> None:
         )
     if (limit := settings.departure.arrive_by) is None:
         return
-    if not any(on_time(time, results, seconds(limit)) for time, results in planned.items()):
-        arrival, time = min((time + planned_path(own)["duration_s"], time) for time, own in planned.items())
+    if not any(tables.on_time(time, results, seconds(limit)) for time, results in planned.items()):
+        arrival, time = min(
+            (time + tables.planned_path(own)["duration_s"], time) for time, own in planned.items()
+        )
         raise InfeasibleError(
             f"no start arrives by departure.arrive_by = {limit}: the earliest arrival found is "
             f"{iso(arrival)}, leaving at {iso(time)}; choose a later one, or an earlier departure.first"
         )
 
 
-def _fetch_folders(settings: Settings, directory: Path, found: Found) -> None:
+def _fetch_folders(context: DepartureContext, found: Found) -> None:
     """Copy the directories of starts that an earlier run has planned (``evaluation.resume``)."""
-    if settings.evaluation.resume is None:
+    resume = context.settings.evaluation.resume
+    if context.folder is None or resume is None:
         return
-    for time, results in found.items():
-        name = folder_name(time)
-        known, place = (
-            Path(settings.evaluation.resume).expanduser() / STARTS / name,
-            directory / STARTS / name,
-        )
-        if results[0]["planned"] and not place.exists() and known.is_dir():
+    for name in (folder_name(time) for time, results in found.items() if results[0]["planned"]):
+        known, place = Path(resume).expanduser() / STARTS / name, context.folder / name
+        if not place.exists() and known.is_dir():
             shutil.copytree(known, place)

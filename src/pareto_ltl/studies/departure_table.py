@@ -5,30 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from pareto_ltl.planning.plan_files import ExtraPath
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.extra_paths import ExtraPath
 from pareto_ltl.settings import DepartureConfig, Settings
-from pareto_ltl.studies.departure_fronts import (
-    NEARLY,
-    Comparison,
-    FlownFront,
-    SeedSpread,
-    common_lengths,
-    failure_ratio,
-    flown_front,
-    map_lengths,
-    pooled_front,
-    rates_at,
-)
-from pareto_ltl.studies.departure_starts import folder_name
-from pareto_ltl.studies.statistics import Columns, rate_columns
-from pareto_ltl.studies.tables import kilometres_text, markdown_table, rate_cell, text_to_flags
+from pareto_ltl.studies import departure_fronts, tables
+from pareto_ltl.studies.departure_fronts import NEARLY, Comparison, FlownFront, SeedSpread, rates_at
+from pareto_ltl.studies.tables import Columns, interval_columns, length_cell, markdown_table, rate_cell
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.wind.readings import HOUR, iso, seconds
@@ -55,8 +44,8 @@ class Delivered:
     @property
     def ratio(self) -> tuple[float, float, float]:
         """How many times as often the full front fails at equal length, with its interval over the winds."""
-        limits = common_lengths({0.0: [self.compared], 1.0: [self.front]})
-        return failure_ratio([self.compared], [self.front], limits, SeedSpread(0.0, 0), 1)
+        limits = departure_fronts.common_lengths({0.0: [self.compared], 1.0: [self.front]})
+        return departure_fronts.failure_ratio([self.compared], [self.front], limits, SeedSpread(0.0, 0), 1)
 
     @property
     def compared_rate(self) -> tuple[float, float, float]:
@@ -65,6 +54,11 @@ class Delivered:
         able = self.compared.length[self.compared.length <= limit]
         rate, low, high = rates_at(self.compared, able[-1:])[0].tolist() if len(able) else (NAN,) * 3
         return rate, low, high
+
+
+def folder_name(time: float) -> str:
+    """The folder of a start: ``20181009T120000Z``."""
+    return datetime.fromtimestamp(time, UTC).strftime("%Y%m%dT%H%M%SZ")
 
 
 # --- what is compared ------------------------------------------------------------------------
@@ -101,9 +95,9 @@ def fronts_in_time(cfg: DepartureConfig, found: Found) -> dict[float, list[Flown
 
 
 def _front_of(paths: Sequence[Mapping[str, Any]], flights: int) -> FlownFront:
-    failed = np.array([text_to_flags(path["failed"]) for path in paths], bool).reshape(len(paths), -1)
-    return flown_front(np.array([path["length_m"] for path in paths]), failed if paths else
-                       np.zeros((0, flights), bool))  # fmt: skip
+    failed = [tables.text_to_flags(path["failed"]) for path in paths]
+    lengths = np.array([path["length_m"] for path in paths])
+    return departure_fronts.flown_front(lengths, np.array(failed, bool).reshape(len(paths), flights))
 
 
 def compared_paths(cfg: DepartureConfig, time: float, found: Found) -> list[ExtraPath]:
@@ -122,18 +116,17 @@ def compared_paths(cfg: DepartureConfig, time: float, found: Found) -> list[Extr
 
 def start_rows(settings: Settings, found: Found, comparison: Comparison) -> list[Columns]:
     """A row for each start, in the order of time."""
-    cfg, alike = settings.departure, comparison.alike
-    fronts = fronts_in_time(cfg, found)
+    cfg = settings.departure
+    in_time = fronts_in_time(cfg, found)
     rows = []
     for time, results in found.items():
+        own = in_time.get(time, ())
         row = _row(cfg, time, results)
-        ratio = comparison.ratios.get(time, (NAN,) * 3)
-        row |= dict(zip(("ratio", "ratio_low", "ratio_high"), ratio, strict=True))
-        row |= {"as_good": time in alike, "recommended": time == comparison.recommended}
-        row["seeds"] = len(results)
-        row["paths"] = len(pooled_front(fronts[time]).length) if time in fronts else 0
-        row["rates"] = _rates_of(fronts.get(time, ()), comparison.limits)
-        rows.append(row)
+        row |= interval_columns("ratio", *comparison.ratios.get(time, (NAN,) * 3))
+        row |= {"as_good": time in comparison.alike, "recommended": time == comparison.recommended}
+        row |= {"seeds": len(results)}
+        row |= {"paths": len(departure_fronts.pooled_front(own).length) if own else 0}
+        rows.append(row | {"rates": _rates_of(own, comparison.limits)})
     best = next(row for row in rows if row["time"] == comparison.best)
     for row in rows:
         row["verdict"] = verdict(row, best, cfg)
@@ -142,7 +135,9 @@ def start_rows(settings: Settings, found: Found, comparison: Comparison) -> list
 
 def _rates_of(fronts: Sequence[FlownFront], limits: FloatArray) -> FloatArray:
     """Failure and its interval (G, 3) at ``limits``, of all seeds together; NaN without a path."""
-    return rates_at(pooled_front(fronts), limits) if fronts else np.full((len(limits), 3), NAN)
+    if not fronts:
+        return np.full((len(limits), 3), NAN)
+    return rates_at(departure_fronts.pooled_front(fronts), limits)
 
 
 def _row(cfg: DepartureConfig, time: float, results: Sequence[Mapping[str, Any]]) -> Columns:
@@ -150,19 +145,14 @@ def _row(cfg: DepartureConfig, time: float, results: Sequence[Mapping[str, Any]]
     result = results[0]
     planned = bool(result["planned"])
     path = planned_path(results) if planned else {}
-    arrival = time + path["duration_s"] if planned else NAN
-    row: Columns = {
-        "time": time,
-        "departure": iso(time),
-        "arrival": iso(arrival) if planned else "",
-        "planned": planned,
-        "on_time": on_time(time, results, _limit(cfg)),
-    }
-    row |= rate_columns("failure", text_to_flags(path["failed"] if planned else ""))
-    row |= {name: path[name] if planned else NAN for name in ("length_m", "duration_s", "steps")}
-    row |= {name: result["conditions"][name] if planned else NAN for name in CONDITIONS}
-    row |= {"order": path["order"] if planned else "", "law": result["law"] if planned else ""}
-    return row | {"metrics": result["metrics"] if planned else {}, "reason": result.get("reason", "")}
+    row: Columns = {"time": time, "departure": iso(time)}
+    row |= {"arrival": iso(time + path["duration_s"]) if planned else "", "planned": planned}
+    row |= {"on_time": on_time(time, results, _limit(cfg))}
+    row |= tables.rate_columns("failure", tables.text_to_flags(path.get("failed", "")))
+    row |= {name: path.get(name, NAN) for name in ("length_m", "duration_s", "steps")}
+    row |= {name: result.get("conditions", {}).get(name, NAN) for name in CONDITIONS}
+    row |= {"order": path.get("order", ""), "law": result.get("law", "")}
+    return row | {"metrics": result.get("metrics", {}), "reason": result.get("reason", "")}
 
 
 # --- words -----------------------------------------------------------------------------------
@@ -177,19 +167,22 @@ def verdict(row: Columns, best: Columns, cfg: DepartureConfig) -> str:
     begin = "recommended: " if row["recommended"] else ""
     if row is best:
         return f"{begin}fails least at equal length"
-    text = f"{begin}fails {_ratio_text(row)} times as often at equal length"
+    text = f"{begin}fails {_ratio_of(row)} times as often at equal length"
     if row["as_good"]:
         return f"{text}: no difference beyond the noise"
     return "; ".join([text, *_reasons(row, best)])
 
 
-def _ratio_text(row: Columns) -> str:
-    """The ratio to the best start, with its interval."""
-    return f"{_number(row['ratio'])} [{_number(row['ratio_low'])}, {_number(row['ratio_high'])}]"
+def _ratio_text(ratio: float, low: float, high: float) -> str:
+    """A ratio of failures, with its interval."""
+    return "{} [{}, {}]".format(
+        *(f"{r:.2f}" if r < 10.0 else f"{r:.0f}" if r < 1e4 else "> 10000" for r in (ratio, low, high))
+    )
 
 
-def _number(ratio: float) -> str:
-    return f"{ratio:.2f}" if ratio < 10.0 else f"{ratio:.0f}" if ratio < 1e4 else "> 10000"
+def _ratio_of(row: Columns) -> str:
+    """The ratio of a start to the best one."""
+    return _ratio_text(*(row[f"ratio{end}"] for end in ("", "_low", "_high")))
 
 
 def _reasons(row: Columns, best: Columns) -> list[str]:
@@ -197,7 +190,10 @@ def _reasons(row: Columns, best: Columns) -> list[str]:
     reasons = []
     here, there = row["tail_wind"], best["tail_wind"]
     if here < there - WINDIER:
-        reasons.append(f"{_along_text(here)} instead of {_along_text(there)}")
+        now, then = (
+            f"{abs(tail):.1f} m/s of {'tail' if tail >= 0 else 'head'} wind" for tail in (here, there)
+        )
+        reasons.append(f"{now} instead of {then}")
     if row["wind_sd"] > VAGUER * best["wind_sd"]:
         reasons.append(
             f"the wind along the route is less certain (sd {row['wind_sd']:.2f} instead of "
@@ -211,10 +207,6 @@ def _reasons(row: Columns, best: Columns) -> list[str]:
     return reasons
 
 
-def _along_text(tail: float) -> str:
-    return f"{abs(tail):.1f} m/s of {'tail' if tail >= 0 else 'head'} wind"
-
-
 # --- the study -------------------------------------------------------------------------------
 
 
@@ -225,21 +217,20 @@ def departure_study(
     planned = [row for row in rows if row["planned"]]
     best = next(row for row in rows if row["recommended"])
     names = list(dict.fromkeys(name for row in planned for name in row["metrics"]))
-    table = tuple(
-        {key: _cell(value) for key, value in row.items() if key not in INNER}
+    table = [
+        {key: int(value) if isinstance(value, bool) else value for key, value in _outer(row).items()}
         | {name: row["metrics"].get(name, NAN) for name in names}
         for row in rows
-    )
-    fronts = fronts_in_time(settings.departure, found)
-    limits = map_lengths(fronts)
-    rates = [_rates_of(fronts.get(row["time"], ()), limits) for row in rows]
-    lengths = tuple(
-        {"departure": row["departure"], "length_m": limit}
-        | dict(zip(("failure", "failure_low", "failure_high"), ends, strict=True))
-        for row, table in zip(rows, rates, strict=True)
-        if row["time"] in fronts
-        for limit, ends in zip(limits.tolist(), table.tolist(), strict=True)
-    )
+    ]
+    in_time = fronts_in_time(settings.departure, found)
+    limits = departure_fronts.map_lengths(in_time)
+    rates = [_rates_of(in_time.get(row["time"], ()), limits) for row in rows]
+    lengths = [
+        {"departure": row["departure"], "length_m": limit} | interval_columns("failure", *ends)
+        for row, own in zip(rows, rates, strict=True)
+        if row["time"] in in_time
+        for limit, ends in zip(limits.tolist(), own.tolist(), strict=True)
+    ]
     numbers = {
         "starts": float(len(rows)),
         "starts_planned": float(len(planned)),
@@ -256,12 +247,13 @@ def departure_study(
         time: np.array(planned_path(own)["x"], float) for time, own in found.items() if own[0]["planned"]
     }
     text = departure_text(settings, rows, comparison, delivered)
-    pictures = {"rows": tuple(rows), "routes": routes, "limits": limits, "rates": np.stack(rates)[:, :, 0]}
+    pictures = {"rows": rows, "routes": routes, "limits": limits, "rates": np.stack(rates)[:, :, 0]}
     return Study({"departures": table, "departure_lengths": lengths}, numbers, text, pictures)
 
 
-def _cell(value: Any) -> Any:
-    return int(value) if isinstance(value, bool) else value
+def _outer(row: Columns) -> Columns:
+    """The entries of ``row`` that are columns."""
+    return {key: value for key, value in row.items() if key not in INNER}
 
 
 def departures_document(
@@ -269,7 +261,16 @@ def departures_document(
 ) -> dict[str, Any]:
     """The content of ``departures.json``; ``kept`` is the folder of the recommended plan."""
     cfg, best = settings.departure, next(row for row in rows if row["recommended"])
-    promise, limits = delivered.plan.promise, comparison.limits
+    promise, limits, spread = delivered.plan.promise, comparison.limits, comparison.spread
+    ends, others = ("failure", "low", "high"), [time for time in comparison.alike if time != best["time"]]
+
+    def objects(rates: FloatArray) -> list[dict[str, float]]:
+        return [dict(zip(ends, row, strict=True)) for row in rates.tolist()]
+
+    def folder(row: Columns) -> str | None:
+        written = cfg.keep == "all" and row["planned"]
+        return f"starts/{folder_name(row['time'])}" if written else None
+
     return {
         "schema": SCHEMA,
         "law": best["law"],
@@ -279,34 +280,21 @@ def departures_document(
         "arrive_by": cfg.arrive_by,
         "lengths_m": limits,
         "best": iso(comparison.best),
-        "seed_spread": {"sd": comparison.spread.sd, "degrees_of_freedom": comparison.spread.freedom},
+        "seed_spread": {"sd": spread.sd, "degrees_of_freedom": spread.freedom},
         "recommended": {
             "departure": best["departure"],
             "directory": kept,
             "plan": f"{kept}/plan.json",
-            "promise": None
-            if promise is None
-            else {name: getattr(promise.rate, name) for name in ("law", "failure", "low", "high", "runs")},
-            "as_good": [iso(time) for time in comparison.alike if iso(time) != best["departure"]],
-            "failure_at": _rate_objects(rates_at(delivered.front, limits)),
-            "ratio_to_compared": dict(zip(("ratio", "low", "high"), delivered.ratio, strict=True)),
+            "promise": promise and {name: getattr(promise.rate, name) for name in ("law", *ends, "runs")},
+            "as_good": [iso(time) for time in others],
+            "failure_at": objects(rates_at(delivered.front, limits)),
+            "ratio_to_compared": dict(zip(("ratio", *ends[1:]), delivered.ratio, strict=True)),
         },
         "starts": [
-            {key: value for key, value in row.items() if key not in INNER}
-            | row["metrics"]
-            | {"failure_at": _rate_objects(row["rates"])}
-            | {"directory": f"starts/{folder_name(row['time'])}" if _has_folder(cfg, row) else None}
+            _outer(row) | row["metrics"] | {"failure_at": objects(row["rates"]), "directory": folder(row)}
             for row in rows
         ],
     }
-
-
-def _rate_objects(rates: FloatArray) -> list[dict[str, float]]:
-    return [dict(zip(("failure", "low", "high"), row, strict=True)) for row in rates.tolist()]
-
-
-def _has_folder(cfg: DepartureConfig, row: Columns) -> bool:
-    return cfg.keep == "all" and bool(row["planned"])
 
 
 def departure_text(
@@ -322,11 +310,11 @@ def departure_text(
         "along each front; plan: the path of the selection rule; wind: means along its route",
         {
             "departure": _departure_cell,
-            "seeds": lambda row: f"{row['seeds']}",
+            "seeds": "seeds",
             "ratio": _ratio_cell,
             **{f"failed at {limits[k] / 1e3:.0f} km": partial(_rate_at, k) for k in shown},
             "plan failed": lambda row: rate_cell(row, "failure"),
-            "length [km]": lambda row: kilometres_text(row["length_m"]),
+            "length [km]": length_cell,
             "arrival": lambda row: row["arrival"] or "-",
             "flight [h]": lambda row: _known(row["duration_s"] / HOUR, ".1f"),
             "wind [m/s]": lambda row: _known(row["wind_speed"], ".1f"),
@@ -358,20 +346,19 @@ def recommendation_text(rows: Sequence[Columns], comparison: Comparison) -> str:
             "it fails least"
             if comparison.best == comparison.recommended
             else f"it is the earliest of those that fail at most {NEARLY:g} times as often as the best one "
-            f"({_ratio_text(best)} times as often as {iso(comparison.best)})"
+            f"({_ratio_of(best)} times as often as {iso(comparison.best)})"
         )
         return (
             f"{named}. {len(alike)} starts do not differ beyond the noise {between}: {names}. Of these, "
             f"{least}.{others}"
         )
     if not rivals:
-        return (
-            f"{named}: no other start has a plan{' in time' if any(r['planned'] for r in rows[1:]) else ''}."
-        )
+        late = any(row["planned"] and not row["on_time"] for row in rows)
+        return f"{named}: no other start has a plan{' in time' if late else ''}."
     nearest = min(rivals, key=lambda row: float(row["ratio"]))
     return (
         f"{named}: {between}, every other start fails more often; the nearest one, {nearest['departure']}, "
-        f"{_ratio_text(nearest)} times as often."
+        f"{_ratio_of(nearest)} times as often."
     )
 
 
@@ -392,7 +379,6 @@ def noise_text(cfg: DepartureConfig, comparison: Comparison) -> str:
 
 def delivered_text(cfg: DepartureConfig, time: float, delivered: Delivered) -> str:
     """The full plan of the start ``time`` against the compared plans."""
-    ratio, low, high = delivered.ratio
     rate, *ends = delivered.compared_rate
     promise, length = delivered.plan.promise, delivered.plan.path.objectives.length
     said = f"Planned in full (recommended/plan.json), a path of {length / 1e3:,.0f} km"
@@ -405,8 +391,8 @@ def delivered_text(cfg: DepartureConfig, time: float, delivered: Delivered) -> s
             "(pareto-ltl choose)"
         )
     return (
-        f"{said}. At equal length the full front fails {_number(ratio)} [{_number(low)}, {_number(high)}] "
-        "times as often as the compared one, whose paths were judged with it."
+        f"{said}. At equal length the full front fails {_ratio_text(*delivered.ratio)} times as often as the "
+        "compared one, whose paths were judged with it."
     )
 
 
@@ -418,13 +404,12 @@ def _departure_cell(row: Columns) -> str:
 def _ratio_cell(row: Columns) -> str:
     if not row["planned"]:
         return "no plan"
-    return _ratio_text(row) if math.isfinite(row["ratio"]) else "-"
+    return _ratio_of(row) if math.isfinite(row["ratio"]) else "-"
 
 
 def _rate_at(k: int, row: Columns) -> str:
     """The failure at the common length ``k``."""
-    rate = row["rates"][k, 0]
-    return probability_text(rate) if math.isfinite(rate) else "-"
+    return probability_text(row["rates"][k, 0])
 
 
 def _known(value: float, form: str) -> str:

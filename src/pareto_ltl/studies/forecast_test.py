@@ -24,30 +24,16 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.report.records import Study
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    FRONT,
-    PLAN,
-    PROBLEM,
-    SCENE,
-    WIND,
-    Records,
-)
-from pareto_ltl.settings import (
-    FidelityConfig,
-    ForecastTestConfig,
-    IngestConfig,
-    MissionConfig,
-    Settings,
-    preset,
-)
-from pareto_ltl.studies import calibration, true_fields
+from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, FRONT, PLAN, PROBLEM, SCENE, WIND, Records
+from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, Settings, preset
+from pareto_ltl.settings.fidelity import FidelityConfig
+from pareto_ltl.studies import calibration, random_missions
+from pareto_ltl.studies.calibration import CHOSEN
 from pareto_ltl.studies.known_winds import KNOWN_WINDS, KnownWinds
-from pareto_ltl.studies.parts import Part, PartsProgress, part_key, work_parts
+from pareto_ltl.studies.parts import Part, PartWork, Progress, part_key, work_parts
 from pareto_ltl.studies.planning import fly_seeded, study_run
-from pareto_ltl.studies.random_missions import Mission, mission
-from pareto_ltl.studies.statistics import Columns
+from pareto_ltl.studies.random_missions import Mission
+from pareto_ltl.studies.tables import Columns
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.area import GeoBox, box_of
@@ -66,53 +52,44 @@ ENOUGH = 20  # least number of missions of a bin that counts in the numbers
 RIM = 4.0  # [deg] around the area of the missions in which readings are used, for scenes at its edge
 HALF_HOUR = 1800.0  # time step of robot.dt=auto here [s]
 UNIMPORTANT = ("truth", "missions", "bins")  # settings that do not change a single mission
-PLACE = (
-    "formula",
-    "departure",
-    "situation",
-    "latitude",
-    "longitude",
-)  # columns of a mission in the table of plans
+PLACE = ("formula", "departure", "situation", "latitude", "longitude")  # of a mission, in the table of plans
 KNOWN = ("known_hours", "cycle_hours")
 OUTCOMES = ("failure", "missed", "collided", "off_map", "miss_m", "sd_m")
 ENDS = ("", "_low", "_high")
 
 
-def run_forecast_test(
-    settings: Settings, _: Records, directory: Path, progress: PartsProgress | None = None
-) -> Study:
+def run_forecast_test(settings: Settings, _: Records, directory: Path, progress: Progress = None) -> Study:
     """Plan and fly the missions of ``settings.forecast_test``."""
     return fly_missions(settings, settings.forecast_test, directory, progress)
 
 
-def run_hindcast(
-    settings: Settings, _: Records, directory: Path, progress: PartsProgress | None = None
-) -> Study:
+def run_hindcast(settings: Settings, _: Records, directory: Path, progress: Progress = None) -> Study:
     """Plan and fly the missions of ``settings.hindcast``: the same test with ``known=all``."""
     return fly_missions(settings, settings.hindcast, directory, progress)
 
 
-def fly_missions(
-    settings: Settings, cfg: ForecastTestConfig, directory: Path, progress: PartsProgress | None
-) -> Study:
+def fly_missions(settings: Settings, cfg: ForecastTestConfig, directory: Path, progress: Progress) -> Study:
     """Plan ``cfg.missions`` missions and fly them through the full fields."""
     known = known_of_files(settings, cfg, directory)
     known.prepare()
+    return missions_study(known, work_missions(known, mission_part, settings.evaluation.laws, progress))
+
+
+def work_missions(known: KnownWinds, work: PartWork, more: Any, progress: Progress) -> list[dict[str, Any]]:
+    """Results of ``work(known, k)`` for each mission k; they depend on ``more`` too."""
+    settings, cfg = known.settings, known.cfg
     inputs = {key: value for key, value in asdict(cfg).items() if key not in UNIMPORTANT}
-    inputs |= {"laws": settings.evaluation.laws, "border": settings.border}
-    base = part_key(settings, cfg.section, inputs, [file_fingerprint(file) for file in known.truth.files])
+    files = [file_fingerprint(file) for file in known.truth.files]
+    base = part_key(settings, cfg.section, inputs, settings.border, more, files)
     todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
-    results = work_parts(settings.evaluation, directory, mission_part, known, todo, progress)
-    return missions_study(known, results)
+    return work_parts(settings.evaluation, known.folder, work, known, todo, progress)
 
 
 def known_of_files(settings: Settings, cfg: ForecastTestConfig, directory: Path) -> KnownWinds:
     """The winds of all missions, from the full fields that ``cfg`` names."""
-    files = true_fields.full_fields(cfg)
-    snapshots = grib_snapshots_apart(
-        files, settings.wind.max_speed, settings.wind.level, needed_area(settings, cfg)
-    ).winds
-    return known_winds(settings, cfg, directory, snapshots, files)
+    files, wind = random_missions.full_fields(cfg), settings.wind
+    fields = grib_snapshots_apart(files, wind.max_speed, wind.level, needed_area(settings, cfg))
+    return known_winds(settings, cfg, directory, fields.winds, files)
 
 
 def needed_area(settings: Settings, cfg: ForecastTestConfig) -> GeoBox:
@@ -135,7 +112,7 @@ def known_winds(
 ) -> KnownWinds:  # fmt: skip
     """The winds of all missions, from the winds of all cycles."""
     truth = latest_readings(snapshots, files)
-    spells = tuple(true_fields.spells(truth, cfg))
+    spells = tuple(random_missions.spells(truth, cfg))
     nodes = {}
     if cfg.points is not None:
         ingest = IngestConfig(points=cfg.points, area=_rim_outline(cfg))
@@ -150,7 +127,7 @@ def known_winds(
 def mission_part(known: KnownWinds, k: int) -> Columns:
     """A mission, its plans with each fidelity, and the outcomes of their flights."""
     settings, cfg = known.settings, known.cfg
-    task = mission(cfg, settings.seed, k, known.spells, settings.border)
+    task = random_missions.mission(cfg, settings.seed, k, known.spells, settings.border)
     row: Columns = {
         "formula": task.formula,
         "departure": task.scene.time_zero,
@@ -170,7 +147,7 @@ def mission_part(known: KnownWinds, k: int) -> Columns:
             continue
         row |= known.run_columns(run)
         paths = [(calibration.FRONT, path) for path in picked(run.make(FRONT), cfg.plans)]
-        flown = _flown_plans(known, run, [*paths, (calibration.CHOSEN, chosen)], settings.seed + k)
+        flown = _flown_plans(known, run, [*paths, (CHOSEN, chosen)], settings.seed + k)
         plans += [{"fidelity": fidelity} | plan for plan in flown]
     return row | {"plans": plans}
 
@@ -224,7 +201,9 @@ def _flown_plans(
 
 def reality(known: KnownWinds, run: Run) -> Problem:
     """The problem of ``run`` with the real wind."""
-    real = true_fields.real_wind(known.cfg, run.settings.wind, known.truth, run.make(SCENE), run.make(WIND))
+    real = random_missions.real_wind(
+        known.cfg, run.settings.wind, known.truth, run.make(SCENE), run.make(WIND)
+    )
     world = Records({SCENE: run.make(SCENE), WIND: real})
     world[DECOMPOSITION] = run.make(DECOMPOSITION)  # map and automaton do not depend on the fidelity
     world[AUTOMATON] = run.make(AUTOMATON)
@@ -254,10 +233,9 @@ def lead_of(hours: float, known_hours: float, cycle_hours: float) -> str:
     if known_hours < hours:
         return HELD
     lead = hours - cycle_hours
-    place = int(np.searchsorted(LEADS, lead))
-    return (
-        f"above {LEADS[-1]:g} h" if place == len(LEADS) else f"{[0.0, *LEADS][place]:g} to {LEADS[place]:g} h"
-    )
+    if (place := int(np.searchsorted(LEADS, lead))) == len(LEADS):
+        return f"above {LEADS[-1]:g} h"
+    return f"{[0.0, *LEADS][place]:g} to {LEADS[place]:g} h"
 
 
 def plan_rows(cfg: ForecastTestConfig, results: Sequence[Mapping[str, Any]]) -> list[Columns]:
@@ -293,33 +271,18 @@ def missions_study(known: KnownWinds, results: Sequence[Mapping[str, Any]]) -> S
         "reliability": calibration.reliability(rows, cfg.bins),
         "regions": calibration.scorecard(chosen, REGION_KEYS),
         "scorecard": calibration.scorecard(rows),
-        **({"leads": calibration.scorecard(chosen, LEAD_KEYS)} if cfg.known == "departure" else {}),
-        "no_plan": [
-            {"mission": k, "reason": _reason_of(result)} for k, result in enumerate(results) if not planned[k]
-        ],
     }
-    numbers: dict[str, float] = {
-        "missions": len(results),
-        "missions_planned": sum(planned),
-        "plans": len(rows),
-    }
-    numbers |= _fit_numbers(results) | _score_numbers(cfg, tables)
-    return Study(
-        {name: tuple(table) for name, table in tables.items()},
-        {name: float(value) for name, value in numbers.items()},
-        _test_text(known, tables, numbers),
-    )
-
-
-def _fit_numbers(results: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """How well the fitted wind agrees with the full fields, where planning knows all times."""
-    fits = [result for result in results if "z_sd" in result]
-    if not fits:
-        return {}
-    return {
-        "z_sd": float(np.sqrt(np.mean([fit["z_sd"] ** 2 for fit in fits]))),
-        "coverage_90": float(np.mean([fit["coverage_90"] for fit in fits])),
-    }
+    if cfg.known == "departure":
+        tables["leads"] = calibration.scorecard(chosen, LEAD_KEYS)
+    reasons = {k: _reason_of(result) for k, result in enumerate(results) if not planned[k]}
+    tables["no_plan"] = [{"mission": k, "reason": reason} for k, reason in reasons.items()]
+    numbers = {"missions": float(len(results)), "missions_planned": float(sum(planned))}
+    numbers |= {"plans": float(len(rows))}
+    if fits := [result for result in results if "z_sd" in result]:  # planning knows all times
+        numbers["z_sd"] = float(np.sqrt(np.mean([fit["z_sd"] ** 2 for fit in fits])))
+        numbers["coverage_90"] = float(np.mean([fit["coverage_90"] for fit in fits]))
+    numbers |= {name: float(value) for name, value in _score_numbers(cfg, tables).items()}
+    return Study(tables, numbers, _test_text(known, tables, numbers))
 
 
 def _score_numbers(cfg: ForecastTestConfig, tables: Mapping[str, Sequence[Columns]]) -> dict[str, float]:
@@ -334,16 +297,14 @@ def _score_numbers(cfg: ForecastTestConfig, tables: Mapping[str, Sequence[Column
         numbers |= {f"{promise}_promised": card["promised"], f"{promise}_brier": card["brier"]}
         numbers |= {f"{name}_realised{end}": card[f"realised{end}"] for end in ENDS}
         if _is_own(card):
-            bins = [
-                group
+            kept = [
+                group["kept"]
                 for group in filter(_is_own, tables["reliability"])
-                if (group["fidelity"], group["kind"]) == (card["fidelity"], card["kind"])
-                and group["missions"] >= ENOUGH
+                if all(group[key] == card[key] for key in calibration.KEYS) and group["missions"] >= ENOUGH
             ]
-            numbers |= {
-                f"{name}_{key}": card[key] for key in ("promised", "promised_sd", "brier", "log_score")
-            }
-            numbers |= {f"{name}_bins": len(bins), f"{name}_bins_kept": sum(group["kept"] for group in bins)}
+            scores = ("promised", "promised_sd", "brier", "log_score")
+            numbers |= {f"{name}_{key}": card[key] for key in scores}
+            numbers |= {f"{name}_bins": len(kept), f"{name}_bins_kept": sum(kept)}
     return numbers
 
 
@@ -353,7 +314,7 @@ def _is_own(entry: Mapping[str, Any]) -> bool:
 
 
 def _is_chosen(entry: Mapping[str, Any]) -> bool:
-    return bool(entry["kind"] == calibration.CHOSEN)
+    return bool(entry["kind"] == CHOSEN)
 
 
 def _reason_of(result: Mapping[str, Any]) -> str:
@@ -364,33 +325,31 @@ def _reason_of(result: Mapping[str, Any]) -> str:
 def _test_text(
     known: KnownWinds, tables: Mapping[str, Sequence[Columns]], numbers: Mapping[str, float]
 ) -> str:
-    bins = [group for group in tables["reliability"] if _is_own(group) and _is_chosen(group)]
+    own = {
+        name: [row for row in table if "promise" in row and _is_own(row)] for name, table in tables.items()
+    }
     keys = calibration.KEYS if known.cfg.plans else ("fidelity",)
-    return "\n".join(
-        [
-            calibration.score_table(known.title(numbers), tables["scorecard"], keys),
-            calibration.bin_table("By promise; kept: promised at least the lower end", bins),
-            calibration.score_table("By region", list(filter(_is_own, tables["regions"])), REGION_KEYS),
-            *(
-                calibration.score_table("By season, and lead at the end of the flight", own, LEAD_KEYS)
-                for own in [list(filter(_is_own, tables.get("leads", ())))]
-                if own
-            ),
-            *dict.fromkeys(
-                filter(None, map(calibration.situations_text, filter(_is_own, tables["scorecard"])))
-            ),
-            f"{_verdict(known.cfg, numbers)} {known.explanation(numbers)}",
-        ]
-    )
+    bins = list(filter(_is_chosen, own["reliability"]))
+    parts = [
+        calibration.score_table(known.title(numbers), tables["scorecard"], keys),
+        calibration.bin_table("By promise; kept: promised at least the lower end", bins),
+        calibration.score_table("By region", own["regions"], REGION_KEYS),
+    ]
+    if leads := own.get("leads"):
+        parts.append(
+            calibration.score_table("By season, and lead at the end of the flight", leads, LEAD_KEYS)
+        )
+    parts += dict.fromkeys(filter(None, map(calibration.situations_text, own["scorecard"])))
+    return "\n".join([*parts, f"{_verdict(known.cfg, numbers)} {known.explanation(numbers)}"])
 
 
 def _verdict(cfg: ForecastTestConfig, numbers: Mapping[str, float]) -> str:
     """The number of bins that keep their promise."""
-    names = {name: f"{name}_chosen" if cfg.plans else name for name in cfg.fidelities}
+    chosen = "_chosen" if cfg.plans else ""
     bins = [
-        f"{numbers[f'{name}_bins_kept']:.0f} of {numbers[f'{name}_bins']:.0f} bins of at least {ENOUGH} "
-        f"missions keep their promise, simulated in {preset(fidelity).law} winds (fidelity={fidelity})"
-        for fidelity, name in names.items()
-        if f"{name}_bins" in numbers
+        f"{numbers[f'{name}{chosen}_bins_kept']:.0f} of {numbers[f'{name}{chosen}_bins']:.0f} bins of at "
+        f"least {ENOUGH} missions keep their promise, simulated in {preset(name).law} winds (fidelity={name})"
+        for name in cfg.fidelities
+        if f"{name}{chosen}_bins" in numbers
     ]
     return f"{'; '.join(bins)}."

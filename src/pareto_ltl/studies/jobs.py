@@ -1,7 +1,7 @@
 """Many jobs, each done once, even if a job, a launcher or the machine is killed.
 
 A job has a name, a key (the fingerprint of all that its result depends on) and files on disk, from which
-alone its state is known. Two kinds exist: a run of a sweep (``sweeps.runs``: a results directory) and a part
+alone its state is known. Two kinds exist: a run of a sweep (:class:`RunJob`: a results directory) and a part
 of a study (``parts``: a small JSON file). :class:`JobQueue` launches the jobs without an answer, in batches.
 A launch that breaks, because the process of a job was killed, is handled as follows:
 
@@ -16,6 +16,7 @@ Kills in a launch with other jobs do not count: only launches of a job alone do.
 from __future__ import annotations
 
 import logging
+import shutil
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -24,13 +25,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from pareto_ltl.run.provenance import ANSWERS, one_line
+from pareto_ltl.run import provenance
+from pareto_ltl.run.directory import RUN_LOG
+from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.locks import has_note, hold_lock, is_held, process_note
+from pareto_ltl.support.run_status import RUN_LOCK
+from pareto_ltl.support.schemas import read_document
 
 JOB_LOG = logging.getLogger(__name__)
 
 KILLED = "ended without a result: killed, out of memory, or disk full"
 TRIES_ALONE = 2  # after so many kills in launches alone, a job is given up
+SURVIVORS = (RUN_LOCK, RUN_LOG, ".hydra")  # files that are not deleted when a run is made again
+KEY_DIGITS = 16  # digits of the fingerprint that name the directory of a run
 
 Metrics = Mapping[str, float | None]
 
@@ -59,7 +66,7 @@ class JobState:
     @property
     def answered(self) -> bool:
         """Whether the job has an answer."""
-        return self.status in ANSWERS
+        return self.status in provenance.ANSWERS
 
     @property
     def cut_off(self) -> bool:
@@ -73,35 +80,30 @@ class JobState:
 
 
 class StoredJob(ABC):
-    """Work to be done once; its state is on disk."""
+    """Work to be done once; its state is on disk.
 
-    @property
-    @abstractmethod
-    def name(self) -> str:
-        """Name of the job in messages."""
+    Attributes
+    ----------
+    name : str
+        In messages.
+    key : str
+        Fingerprint of all that the result depends on; no two jobs of a queue share it.
+    lock : Path
+        The lock file of the working process; if it remains after its end, the process was killed.
+    path : Path
+        The file that the job writes when it begins or ends.
+    """
 
-    @property
-    @abstractmethod
-    def key(self) -> str:
-        """Fingerprint of all that the result depends on; no two jobs of a queue share it."""
-
-    @property
-    @abstractmethod
-    def lock(self) -> Path:
-        """The lock file of the working process; if it remains after its end, the process was killed."""
-
-    @property
-    @abstractmethod
-    def traces(self) -> tuple[Path, ...]:
-        """Files that a job writes when it begins or ends."""
+    def __init__(self, name: str, key: str, lock: Path, path: Path) -> None:
+        self.name, self.key, self.lock, self.path = name, key, lock, path
 
     @abstractmethod
     def look(self) -> JobState:
         """The state on disk; never raises, so that other jobs can continue."""
 
-    @abstractmethod
     def settled(self) -> bool:
         """Whether there is an answer, made from the inputs of the key."""
+        return self.look().answered
 
     @abstractmethod
     def clear(self) -> None:
@@ -133,8 +135,8 @@ class StoredJob(ABC):
         return has_note(self.lock) and not is_held(self.lock) and has_note(self.lock)
 
     def stamps(self) -> tuple[tuple[int, int] | None, ...]:
-        """Date and inode of each trace: if they differ after a launch, the job began in it."""
-        return tuple(_file_stamp(path) for path in self.traces)
+        """Date and inode of lock and file: if they differ after a launch, the job began in it."""
+        return _file_stamp(self.lock), _file_stamp(self.path)
 
 
 def _file_stamp(path: Path) -> tuple[int, int] | None:
@@ -143,6 +145,72 @@ def _file_stamp(path: Path) -> tuple[int, int] | None:
     except OSError:
         return None
     return stat.st_mtime_ns, stat.st_ino
+
+
+class RunJob(StoredJob):
+    """The run in ``directory``, whose name is the beginning of the fingerprint of its settings."""
+
+    def __init__(self, directory: Path) -> None:
+        super().__init__(directory.name, directory.name, directory / RUN_LOCK, directory / "run.json")
+        self.directory = directory
+
+    def look(self) -> JobState:
+        """The state of the run, from its files."""
+        if not self.path.is_file():
+            return self._unfinished({})
+        try:
+            record = read_document(self.path, "run")
+        except DataError:
+            return JobState("failed", "run.json cannot be read")
+        status, error = str(record.get("status")), record.get("error")
+        if status == "running" or self.abandoned():
+            return self._unfinished(record)
+        if status not in provenance.ANSWERS:
+            return JobState("failed", str(error), record=record)
+        if not record.get("measured", status == "ok"):
+            return JobState(status, error, record=record)
+        try:
+            metrics = read_document(self.directory / "metrics.json", "metrics")
+            return JobState(status, error, metrics, record)
+        except DataError:
+            if is_held(self.lock):  # run.json comes just before metrics.json
+                return JobState("running", record=record)
+            return JobState("failed", "metrics.json is missing or damaged", record=record)
+
+    def _unfinished(self, record: dict[str, Any]) -> JobState:
+        """State of a run that has not written how it ended."""
+        if is_held(self.lock):
+            return JobState("running", record=record)
+        if not record and not self.abandoned():
+            return JobState("pending")
+        return JobState("failed", KILLED, record=record)
+
+    def settled(self) -> bool:
+        """Whether the answer was made by this code from these settings and from unchanged files."""
+        state = self.look()
+        return (
+            state.answered
+            and str(state.record.get("config_hash", "")).startswith(self.key)
+            and provenance.unchanged(state.record.get("inputs") or {})
+        )
+
+    def clear(self) -> None:
+        """Remove what an earlier attempt left behind; its log stays."""
+        for path in self.directory.iterdir():
+            if path.name in SURVIVORS:
+                continue
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink()
+
+    def note_failure(self, error: str) -> None:
+        """Write ``error`` into the record of the run."""
+        self.directory.mkdir(exist_ok=True)
+        provenance.write(self.directory, {**self.look().record, "status": "failed", "error": error})
+
+
+# --- the queue -------------------------------------------------------------------------------
 
 
 AnyJob = TypeVar("AnyJob", bound=StoredJob)
@@ -184,7 +252,7 @@ class JobQueue(Generic[AnyJob]):
         try:
             self.launch(batch)
         except self.breaks as error:
-            reason = one_line(error)
+            reason = provenance.one_line(error)
             JOB_LOG.info("a launch of %d jobs broke: %s", len(batch), reason)
         else:
             return []

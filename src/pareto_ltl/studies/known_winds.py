@@ -14,10 +14,9 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PROBLEM, READINGS, SCENE, WIND, Records
 from pareto_ltl.settings import ForecastTestConfig, Settings, preset
-from pareto_ltl.studies import true_fields
 from pareto_ltl.studies.planning import fly_seeded, study_run
-from pareto_ltl.studies.random_missions import Mission
-from pareto_ltl.studies.statistics import Columns
+from pareto_ltl.studies.random_missions import Mission, Spell, at_times
+from pareto_ltl.studies.tables import Columns
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.files import write_text
@@ -51,7 +50,7 @@ class KnownWinds:
     folder: Path
     snapshots: tuple[Snapshot, ...]
     truth: Readings
-    spells: tuple[true_fields.Spell, ...]
+    spells: tuple[Spell, ...]
     nodes: Mapping[str, FloatArray]
 
     def prepare(self) -> None:
@@ -77,7 +76,7 @@ class KnownWinds:
         """The errors that the test covers and does not cover, in one paragraph."""
         raise NotImplementedError
 
-    def thinned(self, readings: Readings, k: int, spell: true_fields.Spell) -> tuple[FloatArray, FloatArray]:
+    def thinned(self, readings: Readings, k: int, spell: Spell) -> tuple[FloatArray, FloatArray]:
         """Places (n, 2) [deg] and winds (n, 2) [m/s] of time ``k`` of ``readings`` that planning gets."""
         if (nodes := self.nodes.get(spell.name)) is None:
             return readings.points[k], readings.winds[k]
@@ -172,7 +171,7 @@ class AllWinds(KnownWinds):
                 ]
             write_text(self._table(spell), "\n".join(lines) + "\n")
 
-    def _table(self, spell: true_fields.Spell) -> Path:
+    def _table(self, spell: Spell) -> Path:
         return self.folder / f"readings_{spell.name}.csv"
 
     def run_of(self, task: Mission, mine: Settings) -> Run:
@@ -183,10 +182,8 @@ class AllWinds(KnownWinds):
     def promised(self, run: Run, paths: Iterable[PlannedPath], seed: int) -> list[dict[str, float]]:
         """V + R and the share of failures with ``fidelity=full`` under each law, and f_o + R."""
         full = replace(run.settings, fidelity=preset("full"))
-        model, laws = (
-            study_run(full, Records({SCENE: run[SCENE]})).make(PROBLEM),
-            self.settings.evaluation.laws,
-        )
+        laws = self.settings.evaluation.laws
+        model = study_run(full, Records({SCENE: run[SCENE]})).make(PROBLEM)
         promises = []
         for path in paths:
             costs = path.objectives
@@ -227,7 +224,7 @@ def scores(readings: Readings, scene: Scene, wind: WindField) -> FloatArray:
     """z = (truth - mean) / sd of the full fields at the nodes inside the map, (K, nodes, 2)."""
     points = wind.lattice.nodes()
     inside = np.all((points >= scene.bounds[0]) & (points <= scene.bounds[1]), axis=1)
-    truth = true_fields.at_times(readings, scene, wind.times, points[inside])
+    truth = at_times(readings, scene, wind.times, points[inside])
     flat = (len(wind.times), -1, 2)
     sd = np.sqrt(wind.latent_var.reshape(flat)[:, inside] + wind.gust_var[:, None])
     return np.asarray((truth - wind.mean.reshape(flat)[:, inside]) / sd, float)

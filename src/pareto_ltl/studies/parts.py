@@ -8,12 +8,12 @@ have the name of a result.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from pareto_ltl.run.provenance import input_files
 from pareto_ltl.settings import EvaluationConfig, Settings
@@ -32,7 +32,7 @@ OTHER_SECTIONS = (  # sections that parts do not depend on, or that a study adds
 )  # fmt: skip
 OTHER_CODE = ("report", "cli", "__main__")  # code that parts do not depend on
 
-PartsProgress = Callable[[int, int], None]  # called with the number of parts that are done, and of all
+Progress = Callable[[int, int], None] | None  # called with the number of parts that are done, and of all
 PartWork = Callable[..., Mapping[str, Any]]
 
 
@@ -94,37 +94,12 @@ def parts_folder(cfg: EvaluationConfig, directory: Path) -> Path:
     return place
 
 
-@dataclass(frozen=True, slots=True)
 class PartJob(StoredJob):
     """A part with its place on disk."""
 
-    folder: Path
-    part: Part
-
-    @property
-    def name(self) -> str:
-        """The name of the part."""
-        return self.part.name
-
-    @property
-    def key(self) -> str:
-        """Fingerprint of all that the result depends on."""
-        return self.part.key
-
-    @property
-    def path(self) -> Path:
-        """The file of the result."""
-        return self.folder / self.part.file
-
-    @property
-    def lock(self) -> Path:
-        """The lock of the process that computes the part."""
-        return self.folder / f".{self.part.file}.lock"
-
-    @property
-    def traces(self) -> tuple[Path, ...]:
-        """Files that show that a process has begun: lock and result."""
-        return self.lock, self.path
+    def __init__(self, folder: Path, part: Part) -> None:
+        super().__init__(part.name, part.key, folder / f".{part.file}.lock", folder / part.file)
+        self.arguments = part.arguments
 
     def look(self) -> JobState:
         """The state of the part, from its files."""
@@ -145,9 +120,15 @@ class PartJob(StoredJob):
         reason = f"expected the result of {self.name}, got something else"
         return JobState("failed", f"is damaged ({reason})")
 
-    def settled(self) -> bool:
-        """Whether there is a result of these settings."""
-        return self.look().answered
+    def result(self) -> dict[str, Any]:
+        """The result; DataError if there is none."""
+        state = self.look()
+        if not state.answered:
+            raise DataError(
+                f"{self.path}: could not be read back; is another run using this folder, or have the workers "
+                "of a cluster another folder under this path?"
+            )
+        return dict(state.record)
 
     def clear(self) -> None:
         """Remove the result."""
@@ -157,14 +138,14 @@ class PartJob(StoredJob):
         """Write ``error`` in place of a result."""
         write_json(self.path, {"key": self.key, "part": self.name, "error": error})
 
-    def keep_result(self, function: PartWork, context: Any) -> None:
+    def keep_result(self, work: PartWork) -> None:
         """Compute the part and write its result, unless another process does."""
 
-        def work() -> None:
-            result = function(context, *self.part.arguments)
+        def write() -> None:
+            result = work(*self.arguments)
             write_json(self.path, {"key": self.key, "part": self.name, "result": result})
 
-        self.do_once(work)
+        self.do_once(write)
 
 
 # --- the work --------------------------------------------------------------------------------
@@ -176,7 +157,7 @@ def work_parts(
     function: PartWork,
     context: Any,
     parts: Sequence[Part],
-    progress: PartsProgress | None = None,
+    progress: Progress = None,
 ) -> list[dict[str, Any]]:
     """Results of ``function(context, *part.arguments)`` for all parts, in their order.
 
@@ -188,32 +169,42 @@ def work_parts(
     DataError
         If parts were given up because they were killed each time; the results of all others are stored.
     """
+    from joblib import cpu_count  # heeds affinity and the limits of containers
+
     place = parts_folder(cfg, directory)
     remove_dead_drafts(place)
     jobs = {part.key: PartJob(place, part) for part in parts}
     todo = [job for job in jobs.values() if not _is_known(job)]
-    tally = _Tally(len(jobs) - len(todo), len(jobs), progress)
-    queue = JobQueue(
-        partial(_launch_parts, _spread_of(cfg, len(todo)), function, context, tally),
-        lambda line: print(f"pareto-ltl: {line}", file=sys.stderr),
-        breaks=(BrokenProcessPool,) if cfg.cluster is None else cluster.broken(),
-    )
+    done, total, work = len(jobs) - len(todo), len(jobs), partial(function, context)
+    processes = max(1, min(cfg.jobs or int(cpu_count()), len(todo)))
+
+    def launch(batch: Sequence[PartJob]) -> None:
+        nonlocal done
+        for _ in _launched(cfg.cluster, processes, work, batch):
+            done += 1
+            if progress is not None:
+                progress(done, total)
+
+    queue = JobQueue(launch, _tell, (BrokenProcessPool,) if cfg.cluster is None else cluster.broken())
     try:
         queue.run(todo)
     except KeyboardInterrupt:
-        stored = f"{tally.done} of {tally.total} parts are stored"
-        print(f"pareto-ltl: {stored}; evaluation.resume={place.parent} continues with them", file=sys.stderr)
+        _tell(f"{done} of {total} parts are stored; evaluation.resume={place.parent} continues with them")
         raise
-    _refuse_given_up(place, [jobs[key] for key in queue.given_up], len(jobs))
-    results = {key: _result_of(job) for key, job in jobs.items()}
+    if queue.given_up:
+        failed = [jobs[key] for key in queue.given_up]
+        names = ", ".join(job.name for job in failed)
+        raise DataError(
+            f"{place}: {len(failed)} of {total} parts have no result: {names} ({failed[0].look().error}); "
+            "give the run more memory or fewer processes (evaluation.jobs); "
+            f"evaluation.resume={place.parent} continues it"
+        )
+    results = {key: job.result() for key, job in jobs.items()}
     return [results[part.key] for part in parts]
 
 
-def process_count(cfg: EvaluationConfig, parts: int) -> int:
-    """Number of processes for ``parts``, at most one for each part."""
-    from joblib import cpu_count  # heeds affinity and the limits of containers
-
-    return max(1, min(cfg.jobs or int(cpu_count()), parts))
+def _tell(line: str) -> None:
+    print(f"pareto-ltl: {line}", file=sys.stderr)
 
 
 def half_the_cores(cfg: EvaluationConfig) -> EvaluationConfig:
@@ -221,113 +212,44 @@ def half_the_cores(cfg: EvaluationConfig) -> EvaluationConfig:
     return replace(cfg, jobs=cfg.jobs or max(1, cores() // 2))
 
 
-@dataclass(slots=True)
-class _Tally:
-    """Counts parts that are done, and reports each."""
-
-    done: int
-    total: int
-    progress: PartsProgress | None
-
-    def count_one(self) -> None:
-        self.done += 1
-        if self.progress is not None:
-            self.progress(self.done, self.total)
-
-
 def _is_known(job: PartJob) -> bool:
     """Whether the result is on disk; prints one line for a file without a valid result."""
     state = job.look()
     if state.error is not None and job.path.exists():
-        print(f"pareto-ltl: {job.path} {state.error}; it is made again", file=sys.stderr)
+        _tell(f"{job.path} {state.error}; it is made again")
     return state.answered
-
-
-def _result_of(job: PartJob) -> dict[str, Any]:
-    state = job.look()
-    if not state.answered:
-        raise DataError(
-            f"{job.path}: could not be read back; is another run using this folder, or have the workers of a "
-            "cluster another folder under this path?"
-        )
-    return dict(state.record)
-
-
-def _refuse_given_up(place: Path, jobs: Sequence[PartJob], total: int) -> None:
-    if not jobs:
-        return
-    names, first = ", ".join(job.name for job in jobs), jobs[0].look().error
-    raise DataError(
-        f"{place}: {len(jobs)} of {total} parts have no result: {names} ({first}); give the run "
-        f"more memory or fewer processes (evaluation.jobs); evaluation.resume={place.parent} continues it"
-    )
 
 
 # --- processes -------------------------------------------------------------------------------
 
 
-Spread: TypeAlias = Callable[[PartWork, Any, Sequence["PartJob"]], Iterable[None]]
+_PROCESS: dict[str, PartWork] = {}  # in a process of a pool, the work of its parts
 
 
-def _launch_parts(
-    spread: Spread, function: PartWork, context: Any, tally: _Tally, jobs: Sequence[PartJob]
-) -> None:
-    """Compute ``jobs``; raises BrokenProcessPool, or an error of Dask, if one of them was killed."""
-    for _ in spread(function, context, jobs):
-        tally.count_one()
+def _launched(
+    address: str | None, processes: int, work: PartWork, jobs: Sequence[PartJob]
+) -> Iterable[object]:
+    """Compute ``jobs`` on a cluster, in this process or in several; an item for each that has ended.
 
-
-def _spread_of(cfg: EvaluationConfig, parts: int) -> Spread:
-    """How ``parts`` are computed: in this process, in several, or on a cluster."""
-    if cfg.cluster is not None:
-        return partial(_on_cluster, cfg.cluster)
-    processes = process_count(cfg, parts)
-    return _in_turn if processes == 1 else partial(_spread, processes)
-
-
-def _on_cluster(address: str, function: PartWork, context: Any, jobs: Sequence[PartJob]) -> Iterator[None]:
-    for _ in cluster.on_cluster(address, _keep_result, (function, context), jobs):
-        yield
-
-
-def _keep_result(job: PartJob, shared: tuple[PartWork, Any]) -> None:
-    job.keep_result(*shared)
-
-
-def _in_turn(function: PartWork, context: Any, jobs: Sequence[PartJob]) -> Iterator[None]:
-    for job in jobs:
-        job.keep_result(function, context)
-        yield
-
-
-def _spread(processes: int, function: PartWork, context: Any, jobs: Sequence[PartJob]) -> Iterator[None]:
-    """Compute ``jobs`` in several processes; each gets the context once, when it starts."""
+    A process gets ``work`` once, when it starts. Raises BrokenProcessPool, or an error of Dask, if a process
+    was killed.
+    """
+    if address is not None:
+        return cluster.on_cluster(address, PartJob.keep_result, work, jobs)
+    if processes == 1:
+        return map(partial(PartJob.keep_result, work=work), jobs)
     from joblib import Parallel, delayed
 
-    pool = Parallel(
-        n_jobs=processes,
-        return_as="generator_unordered",
-        batch_size=1,
-        pre_dispatch="2*n_jobs",
-        initializer=_share_context,
-        initargs=(_Shared(context),),
-    )
-    yield from pool(delayed(_keep_result_here)(job, function) for job in jobs)
+    pool: Callable[..., Iterable[object]] = Parallel(
+        n_jobs=processes, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs",
+        initializer=_share_work, initargs=(work,),
+    )  # fmt: skip
+    return pool(delayed(_keep_result_here)(job) for job in jobs)
 
 
-@dataclass(frozen=True, slots=True, eq=False)  # joblib compares these, and arrays have no truth value
-class _Shared:
-    """The context of all parts of a study."""
-
-    context: Any
+def _share_work(work: PartWork) -> None:
+    _PROCESS["work"] = work
 
 
-_PROCESS: dict[str, _Shared] = {}  # in a process of a pool, its context
-
-
-def _share_context(shared: _Shared) -> None:
-    _PROCESS["shared"] = shared
-
-
-def _keep_result_here(job: PartJob, function: PartWork) -> None:
-    job.keep_result(function, _PROCESS["shared"].context)
+def _keep_result_here(job: PartJob) -> None:
+    job.keep_result(_PROCESS["work"])

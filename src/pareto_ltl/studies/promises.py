@@ -21,7 +21,7 @@ import numpy as np
 
 from pareto_ltl.report.records import PromiseDiagrams
 from pareto_ltl.settings import PRESETS, preset
-from pareto_ltl.studies import calibration, skill
+from pareto_ltl.studies import calibration
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
@@ -179,7 +179,7 @@ def references(promises: Promises) -> tuple[Promises, Promises]:
     f = promises.realised
     return (
         replace(promises, name="best constant", promised=np.full(len(f), f.mean())),
-        replace(promises, name="persistence", promised=skill.persistence(f, promises.departures)),
+        replace(promises, name="persistence", promised=calibration.persistence(f, promises.departures)),
     )
 
 
@@ -192,7 +192,7 @@ def diagrams(promises: Promises, others: Sequence[Promises], difference: Compare
     p, f = promises.promised[order], promises.realised[order]
     low, high = consistency_band(p)
     return PromiseDiagrams(
-        promises.fidelity, p, f, skill.isotonic_rates(p, f), low, high, score_parts(promises), THETAS,
+        promises.fidelity, p, f, calibration.isotonic_rates(p, f), low, high, score_parts(promises), THETAS,
         {each.name: murphy_curve(each) for each in (promises, *others)}, difference.name,
         difference.curve, difference.curve_low, difference.curve_high,
     )  # fmt: skip
@@ -201,7 +201,7 @@ def diagrams(promises: Promises, others: Sequence[Promises], difference: Compare
 def score_parts(promises: Promises) -> dict[str, float]:
     """The Brier score and its parts, by name."""
     p, f = promises.promised, promises.realised
-    return {"Brier score": skill.brier_score(p, f), **skill.brier_parts(p, f)}
+    return {"Brier score": calibration.brier_score(p, f), **calibration.brier_parts(p, f)}
 
 
 def consistency_band(
@@ -213,7 +213,7 @@ def consistency_band(
     """
     rng = np.random.default_rng(seed)
     fits = [
-        skill.isotonic_rates(promised, (rng.random(len(promised)) < promised).astype(float))
+        calibration.isotonic_rates(promised, (rng.random(len(promised)) < promised).astype(float))
         for _ in range(DRAWS)
     ]
     low, high = np.quantile(fits, [(1 - level) / 2, (1 + level) / 2], axis=0)
@@ -268,11 +268,10 @@ def compared(promises: Promises, others: Promises) -> Compared:
     differences = elementary_scores(mine) - elementary_scores(theirs)
     scores = mine.brier() - theirs.brier()
     mean, low, high, p_value = diebold_mariano(np.vstack([scores, differences]))
-    by_situation = skill.mean_interval(scores, mine.situations)
+    number, *ends = calibration.mean_interval(scores, mine.situations)
     return Compared(
-        others.name, len(both), by_situation.situations, float(theirs.brier().mean()), float(mean[0]),
-        float(low[0]), float(high[0]), float(p_value[0]), by_situation.low, by_situation.high, mean[1:],
-        low[1:], high[1:],
+        others.name, len(both), number, float(theirs.brier().mean()), float(mean[0]), float(low[0]),
+        float(high[0]), float(p_value[0]), ends[0], ends[1], mean[1:], low[1:], high[1:],
     )  # fmt: skip
 
 
@@ -291,7 +290,10 @@ def diebold_mariano(differences: FloatArray) -> tuple[FloatArray, FloatArray, Fl
         differences, dims=("series", "mission"),
         coords={"series": np.arange(len(differences)), "h": ("series", np.ones(len(differences), int))},
     )  # fmt: skip
-    found = test(series, "series", "h", method="HG", confidence_level=skill.LEVEL, statistic_distribution="t")
+    found = test(
+        series, "series", "h", method="HG", confidence_level=calibration.LEVEL,
+        statistic_distribution="t",
+    )  # fmt: skip
     above = np.asarray(found["confidence_gt_0"].values, float)
     mean, low, high = (np.asarray(found[name].values, float) for name in ("mean", "ci_lower", "ci_upper"))
     return mean, low, high, 2.0 * np.minimum(above, 1.0 - above)

@@ -3,82 +3,63 @@
 A flight meets one wind, drawn from the law of the plan. It follows the plan to the step of a fix, measures
 its position there, replans (``run/replanning.py``) and takes the new plan, unless the rest of the old one
 fails less in flights of the conditioned law. For comparison, the plan is flown to its end in the same wind.
-Further ways also get newer forecasts at regular times (``studies/newer_forecasts.py``). The same ways in the
-winds of later analyses are ``studies/replan_test.py``.
+Further ways also get newer forecasts of this wind at regular times (:func:`newer_forecast`). The same ways in
+the winds of later analyses, a mission being one trial, are ``replan_test``.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.random import Generator
 
 from pareto_ltl.exports.held_course import held_problem
+from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.newer_wind import NewWind
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.quick import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES
 from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.replanning import Replanned, replanned
+from pareto_ltl.run.rest_of_flight import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES, NewWind
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import ReplanningConfig, Settings
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
-from pareto_ltl.studies.newer_forecasts import newer_forecast, require_cycles
-from pareto_ltl.studies.parts import Part, PartsProgress, half_the_cores, part_key, work_parts
+from pareto_ltl.studies import forecast_test
+from pareto_ltl.studies.known_winds import DepartureWinds
+from pareto_ltl.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
 from pareto_ltl.studies.planning import study_run
-from pareto_ltl.studies.statistics import Columns, rate_columns
-from pareto_ltl.studies.tables import markdown_table, rate_cell
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.studies.random_missions import Mission, mission
+from pareto_ltl.studies.tables import Columns, interval_columns, markdown_table, rate_cell, rate_columns
+from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.wind.conditioned import field_from
+from pareto_ltl.wind.conditioned import field_from, lattice_values
+from pareto_ltl.wind.readings import HOUR
+from pareto_ltl.wind.records import FORECAST, WindField
 
 LOG = logging.getLogger(__name__)
 STREAM, FIXES, FORECASTS = "replanning", "replanning fixes", "replanning forecasts"
+TEST_STREAM, LATER = "replan test", "later"  # of flights in later fields: random stream, name of the winds
 AS_PLANNED, HELD = "as planned", "position always known"
 NO_FIXES, BY_CHANCE = "no fixes", "fixes by chance"
 EFFORT = (PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES)
 
 Pilot: TypeAlias = Callable[[DrawnFlights, FloatArray, FloatArray], FloatArray]
-
-
-def with_fixes(wind: DrawnFlights, u: FloatArray, mean: FloatArray) -> FloatArray:
-    """Positions of a robot that uses the fixes at landmarks that it passes."""
-    return wind.flown(u, mean)
-
-
-def without_fixes(wind: DrawnFlights, u: FloatArray, mean: FloatArray) -> FloatArray:
-    """Positions of a robot that sees no landmark."""
-    return wind.held(u, mean)
+# The newer forecast at a step of a flight, by the run with the plan, the wind, the flight and the step.
+Cycles: TypeAlias = Callable[[Run, DrawnFlights, int, int], NewWind]
 
 
 def always_known(wind: DrawnFlights, u: FloatArray, mean: FloatArray) -> FloatArray:
     """Positions of a robot with an autopilot that always knows its position."""
     return replace(wind, problem=held_problem(wind.problem)).held(u, mean)
-
-
-class Cycles(Protocol):
-    """The newer forecasts of a flight."""
-
-    def at(self, run: Run, wind: DrawnFlights, number: int, step: int) -> NewWind:
-        """The forecast known at ``step`` of flight ``number`` in ``wind``."""
-
-
-class LawCycles:
-    """Forecasts drawn from the law of the plan, given the true wind of the flight."""
-
-    def at(self, run: Run, wind: DrawnFlights, number: int, step: int) -> NewWind:
-        """The forecast that begins at ``step`` of the flight, for the rest of it."""
-        moment = step * run[PROBLEM].motion.dt
-        rng = stream_at(run.settings, FORECASTS, number, step)
-        newer = newer_forecast(run[WIND], wind.problem.modes, wind.draws.theta[:, 0], moment, rng)
-        return field_from(newer, moment)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,14 +72,14 @@ class Way:
     path : PlannedPath
         The path at departure.
     pilot : function
-        What the robot knows of its position on the way.
+        The positions of a flight, from what the robot knows of its position on the way.
     fixes, forecasts : tuple of int
         Steps of position fixes and of newer forecasts; the robot plans again at each.
     """
 
     name: str
     path: PlannedPath
-    pilot: Pilot = with_fixes
+    pilot: Pilot = DrawnFlights.flown
     fixes: tuple[int, ...] = ()
     forecasts: tuple[int, ...] = ()
 
@@ -118,9 +99,7 @@ class ReplanningContext:
     cycles: Cycles
 
 
-def run_replanning(
-    settings: Settings, world: Records, directory: Path, progress: PartsProgress | None = None
-) -> Study:
+def run_replanning(settings: Settings, world: Records, directory: Path, progress: Progress = None) -> Study:
     """Fly the plan ``settings.replanning.flights`` times in each way."""
     cfg = settings.replanning
     run = study_run(settings, world)
@@ -129,14 +108,14 @@ def run_replanning(
     if cfg.forecasts is not None:
         require_cycles(run.make(WIND))
     winds = draw_flights(problem, problem.fidelity.law, cfg.flights, stage_seeds(settings.seed, STREAM))
-    context = ReplanningContext(run, winds, (*unaided_ways(run), *ways_of(cfg, run)), LawCycles())
+    ways = (*unaided_ways(run), *ways_of(cfg, run))
+    context = ReplanningContext(run, winds, ways, law_cycle)
     key = part_key(settings, STREAM, cfg.fixes, cfg.every, cfg.forecasts, cfg.fix_sd, cfg.flights, EFFORT)
-    numbers = [(way, i) for i in range(cfg.flights) for way in range(len(context.ways))]
+    numbers = [(way, i) for i in range(cfg.flights) for way in range(len(ways))]
     todo = [Part(f"flight-{i}-{way}", (way, i), f"{key[:44]}{way:04x}{i:016x}"[::-1]) for way, i in numbers]
-    results = work_parts(
-        half_the_cores(settings.evaluation), directory, replanning_part, context, todo, progress
-    )
-    flown = {way.name: results[k :: len(context.ways)] for k, way in enumerate(context.ways)}
+    shared = half_the_cores(settings.evaluation)
+    results = work_parts(shared, directory, replanning_part, context, todo, progress)
+    flown = {way.name: results[k :: len(ways)] for k, way in enumerate(ways)}
     title = f"The plan in {cfg.flights} true winds of the {winds.law} law, in each of {len(flown)} ways"
     study = replanning_study(flown, winds.law, title)
     planned = {"replanning_planned_length_m": plan.path.objectives.length}
@@ -183,7 +162,7 @@ def unaided_ways(run: Run) -> tuple[Way, ...]:
             "no rows '%s' and '%s': without landmarks there is no plan (%s)", NO_FIXES, BY_CHANCE, error
         )
         return ()
-    return Way(NO_FIXES, path, without_fixes), Way(BY_CHANCE, path)
+    return Way(NO_FIXES, path, DrawnFlights.held), Way(BY_CHANCE, path)
 
 
 def evenly(steps: int, count: int) -> tuple[int, ...]:
@@ -242,7 +221,7 @@ def _new_plan(
     settings, (wind, number), (now, since) = context.run.settings, flight, steps
     sd, rng = settings.replanning.fix_sd, stream_at(settings, FIXES, number, now)
     fixes = (Fix(there + sd * rng.standard_normal(2), sd, now - since),) if now in way.fixes else ()
-    newer = context.cycles.at(context.run, wind, number, now) if now in way.forecasts else None
+    newer = context.cycles(context.run, wind, number, now) if now in way.forecasts else None
     try:
         return replanned(run, run[PROBLEM].motion.dt * (now - since), fixes, wind=newer)
     except (ConfigError, InfeasibleError):  # complete, failed, or no new plan: the plan continues
@@ -252,11 +231,86 @@ def _new_plan(
         return None
 
 
-def stream_at(settings: Settings, stream: str, number: int, step: int) -> np.random.Generator:
+def stream_at(settings: Settings, stream: str, number: int, step: int) -> Generator:
     """The random numbers of ``stream`` at ``step`` of flight ``number``."""
-    return np.random.default_rng(
-        [*stage_seeds(settings.seed, stream).generate_state(2).tolist(), number, step]
-    )
+    state = stage_seeds(settings.seed, stream).generate_state(2).tolist()
+    return np.random.default_rng([*state, number, step])
+
+
+# --- newer forecasts -------------------------------------------------------------------------------
+
+
+def law_cycle(run: Run, wind: DrawnFlights, number: int, step: int) -> NewWind:
+    """A forecast that begins at ``step``, drawn from the law of the plan given the wind of the flight."""
+    moment = step * run[PROBLEM].motion.dt
+    rng = stream_at(run.settings, FORECASTS, number, step)
+    newer = newer_forecast(run[WIND], wind.problem.modes, wind.draws.theta[:, 0], moment, rng)
+    return field_from(newer, moment)
+
+
+def require_cycles(field: WindField) -> None:
+    """Raise ConfigError unless the field has errors of forecasts, which a later cycle reduces."""
+    law, modes = field.error, field.modes
+    known = bool(np.isfinite(field.leads).any())
+    if law is None or modes is None or not known or not (modes.part == FORECAST).any():
+        raise ConfigError(
+            "replanning.forecasts: the wind of this run is not a forecast with known leads, so that a later "
+            "cycle cannot improve it: take such a source, e.g. wind=noaa, or leave it null"
+        )
+
+
+def newer_forecast(
+    field: WindField, modes: kd.Modes, theta: Float32Array, since: float, rng: Generator
+) -> WindField:
+    """The forecast that begins ``since`` [s after departure], for the flight with the coefficients ``theta``.
+
+    ``theta`` (epochs, 2, P) are the true coefficients in the epochs of ``modes``. Under the law of a field,
+    the error of forecasts in slot k is ψ_k' θ_k with the variance e²(L_k). A cycle that begins T later has
+    the variance e²(L_k - T) there. With s = 1 - e²(L_k - T) / e²(L_k), the new field is
+
+        μ_k + s ψ_k' θ_k + √(s (1 - s)) ψ_k' ξ_k,
+
+    where ξ persists as θ does: its error has the variance (1 - s) e²(L_k), is independent of the new field,
+    and its modes are √(1 - s) ψ_k.
+    """
+    found, law = field.modes, field.error
+    assert found is not None
+    assert law is not None
+    own = found.part == FORECAST
+    shares = revealed_shares(field, since)
+    mean, latent, psi = field.mean.copy(), field.latent_var.copy(), found.psi.copy()
+    nodes, shape = field.lattice.nodes(), mean.shape[1:3]
+    xi = rng.standard_normal((2, int(own.sum())))
+    for k, share in enumerate(shares.tolist()):
+        if k:
+            rho = law.persistence ** float((field.times[k] - field.times[k - 1]) / law.persistence_time)
+            xi = rho * xi + math.sqrt(1.0 - rho * rho) * rng.standard_normal(xi.shape)
+        steps = np.flatnonzero(modes.slot == k)
+        if share <= 0.0 or not len(steps):
+            continue
+        known = theta[modes.epoch[steps[0]]][:, own].astype(float)
+        observed = share * known + math.sqrt(share * (1.0 - share)) * xi
+        for c in (0, 1):
+            here = lattice_values(found, psi[k, :, :, c][..., own].astype(float), nodes)
+            mean[k, ..., c] += (here @ observed[c]).reshape(shape)
+            lost = share * (here**2).sum(axis=1).reshape(shape)
+            latent[k, ..., c] = np.maximum(latent[k, ..., c] - lost, 0.0)
+        psi[k][..., own] *= np.float32(math.sqrt(1.0 - share))
+    leads = np.where(field.times >= since, np.maximum(field.leads - since, 0.0), field.leads)
+    return replace(
+        field, mean=mean, latent_var=latent, modes=replace(found, psi=psi), leads=leads, evidence=None,
+        source=f"a forecast {since / HOUR:g} h newer than {field.source}",
+    )  # fmt: skip
+
+
+def revealed_shares(field: WindField, since: float) -> FloatArray:
+    """s (K,): the share of the variance of forecast errors that a cycle ``since`` [s] later removes."""
+    assert field.error is not None
+    late = np.isfinite(field.leads) & (field.times >= since)
+    before = field.error.forecast_variance(np.where(late, field.leads, 0.0))
+    after = field.error.forecast_variance(np.where(late, np.maximum(field.leads - since, 0.0), 0.0))
+    share = 1.0 - after / np.maximum(before, 1e-300)
+    return np.asarray(np.where(late & (before > 0.0), np.clip(share, 0.0, 1.0), 0.0), float)
 
 
 # --- the study ------------------------------------------------------------------------------------
@@ -272,26 +326,22 @@ def replanning_study(flown: Mapping[str, Sequence[Mapping[str, Any]]], law: str,
     rows: list[Columns] = []
     for name, own in flown.items():
         failed = np.array([row["failed"] for row in own], bool)
-        gap, low, high = paired_difference(alone, failed)
-        rows.append(
-            {"way": name, "law": law, "flights": len(failed)}
-            | rate_columns("failure", failed)
-            | {"difference": gap, "difference_low": low, "difference_high": high}
-            | {"new_plans": float(np.mean([row["new_plans"] for row in own]))}
-            | {"length_m": float(np.mean([row["length_m"] for row in own]))}
-        )
+        row: Columns = {"way": name, "law": law, "flights": len(failed)} | rate_columns("failure", failed)
+        row |= interval_columns("difference", *paired_difference(alone, failed))
+        row |= {key: float(np.mean([one[key] for one in own])) for key in ("new_plans", "length_m")}
+        rows.append(row)
     numbers = {
         f"replanning_{name}_{k}": float(row[name])
         for k, row in enumerate(rows)
         for name in ("failure", "failure_low", "failure_high", "difference", "length_m", "new_plans")
     }
-    each = tuple(
+    each = [
         {"flight": i, "way": name} | {k: int(v) if isinstance(v, bool) else v for k, v in row.items()}
         for name, own in flown.items()
         for i, row in enumerate(own)
-    )
+    ]
     numbers |= {"replanning_flights": float(len(alone))}
-    return Study({"replanning": tuple(rows), "replanning_flights": each}, numbers, _text(rows, title))
+    return Study({"replanning": rows, "replanning_flights": each}, numbers, _text(rows, title))
 
 
 def _text(rows: Sequence[Columns], title: str) -> str:
@@ -302,7 +352,7 @@ def _text(rows: Sequence[Columns], title: str) -> str:
     return markdown_table(
         f"{title}; 95 % intervals, the difference from the first row by pairs",
         {
-            "way": lambda row: str(row["way"]),
+            "way": "way",
             "failed": lambda row: rate_cell(row, "failure"),
             "difference [points]": difference,
             "new plans a flight": lambda row: f"{row['new_plans']:.1f}",
@@ -310,3 +360,60 @@ def _text(rows: Sequence[Columns], title: str) -> str:
         },
         rows,
     )
+
+
+# --- in later fields ------------------------------------------------------------------------------
+
+
+def field_cycle(
+    known: DepartureWinds, task: Mission, run: Run, _wind: DrawnFlights, _number: int, step: int
+) -> NewWind:
+    """The forecasts of the files that have become available at ``step`` of a flight of ``task``."""
+    return known.readings(task, step * run[PROBLEM].motion.dt)
+
+
+def run_replan_test(settings: Settings, _: Records, directory: Path, progress: Progress = None) -> Study:
+    """Fly the missions of ``settings.forecast_test`` in the ways of ``settings.replanning``."""
+    cfg, ways = replace(settings.forecast_test, known="departure"), settings.replanning
+    settings = replace(settings, evaluation=half_the_cores(settings.evaluation))
+    known = forecast_test.known_of_files(settings, cfg, directory)
+    key = [TEST_STREAM, ways.fixes, ways.every, ways.forecasts, ways.fix_sd, EFFORT]
+    return missions_study(forecast_test.work_missions(known, mission_part, key, progress))
+
+
+def mission_part(known: DepartureWinds, k: int) -> Columns:
+    """Mission ``k`` flown once in each way; the reason if it has no plan."""
+    settings, cfg = known.settings, known.cfg
+    task = mission(cfg, settings.seed, k, known.spells, settings.border)
+    run = known.run_of(task, forecast_test.mission_settings(settings, cfg, task, settings.fidelity))
+    try:
+        run.make(PLAN)
+    except (InfeasibleError, DataError) as error:
+        return {"reason": str(error), "flown": {}}
+    stream = stage_seeds(settings.seed + k, TEST_STREAM)
+    winds = draw_flights(forecast_test.reality(known, run), "independent", 1, stream)
+    ways = ways_of(settings.replanning, run)
+    context = ReplanningContext(run, winds, ways, partial(field_cycle, known, task))
+    about = {"mission": k, "formula": task.formula, "departure": task.scene.time_zero}
+    about |= {"situation": task.spell.name}
+    flown = {way.name: about | fly_way(context, way, 0) for way in ways}
+    return {"reason": "", "flown": flown}
+
+
+def missions_study(results: Sequence[Mapping[str, Any]]) -> Study:
+    """The rates of all missions that have a plan; InfeasibleError if none has."""
+    planned = [result["flown"] for result in results if result["flown"]]
+    if not planned:
+        raise InfeasibleError(
+            f"none of {len(results)} random missions has a plan ({results[0]['reason']}); lower "
+            "forecast_test.side, or raise robot.u_max or planner.epsilon"
+        )
+    flown = {name: [flights[name] for flights in planned] for name in planned[0]}
+    weather = len({flight["situation"] for flight in flown[next(iter(flown))]})
+    study = replanning_study(
+        flown, LATER,
+        f"{len(planned)} of {len(results)} random missions with a plan, each flown once through the later "
+        f"fields of {weather} weather situations, which the intervals ignore",
+    )  # fmt: skip
+    counts = {"missions": float(len(results)), "missions_planned": float(len(planned))}
+    return replace(study, numbers={**study.numbers, **counts})

@@ -7,8 +7,6 @@ with errors, a wind that changes with the position within a step, the ellipsoid 
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,32 +23,17 @@ from pareto_ltl.run.records import EXPORTS, PLAN, PROBLEM, Records
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import Settings, SitlConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl.simulation.aircraft import (
-    Air,
-    Orders,
-    Track,
-    airspeed_errors,
-    fly_orders,
-    read_orders,
-    require_jsbsim,
-)
-from pareto_ltl.simulation.flights import (
-    block_rows,
-    draw_block,
-    fly_block,
-    judge_flights,
-    pilot_maker,
-    require_known_wind,
-    unspawned,
-)
+from pareto_ltl.simulation import aircraft as jsbsim
+from pareto_ltl.simulation import flights
+from pareto_ltl.simulation.aircraft import Air, Orders, Track
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.studies.statistics import mcnemar_test, rate_columns
+from pareto_ltl.studies.parts import Progress
+from pareto_ltl.studies.tables import mcnemar_test, rate_columns
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, to_plane
 
-LOG = logging.getLogger(__name__)
 LOWEST = 300.0  # least height of the aircraft, for winds of a lower level [m]
 TABLE = EXPORT_FILES["dead_reckoning"]
 
@@ -77,9 +60,7 @@ class SitlFlights:
         return np.asarray(np.linalg.norm(self.aircraft.x - self.steps.x, axis=2)[:, 1:], float)
 
 
-def run_sitl(
-    settings: Settings, world: Records, _: Path, progress: Callable[[int, int], None] | None = None
-) -> Study:
+def run_sitl(settings: Settings, world: Records, _: Path, progress: Progress = None) -> Study:
     """The study: ``sitl.csv`` with a row for each flight, and the numbers that compare both aircraft.
 
     Raises
@@ -90,7 +71,7 @@ def run_sitl(
         If the plan was not exported as a dead-reckoning table, or the robot has feedback.
     """
     cfg, problem, plan = settings.sitl, world[PROBLEM], world[PLAN]
-    require_jsbsim()
+    jsbsim.require_jsbsim()
     table = next((path for path in world[EXPORTS] if path.name == TABLE), None)
     if table is None:
         raise DataError(
@@ -104,31 +85,31 @@ def run_sitl(
         )
     height = max(height_of(flown_level(settings)).metres, LOWEST)
     seeds = stage_seeds(settings.seed, "sitl")
-    flown = fly_both(cfg, problem, plan, read_orders(table), height, seeds, progress)
+    flown = fly_both(cfg, problem, plan, jsbsim.read_orders(table), height, seeds, progress)
     return sitl_study(cfg, flown)
 
 
 def fly_both(
     cfg: SitlConfig, problem: Problem, plan: Plan, orders: Orders, height: float, seeds: SeedSequence,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = None,
 ) -> SitlFlights:  # fmt: skip
     """Fly ``cfg.flights`` pairs, the aircraft and ours in the same wind."""
     law, u = problem.fidelity.law, plan.path.u
-    require_known_wind(problem, u, plan.path.x)
-    blocks = block_rows(cfg.flights)
-    pilot = pilot_maker(problem, u, plan.path.x, law)
+    flights.require_known_wind(problem, u, plan.path.x)
+    blocks = flights.block_rows(cfg.flights)
+    pilot = flights.pilot_maker(problem, u, plan.path.x, law)
     ours, theirs, tracks = np.empty((cfg.flights, len(u) + 1, 2)), np.empty((cfg.flights, len(u) + 1, 2)), []
-    for rows, child in zip(blocks, unspawned(seeds).spawn(len(blocks)), strict=True):
-        block = draw_block(problem, law, rows.stop - rows.start, len(u), child)
-        fly_block(problem, block, pilot, ours[rows])
+    for rows, child in zip(blocks, flights.unspawned(seeds).spawn(len(blocks)), strict=True):
+        block = flights.draw_block(problem, law, rows.stop - rows.start, len(u), child)
+        flights.fly_block(problem, block, pilot, ours[rows])
         for i in range(rows.stop - rows.start):
             begun = _started_at(problem, orders, block.start[i])
-            track = fly_orders(begun, flight_air(problem, block.draws, i, len(u)), height, cfg.rate)
+            track = jsbsim.fly_orders(begun, flight_air(problem, block.draws, i, len(u)), height, cfg.rate)
             theirs[rows.start + i] = to_plane(str(problem.scene.crs), track.lon, track.lat)
             tracks.append(track)
             if progress is not None:
                 progress(len(tracks), cfg.flights)
-    aircraft, steps = (judge_flights(problem, law, x) for x in (theirs, ours))
+    aircraft, steps = (flights.judge_flights(problem, law, x) for x in (theirs, ours))
     return SitlFlights(orders, aircraft, steps, tuple(tracks))
 
 
@@ -176,23 +157,18 @@ def _one_of(draws: Any, i: int) -> Any:
 def sitl_study(cfg: SitlConfig, flown: SitlFlights) -> Study:
     """Tables, numbers and text of the flights."""
     theirs, ours, apart = flown.aircraft.failed, flown.steps.failed, flown.apart
+    error = jsbsim.airspeed_errors(flown.orders, flown.tracks)
+    only = int((theirs & ~ours).sum()), int((ours & ~theirs).sum())
     numbers: dict[str, float] = {"sitl_flights": cfg.flights}
     numbers |= rate_columns("sitl_failure", theirs) | rate_columns("sitl_steps_failure", ours)
-    only = int((theirs & ~ours).sum()), int((ours & ~theirs).sum())
-    error = airspeed_errors(flown.orders, flown.tracks)
-    numbers |= {
-        "sitl_fails_alone": only[0],
-        "sitl_steps_fail_alone": only[1],
-        "sitl_same_chance": mcnemar_test(*only),
-        "sitl_apart_median_m": float(np.median(apart)),
-        "sitl_apart_95_m": float(np.quantile(apart, 0.95)),
-        "sitl_apart_end_median_m": float(np.median(apart[:, -1])),
-        "sitl_apart_end_95_m": float(np.quantile(apart[:, -1], 0.95)),
-        "sitl_airspeed_error": float(error.mean()),
-        "sitl_airspeed_error_sd": float(error.std()),
-        "sitl_height_error_m": max(track.climb for track in flown.tracks),
-    }
-    rows = tuple(
+    numbers |= {"sitl_fails_alone": only[0], "sitl_steps_fail_alone": only[1]}
+    numbers |= {"sitl_same_chance": mcnemar_test(*only)}
+    for name, distances in (("apart", apart), ("apart_end", apart[:, -1])):
+        numbers[f"sitl_{name}_median_m"] = float(np.median(distances))
+        numbers[f"sitl_{name}_95_m"] = float(np.quantile(distances, 0.95))
+    numbers |= {"sitl_airspeed_error": float(error.mean()), "sitl_airspeed_error_sd": float(error.std())}
+    numbers |= {"sitl_height_error_m": max(track.climb for track in flown.tracks)}
+    rows = [
         {
             "flight": k,
             "failed": int(theirs[k]),
@@ -205,9 +181,8 @@ def sitl_study(cfg: SitlConfig, flown: SitlFlights) -> Study:
             "airspeed_error_m_s": float(error[k].mean()),
         }
         for k in range(cfg.flights)
-    )
-    text = sitl_text(numbers, flown.aircraft.law)
-    return Study({"sitl": rows}, numbers, text, {"flights": flown})
+    ]
+    return Study({"sitl": rows}, numbers, sitl_text(numbers, flown.aircraft.law), {"flights": flown})
 
 
 def sitl_text(numbers: dict[str, float], law: str) -> str:

@@ -8,17 +8,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.run.records import (
-    AUTOMATON,
-    DECOMPOSITION,
-    EXPORTS,
-    OBSERVATIONS,
-    PLAN,
-    PROBLEM,
-    READINGS,
-    SCENE,
-    RecordKey,
-)
+from pareto_ltl.run import records
+from pareto_ltl.run.records import RecordKey
 from pareto_ltl.run.stage_table import FIGURES, Stage, StageInputs, StageTable, with_extension_stages
 from pareto_ltl.run.stages import FIGURE_FILES, PLAN_STAGES
 from pareto_ltl.settings import Settings
@@ -26,36 +17,42 @@ from pareto_ltl.settings import Settings
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
 
-WORLD = (OBSERVATIONS, DECOMPOSITION, AUTOMATON, SCENE)  # records from which a study plans
-MAP = (SCENE, DECOMPOSITION)  # records of figures with a map
+STUDY_FILES = "pareto_ltl.report.records:study"
+MAP = (records.SCENE, records.DECOMPOSITION)  # records of figures with a map
+WORLD = (records.OBSERVATIONS, records.DECOMPOSITION, records.AUTOMATON, records.SCENE)  # for plans
 
 
 @dataclass(frozen=True, slots=True)
 class StudyKind:
-    """A study: the stage ``name``, and the stage ``name_figures`` if it has figures.
+    """A study: the stages ``name`` and ``name_figures``.
 
     Attributes
     ----------
-    run : str
-        ``module:function`` in ``studies``; the function takes the settings, the records of ``needs``, the
+    module : str
+        The module of ``studies`` with ``run_name``, which takes the settings, the records of ``needs``, the
         results directory and a function for the progress, and returns the :class:`Study`.
+    drawing : str
+        The module of ``report`` with ``name_figures``, which takes the settings, the study and the records of
+        ``drawn_on``, and returns the functions that draw the figures, by name.
     tables : tuple of str
         The files of the study.
-    figures : str
-        ``module:function`` in ``report``; the function takes the settings, the study and the records of
-        ``drawn_on``, and returns the functions that draw the figures, by name.
     """
 
     name: str
-    run: str
+    module: str
+    drawing: str
     tables: tuple[str, ...]
-    figures: str = ""
     needs: tuple[RecordKey[Any], ...] = WORLD
     drawn_on: tuple[RecordKey[Any], ...] = ()
 
+    @property
+    def key(self) -> RecordKey[Study]:
+        """Key of the record of the study."""
+        return RecordKey(self.name)
+
     def make(self, inputs: StageInputs) -> Study:
         """The tables, numbers and text of the study."""
-        run = _function(f"pareto_ltl.studies.{self.run}")
+        run = getattr(import_module(f"pareto_ltl.studies.{self.module}"), f"run_{self.name}")
         study: Study = run(inputs.settings, inputs.records, inputs.directory, inputs.progress)
         return study
 
@@ -66,97 +63,50 @@ class StudyKind:
             return ()
         from pareto_ltl.report.study_axes import save_figures
 
-        made, world = _function(f"pareto_ltl.report.{self.figures}"), [inputs[key] for key in self.drawn_on]
-        return save_figures(
-            inputs.directory / "figures", cfg, made(inputs.settings, inputs[self.key], *world)
-        )
-
-    @property
-    def key(self) -> RecordKey[Study]:
-        """Key of the record of the study."""
-        return RecordKey(self.name)
+        figures = getattr(import_module(f"pareto_ltl.report.{self.drawing}"), f"{self.name}{FIGURES}")
+        made = figures(inputs.settings, inputs[self.key], *(inputs[key] for key in self.drawn_on))
+        return save_figures(inputs.directory / "figures", cfg, made)
 
     def stages(self) -> Iterator[Stage[Any]]:
         """The stages of the study."""
         yield Stage(
-            makes=self.key,
-            make=self.make,
-            needs=self.needs,
-            writes=self.tables,
-            shows=("tables.md",),
+            self.key, self.make, needs=self.needs, writes=self.tables, shows=("tables.md",), codec=STUDY_FILES
         )
-        if self.figures:
-            name, needs = f"{self.name}{FIGURES}", (*self.drawn_on, self.key)
-            key: RecordKey[tuple[Path, ...]] = RecordKey(name)
-            yield Stage(makes=key, make=self.draw, needs=needs, shows=FIGURE_FILES)
-
-
-def _function(place: str) -> Any:
-    """The function at ``module:function``."""
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name)
+        drawn: RecordKey[tuple[Path, ...]] = RecordKey(f"{self.name}{FIGURES}")
+        yield Stage(drawn, self.draw, needs=(*self.drawn_on, self.key), shows=FIGURE_FILES)
 
 
 FIELD_TABLES = ("reliability.csv", "regions.csv", "scorecard.csv", "no_plan.csv")
+FLIGHT_TABLES = ("replanning.csv", "replanning_flights.csv")
 STUDIES = (
     StudyKind(
-        "comparison",
-        "compare:run_comparison",
-        ("compare.csv", "compare_seeds.csv", "differences.csv", "no_plan.csv"),
-        "study_comparison:comparison_figures",
-        drawn_on=MAP,
+        "comparison", "compare", "study_planners",
+        ("compare.csv", "compare_seeds.csv", "differences.csv", "no_plan.csv"), drawn_on=MAP,
     ),
     StudyKind(
-        "convergence",
-        "convergence:run_convergence",
+        "convergence", "convergence", "study_planners",
         ("convergence.csv", "convergence_seeds.csv", "first_answer.csv"),
-        "study_convergence:convergence_figures",
     ),
-    StudyKind("ablation", "ablation:run_ablation", ("ablation.csv",), "study_ablation:ablation_figures"),
+    StudyKind("ablation", "compare", "study_planners", ("ablation.csv",)),
     StudyKind(
-        "hindcast",
-        "forecast_test:run_hindcast",
-        ("hindcast.csv", *FIELD_TABLES),
-        "study_forecast_test:reliability_figures",
-        needs=(),
+        "hindcast", "forecast_test", "study_forecast_test", ("hindcast.csv", *FIELD_TABLES), needs=()
     ),
     StudyKind(
-        "forecast_test",
-        "forecast_test:run_forecast_test",
-        ("forecast_test.csv", "leads.csv", *FIELD_TABLES),
-        "study_forecast_test:forecast_test_figures",
-        needs=(),
+        "forecast_test", "forecast_test", "study_forecast_test",
+        ("forecast_test.csv", "leads.csv", *FIELD_TABLES), needs=(),
     ),
     StudyKind(
-        "departure",
-        "departure:run_departure",
+        "departure", "departure", "study_departure",
         ("departures.csv", "departure_lengths.csv", "departures.json"),
-        "study_departure:departure_figures",
-        needs=(READINGS, SCENE, DECOMPOSITION, AUTOMATON),
-        drawn_on=MAP,
+        needs=(records.READINGS, *MAP, records.AUTOMATON), drawn_on=MAP,
     ),
+    StudyKind("replanning", "replanning", "study_flights", FLIGHT_TABLES),
+    StudyKind("replan_test", "replanning", "study_flights", FLIGHT_TABLES, needs=()),
     StudyKind(
-        "replanning",
-        "replanning:run_replanning",
-        ("replanning.csv", "replanning_flights.csv"),
-        "study_replanning:replanning_figures",
+        "sitl", "sitl", "study_flights", ("sitl.csv",),
+        needs=(records.PROBLEM, records.PLAN, records.EXPORTS), drawn_on=MAP,
     ),
-    StudyKind(
-        "replan_test",
-        "replan_test:run_replan_test",
-        ("replanning.csv", "replanning_flights.csv"),
-        "study_replanning:replanning_figures",
-        needs=(),
-    ),
-    StudyKind(
-        "sitl",
-        "sitl:run_sitl",
-        ("sitl.csv",),
-        "study_sitl:sitl_figures",
-        needs=(PROBLEM, PLAN, EXPORTS),
-        drawn_on=MAP,
-    ),
-)
+)  # fmt: skip
 STUDY_STAGES = tuple(stage for study in STUDIES for stage in study.stages())
 
 

@@ -1,15 +1,19 @@
-"""Tables for people, and values in the form of files."""
+"""Values, statistics and cells of the tables of studies and sweeps: rates with exact intervals, quartiles."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import interval_text, probability_text
+
+Columns = dict[str, Any]  # columns of a table by name, or one of its rows
 
 # --- values in files -------------------------------------------------------------------------
 
@@ -27,6 +31,96 @@ def text_to_flags(text: str) -> BoolArray:
 def number_or_nan(value: float | None) -> float:
     """A number out of a file, where NaN is null."""
     return math.nan if value is None else float(value)
+
+
+# --- statistics ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class PooledRate:
+    """Rate of ``events`` among ``runs``, as one experiment, with the exact interval of Clopper and Pearson.
+
+    Without runs the rate and its interval are NaN.
+    """
+
+    events: int
+    runs: int
+
+    @property
+    def rate(self) -> float:
+        """Share of the runs with the event, NaN without runs."""
+        return self.events / self.runs if self.runs else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Clopper-Pearson interval of the rate, NaN without runs."""
+        return clopper_pearson(self.events, self.runs) if self.runs else (math.nan, math.nan)
+
+
+def pooled_shares(pairs: Iterable[tuple[float, float]]) -> PooledRate:
+    """The rate over all runs of experiments that are given as (share of events, number of runs)."""
+    known = list(pairs)
+    events = math.fsum(share * runs for share, runs in known)
+    return PooledRate(round(events), round(math.fsum(runs for _, runs in known)))
+
+
+def interval_columns(name: str, value: float, low: float, high: float) -> Columns:
+    """``name``, ``name_low`` and ``name_high``: a number and its interval."""
+    return {name: value, f"{name}_low": low, f"{name}_high": high}
+
+
+def rate_columns(name: str, hits: BoolArray) -> Columns:
+    """The share of ``hits`` (N,) and its exact interval; NaN if N = 0."""
+    found = PooledRate(int(hits.sum()), len(hits))
+    return interval_columns(name, found.rate, *found.interval)
+
+
+def mean_chance_columns(name: str, total: float, n: int) -> Columns:
+    """The mean of ``n`` probabilities that sum to ``total``, with a conservative 95 % interval.
+
+    Outcomes ~ Bernoulli(p_i) vary more than the probabilities p_i, so the Clopper-Pearson intervals of the
+    neighbouring integer counts cover the mean. NaN if n = 0.
+    """
+    if n == 0:
+        return interval_columns(name, math.nan, math.nan, math.nan)
+    low, _ = clopper_pearson(math.floor(total + 1e-9), n)
+    _, high = clopper_pearson(math.ceil(total - 1e-9), n)
+    return interval_columns(name, total / n, low, high)
+
+
+def quartiles_of(values: Sequence[float] | FloatArray) -> tuple[float, float, float]:
+    """Lower quartile, median and upper quartile of the finite ``values``; NaN if there are none."""
+    known = np.asarray(values, float)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return math.nan, math.nan, math.nan
+    low, middle, high = np.quantile(known, [0.25, 0.5, 0.75])
+    return float(low), float(middle), float(high)
+
+
+def quartile_columns(name: str, values: Sequence[float] | FloatArray) -> Columns:
+    """``name``, ``name_q25`` and ``name_q75``: median and quartiles of the finite ``values``."""
+    low, middle, high = quartiles_of(values)
+    return {name: middle, f"{name}_q25": low, f"{name}_q75": high}
+
+
+def mcnemar_test(first_only: int, second_only: int) -> float:
+    """Two-sided exact p value of McNemar's test: pairs that differ are Binomial(n, 1/2)."""
+    from scipy.stats import binomtest
+
+    n = first_only + second_only
+    return 1.0 if n == 0 else float(binomtest(first_only, n, 0.5).pvalue)
+
+
+def mean_interval(values: FloatArray) -> tuple[float, float]:
+    """95 % interval of a mean over seeds (Student's t); NaN for fewer than two ``values`` (N,)."""
+    from scipy.special import stdtrit
+
+    if len(values) < 2:
+        return math.nan, math.nan
+    middle, half = values.mean(), values.std(ddof=1) / math.sqrt(len(values))
+    half *= float(stdtrit(len(values) - 1, 0.975))
+    return float(middle - half), float(middle + half)
 
 
 # --- values on a page ------------------------------------------------------------------------
@@ -49,13 +143,19 @@ def _cell_with_ends(row: Mapping[str, Any], name: str, *ends: str) -> str:
     return f"{probability_text(row[name])} ({interval_text(low, high)})"
 
 
-def kilometres_text(metres: float) -> str:
-    """Whole kilometres; a dash where the length is not known."""
-    return f"{metres / 1e3:.0f}" if math.isfinite(metres) else "-"
+def length_cell(row: Mapping[str, Any]) -> str:
+    """The length of ``row`` in whole kilometres; a dash where it is not known."""
+    return f"{row['length_m'] / 1e3:.0f}" if math.isfinite(row["length_m"]) else "-"
 
 
-def markdown_table(title: str, columns: Mapping[str, Callable[[Any], str]], rows: Iterable[Any]) -> str:
-    """A table in Markdown below its title: ``columns`` maps the head of a column to its cell in a row."""
+def markdown_table(title: str, columns: Mapping[str, str | Callable[[Any], str]], rows: Iterable[Any]) -> str:
+    """A table in Markdown below its title.
+
+    ``columns`` maps the head of a column to a function that makes its cell of a row, or to the key of a row
+    that is shown as it is.
+    """
     lines = [f"**{title}**", "", f"| {' | '.join(columns)} |", f"|{'---|' * len(columns)}"]
-    cells = ([cell(row) for cell in columns.values()] for row in rows)
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in cells), ""])
+    for row in rows:
+        cells = (str(row[cell]) if isinstance(cell, str) else cell(row) for cell in columns.values())
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join([*lines, ""])

@@ -7,7 +7,7 @@ import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import RESULTS, Advice, refuse_special
+from pareto_ltl.support.reading import RESULTS, Advice, inside, refuse_special, shaped
+from pareto_ltl.support.schemas import read_document
 
 FREE_BYTES = 256 * 2**20  # unpacked bytes that are allowed for a file of any size
 MAX_RATIO = 20  # largest ratio of unpacked bytes to file size beyond FREE_BYTES; a zip bomb has up to 1032
@@ -95,3 +96,18 @@ def _read_header(name: str, stream: IO[bytes]) -> tuple[tuple[int, ...], bool, n
         raise _ForeignError(f"{name} has a header that is not understood; expected numbers or text")
     shape = tuple(int(side) for side in re.findall(r"\d+", match["shape"]))
     return shape, match["fortran"] == "True", np.dtype(match["type"])
+
+
+@contextmanager
+def stored(
+    place: Path | str, name: str, what: str, schema: str | Mapping[str, str] | None = None
+) -> Iterator[Any]:
+    """The content of the file ``name`` in ``place``, or of the file ``place``, to be made into ``what``.
+
+    A JSON file is checked against ``schema`` (as :func:`read_document`); without one it is an archive of
+    arrays. An error in the block becomes a DataError that names the file.
+    """
+    path = inside(place, name)
+    content = read_npz(path) if schema is None else read_document(path, schema)
+    with shaped(path, what):
+        yield content

@@ -6,12 +6,13 @@ small machine: a list of two numbers, 4 bytes in a file, takes 80 bytes of memor
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import re
 import stat
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ MAX_FEATURES = 50_000  # of a map; 20,000 take 8 s
 SHOWN = 60  # characters of a wrong value that a message repeats
 
 NUMBER_TYPES = frozenset({int, float})
+MISSHAPEN = (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, csv.Error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,22 @@ class Advice:
 
 
 RESULTS = Advice()
+
+
+@contextmanager
+def shaped(path: Path, what: str) -> Iterator[None]:
+    """Turn an error while the content of ``path`` is made into ``what`` into a DataError that names both."""
+    try:
+        yield
+    except MISSHAPEN as error:
+        reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise DataError(f"{path}: not {what} ({reason}); run the plan again") from error
+
+
+def inside(place: Path | str, name: str) -> Path:
+    """The file ``name`` in ``place``, or ``place`` itself if it is a file."""
+    place = Path(place)
+    return place / name if place.is_dir() else place
 
 
 def refuse_special(path: Path) -> None:

@@ -20,19 +20,7 @@ if TYPE_CHECKING:
     from fastjsonschema import JsonSchemaValueException
 
 FOLDER = PACKAGE / "support" / "data" / "schemas"
-SCHEMA_NAMES = (
-    "automaton",
-    "cells",
-    "departures",
-    "forecast_error",
-    "mavlink_script",
-    "metrics",
-    "plan",
-    "plan_1",
-    "run",
-    "scene",
-    "sweep",
-)
+SCHEMA_NAMES = tuple(sorted(path.name.partition(".")[0] for path in FOLDER.glob("*.schema.json")))
 TYPE_WORDS = {
     "object": "an object",
     "array": "an array",

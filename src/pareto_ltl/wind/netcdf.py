@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
+from pareto_ltl.support.reading import inside, read_json
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.wind.forecast_error import ForecastError, forecast_error_of
 from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, parse_level
@@ -70,6 +71,20 @@ HYPER_ROWS: ComponentRows = (  # the columns of WindEvidence.hyper
 )
 Attributes = dict[str, Any]
 NetcdfVariable = tuple[str, tuple[str, ...], Any, Attributes]  # name, dimensions, values, attributes
+
+
+def write_wind(directory: Path, wind: WindField) -> None:
+    """Write ``wind.nc``; if ``scene.json`` is in ``directory``, with its time zero and projection."""
+    from pareto_ltl.world.scene_files import scene_from_dict
+
+    path = directory / "scene.json"  # written by this run: a check against its schema would take 0.2 s
+    scene = scene_from_dict(read_json(path)) if path.is_file() else None
+    write_netcdf(wind, directory / "wind.nc", scene)
+
+
+def read_wind(place: Path | str) -> WindField:
+    """The wind field of ``wind.nc``, a file or the directory that has it."""
+    return read_netcdf(inside(place, "wind.nc"))
 
 
 def write_netcdf(field: WindField, path: Path, scene: Scene | None = None) -> Path:

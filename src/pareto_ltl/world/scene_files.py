@@ -1,4 +1,4 @@
-"""Map files: GeoJSON and KML in degrees, and the ``scene.json`` of a run in metres.
+"""Map files: GeoJSON and KML in degrees, and the ``scene.json`` and ``cells.json`` of a run in metres.
 
 KML (OGC 12-007r2) and KMZ become the features of a GeoJSON map. The role of a Placemark is its ExtendedData
 ``role``, else the name of a folder around it (Regions, Obstacles, Landmarks, Border, Start), else its name if
@@ -11,6 +11,7 @@ from __future__ import annotations
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -20,14 +21,18 @@ from xml.parsers import expat
 import numpy as np
 
 from pareto_ltl.support import reading
+from pareto_ltl.support.archives import stored
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import write_json
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import MAX_BYTES, MAX_DEPTH, Advice, read_bounded, refuse_many_features
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world import scene_sketch as sk
+from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene, fix_document, read_fix
 from pareto_ltl.world.scene_geojson import crs_name, sketch_features
+from pareto_ltl.world.scene_shapes import refuse_crossings
 from pareto_ltl.world.scene_sketch import MapFaults, Place, SceneSketch
 from pareto_ltl.world.windows import TimedPlace, Window
 
@@ -173,6 +178,43 @@ def _check_departure(where: str, time_zero: str | None) -> None:
             f"{where}: time_zero is {shown_text(repr(time_zero))}; expected an ISO 8601 time such as "
             "2018-10-09T18:00:00Z"
         ) from None
+
+
+# --- files of a run ----------------------------------------------------------------------------
+
+
+def write_scene(directory: Path, scene: Scene) -> None:
+    """Write ``scene.json``."""
+    write_json(directory / "scene.json", scene_to_dict(scene))
+
+
+def read_scene(place: Path | str) -> Scene:
+    """The map of ``scene.json``, a file or the directory that has it."""
+    with stored(place, "scene.json", "a scene", "scene") as content:
+        scene = scene_from_dict(content)
+        refuse_crossings((*scene.region_outlines, *scene.obstacles, *scene.landmarks))
+        return scene
+
+
+def write_cells(directory: Path, decomposition: Decomposition) -> None:
+    """Write ``cells.json``."""
+    write_json(directory / "cells.json", asdict(decomposition))
+
+
+def read_cells(place: Path | str) -> Decomposition:
+    """The cells of ``cells.json``, a file or the directory that has it."""
+    with stored(place, "cells.json", "a decomposition", "cells") as content:
+        return Decomposition(
+            cells=_polygons(content["cells"]),
+            labels=tuple(frozenset(label) for label in content["labels"]),
+            doors=np.array(content["doors"], np.int64).reshape(-1, 2),
+            obstacles=_polygons(content["obstacles"]),
+            regions={name: _polygons(parts) for name, parts in content["regions"].items()},
+        )
+
+
+def _polygons(lists: list[Any]) -> tuple[FloatArray, ...]:
+    return tuple(np.array(polygon, float) for polygon in lists)
 
 
 # --- KML --------------------------------------------------------------------------------------------

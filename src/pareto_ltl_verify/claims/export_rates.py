@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -13,11 +13,11 @@ from scipy.stats import beta, binom
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import interval_text, probability_text
-from pareto_ltl_verify.claims.exports import NAMESPACES, PLAN, features_of, in_plane, json_file, xml_root
-from pareto_ltl_verify.claims.verdict import Claim, Verdict, close, no_fault
+from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, unlike
+from pareto_ltl_verify.claims.exports import PLAN, ROUTES, json_file
 from pareto_ltl_verify.evidence import HELD_RUNS, Evidence
-from pareto_ltl_verify.flights import RARE, clopper_pearson, same_rate
-from pareto_ltl_verify.geometry import within
+from pareto_ltl_verify.flights import RARE, rate_of, same_rate
+from pareto_ltl_verify.geometry import in_plane, within
 
 FINEST = 1.0  # [m] standard deviation whose square corridors add to each variance of the position
 SHARES = (0.5, 0.9, 0.95, 0.99)
@@ -34,66 +34,46 @@ def mission_failure(result: Evidence) -> Verdict:
     """The failure by heading is the promise; by position, it is the rate of new flights with feedback."""
     stated = json_file(result, "mission.plan")["pareto_ltl"]
     promise, by_heading = result.plan["promise"], stated["failure_by_heading"]
-    faults = []
-    if (promise is None) != (by_heading is None):
-        faults.append(f"by heading {by_heading}")
-    if promise and by_heading:
-        faults += [f"by heading: {key}" for key, value in by_heading.items() if promise[key] != value]
+    faults = unlike(promise or {}, by_heading or {})
+    faults += [f"by heading {by_heading}"] * ((promise is None) != (by_heading is None))
     rate = stated["failure_by_position"]
     if rate is None:  # after an alarm of replanning
-        return no_fault("no rates", [*faults, *["alone by heading"] * (by_heading is not None)])
+        return no_fault("no rates", faults, {"alone by heading": by_heading is not None})
     count, runs = round(rate["failure"] * rate["runs"]), int(rate["runs"])
-    ends = clopper_pearson(count, runs)
-    if not all(close(a, b, 1e-9, 1e-12) for a, b in zip((rate["low"], rate["high"]), ends, strict=True)):
-        faults.append(f"the interval is {ends[0]:.4g} to {ends[1]:.4g}")
-    if rate["law"] != result.planned_law:
-        faults.append(f"{rate['law']} winds")
-    if (chance := same_rate(count, runs, *result.held_failures)) < RARE:
-        faults.append(f"by position {result.held_failures[0]} of {HELD_RUNS}, chance {chance:.1g}")
-    return no_fault(f"{rate['failure']:.4g} by position", faults)
+    faults += far_apart(rate, rate_of(count, runs), 1e-9) + unlike(rate, {"law": result.planned_law})
+    return no_fault(f"{rate['failure']:.4g} by position", faults, _by_position(result, count, runs))
+
+
+def _by_position(result: Evidence, count: int, runs: int) -> list[str]:
+    """A fault if the rate of robots that know their positions is another than in new flights."""
+    chance = same_rate(count, runs, *result.held_failures)
+    return [f"by position {result.held_failures[0]} of {HELD_RUNS}, chance {chance:.1g}"] * (chance < RARE)
 
 
 def stated_rates(name: str, result: Evidence) -> Verdict:
     """Sentences of a file: the promise, the rate of new flights with known positions, errors not covered."""
-    text, promise = TEXTS[name](result), result.plan["promise"]
+    text, promise = _text(result, name), result.plan["promise"]
     matches = [RATE.fullmatch(sentence) for sentence in SENTENCE.findall(text)]
     by_course = {("feedback_time=60)" in part["how"]): part for part in matches if part is not None}
     rates = 0 if result.plan["objectives"]["mission_risk"] is None else 1 + (promise is not None)
     faults = [f"{len(by_course)} rates"] * (len(by_course) != len(matches) or len(by_course) != rates)
-    for part in by_course.values():
+    for by_position, part in by_course.items():
         faults += [f"{part['law']} winds"] * (part["law"] != result.planned_law)
-    if promise is not None and False in by_course:
-        part, ends = by_course[False], interval_text(promise["low"], promise["high"])
-        same = part["fails"] == f"{probability_text(promise['failure'])} (95 %: {ends})"
-        if not same or _count(part) != promise["runs"]:
-            faults.append(f"{part['fails']} of {part['runs']} by heading")
-    if True in by_course:
-        part = by_course[True]
-        runs, share = (
-            int(part["runs"].replace(",", "")),
-            float(part["fails"].partition(" %")[0].lstrip("< ")) / 100,
-        )
-        chance = same_rate(round(share * runs), runs, *result.held_failures)
-        faults += [f"by position {part['fails']}, chance {chance:.1g}"] * (chance < RARE)
+        runs = int(part["runs"].replace(",", ""))
+        if by_position:
+            share = float(part["fails"].partition(" %")[0].lstrip("< ")) / 100
+            faults += _by_position(result, round(share * runs), runs)
+        elif promise is not None:
+            ends = interval_text(promise["low"], promise["high"])
+            wanted = f"{probability_text(promise['failure'])} (95 %: {ends})", promise["runs"]
+            faults += [f"{part['fails']} of {runs} by heading"] * ((part["fails"], runs) != wanted)
     left = result.plan["not_covered"].rstrip(".")
     faults += ["errors not covered"] * (bool(left) and f"Not covered: {left}." not in text)
     return no_fault(f"{len(by_course)} rates", faults)
 
 
-def _count(part: re.Match[str]) -> int:
-    return int(part["runs"].replace(",", ""))
-
-
-def _xml_text(result: Evidence, name: str, space: str, *tags: str) -> str:
-    path = "/".join(NAMESPACES[space] + tag for tag in tags)
-    return str(xml_root(result, name).findtext(path))
-
-
-def _trajectory_text(result: Evidence) -> str:
-    from pareto_ltl.support.netcdf4 import File
-
-    with File(result.directory / "trajectory.nc", "r") as file:
-        return str(file.attrs["comment"])
+def _text(result: Evidence, name: str) -> str:
+    return str(ROUTES[name](result).text if name in ROUTES else json_file(result, name)["description"])
 
 
 # --- corridors --------------------------------------------------------------------------------
@@ -101,7 +81,7 @@ def _trajectory_text(result: Evidence) -> str:
 
 def corridor_sizes(result: Evidence) -> Verdict | None:
     """The stated share p of new flights is inside the ellipses: at each time, and at all times."""
-    features = features_of(result, "corridor.geojson")
+    features = json_file(result, "corridor.geojson")["features"]
     laws = {feature["properties"]["wind_law"] for feature in features}
     if laws != {result.planned_law}:
         return no_fault(", ".join(sorted(laws)), [f"planned in {result.planned_law} winds"])
@@ -142,11 +122,11 @@ def corridor_areas(result: Evidence) -> Verdict:
     """Areas have the extent of their sizes: polygons around ellipses, and tubes that hold all ellipses."""
     cov = np.array(result.plan["cov"]) + FINEST**2 * np.eye(2)
     faults = []
-    for feature in features_of(result, "corridor.geojson"):
+    for feature in json_file(result, "corridor.geojson")["features"]:
         about, geometry = feature["properties"], feature["geometry"]
         if geometry["type"] != "Polygon":
             continue  # cut at the 180th meridian
-        drawn = in_plane(result, np.array(geometry["coordinates"][0], float))[:-1]
+        drawn = in_plane(result.scene["crs"], np.array(geometry["coordinates"][0], float))[:-1]
         size = about["standard_deviations"]
         if about["meaning"] == "at_time":
             gap = drawn - result.x[about["step"]]
@@ -168,15 +148,7 @@ def _rims(mean: FloatArray, cov: FloatArray, size: float) -> FloatArray:
     return np.asarray(rings.transpose(0, 2, 1).reshape(-1, 2), float)
 
 
-TEXTS: dict[str, Callable[[Evidence], str]] = {
-    "plan.gpx": lambda result: _xml_text(result, "plan.gpx", "gpx", "metadata", "desc"),
-    "plan.fpl": lambda result: _xml_text(result, "plan.fpl", "fpl", "file-description"),
-    "plan.kml": lambda result: _xml_text(result, "plan.kml", "kml", "Document", "description"),
-    "plan.geojson": lambda result: str(json_file(result, "plan.geojson")["description"]),
-    "mavlink_script.json": lambda result: str(json_file(result, "mavlink_script.json")["description"]),
-    "mission.plan": lambda result: str(json_file(result, "mission.plan")["pareto_ltl"]["note"]),
-    "trajectory.nc": _trajectory_text,
-}  # the text of each file that has sentences
+TEXTS = (*ROUTES, "mavlink_script.json")  # files that have sentences
 ALL = (*PLAN, "cells.json", "automaton.json", "wind.nc", "deployments.npz")
 CLAIMS = (
     Claim("exports: failure of mission.plan", ("mission.plan", *ALL), mission_failure),

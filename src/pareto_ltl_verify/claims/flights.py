@@ -1,33 +1,143 @@
-"""Claims about the simulated flights: they are judged a second time, and new flights are simulated."""
+"""Claims about simulated flights: the promised failure rate, the flights of the results, and new flights."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
+from scipy.stats import binom, hypergeom
 
-from pareto_ltl.support.arrays import BoolArray
-from pareto_ltl_verify.claims.verdict import Claim, Verdict, close, likely, no_fault, same, within
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.reading import read_json
+from pareto_ltl_verify import flights
+from pareto_ltl_verify.claims import Claim, Verdict, far_apart, likely, no_fault, same, within
+from pareto_ltl_verify.claims.front import flights_judge
+from pareto_ltl_verify.claims.plan import SPREAD, WEIGHTED
 from pareto_ltl_verify.evidence import LAWS, Evidence
-from pareto_ltl_verify.flights import (
-    RARE,
-    Verdicts,
-    failures,
-    misjudged,
-    rates,
-    same_distribution,
-    same_rate,
-    winds_as_drawn,
-)
+from pareto_ltl_verify.flights import RARE
 from pareto_ltl_verify.laws import Independent
 
+DOUBT = 1e-3  # significance level: probability that the flights reject a claim that is true
+WEIGHTED_BELOW = 1e-3  # share of failed flights below which flights are weighted
+RATE = {
+    "failure": "failure",
+    "low": "failure_low",
+    "high": "failure_high",
+    "runs": "runs",
+    "law": "law",
+}  # fmt: skip - what a promise claims, and the columns of the front that have it
 LOOKS = 4  # steps at which positions of old and new flights are compared
 METRICS = {
     "runs": "runs_{}", "failure": "failure_{}", "low": "failure_{}_low", "high": "failure_{}_high",
-    "mission": "mission_failure_{}", "collision": "collision_{}",
-    "off_map": "off_map_{}",
+    "mission": "mission_failure_{}", "collision": "collision_{}", "off_map": "off_map_{}",
 }  # fmt: skip
+FLAGS = ("accepted", "collided", "off_map")
+
+
+# --- the promise ------------------------------------------------------------------------------
+
+
+def promise(result: Evidence) -> Verdict | None:
+    """With judge=flights: rate, interval, claim, bound and verdict agree with each other and the settings."""
+    stated, costs = result.plan["promise"], result.plan["objectives"]
+    if not flights_judge(result) or after_alarm(result):
+        return same(stated, None)
+    wanted = {
+        "bound": min(1.0, costs["mission_risk"] + costs["collision_risk"]),
+        "linearity": _linearity(result),
+        "passed": float(stands(stated)),
+    }
+    return no_fault(
+        f"{stated['failure']:.4g} of {stated['runs']} flights fail", _rate_faults(result, stated),
+        _claim_faults(result, stated), far_apart(stated, wanted, SPREAD, 0.0),
+    )  # fmt: skip
+
+
+def after_alarm(result: Evidence) -> bool:
+    """Whether the plan was made during a flight, after a measurement that its law does not explain."""
+    return result.has("replan.json") and bool(read_json(result.directory / "replan.json").get("alarms"))
+
+
+def _rate_faults(result: Evidence, stated: dict[str, Any]) -> Iterator[str]:
+    wanted = (result.planned_law, result.settings["selection"]["runs"])
+    if (stated["law"], stated["runs"]) != wanted or stated["method"] not in CHANCES:
+        yield f"{stated['runs']} {stated['method']} in {stated['law']} winds"
+        return
+    if stated["method"] == WEIGHTED:  # the weights are not stored
+        if not 0.0 <= stated["low"] <= stated["failure"] <= stated["high"] <= 1.0:
+            yield f"the interval is {stated['low']:.4g} to {stated['high']:.4g}"
+        limit = math.ceil(WEIGHTED_BELOW * stated["runs"]) - 1
+        if binom.cdf(limit, stated["runs"], stated["low"]) < RARE:
+            share = f"{limit} of {stated['runs']} flights fail at {stated['low']:.4g}"
+            yield f"more than {share}: no case for weights"
+        return
+    ends = flights.rate_of(_count(stated), stated["runs"])
+    if far_apart(stated, ends, 1e-9):
+        yield f"the interval is {ends['low']:.4g} to {ends['high']:.4g}"
+
+
+def _claim_faults(result: Evidence, stated: dict[str, Any]) -> Iterator[str]:
+    """The claim is the rate of the plan's row of the front."""
+    rows = [row for k, row in enumerate(result.front) if np.array_equal(result.front_x(k), result.x)]
+    claim = {column: str(stated["claimed"][key]) for key, column in RATE.items()}
+    if [{column: row[column] for column in claim} for row in rows] != [claim]:
+        yield f"the claim {stated['claimed']['failure']:.4g} is not in the front"
+
+
+def stands(stated: dict[str, Any]) -> bool:
+    """Whether the claimed rate is not significantly lower than the rate of the new flights."""
+    return bool(CHANCES[stated["method"]](stated, stated["claimed"]) >= DOUBT)
+
+
+def _count(stated: dict[str, Any]) -> int:
+    return round(float(stated["failure"]) * int(stated["runs"]))
+
+
+def _among_flights(stated: dict[str, Any], claimed: dict[str, Any]) -> float:
+    """Fisher's exact test of two counts, one-sided."""
+    both = hypergeom(stated["runs"] + claimed["runs"], _count(stated) + _count(claimed), stated["runs"])
+    return float(both.sf(_count(stated) - 1))
+
+
+def _of_claim(stated: dict[str, Any], claimed: dict[str, Any]) -> float:
+    """p value of the claim's failures, or fewer, at the lower end of the interval of weighted flights."""
+    return float(binom.cdf(_count(claimed), claimed["runs"], stated["low"]))
+
+
+CHANCES = {"flights": _among_flights, WEIGHTED: _of_claim}  # by method
+
+
+def _linearity(result: Evidence) -> float:
+    """Largest ratio of the position's standard deviation to the shorter length scale of its slot."""
+    modes = result.wind.modes
+    if modes is None or len(result.x) < 2:
+        return 0.0
+    widest = np.sqrt(np.linalg.eigvalsh(result.course.cov[:-1])[:, 1])
+    scale: FloatArray = modes.length.min(axis=1)[result.times.nearest[: len(widest)]]
+    return float((widest / scale).max())
+
+
+def promised_rate(result: Evidence) -> Verdict | None:
+    """The promised rate agrees with new flights, and with the run's flights of the finished plan."""
+    stated = result.plan["promise"]
+    if not stated or stated["law"] not in result.new_flights:
+        return None
+    x = result.new_flights[stated["law"]]
+    old = result.flights[f"{stated['law']}/x"]
+    again = int(result.ground.failed(np.concatenate([x, old])).sum())
+    runs = len(x) + len(old)
+    if stated["method"] == WEIGHTED:
+        ends = binom.sf(again - 1, runs, stated["high"]), binom.cdf(again, runs, stated["low"])
+        chance = min(1.0, 2 * float(min(ends)))
+    else:
+        chance = flights.same_rate(_count(stated), stated["runs"], again, runs)
+    return Verdict(f"{stated['failure']:.4g}", f"{again} of {runs}, chance {chance:.1g}", chance >= RARE)
+
+
+# --- flights of the results, new flights ------------------------------------------------------
 
 
 def flown(law: str, judge: Callable[[Evidence, str], Verdict | None], result: Evidence) -> Verdict | None:
@@ -37,50 +147,36 @@ def flown(law: str, judge: Callable[[Evidence, str], Verdict | None], result: Ev
 
 def flown_laws(result: Evidence) -> Verdict:
     """There are deployment.runs flights under every law of deployment.laws, each as long as the plan."""
-    settings = result.settings["deployment"]
-    shape = (settings["runs"], len(result.u) + 1, 2)
-    faults = [f"no flights under {law}" for law in settings["laws"] if f"{law}/x" not in result.flights]
-    shapes = {name: array.shape for name, array in result.flights.items()}
-    faults += [f"{name} {shapes[name]}" for name in shapes if name.endswith("/x") and shapes[name] != shape]
-    faults += [
-        f"{name} {shapes[name]}"
-        for name in shapes
-        if not name.endswith("/x") and shapes[name] != ((1,) if name.endswith("/walled") else shape[:1])
-    ]
-    faults += [
-        name
-        for name in shapes
-        if name.endswith("/walled") and bool(result.flights[name].all()) != result.ground.walled
-    ]
-    faults += [name for name in shapes if name.partition("/")[0] not in settings["laws"]]
-    return no_fault(f"{settings['runs']} flights, {', '.join(settings['laws'])}", faults)
+    runs, laws = result.settings["deployment"]["runs"], result.settings["deployment"]["laws"]
+    shapes = {"x": (runs, len(result.u) + 1, 2), "walled": (1,)}
+    faults = [f"no flights under {law}" for law in laws if f"{law}/x" not in result.flights]
+    for name, array in result.flights.items():
+        law, _, key = name.partition("/")
+        walls = key == "walled" and bool(array.all()) != result.ground.walled
+        if array.shape != shapes.get(key, (runs,)) or law not in laws or walls:
+            faults.append(f"{name} {array.shape}")
+    return no_fault(f"{runs} flights, {', '.join(laws)}", faults)
 
 
 def _flags(result: Evidence, law: str) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Which flights the results call accepted, collided and off the map."""
-    accepted, collided, off_map = (
-        result.flights[f"{law}/{name}"] for name in ("accepted", "collided", "off_map")
-    )
+    accepted, collided, off_map = (result.flights[f"{law}/{name}"] for name in FLAGS)
     return accepted, collided, off_map
 
 
 def counts(result: Evidence, law: str) -> Verdict:
     """The rates and the interval in the metrics follow from the flights."""
-    computed = rates(*_flags(result, law), result.ground.walled)
-    stated = {key: float(result.metrics[name.format(law)]) for key, name in METRICS.items()}
-    faults = [
-        f"{key} {stated[key]} is {computed[key]:.6g}"
-        for key in computed
-        if not close(stated[key], computed[key], 1e-9, 1e-12)
-    ]
-    return no_fault(f"{computed['failure']:.4g} of {computed['runs']:.0f} fail", faults)
+    computed = flights.rates(*_flags(result, law), result.ground.walled)
+    stated = {key: result.metrics[name.format(law)] for key, name in METRICS.items()}
+    checked = f"{computed['failure']:.4g} of {computed['runs']:.0f} fail"
+    return no_fault(checked, far_apart(stated, computed, 1e-9))
 
 
 def judged_again(result: Evidence, law: str) -> Verdict:
     """Every flight's verdict follows from its positions: labels, obstacles on segments, the border."""
-    stated = Verdicts(result.flights[f"{law}/x"], *_flags(result, law))
-    wrong = misjudged(result.ground, stated, 1e-3 * result.grain)
-    return Verdict(f"{len(stated.x)} flights", f"{wrong} judged otherwise", wrong == 0)
+    x = result.flights[f"{law}/x"]
+    wrong = flights.misjudged(result.ground, x, _flags(result, law), 1e-3 * result.grain)
+    return Verdict(f"{len(x)} flights", f"{wrong} judged otherwise", wrong == 0)
 
 
 def starts(result: Evidence, law: str) -> Verdict:
@@ -91,30 +187,28 @@ def starts(result: Evidence, law: str) -> Verdict:
 
 def drawn_winds(result: Evidence, law: str) -> Verdict | None:
     """Under the independent law, the winds of open-loop flights are N(μ, Σ_w) at the robots' positions."""
-    model, robot = result.law(law), result.robot
-    guided = robot.feedback > 0 or result.simulator(law).guide is not None
+    model, x = result.law(law), result.flights[f"{law}/x"]
+    guided = result.robot.feedback > 0 or result.law("coherent").landmarks
     if guided or not isinstance(model, Independent):
         return None
-    return likely("drawn from wind.nc", winds_as_drawn(model, result.flights[f"{law}/x"], result.u), RARE)
+    return likely("drawn from wind.nc", flights.winds_as_drawn(model, x, result.u), RARE)
 
 
 def new_positions(result: Evidence, law: str) -> Verdict:
     """Positions are distributed like the positions of new flights."""
     old, new = result.flights[f"{law}/x"], result.new_flights[law]
     steps = np.unique(np.linspace(1, old.shape[1] - 1, LOOKS).astype(int))
-    return likely(
-        f"{len(old)} flights", same_distribution(old[:, steps], new[:, steps], 2e-3 * result.grain), RARE
-    )
+    chance = flights.same_distribution(old[:, steps], new[:, steps], 2e-3 * result.grain)
+    return likely(f"{len(old)} flights", chance, RARE)
 
 
 def new_rate(result: Evidence, law: str) -> Verdict:
     """The failure rate agrees with new flights with other random numbers."""
-    failed = failures(*_flags(result, law), result.ground.walled)
+    failed = flights.failures(*_flags(result, law), result.ground.walled)
     again = result.ground.failed(result.new_flights[law])
-    chance = same_rate(int(failed.sum()), len(failed), int(again.sum()), len(again))
-    return Verdict(
-        f"{failed.mean():.4g}", f"{again.mean():.4g} of {len(again)}, chance {chance:.1g}", chance >= RARE
-    )
+    chance = flights.same_rate(int(failed.sum()), len(failed), int(again.sum()), len(again))
+    found = f"{again.mean():.4g} of {len(again)}, chance {chance:.1g}"
+    return Verdict(f"{failed.mean():.4g}", found, chance >= RARE)
 
 
 def reported_laws(result: Evidence) -> Verdict:
@@ -124,7 +218,10 @@ def reported_laws(result: Evidence) -> Verdict:
 
 
 FILES = ("deployments.npz", "plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc")
+FRONT = ("front.csv", "front.npz", "plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc")
 CLAIMS = (
+    Claim("plan: promise by flights", FRONT, promise),
+    Claim("plan: promised rate", ("deployments.npz", *FRONT), promised_rate),
     Claim("flights: laws and numbers", FILES, flown_laws),
     Claim("flights: laws of the metrics", ("deployments.npz",), reported_laws),
     *(

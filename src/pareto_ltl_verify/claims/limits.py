@@ -7,7 +7,7 @@ where a segment is close to epsilon.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray
+from pareto_ltl_verify.claims import Claim, Verdict, no_fault, same
 from pareto_ltl_verify.claims.plan import FILES, LEAST_RISK, RISK
-from pareto_ltl_verify.claims.verdict import Claim, Verdict, no_fault
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.flights import Ground, failures
-from pareto_ltl_verify.geometry import Convex
-from pareto_ltl_verify.segments import outline_gap, segment_risks
+from pareto_ltl_verify.geometry import Convex, outline_distance, within
 
 DEVIATIONS = 2e-3  # largest allowed difference of two distances, relative to one standard deviation and more
 RISK_OF_SEGMENT = 0.02  # largest allowed relative difference of two risks of a segment
@@ -44,37 +43,32 @@ ERRORS = 4.0  # factor by which the stated error may differ from the expected on
 
 def segment_limits(result: Evidence) -> Verdict | None:
     """The closest barrier of each segment, its distance, and the probability that epsilon limits."""
-    rows, parts = result.plan.get("segments"), result.barriers
-    if rows is None or not parts:
+    rows, fidelity, epsilon = result.plan.get("segments"), result.settings["fidelity"], result.epsilon
+    if rows is None or not result.barriers:
         return None
-    z, risks = segment_risks(parts, result.x, result.course.cov)
-    names, faults = np.array(barrier_names(result)), []
-    worst = 0.0
+    (z, risks), names, faults = result.segments, np.array(barrier_names(result)), []
+    if len(rows) != len(z):
+        return same(f"{len(rows)} segments", f"{len(z)} segments")
     for k, row in enumerate(rows):
-        named = z[k, names == row["nearest"]]
-        off = [abs(row["deviations"] - least) for least in (z[k].min(), named.min(initial=np.inf))]
-        far = min(row["deviations"], z[k].min()) > FAR
-        if max(off) > DEVIATIONS * (1.0 + abs(row["deviations"])) and not far:
-            faults.append(
-                f"step {k}: {row['nearest']} {row['deviations']:.4g} sd, nearest {z[k].min():.4g} sd"
-            )
+        told, nearest = row["deviations"], z[k].min()
+        off = max(abs(told - least) for least in (nearest, z[k, names == row["nearest"]].min(initial=np.inf)))
+        if off > DEVIATIONS * (1.0 + abs(told)) and min(told, nearest) <= FAR:
+            faults.append(f"step {k}: {row['nearest']} {told:.4g} sd, nearest {nearest:.4g} sd")
         if abs(row["probability"] - risks[k]) > RISK_OF_SEGMENT * risks[k] + LEAST_RISK:
             faults.append(f"step {k}: probability {row['probability']:.4g}, computed {risks[k]:.4g}")
-        worst = max(worst, float(risks[k]))
-    limited = result.settings["fidelity"]["judge"] == "flights"
-    limited |= result.settings["fidelity"]["collision_bound"] == "step"
-    if len(rows) != len(z):
-        faults.append(f"{len(rows)} segments, {len(z)} in the path")
-    elif limited and worst > result.epsilon * (1.0 + RISK_OF_SEGMENT):
-        faults.append(f"largest probability {worst:.4g}, above epsilon {result.epsilon:g}")
-    return no_fault(f"at most {worst:.4g} a segment", faults)
+    worst = float(risks.max(initial=0.0))
+    limited = fidelity["judge"] == "flights" or fidelity["collision_bound"] == "step"
+    large = limited and worst > epsilon * (1.0 + RISK_OF_SEGMENT)
+    above = {f"largest probability {worst:.4g}, above epsilon {epsilon:g}": large}
+    return no_fault(f"at most {worst:.4g} a segment", faults, above)
 
 
 def barrier_names(result: Evidence) -> list[str]:
     """``obstacle 3`` for each convex part in the third obstacle of the map; the sides of a walled map."""
     outlines = [np.array(corners, float) for corners in result.scene["obstacles"]]
-    middles = [part.corners.mean(axis=0) for part in result.obstacles]
-    names = [f"obstacle {int(np.argmin([outline_gap(one, at) for one in outlines])) + 1}" for at in middles]
+    middles = np.array([part.corners.mean(axis=0) for part in result.obstacles]).reshape(-1, 2)
+    gaps = [np.where(within(one, middles), 0.0, outline_distance(one, middles)) for one in outlines]
+    names = [f"obstacle {k + 1}" for k in (np.argmin(gaps, axis=0) if gaps else ())]
     walls = ("western", "eastern", "southern", "northern")[: len(result.barriers) - len(names)]
     return names + [f"the {side} border" for side in walls]
 
@@ -139,10 +133,7 @@ def _error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
 
 def _is_tight(result: Evidence) -> bool:
     """Whether a segment comes close to epsilon."""
-    if not result.barriers:
-        return False
-    _, risks = segment_risks(result.barriers, result.x, result.course.cov)
-    return bool(risks.max() >= TIGHT * result.epsilon)
+    return bool(result.barriers) and bool(result.segments[1].max() >= TIGHT * result.epsilon)
 
 
 def _failures(result: Evidence, row: Mapping[str, Any], by: float) -> int:
@@ -160,18 +151,18 @@ def _accepted(result: Evidence) -> BoolArray:
     return result.ground.accepted(result.new_flights[result.planned_law][:RUNS])
 
 
-def _moved(parts: Iterable[Convex], by: float) -> list[Convex]:
-    """``parts`` with their faces moved outwards by ``by`` [m]."""
-    return [replace(part, offsets=part.offsets + by) for part in parts]
+def _moved(part: Convex, by: float) -> Convex:
+    """``part`` with its faces moved outwards by ``by`` [m]."""
+    return replace(part, offsets=part.offsets + by)
 
 
 def _obstacle_changed(result: Evidence, name: str, by: float) -> Ground:
     names = barrier_names(result)[: len(result.obstacles)]
-    chosen = [part for part, one in zip(result.obstacles, names, strict=True) if one == name]
-    if not chosen:
+    if name not in names:
         raise LookupError(name)
-    others = [part for part, one in zip(result.obstacles, names, strict=True) if one != name]
-    return replace(result.ground, obstacles=[*others, *_moved(chosen, by)])
+    pairs = zip(result.obstacles, names, strict=True)
+    moved = [_moved(part, by) if one == name else part for part, one in pairs]
+    return replace(result.ground, obstacles=moved)
 
 
 def _border_changed(result: Evidence, name: str, by: float) -> Ground:
@@ -184,11 +175,9 @@ def _border_changed(result: Evidence, name: str, by: float) -> Ground:
 
 
 def _region_changed(result: Evidence, name: str, by: float) -> Ground:
-    regions = dict(result.ground.regions)
-    for one in name.split(" and "):
-        place = result.timetable.region(one) or one
-        regions[place] = _moved(regions[place], by)
-    return replace(result.ground, regions=regions)
+    places = [result.timetable.region(one) or one for one in name.split(" and ")]
+    moved = {place: [_moved(part, by) for part in result.ground.regions[place]] for place in places}
+    return replace(result.ground, regions={**result.ground.regions, **moved})
 
 
 def _airspeed_price(result: Evidence, row: Mapping[str, Any]) -> str:

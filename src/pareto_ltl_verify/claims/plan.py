@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from datetime import UTC, datetime
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
 
 from pareto_ltl.support.names import joined_names
-from pareto_ltl_verify.claims.verdict import Claim, Verdict, no_fault, number, same, within
+from pareto_ltl_verify.claims import Claim, Verdict, no_fault, number, same, unlike, within
 from pareto_ltl_verify.evidence import LAWS, Evidence
-from pareto_ltl_verify.gaussians import step_margin, step_risk, theorem2
-from pareto_ltl_verify.geometry import met_by_any
-from pareto_ltl_verify.laws import Course
+from pareto_ltl_verify.gaussians import step_margin, step_risk
+from pareto_ltl_verify.geometry import azimuths, met_by_any, on_earth
 
 POSITION = 1e-3  # largest allowed difference of two positions, as a share of the grain
 SPREAD = 1e-4  # largest allowed relative difference of two covariances; the planner stores modes in float32
 RISK, LEAST_RISK = 2e-3, 1e-9  # largest allowed difference of two bounds, relative and absolute
 FAST = 2e-6  # share of a limit by which rounding may carry an airspeed beyond it
 TOUCH = 0.1  # how deep the expected path may lie in an obstacle by rounding, as a share of the grain
+PLACE, ANGLE = 1e-9, 1e-3  # [deg] largest allowed difference of two coordinates and of two headings
+LATE = 1e-5  # [s] largest allowed difference of two times
 WEIGHTED = "importance sampling"  # the method of a failure rate from weighted flights
 READS: dict[str, tuple[str, ...]] = {
     "worth": ("saving",),
@@ -33,11 +34,22 @@ READS: dict[str, tuple[str, ...]] = {
     "knee": (),
     "length": ("length",),
     "point": ("point",),
-}  # settings, besides the weights, that each rule of this package reads
+}  # fmt: skip - settings, besides the weights, that each rule of this package reads
 OBJECTIVES = {
     "length_m": "length", "mission_risk_paper": "mission_risk_paper", "mission_risk": "mission_risk",
     "collision_risk": "collision_risk", "mission_risk_ordered": "mission_risk_ordered",
 }  # fmt: skip
+PRESETS = {
+    "paper": ("independent", "open", "theorem2", "step", "dominance", "convex", "bound"),
+    "full": ("coherent", "wall", "ordered", "path", "mixed", "sampled", "flights"),
+}
+OF_PRESETS = ("law", "border", "mission_bound", "collision_bound", "parents", "refine", "judge")
+
+
+def utc(text: str) -> datetime:
+    """The time of an ISO text, which is in UTC where it names no zone."""
+    time = datetime.fromisoformat(text)
+    return time if time.tzinfo else time.replace(tzinfo=UTC)
 
 
 # --- motion -----------------------------------------------------------------------------------
@@ -47,53 +59,42 @@ def shapes(result: Evidence) -> Verdict:
     """All arrays of plan.json have the shapes that follow from the number of its times."""
     plan, n = result.plan, len(result.plan["t"])
     wanted = {"x": (n, 2), "cov": (n, 2, 2), "q": (n,), "u": (n - 1, 2)}
-    faults = [
-        name
-        for name, shape in wanted.items()
-        if np.array(plan[name], float).reshape(len(plan[name]), *shape[1:]).shape != shape
-    ]
-    faults += ["label"] * (len(plan["label"]) != n)
-    return no_fault(f"{n} positions", faults)
+    arrays = {key: np.array(plan[key], float).reshape(len(plan[key]), *wanted[key][1:]) for key in wanted}
+    faults = {"label": len(plan["label"]) != n}
+    return no_fault(f"{n} positions", faults, (key for key in wanted if arrays[key].shape != wanted[key]))
 
 
 def settings_named(result: Evidence) -> Verdict:
-    """The settings in plan.json are those that the run used."""
-    plan, settings = result.plan, result.settings
-    pairs = {
-        "dt": (plan["dt"], result.robot.dt),  # with robot.dt=auto, dt of the metrics
-        "u_max": (plan["u_max"], settings["robot"]["u_max"]),
-        "u_min": (plan.get("u_min", 0.0), settings["robot"].get("u_min", 0.0)),
-        "epsilon": (plan["epsilon"], result.epsilon),
-        "rule": (plan["selection"]["rule"], settings["selection"]["rule"]),
-        "weights": (plan["selection"]["weights"], settings["selection"]["weights"]),
-        "rule's settings": _rule_settings(plan["selection"], settings["selection"]),
-        "fidelity": (plan["fidelity"], result.run["fidelity"]),
-    }
-    return no_fault(", ".join(pairs), [f"{name} {a} is {b}" for name, (a, b) in pairs.items() if a != b])
+    """The settings in plan.json are those that the run used.
 
-
-def _rule_settings(claimed: Mapping[str, Any], settings: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
-    """The settings that the rule read, by plan.json and by the settings of the run.
-
-    ``READS`` lists them for the rules of this package; for a rule of another package, plan.json does.
+    ``READS`` lists what the rules of this package read; for a rule of another package, plan.json does.
     """
-    read = {key: value for key, value in claimed.items() if key not in ("rule", "weights")}
-    return read, {key: settings.get(key) for key in READS.get(settings["rule"], read)}
+    plan, chosen, robot = result.plan, result.settings["selection"], result.robot
+    read = {key: value for key, value in plan["selection"].items() if key not in ("rule", "weights")}
+    wanted = {
+        "dt": robot.dt,  # with robot.dt=auto, dt of the metrics
+        "u_max": robot.u_max, "u_min": robot.u_min, "epsilon": result.epsilon, "rule": chosen["rule"],
+        "weights": chosen["weights"],
+        "rule's settings": {key: chosen.get(key) for key in READS.get(chosen["rule"], read)},
+        "fidelity": result.run["fidelity"],
+    }  # fmt: skip
+    claimed = {"u_min": 0.0, "rule's settings": read} | plan | plan["selection"]
+    return no_fault(", ".join(wanted), unlike(claimed, wanted))
 
 
 def fidelity_name(result: Evidence) -> Verdict:
     """The text of the fidelity names the preset and every setting that differs from the preset."""
     settings = result.settings["fidelity"]
-    preset = {
-        "paper": ("independent", "open", "theorem2", "step", "dominance", "convex", "bound"),
-        "full": ("coherent", "wall", "ordered", "path", "mixed", "sampled", "flights"),
-    }[settings["name"]]
-    keys = ("law", "border", "mission_bound", "collision_bound", "parents", "refine", "judge")
-    changed = [
-        f"{key}={settings[key]}" for key, usual in zip(keys, preset, strict=True) if settings[key] != usual
-    ]
+    preset = dict(zip(OF_PRESETS, PRESETS[settings["name"]], strict=True))
+    changed = [f"{key}={settings[key]}" for key, usual in preset.items() if settings[key] != usual]
     label = settings["name"] + (f" with {', '.join(changed)}" if changed else "")
     return same(result.run["fidelity"], label)
+
+
+def models(result: Evidence) -> Verdict:
+    """The models of the plan agree with the settings."""
+    settings = {key: value for key, value in result.settings["fidelity"].items() if key != "name"}
+    return same(result.plan["models"], settings)
 
 
 def start(result: Evidence) -> Verdict:
@@ -105,13 +106,17 @@ def start(result: Evidence) -> Verdict:
 
 def times(result: Evidence) -> Verdict:
     """The time of step t is t dt [s]."""
-    t = np.array(result.plan["t"], float)
-    return within(
-        f"{len(t) - 1} steps of {result.robot.dt:g} s",
-        float(np.abs(t - result.robot.dt * np.arange(len(t))).max()),
-        1e-6,
-        " s",
-    )
+    t, dt = np.array(result.plan["t"], float), result.robot.dt
+    return within(f"{len(t) - 1} steps of {dt:g} s", np.abs(t - dt * np.arange(len(t))).max(), 1e-6, " s")
+
+
+def airspeeds(result: Evidence) -> Verdict:
+    """The airspeed of each step is the length of its control."""
+    stated, computed = np.array(result.plan["airspeed"], float), np.linalg.norm(result.u, axis=1)
+    if stated.shape != computed.shape:
+        return same(len(stated), len(computed))
+    faults = [f"step {t}" for t in np.flatnonzero(np.abs(stated - computed) > 1e-9 * (1 + computed))]
+    return no_fault(f"{len(stated)} steps", faults)
 
 
 def motion(result: Evidence) -> Verdict:
@@ -153,25 +158,23 @@ def fixes(result: Evidence) -> Verdict:
 
 def labels(result: Evidence) -> Verdict:
     """The label of every position is the set of regions around it."""
-    faults = []
-    either = [
-        result.ground.labels(result.x, slack) for slack in (POSITION * result.grain, -POSITION * result.grain)
+    slack = POSITION * result.grain
+    right = [result.labels, *(result.ground.labels(result.x, s) for s in (slack, -slack))]
+    faults = [
+        f"step {t} is {sorted(result.labels[t])}"
+        for t, stated in enumerate(result.plan["label"])
+        if frozenset(stated) not in [one[t] for one in right]
     ]
-    for t, stated in enumerate(result.plan["label"]):
-        if frozenset(stated) not in (result.labels[t], either[0][t], either[1][t]):
-            faults.append(f"step {t} is {sorted(result.labels[t])}")
     return no_fault(f"{sum(map(bool, result.plan['label']))} steps in regions", faults)
 
 
 def states(result: Evidence) -> Verdict:
     """The automaton states follow from the labels, and from harmful letters between steps."""
-    slack = POSITION * result.grain
-    either = [result.ground.states(result.x[None], s)[0] for s in (0.0, slack, -slack)]
-    stated = np.array(result.plan["q"])
-    faults = [f"state {either[0][t]} at step {t}" for t in np.flatnonzero(either[0] != stated)]
-    if any(np.array_equal(one, stated) for one in either):
-        faults = []
-    return no_fault(f"states {sorted(set(result.plan['q']))}", faults)
+    slack, stated = POSITION * result.grain, np.array(result.plan["q"])
+    right = [result.ground.states(result.x[None], s)[0] for s in (0.0, slack, -slack)]
+    faults = [f"state {right[0][t]} at step {t}" for t in np.flatnonzero(right[0] != stated)]
+    agrees = any(np.array_equal(one, stated) for one in right)
+    return no_fault(f"states {sorted(set(result.plan['q']))}", [] if agrees else faults)
 
 
 def accepted(result: Evidence) -> Verdict:
@@ -191,21 +194,16 @@ def clearance(result: Evidence) -> Verdict:
 
 def chance_constraint(result: Evidence) -> Verdict | None:
     """If bounds judge: Eqs. (9) and (10), or with the path bound a risk of at most epsilon in each step."""
-    if result.settings["fidelity"]["judge"] != "bound":
+    fidelity, epsilon = result.settings["fidelity"], result.epsilon
+    if fidelity["judge"] != "bound":
         return None
     cov, parts = result.course.cov, result.barriers
-    if result.settings["fidelity"]["collision_bound"] == "path":
+    if fidelity["collision_bound"] == "path":
         worst = step_risk(parts, result.x, cov)
-        return Verdict(
-            f"at most {result.epsilon:g} a step", f"{worst:.4g}", worst <= result.epsilon * (1 + RISK)
-        )
-    z = -float(ndtri(result.epsilon / max(len(parts), 1)))
-    margin = step_margin(parts, result.x, cov, z)
-    return Verdict(
-        f"epsilon {result.epsilon:g}, {len(parts)} parts",
-        f"{margin / 1e3:.4g} km to spare",
-        margin >= -result.grain,
-    )
+        return Verdict(f"at most {epsilon:g} a step", f"{worst:.4g}", worst <= epsilon * (1 + RISK))
+    margin = step_margin(parts, result.x, cov, -float(ndtri(epsilon / max(len(parts), 1))))
+    left = f"{margin / 1e3:.4g} km to spare"
+    return Verdict(f"epsilon {epsilon:g}, {len(parts)} parts", left, margin >= -result.grain)
 
 
 # --- what it costs ----------------------------------------------------------------------------
@@ -224,67 +222,41 @@ def energy(result: Evidence) -> Verdict | None:
         return same([stated, held], [None, None])
     if held != result.robot.capacity:
         return same(held, result.robot.capacity)
-    return number(math.nan if stated is None else stated, result.energy_of(result.u), rel=1e-9)
+    return number(stated, result.energy_of(result.u), rel=1e-9)
 
 
-def _risk(claimed: float | None, computed: Callable[[], float]) -> Verdict | None:
-    """``claimed`` is the bound ``computed``; a plan after an alarm of replanning claims none."""
-    return None if claimed is None else number(claimed, computed(), rel=RISK, least=LEAST_RISK)
+def risk(name: str, computed: Callable[[Evidence], float], result: Evidence) -> Verdict | None:
+    """An objective is a bound; a plan after an alarm of replanning claims none."""
+    claimed = result.plan["objectives"][name]
+    return None if claimed is None else number(claimed, computed(result), rel=RISK, least=LEAST_RISK)
 
 
-def _f_o(result: Evidence, course: Course) -> float:
-    labels = result.letters_along([frozenset(label) for label in result.plan["label"]])
-    return theorem2(result.visited, course.x, course.cov, labels)
-
-
-def risk_of_paper(result: Evidence) -> Verdict | None:
-    """f_o of Theorem 2 under the independent law."""
-    claimed = result.plan["objectives"]["mission_risk_paper"]
-    return _risk(claimed, lambda: _f_o(result, result.paper_course))
-
-
-def ordered_bound(result: Evidence) -> Verdict | None:
-    """V under the law of the plan."""
-    claimed = result.plan["objectives"]["mission_risk_ordered"]
-    return _risk(claimed, lambda: result.mission_bound(result.course))
-
-
-def judged_risk(result: Evidence) -> Verdict | None:
-    """The mission risk is the bound that the settings name, under the law of the plan."""
-    ordered = result.settings["fidelity"]["mission_bound"] == "ordered"
-    return _risk(
-        result.plan["objectives"]["mission_risk"],
-        lambda: result.mission_bound(result.course) if ordered else _f_o(result, result.course),
-    )
+def _labels(result: Evidence) -> list[frozenset[str]]:
+    return [frozenset(label) for label in result.plan["label"]]
 
 
 def _between(claimed: float, bounds: tuple[float, float]) -> Verdict:
     low, high = bounds
     holds = low * (1 - RISK) - LEAST_RISK <= claimed <= high * (1 + RISK) + LEAST_RISK
-    return Verdict(
-        f"{claimed:.6g}", f"{low:.6g}" if high - low <= RISK * high else f"{low:.6g} to {high:.6g}", holds
-    )
+    narrow = high - low <= RISK * high
+    return Verdict(f"{claimed:.6g}", f"{low:.6g}" if narrow else f"{low:.6g} to {high:.6g}", holds)
 
 
 def collision_bound(result: Evidence) -> Verdict | None:
     """R under the law of the plan."""
-    if result.plan["objectives"]["collision_risk"] is None:
+    claimed = result.plan["objectives"]["collision_risk"]
+    if claimed is None:
         return None
-    bounds = result.collision_bounds(result.law(result.planned_law), result.course)
-    return _between(float(result.plan["objectives"]["collision_risk"]), bounds)
+    return _between(claimed, result.collision_bounds(result.law(result.planned_law), result.course))
 
 
 def allowed_collisions(result: Evidence) -> Verdict | None:
     """R is at most planner.delta, with the path bound and where bounds judge."""
-    settings = result.settings["fidelity"]
+    settings, delta = result.settings["fidelity"], result.settings["planner"]["delta"]
     if settings["collision_bound"] != "path" or settings["judge"] != "bound":
         return None
-    delta = result.settings["planner"]["delta"]
-    return Verdict(
-        f"at most {delta:g}",
-        f"{result.plan['objectives']['collision_risk']:.4g}",
-        result.plan["objectives"]["collision_risk"] <= delta,
-    )
+    claimed = result.plan["objectives"]["collision_risk"]
+    return Verdict(f"at most {delta:g}", f"{claimed:.4g}", claimed <= delta)
 
 
 def forecast(law: str, judge: Callable[[Evidence, str], Verdict], result: Evidence) -> Verdict | None:
@@ -316,53 +288,76 @@ def forecast_laws(result: Evidence) -> Verdict:
     return same(sorted(result.forecasts), sorted(laws))
 
 
+# --- on the Earth -----------------------------------------------------------------------------
+
+
+def clock_times(result: Evidence) -> Verdict:
+    """Times in UTC count from the departure of the map."""
+    zero, stated, t = result.scene["time_zero"], result.plan["time_utc"], result.plan["t"]
+    if zero is None or stated is None:
+        return same(stated, zero)
+    begin = utc(zero)
+    late = [abs((utc(text) - begin).total_seconds() - at) for text, at in zip(stated, t, strict=False)]
+    faults = [f"step {k}" for k, gap in enumerate(late) if gap > LATE]
+    return no_fault(
+        f"{stated[0]} to {stated[-1]}", [f"{len(stated)} times"] * (len(stated) != len(t)), faults
+    )
+
+
+def places(result: Evidence) -> Verdict:
+    """Longitudes, latitudes and headings follow from the plane positions and the controls."""
+    plan, crs = result.plan, result.scene["crs"]
+    if crs is None or plan["crs"] != crs:
+        return same([plan[key] for key in ("crs", "lat", "lon", "heading_true")], [crs] * 4)
+    stated, computed = np.array([plan["lon"], plan["lat"]], float), on_earth(crs, result.x)
+    if stated.shape != computed.shape:
+        return same(stated.shape, computed.shape)
+    moved = np.flatnonzero(np.abs(stated - computed).max(axis=0) > PLACE)
+    azimuth = azimuths(crs, result.x[:-1], result.u)
+    heading = np.array(plan["heading_true"], float)  # null becomes NaN
+    gap = np.abs((heading - azimuth + 180.0) % 360.0 - 180.0)
+    turned = np.flatnonzero(np.where(result.u.any(axis=1), ~(gap <= ANGLE), ~np.isnan(heading)))
+    return no_fault(
+        f"{stated.shape[1]} positions",
+        [f"step {t}: position" for t in moved],
+        [f"step {t}: heading {heading[t]:.4g} is {azimuth[t] % 360:.4g}" for t in turned],
+    )
+
+
 # --- copies -----------------------------------------------------------------------------------
 
 
 def table(result: Evidence) -> Verdict:
     """plan.csv has the numbers of plan.json."""
-    plan, rows, faults = result.plan, result.table("plan.csv"), []
-    faults += [f"{len(rows)} rows"] * (len(rows) != len(plan["t"]))
-    for t, row in enumerate(rows[: len(plan["t"])]):
-        (xx, xy), (_, yy) = plan["cov"][t]
-        u = plan["u"][t] if t < len(plan["u"]) else ["", ""]
-        wanted = [
-            t,
-            plan["t"][t],
-            *plan["x"][t],
-            *u,
-            xx,
-            xy,
-            yy,
-            plan["q"][t],
-            joined_names(plan["label"][t]),
-        ]
-        if [str(value) for value in wanted] != list(row.values()):
-            faults.append(f"row {t}")
-    return no_fault(f"{len(rows)} rows", faults)
+    plan, rows = result.plan, result.table("plan.csv")
+    controls = [*plan["u"], ["", ""]]
+    columns = zip(plan["t"], plan["x"], controls, plan["cov"], plan["q"], plan["label"], strict=False)
+    wanted = [
+        [t, time, *x, *u, xx, xy, yy, q, joined_names(label)]
+        for t, (time, x, u, ((xx, xy), (_, yy)), q, label) in enumerate(columns)
+    ]
+    pairs = zip(rows, wanted, strict=False)
+    faults = [f"row {t}" for t, (row, own) in enumerate(pairs) if list(row.values()) != list(map(str, own))]
+    return no_fault(f"{len(rows)} rows", {f"{len(rows)} rows": len(rows) != len(wanted)}, faults)
 
 
 def metrics(result: Evidence) -> Verdict:
     """The metrics of the plan agree with plan.json."""
-    plan, told = result.plan, result.metrics
+    plan, told, robot, seen = result.plan, result.metrics, result.robot, result.plan["promise"]
     stated = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
-    pairs = {name: value for name, value in stated.items() if value is not None or name in told}
-    pairs |= {"steps": len(plan["u"]), "duration_s": plan["t"][-1] - plan["t"][0], "dt_s": plan["dt"]}
-    if result.robot.power is not None:
-        pairs |= {"energy_j": plan["objectives"].get("energy")}
-        if result.robot.capacity is not None:
-            pairs |= {"energy_share": plan["objectives"].get("energy", math.nan) / result.robot.capacity}
-    if plan["promise"]:
-        seen = plan["promise"]
-        pairs |= {
-            f"promise_{key}": seen[key] for key in ("failure", "low", "high", "runs", "bound", "passed")
-        }
-        pairs |= {"promise_claimed": seen["claimed"]["failure"], "linearity": seen["linearity"]}
-        pairs |= {"promise_weighted": float(seen["method"] == WEIGHTED)}
-    faults = [
-        f"{name} {told.get(name)} is {value}" for name, value in pairs.items() if told.get(name) != value
-    ]
-    return no_fault(f"{len(pairs)} numbers of the plan", faults)
+    wanted = {name: value for name, value in stated.items() if value is not None or name in told}
+    wanted |= {"steps": len(plan["u"]), "duration_s": plan["t"][-1] - plan["t"][0], "dt_s": plan["dt"]}
+    if robot.power is not None:
+        wanted["energy_j"] = plan["objectives"].get("energy")
+        if robot.capacity is not None:
+            wanted["energy_share"] = plan["objectives"].get("energy", math.nan) / robot.capacity
+    if seen:
+        same_names = ("failure", "low", "high", "runs", "bound", "passed")
+        wanted |= {f"promise_{key}": seen[key] for key in same_names} | {
+            "promise_claimed": seen["claimed"]["failure"], "linearity": seen["linearity"],
+            "promise_weighted": float(seen["method"] == WEIGHTED),
+        }  # fmt: skip
+    return no_fault(f"{len(wanted)} numbers of the plan", unlike(told, wanted))
 
 
 FILES = ("plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc")
@@ -370,8 +365,10 @@ CLAIMS = (
     Claim("plan: arrays of one length", ("plan.json",), shapes),
     Claim("plan: settings it names", ("plan.json",), settings_named),
     Claim("plan: text of the fidelity", (), fidelity_name),
+    Claim("plan: models", ("plan.json",), models),
     Claim("plan: start", FILES, start),
     Claim("plan: times", FILES, times),
+    Claim("plan: airspeed of each step", ("plan.json",), airspeeds),
     Claim("plan: motion", FILES, motion),
     Claim("plan: airspeed", FILES, airspeed),
     Claim("plan: covariance", FILES, covariance),
@@ -383,9 +380,14 @@ CLAIMS = (
     Claim("plan: chance constraint of each step", FILES, chance_constraint),
     Claim("plan: length", FILES, length),
     Claim("plan: energy", ("plan.json",), energy),
-    Claim("plan: f_o of Theorem 2", FILES, risk_of_paper),
-    Claim("plan: ordered bound V", FILES, ordered_bound),
-    Claim("plan: mission risk", FILES, judged_risk),
+    *(
+        Claim(f"plan: {name}", FILES, partial(risk, key, bound))
+        for name, key, bound in (
+            ("f_o of Theorem 2", "mission_risk_paper", lambda r: r.paper_bound(r.paper_course, _labels(r))),
+            ("ordered bound V", "mission_risk_ordered", lambda r: r.mission_bound(r.course)),
+            ("mission risk", "mission_risk", lambda r: r.judged_bound(r.course, _labels(r))),
+        )
+    ),
     Claim("plan: collision bound R", FILES, collision_bound),
     Claim("plan: R within planner.delta", FILES, allowed_collisions),
     Claim("plan: laws of the forecasts", FILES, forecast_laws),
@@ -398,6 +400,8 @@ CLAIMS = (
             ("spread at the end", forecast_spread),
         )
     ),
+    Claim("plan: times in UTC", ("plan.json", "scene.json"), clock_times),
+    Claim("plan: positions and headings on Earth", ("plan.json", "scene.json"), places),
     Claim("plan: plan.csv is plan.json", ("plan.json", "plan.csv"), table),
     Claim("plan: metrics", ("plan.json",), metrics),
 )

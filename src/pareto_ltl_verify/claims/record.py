@@ -6,57 +6,33 @@ import math
 from pathlib import Path
 
 from pareto_ltl.support.fingerprints import data_fingerprint, file_fingerprint
-from pareto_ltl_verify.claims.verdict import Claim, Verdict, close, no_fault
+from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, unlike
 from pareto_ltl_verify.evidence import LAWS, Evidence
-
-SHARES = (
-    "mission_risk", "collision_risk", "failure", "collision_", "promise_failure", "promise_low",
-    "promise_high", "promise_claimed", "promise_bound", "promise_passed", "least_failure", "hypervolume",
-    "wind_energy", "wind_rho", "gp_coverage", "completed", "safest",
-)  # fmt: skip
-UNKNOWN = (  # may be null: growth too fast to be measured, readings too few to hold some of them out
-    "nodes_per_second", "gp_coverage_90", "gp_z_sd", "gp_nlpd",
-)  # fmt: skip
-SIDES = ("hypervolume_",)  # of the box, in the units of the costs
-COUNTS = (
-    "runs",
-    "front_runs",
-    "promise_runs",
-    "nodes",
-    "trees",
-    "front_size",
-    "steps",
-    "seconds",
-    "memory",
-    "length",
-    "shortest",
-    "end_sd",
-    "duration",
-    "energy",
-    "arrival",
-    "turns",
-)
-
 
 STAGES = frozenset({
     "readings", "scene", "decomposition", "automaton", "observations", "wind", "problem", "forest", "front",
     "plan", "forecasts", "deployment", "export", "report", "page", "tabulate",
 })  # fmt: skip
-OF_A_LAW = (
-    "mission_risk_{}", "collision_risk_{}", "end_sd_{}_m", "runs_{}", "failure_{}", "failure_{}_low",
-    "failure_{}_high", "mission_failure_{}", "collision_{}", "off_map_{}",
-)  # fmt: skip
-NAMES = frozenset({
-    "completed", "wind_speed_m_s", "wind_sd_m_s", "wind_modes", "wind_energy", "wind_rho", "trees", "nodes",
-    "accepted_nodes", "growth_seconds", "nodes_per_second", "front_size", "hypervolume",
-    "hypervolume_length_m", "hypervolume_energy_j", "front_size_raw", "shortest_raw_m", "shortest_m",
-    "safest_raw", "safest", "dt_s", "least_failure", "front_runs", "least_failure_raw", "length_m",
-    "mission_risk_paper", "mission_risk",
-    "mission_risk_ordered", "collision_risk", "steps", "duration_s", "energy_j", "energy_share",
-    "promise_failure", "promise_low", "promise_high", "promise_runs", "promise_weighted", "promise_claimed",
-    "promise_bound", "promise_passed", "linearity", "run_seconds", "memory_mib",
-    *(name.format(law) for law in LAWS for name in OF_A_LAW),
+SHARES = frozenset({
+    "completed", "wind_energy", "wind_rho", "hypervolume", "safest_raw", "safest", "least_failure",
+    "least_failure_raw", "mission_risk_paper", "mission_risk", "mission_risk_ordered", "collision_risk",
+    "promise_failure", "promise_low", "promise_high", "promise_claimed", "promise_bound", "promise_passed",
+    *(f"{name}_{law}" for law in LAWS for name in (
+        "mission_risk", "collision_risk", "failure", "mission_failure", "collision", "off_map"
+    )),
+    *(f"failure_{law}_{end}" for law in LAWS for end in ("low", "high")),
 })  # fmt: skip
+SIZES = frozenset({
+    "wind_speed_m_s", "wind_sd_m_s", "wind_modes", "trees", "nodes", "accepted_nodes", "growth_seconds",
+    "nodes_per_second", "front_size", "hypervolume_length_m", "hypervolume_energy_j", "front_size_raw",
+    "shortest_raw_m", "shortest_m", "dt_s", "front_runs", "length_m", "steps", "duration_s", "energy_j",
+    "energy_share", "promise_runs", "promise_weighted", "linearity", "run_seconds", "memory_mib",
+    *(f"runs_{law}" for law in LAWS), *(f"end_sd_{law}_m" for law in LAWS),
+})  # fmt: skip
+SIZES_LIKE = ("seconds_", "arrival", "turns", "hypervolume_")  # first letters of further sizes
+UNKNOWN = (  # may be null: growth too fast to be measured, readings too few to hold some of them out
+    "nodes_per_second", "gp_coverage_90", "gp_z_sd", "gp_nlpd",
+)  # fmt: skip
 OUTPUTS = {
     "scene": ("scene.json",),
     "decomposition": ("cells.json",),
@@ -66,87 +42,63 @@ OUTPUTS = {
     "front": ("front.csv", "front.npz"),
     "plan": ("plan.json", "plan.csv"),
     "deployment": ("deployments.npz",),
-}  # the files of each stage
+}  # fmt: skip - the files of each stage
+KEPT = ("scene", "decomposition", "automaton", "wind")  # stages whose files a run without a plan has too
 
 
 def status(result: Evidence) -> Verdict:
     """A run with status ok has a plan, an infeasible one has none, and the metrics agree with that."""
-    planned = result.has("plan.json")
-    stated = (result.run["status"], float(result.metrics["completed"]))
-    fitting = ("ok", 1.0) if planned else ("infeasible", 0.0)
-    faults = (
-        []
-        if stated == fitting
-        else [f"plan.json {'is' if planned else 'is not'} there, metrics completed {stated[1]:g}"]
-    )
-    faults += ["measured"] * (result.run["measured"] is not True)
-    faults += ["an error is noted"] * ((result.run["error"] is not None) == planned)
-    return no_fault(str(stated[0]), faults)
+    run, completed, planned = result.run, float(result.metrics["completed"]), result.has("plan.json")
+    fitting = (run["status"], completed) == (("ok", 1.0) if planned else ("infeasible", 0.0))
+    faults = {
+        f"plan.json {'is' if planned else 'is not'} there, metrics completed {completed:g}": not fitting,
+        "measured": run["measured"] is not True,
+        "an error is noted": (run["error"] is not None) == planned,
+    }
+    return no_fault(str(run["status"]), faults)
 
 
 def files(result: Evidence) -> Verdict:
     """The files of every stage that ended are there."""
-    ended = result.run["stages"] if result.run["status"] == "ok" else list(result.run["seconds"])[:-1]
-    if result.run["status"] != "ok":
-        ended = [stage for stage in ended if stage in ("scene", "decomposition", "automaton", "wind")]
-    missing = [name for stage in ended for name in OUTPUTS.get(stage, ()) if not result.has(name)]
-    return no_fault(f"{len(ended)} stages", [f"{name} is missing" for name in missing])
+    run = result.run
+    ended = run["stages"] if run["status"] == "ok" else [s for s in list(run["seconds"])[:-1] if s in KEPT]
+    missing = (name for stage in ended for name in OUTPUTS.get(stage, ()) if not result.has(name))
+    return no_fault(f"{len(ended)} stages", (f"{name} is missing" for name in missing))
 
 
 def settings_hash(result: Evidence) -> Verdict:
     """The fingerprint of the settings in config_resolved.yaml agrees with run.json."""
-    content = {
-        name: dict(value) if isinstance(value, dict) else value for name, value in result.settings.items()
-    }
-    content.pop("sweep"), content["planner"].pop("threads")
+    planner = {key: value for key, value in result.settings["planner"].items() if key != "threads"}
+    content = {key: value for key, value in result.settings.items() if key != "sweep"} | {"planner": planner}
     hashed = {"version": result.run["version"], "code": result.run["code_hash"], "settings": content}
-    return Verdict(
-        result.run["config_hash"][:12],
-        data_fingerprint(hashed)[:12],
-        result.run["config_hash"] == data_fingerprint(hashed),
-    )
+    stated, computed = result.run["config_hash"], data_fingerprint(hashed)
+    return Verdict(stated[:12], computed[:12], stated == computed)
 
 
 def identity(result: Evidence) -> Verdict:
     """Name, seed and stages of run.json agree with the settings."""
     settings = result.settings
-    pairs = {"name": settings["name"], "seed": settings["seed"], "stages": settings["pipelines"]["stages"]}
-    return no_fault(
-        f"{settings['name']}, seed {settings['seed']}",
-        [name for name, value in pairs.items() if result.run[name] != value],
-    )
+    wanted = {"name": settings["name"], "seed": settings["seed"], "stages": settings["pipelines"]["stages"]}
+    return no_fault(f"{settings['name']}, seed {settings['seed']}", unlike(result.run, wanted))
 
 
 def inputs(result: Evidence) -> Verdict | None:
     """Input files that still exist have the fingerprint that run.json names; None if no file exists."""
-    here = {name: digest for name, digest in result.run["inputs"].items() if Path(name).is_file()}
-    if not here:
-        return None
-    return no_fault(
-        f"{len(here)} of {len(result.run['inputs'])} files",
-        [name for name, digest in here.items() if file_fingerprint(Path(name)) != digest],
-    )
+    stated = result.run["inputs"]
+    here = {name: file_fingerprint(Path(name)) for name in stated if Path(name).is_file()}
+    return no_fault(f"{len(here)} of {len(stated)} files", unlike(stated, here)) if here else None
 
 
 def seconds(result: Evidence) -> Verdict:
     """Times of the stages [s] add up to the time of the run; metrics.json and run.json agree."""
-    stated = {
-        name.removeprefix("seconds_"): value
-        for name, value in result.metrics.items()
-        if name.startswith("seconds_")
-    }
-    faults = [] if stated == result.run["seconds"] else ["stages differ"]
-    faults += ["run_seconds"] * (not close(result.metrics["run_seconds"], math.fsum(stated.values()), 1e-9))
-    if "growth_seconds" in result.metrics:
-        speed = (
-            result.metrics["nodes"] / result.metrics["growth_seconds"]
-            if result.metrics["growth_seconds"]
-            else math.nan
-        )
-        faults += ["nodes_per_second"] * (
-            not close(result.metrics["nodes_per_second"] or math.nan, speed, 1e-9)
-        )
-    return no_fault(f"{result.metrics['run_seconds']:.4g} s", faults)
+    metrics, key = result.metrics, "seconds_"
+    stated = {name.removeprefix(key): value for name, value in metrics.items() if name.startswith(key)}
+    wanted = {"run_seconds": math.fsum(stated.values())}
+    if "growth_seconds" in metrics:
+        spent = metrics["growth_seconds"]
+        wanted["nodes_per_second"] = metrics["nodes"] / spent if spent else math.nan
+    faults = {"stages differ": stated != result.run["seconds"]}
+    return no_fault(f"{metrics['run_seconds']:.4g} s", faults, far_apart(metrics, wanted, 1e-9))
 
 
 def ranges(result: Evidence) -> Verdict:
@@ -155,10 +107,10 @@ def ranges(result: Evidence) -> Verdict:
     for name, value in result.metrics.items():
         if value is None or isinstance(value, bool) or not isinstance(value, int | float):
             faults += [f"{name} is {value!r}"] * (name not in UNKNOWN or value is not None)
-        elif name.startswith(SHARES) and not name.startswith(SIDES) and not -1e-12 <= value <= 1 + 1e-12:
-            faults.append(f"{name} {value:g} is not between 0 and 1")
-        elif name.startswith(COUNTS) and value < 0:
-            faults.append(f"{name} {value:g} is negative")
+        elif name in SHARES or name.startswith("gp_coverage"):
+            faults += [f"{name} {value:g} is not between 0 and 1"] * (not -1e-12 <= value <= 1 + 1e-12)
+        elif name in SIZES or name.startswith(SIZES_LIKE):
+            faults += [f"{name} {value:g} is negative"] * (value < 0)
     return no_fault(f"{len(result.metrics)} numbers", faults)
 
 
@@ -166,9 +118,9 @@ def known_names(result: Evidence) -> Verdict | None:
     """Every number of metrics.json is one that a plan has; None if another package has added a stage."""
     if not STAGES.issuperset(result.run["stages"]):
         return None
-    scores = {} if not result.has("wind.nc") else result.wind.score
-    known = NAMES.union(scores, (f"seconds_{stage}" for stage in result.run["seconds"]))
-    return no_fault(f"{len(result.metrics)} numbers", [name for name in result.metrics if name not in known])
+    scores = result.wind.score if result.has("wind.nc") else {}
+    known = SHARES.union(SIZES, scores, (f"seconds_{stage}" for stage in result.run["seconds"]))
+    return no_fault(f"{len(result.metrics)} numbers", (name for name in result.metrics if name not in known))
 
 
 def intervals(result: Evidence) -> Verdict | None:
@@ -176,18 +128,15 @@ def intervals(result: Evidence) -> Verdict | None:
 
     The parts are mission, collision and, if border=wall, leaving the map.
     """
-    faults, metrics = [], result.metrics
-    for law in ("independent", "coherent"):
-        if f"failure_{law}" not in metrics:
-            continue
-        rate, low, high = (metrics[f"failure_{law}{end}"] for end in ("", "_low", "_high"))
-        parts = [metrics[f"mission_failure_{law}"], metrics[f"collision_{law}"]]
-        if result.scene["border"] == "wall":
-            parts.append(metrics[f"off_map_{law}"])
-        faults += [f"failure_{law}"] * (not low <= rate <= high)
-        faults += [f"parts of failure_{law}"] * (
-            not max(parts) - 1e-12 <= rate <= min(sum(parts), 1.0) + 1e-12
-        )
+    faults, metrics = dict[str, bool](), result.metrics
+    names = ["mission_failure_{}", "collision_{}", *["off_map_{}"] * (result.scene["border"] == "wall")]
+    for law in LAWS:
+        if f"failure_{law}" in metrics:
+            rate, low, high = (metrics[f"failure_{law}{end}"] for end in ("", "_low", "_high"))
+            parts = [metrics[name.format(law)] for name in names]
+            faults[f"failure_{law}"] = not low <= rate <= high
+            together = max(parts) - 1e-12 <= rate <= min(sum(parts), 1.0) + 1e-12
+            faults[f"parts of failure_{law}"] = not together
     return no_fault("rates and their parts", faults)
 
 

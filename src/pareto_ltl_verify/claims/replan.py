@@ -15,10 +15,11 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.support.reading import read_json
 from pareto_ltl_verify import laws
-from pareto_ltl_verify.claims.verdict import Claim, Verdict, close, likely, no_fault, within
+from pareto_ltl_verify.claims import Claim, Verdict, close, likely, no_fault, within
 from pareto_ltl_verify.evidence import Evidence, open_evidence
 from pareto_ltl_verify.flights import RARE, Simulator, same_rate
-from pareto_ltl_verify.laws import Coherent, Course
+from pareto_ltl_verify.laws import Course
+from pareto_ltl_verify.wind_fit import ErrorLaw
 from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, SPACE, TIME, WindFile, square_of
 
 FILE = "replan.json"
@@ -44,35 +45,37 @@ def _source(result: Evidence) -> Evidence | None:
 
 def start(result: Evidence) -> Verdict:
     """The rest begins at the mean position, with its largest standard deviation, at the time of the step."""
-    stated, dt = _told(result), result.robot.dt
-    position = stated["position"]
+    stated, robot = _told(result), result.robot
+    position, rest, step = stated["position"], stated["rest"], stated["step"]
     widest = math.sqrt(float(np.linalg.eigvalsh(np.array(position["cov"]))[-1]))
-    faults = ["time"] * (not close(stated["time_s"], stated["step"] * dt))
-    faults += ["start of the map"] * (not np.allclose(result.start, position["mean"], rtol=1e-9, atol=1e-3))
-    faults += [f"start_sd {result.robot.start_sd:g}"] * (not close(result.robot.start_sd, widest, 1e-6, 1e-6))
-    faults += ["the rest begins elsewhere"] * (len(stated["rest"]["x"]) != len(stated["rest"]["u"]) + 1)
-    return no_fault(f"step {stated['step']}", faults)
+    faults = {
+        "time": not close(stated["time_s"], step * robot.dt),
+        "start of the map": not np.allclose(result.start, position["mean"], rtol=1e-9, atol=1e-3),
+        f"start_sd {robot.start_sd:g}": not close(robot.start_sd, widest, 1e-6, 1e-6),
+        "the rest begins elsewhere": len(rest["x"]) != len(rest["u"]) + 1,
+    }
+    return no_fault(f"step {step}", faults)
 
 
 def alarms(result: Evidence) -> Verdict:
     """A fix that the law gives less than 1e-4 is an alarm; after an alarm no file has a probability."""
-    stated = _told(result)
-    far = math.sqrt(-2.0 * math.log(UNLIKELY))
+    stated, plan = _told(result), result.plan
+    far, count = math.sqrt(-2.0 * math.log(UNLIKELY)), len(stated["alarms"])
     unlikely = sum(fix["distance"] > far for fix in stated["fixes"])
-    faults = [f"{unlikely} unlikely fixes"] * (len(stated["alarms"]) < unlikely)
-    faults += ["an alarm without a reason"] * (
-        bool(stated["alarms"]) and not unlikely and stated["wind"] is None
-    )
-    promised = [stated[name] for name in ("old", "new", "difference")] + [result.plan["promise"]]
-    faults += ["a promise after an alarm"] * (bool(stated["alarms"]) and any(v is not None for v in promised))
-    risks = [result.plan["objectives"][name] for name in RISKS]
-    numbers = [name for name in result.metrics if name.startswith(OF_RATES)]
-    if stated["alarms"]:
-        faults += [name for name in ("front.csv", "front.npz", "deployments.npz") if result.has(name)]
-        faults += ["bounds after an alarm"] * any(risk is not None for risk in risks) + numbers
-    elif None in risks:
-        faults.append("no bounds, but no alarm")
-    return no_fault(f"{len(stated['alarms'])} alarms", faults)
+    risks = [plan["objectives"][name] for name in RISKS]
+    faults = {f"{unlikely} unlikely fixes": count < unlikely}
+    if count:
+        promised = [plan["promise"], *(stated[name] for name in ("old", "new", "difference"))]
+        faults |= {
+            "an alarm without a reason": not unlikely and stated["wind"] is None,
+            "a promise after an alarm": any(value is not None for value in promised),
+            "bounds after an alarm": any(risk is not None for risk in risks),
+            **{name: result.has(name) for name in ("front.csv", "front.npz", "deployments.npz")},
+            **{name: name.startswith(OF_RATES) for name in result.metrics},
+        }
+    else:
+        faults["no bounds, but no alarm"] = None in risks
+    return no_fault(f"{count} alarms", faults)
 
 
 def rates(result: Evidence) -> Verdict | None:
@@ -83,39 +86,27 @@ def rates(result: Evidence) -> Verdict | None:
     stated = _told(result)
     if stated["alarms"]:
         return None
-    rest = stated["rest"]
-    paths = {"old": (np.array(rest["x"]), np.array(rest["u"])), "new": (result.x, result.u)}
-    chance = 1.0
-    for number, (name, (means, u)) in enumerate(paths.items()):
-        rate = stated[name]
+    old, new, rest, chance = stated["old"], stated["new"], stated["rest"], 1.0
+    if old is None and (len(rest["u"]) - 1) * result.robot.dt <= result.wind.until + 1e-6:
+        return Verdict("no rate of the old plan", "its winds are known", False)
+    paths = ((old, np.array(rest["x"]), np.array(rest["u"])), (new, result.x, result.u))
+    for number, (rate, means, u) in enumerate(paths):
         if rate is None:
-            if not _outlasts(result, len(u)):
-                return Verdict("no rate of the old plan", "its winds are known", False)
             continue
         law = result.law(rate["law"], len(u))
-        x = means + (result.start - means[0])
-        guided = isinstance(law, Coherent) and bool(law.landmarks)
-        if guided or law.robot.feedback:
+        if law.robot.feedback or law.landmarks:
             return None
+        x = means + (result.start - means[0])
         flown = Simulator(law, None, x, u, ()).fly(RUNS, np.random.default_rng([20181012, number]))
         failed = int(result.ground.failed(flown).sum())
         count = round(rate["failure"] * rate["runs"])
         chance = min(chance, 2.0 * same_rate(count, rate["runs"], failed, RUNS))
-    if stated["old"] is None:
-        return likely(f"{stated['new']['failure']:.4g}", chance, RARE)
-    gap = stated["new"]["failure"] - stated["old"]["failure"]
-    if not (close(stated["difference"]["middle"], gap, 1e-6, 1e-9) and stated["difference"]["low"] <= gap):
-        return Verdict(f"difference {stated['difference']['middle']:.4g}", f"{gap:.4g}", False)
-    return likely(f"{stated['old']['failure']:.4g} and {stated['new']['failure']:.4g}", chance, RARE)
-
-
-def _outlasts(result: Evidence, steps: int) -> bool:
-    """Whether a flight of ``steps`` lasts longer than wind.nc is known."""
-    try:
-        result.clock_of(steps)
-    except ParetoLtlError:
-        return True
-    return False
+    if old is None:
+        return likely(f"{new['failure']:.4g}", chance, RARE)
+    gap, told = new["failure"] - old["failure"], stated["difference"]
+    if not (close(told["middle"], gap, 1e-6, 1e-9) and told["low"] <= gap):
+        return Verdict(f"difference {told['middle']:.4g}", f"{gap:.4g}", False)
+    return likely(f"{old['failure']:.4g} and {new['failure']:.4g}", chance, RARE)
 
 
 def old_plan(result: Evidence) -> Verdict | None:
@@ -123,9 +114,10 @@ def old_plan(result: Evidence) -> Verdict | None:
     stated, source = _told(result), _source(result)
     if source is None:
         return None
-    x, u = (np.array(stated["rest"][name], float) for name in "xu")
-    same = np.array_equal(x, source.x[stated["step"] :]) and np.array_equal(u, source.u[stated["step"] :])
-    return no_fault(f"{len(u)} steps", [] if same else ["not the steps of the source"])
+    step, rest = stated["step"], stated["rest"]
+    pairs = (rest["x"], source.x[step:]), (rest["u"], source.u[step:])
+    other = not all(np.array_equal(np.array(own, float), whole) for own, whole in pairs)
+    return no_fault(f"{len(rest['u'])} steps", {"not the steps of the source": other})
 
 
 # --- what follows from the fixes ------------------------------------------------------------------
@@ -144,11 +136,11 @@ def _given_fixes(source: Evidence, stated: dict[str, Any]) -> Told | None:
     """Position and θ at the step, given the fixes, under the law of the old plan; None with landmarks."""
     step, fixes = stated["step"], stated["fixes"]
     law = source.law(source.planned_law, step)
-    if not fixes or (isinstance(law, Coherent) and law.landmarks):
+    if not fixes or law.landmarks:
         return None
     course = laws.fly_means(law, source.x[: step + 1])
     at = [fix["step"] for fix in fixes]
-    across = laws.covariance_across(law, course) if isinstance(law, Coherent) else _walk(course)
+    across = laws.covariance_across(law, course)
     among = np.block([[across[t, s] if t >= s else across[s, t].T for s in at] for t in at])
     S = among + np.diag(np.repeat([fix["sd"] ** 2 for fix in fixes], 2))
     d = np.concatenate([np.array(fix["place"]) - source.x[fix["step"]] for fix in fixes])
@@ -161,24 +153,10 @@ def _given_fixes(source: Evidence, stated: dict[str, Any]) -> Told | None:
     )  # fmt: skip
 
 
-def _walk(course: Course) -> FloatArray:
-    """Cov(e_t, e_s) for s <= t, (T+1, T+1, 2, 2), where the winds of the steps are independent."""
-    n = len(course.x)
-    across = np.zeros((n, n, 2, 2))
-    for s in range(n):
-        across[s, s] = course.cov[s]
-        for t in range(s, n - 1):
-            across[t + 1, s] = course.F[t] @ across[t, s]
-    return across
-
-
 def _faded(law: laws.Law, course: Course, t: int, step: int) -> FloatArray:
     """Cov(e_t, θ) (2, 2P) with θ of ``step``."""
-    cross = course.cross[t]
-    if isinstance(law, Coherent):
-        for later in range(t + 1, step + 1):
-            cross = cross * law.kept(later)
-    return cross
+    shares = [law.kept(later) for later in range(t + 1, step + 1)]
+    return np.asarray(course.cross[t] * np.prod(shares, axis=0), float)
 
 
 def position(result: Evidence) -> Verdict | None:
@@ -187,33 +165,29 @@ def position(result: Evidence) -> Verdict | None:
     learnt = None if source is None else _given_fixes(source, stated)
     if learnt is None:
         return None
-    unit = math.sqrt(float(np.trace(np.array(stated["position"]["before"]))))
-    off = float(np.abs(learnt.mean - stated["position"]["mean"]).max()) / unit
-    spread = float(np.abs(learnt.cov - stated["position"]["cov"]).max()) / unit**2
-    far = np.abs(learnt.distance / [fix["distance"] for fix in stated["fixes"]] - 1.0).max()
-    return within(f"{len(stated['fixes'])} fixes", max(off, spread, float(far)), SHARE)
+    told, distances = stated["position"], [fix["distance"] for fix in stated["fixes"]]
+    unit = math.sqrt(float(np.trace(np.array(told["before"]))))
+    worst = max(
+        float(np.abs(learnt.mean - told["mean"]).max()) / unit,
+        float(np.abs(learnt.cov - told["cov"]).max()) / unit**2,
+        float(np.abs(learnt.distance / distances - 1.0).max()),
+    )
+    return within(f"{len(distances)} fixes", worst, SHARE)
 
 
 def expected_wind(result: Evidence) -> Verdict | None:
     """The expected wind at the nodes is the old one, corrected by the error that the fixes determine."""
     stated, source = _told(result), _source(result)
-    learnt = None if source is None else _given_fixes(source, stated)
-    if (
-        learnt is None
-        or source is None
-        or stated["wind"]
-        or source.wind.modes is None
-        or not len(learnt.theta)
-    ):
+    if source is None or source.wind.modes is None or stated["wind"]:
         return None
-    old, new, moment = source.wind, result.wind, float(stated["time_s"])
-    modes = old.modes
-    assert modes is not None
+    learnt = _given_fixes(source, stated)
+    if learnt is None or not len(learnt.theta):
+        return None
+    old, new, modes, moment = source.wind, result.wind, source.wind.modes, float(stated["time_s"])
     nodes = np.stack(np.meshgrid(new.x, new.y, indexing="ij"), axis=-1).reshape(-1, 2)
     square, theta = square_of(modes.x, modes.y, nodes), learnt.theta.reshape(2, -1)
     held = new.held is not None and old.held is None
-    now = int(np.argmin(np.abs(new.times))) if not held else 0
-    worst = 0.0
+    now, worst = 0 if held else int(np.argmin(np.abs(new.times))), 0.0
     for k, time in enumerate(new.times):
         slot = len(old.times) - 1 if held else int(np.argmin(np.abs(old.times - moment - time)))
         weight = _persistence(old, new, now, k, held=held)
@@ -227,27 +201,24 @@ def expected_wind(result: Evidence) -> Verdict | None:
 def _persistence(old: WindFile, new: WindFile, now: int, k: int, *, held: bool) -> FloatArray:
     """Share (P,) of each mode's θ that lasts from slot ``now`` to ``k``; times √D for a newly held field."""
     assert old.modes is not None
-    last = new.last_field
+    law, last = old.error, new.last_field
     apart = abs(min(float(new.times[k]), last) - min(float(new.times[now]), last))
-    share = np.zeros(len(old.modes.part))
-    share[old.modes.part == SPACE] = old.modes.rho ** (apart / old.modes.gap)
-    share[old.modes.part == ENSEMBLE] = 1.0
-    if old.error is not None:
-        share[old.modes.part == FORECAST] = old.error.persistence ** (apart / old.error.persistence_time)
-    if old.error is None or new.held is None:
-        return share
-    lags, fade = new.times - new.held, 1.0
-    for j in range(now, k):
-        fade *= old.error.change_correlation(float(lags[j]), float(lags[j + 1]))
-    size = 1.0
-    if held:
-        around = np.linspace(
-            (lags[k - 1] + lags[k]) / 2 if k else lags[0],
-            (lags[k] + lags[k + 1]) / 2 if k + 1 < len(lags) else lags[k], 101,
-        )  # fmt: skip
-        size = math.sqrt(float(np.mean([old.error.change_variance(lag) for lag in around.tolist()])))
-    share[old.modes.part == (TIME if held else HELD)] = fade * size
-    return share
+    of_part = {SPACE: old.modes.rho ** (apart / old.modes.gap), ENSEMBLE: 1.0}
+    if law is not None:
+        of_part[FORECAST] = law.persistence ** (apart / law.persistence_time)
+        if new.held is not None:
+            lags = (new.times - new.held).tolist()
+            fade = math.prod(law.change_correlation(lags[j], lags[j + 1]) for j in range(now, k))
+            of_part[TIME if held else HELD] = fade * (_mean_change(law, lags, k) if held else 1.0)
+    return np.array([of_part.get(part, 0.0) for part in old.modes.part.tolist()])
+
+
+def _mean_change(law: ErrorLaw, lags: list[float], k: int) -> float:
+    """√ of the mean D over the times [s] since the last field for which slot k is the nearest one."""
+    begin = (lags[k - 1] + lags[k]) / 2 if k else lags[0]
+    end = (lags[k] + lags[k + 1]) / 2 if k + 1 < len(lags) else lags[k]
+    around = np.linspace(begin, end, 101).tolist()
+    return math.sqrt(float(np.mean([law.change_variance(lag) for lag in around])))
 
 
 CLAIMS = tuple(

@@ -9,20 +9,19 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl_verify import formula
-from pareto_ltl_verify.claims.verdict import Claim, Verdict, no_fault, same
+from pareto_ltl_verify import formula, geometry
+from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, same, true_of
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import Convex, convex, deepest, outline_distance, signed_area
-from pareto_ltl_verify.geometry import within as lies_within
 from pareto_ltl_verify.laws import fix_error
-from pareto_ltl_verify.timetable import clock_of, windows_of
 
 SAMPLES = 20_000  # points of the map at which cells, parts and polygons are compared
 RELATIVE = 1e-9  # largest allowed relative difference of two coordinates
 SIMPLIFIED = 0.002  # of the longer side of the map: how far outlines may move with scene.simplify=auto
-
-
 OF_THE_SETTINGS = ("map: border", "map: projection", "map: scene.json is the map of the settings")
+
+
+# --- the map ----------------------------------------------------------------------------------
 
 
 def given_map(result: Evidence) -> bool:
@@ -31,59 +30,57 @@ def given_map(result: Evidence) -> bool:
     return not (settings["file"] or settings["bounds"] or settings["start"])
 
 
+def _not_set(result: Evidence) -> bool:
+    """Whether the map is in a file or was given in Python, and not in the settings."""
+    return bool(result.settings["scene"]["file"]) or given_map(result)
+
+
 def drawn_map(result: Evidence) -> Verdict | None:
     """scene.json is the map of the settings: bounds, start, regions, obstacles and landmarks.
 
     On a map with random places only the places that the settings name are compared.
     """
     settings, scene = result.settings["scene"], result.scene
-    if settings["file"] or given_map(result):
+    if _not_set(result):
         return None
-    pairs = [
-        ("bounds", _metres(settings, settings["bounds"]), scene["bounds"]),
-        ("start", _metres(settings, [settings["start"]]), [scene["start"]]),
-    ]
-    faults = [f"{name} differs" for name, one, other in pairs if not _same_outline(one, other)]
-    if scene.get("simplified", 0.0) > _allowed(settings, scene) * (1 + RELATIVE):
-        faults.append(f"outlines moved by {scene['simplified']:g} m")
+    bounds, start = _metres(settings, settings["bounds"]), _metres(settings, [settings["start"]])
+    moved, others = scene.get("simplified", 0.0), set(scene["regions"]) - set(settings["regions"])
+    faults = {
+        "bounds differs": not _same_outline(bounds, scene["bounds"]),
+        "start differs": not _same_outline(start, [scene["start"]]),
+        f"outlines moved by {moved:g} m": moved > _allowed(settings, scene) * (1 + RELATIVE),
+        f"regions {sorted(others)}": others and not settings["random"]["regions"],
+    }
     for name, corners in settings["regions"].items():
         drawn = [_outline(settings, part) for part in _parts(corners)]
-        if not _same_region(result, name, drawn, _parts(scene["regions"].get(name, []))):
-            faults.append(f"region {name} differs")
-    if not settings["random"]["regions"] and set(scene["regions"]) - set(settings["regions"]):
-        faults.append(f"regions {sorted(scene['regions'])}")
-    faults += [fault for kind in ("obstacles", "landmarks") for fault in _area_faults(result, kind)]
-    faults += _fix_faults(result)
-    return no_fault("the outlines of the settings", faults)
+        written = _parts(scene["regions"].get(name, []))
+        faults[f"region {name} differs"] = not _same_region(result, name, drawn, written)
+    areas = (_area_faults(result, kind) for kind in ("obstacles", "landmarks"))
+    return no_fault("the outlines of the settings", faults, *areas, _fix_faults(result))
 
 
 def border(result: Evidence) -> Verdict | None:
     """The border is scene.border, or with auto the border of the fidelity."""
-    settings = result.settings["scene"]
-    if settings["border"] == "auto" and (settings["file"] or given_map(result)):  # the map may name one
+    stated = result.settings["scene"]["border"]
+    if stated == "auto" and _not_set(result):  # the map may name one
         return None
-    expected = result.settings["fidelity"]["border"] if settings["border"] == "auto" else settings["border"]
-    return same(result.scene["border"], expected)
+    return same(result.scene["border"], result.settings["fidelity"]["border"] if stated == "auto" else stated)
 
 
 def projection(result: Evidence) -> Verdict | None:
     """The plane of the map touches the Earth at the centre that the settings name."""
     from pyproj import CRS
 
-    settings, crs = result.settings["scene"], result.scene["crs"]
-    if settings["file"] or given_map(result):
+    centre, crs = result.settings["scene"]["centre"], result.scene["crs"]
+    if _not_set(result):
         return None
-    if crs is None or settings["centre"] is None:
-        return same(crs, settings["centre"])
+    if crs is None or centre is None:
+        return same(crs, centre)
     plane = CRS.from_user_input(crs).coordinate_operation
-    parameters = {parameter.name: parameter.value for parameter in plane.params} if plane else {}
-    lat, lon = (
-        next((v for k, v in parameters.items() if k.startswith(w)), math.nan) for w in ("Lat", "Long")
-    )
-    turn = (lon - settings["centre"][1] + 180) % 360 - 180
-    return Verdict(
-        str(settings["centre"]), f"[{lat}, {lon}]", abs(lat - settings["centre"][0]) + abs(turn) < 1e-6
-    )
+    params = plane.params if plane else ()
+    lat, lon = (next((p.value for p in params if p.name.startswith(w)), math.nan) for w in ("Lat", "Long"))
+    turn = (lon - centre[1] + 180) % 360 - 180
+    return Verdict(str(centre), f"[{lat}, {lon}]", abs(lat - centre[0]) + abs(turn) < 1e-6)
 
 
 def departure(result: Evidence) -> Verdict:
@@ -122,10 +119,9 @@ def _allowed(settings: Mapping[str, Any], scene: Mapping[str, Any]) -> float:
 
 def _only_avoided(result: Evidence, name: str) -> bool:
     """Whether a region occurs in the normal form of the formula, and nowhere without a negation."""
-    nodes = (
-        [_meaning(str(result.automaton["formula"]))] if not result.settings["mission"]["automaton"] else []
-    )
-    signs = set()
+    nodes, signs = list[formula.Node](), set[str]()
+    if not result.settings["mission"]["automaton"]:
+        nodes.append(_meaning(str(result.automaton["formula"])))
     while nodes:
         operator, *args = nodes.pop()
         if operator in ("ap", "not"):
@@ -140,19 +136,30 @@ def _same_region(result: Evidence, name: str, drawn: list[FloatArray], written: 
 
     On a simplified map it may be slightly smaller, or slightly larger if the mission only avoids it.
     """
-    moved = result.scene.get("simplified", 0.0)
-    if not moved and len(drawn) == len(written) == 1:
+    if not result.scene.get("simplified", 0.0) and len(drawn) == len(written) == 1:
         return _same_outline(drawn[0], written[0])
-    points = _sample_points(result)
-    before, after, edge = _covered(drawn, points), _covered(written, points), _edge_distance(drawn, points)
-    careless = before & ~after if _only_avoided(result, name) else after & ~before
-    return not ((before != after) & (edge > moved + result.grain) | careless & (edge > result.grain)).any()
+    return _same_area(result, drawn, written, drawn, _only_avoided(result, name))
+
+
+def _same_area(
+    result: Evidence, drawn: list[FloatArray], written: list[FloatArray], edges: list[FloatArray], grows: bool
+) -> bool:
+    """Whether two lists of outlines cover the same sample points of the map.
+
+    Points near the outlines ``edges`` may differ by as much as the map is simplified, if the area only
+    ``grows``, or else only becomes smaller.
+    """
+    points, moved = _sample_points(result), float(result.scene.get("simplified", 0.0))
+    before, after, edge = _covered(drawn, points), _covered(written, points), _edge_distance(edges, points)
+    careless = before & ~after if grows else after & ~before
+    wrong = (before != after) & (edge > moved + result.grain) | careless & (edge > result.grain)
+    return not wrong.any()
 
 
 def _edge_distance(polygons: list[FloatArray], points: FloatArray) -> FloatArray:
     """Distance of each point to the nearest outline [m]."""
     none = np.full(len(points), np.inf)
-    least: FloatArray = np.min([outline_distance(one, points) for one in polygons] or [none], axis=0)
+    least: FloatArray = np.min([none, *(outline_distance(one, points) for one in polygons)], axis=0)
     return least
 
 
@@ -191,25 +198,20 @@ def _area_faults(result: Evidence, kind: str) -> Iterator[str]:
     landmarks that are not convex cut up: these are compared at sample points.
     """
     settings, bounds = result.settings["scene"], np.array(result.scene["bounds"])
-    written = [np.array(corners) for corners in result.scene.get(kind) or []]
-    drawn = [_outline(settings, _corners(one)) for one in settings[kind]]
-    moved, rest = float(result.scene.get("simplified", 0.0)), []
-    for number, one in enumerate(drawn):
+    low, high = bounds + np.array([[-result.grain], [result.grain]])
+    written, rest = [np.array(corners) for corners in result.scene.get(kind) or []], []
+    for number, one in enumerate(_outline(settings, _corners(area)) for area in settings[kind]):
         place = next((i for i, other in enumerate(written) if _same_outline(one, other)), None)
-        whole = ((one >= bounds[0] - result.grain) & (one <= bounds[1] + result.grain)).all()
+        unchanged = ((one >= low) & (one <= high)).all() and not result.scene.get("simplified")
         if place is not None:
             written.pop(place)
-        elif whole and not moved and (kind == "obstacles" or _is_convex(one)):
+        elif unchanged and (kind == "obstacles" or _is_convex(one)):
             yield f"{kind} {number} differs"
         else:
             rest.append(one)
     if kind == "obstacles" and settings["random"]["obstacles"]:
         return
-    points = _sample_points(result)
-    before, after = _covered(rest, points), _covered(written, points)
-    edge = np.minimum(_edge_distance(rest, points), _edge_distance(written, points))
-    careless = before & ~after if kind == "obstacles" else after & ~before
-    if ((before != after) & (edge > moved + result.grain) | careless & (edge > result.grain)).any():
+    if not _same_area(result, rest, written, [*rest, *written], kind == "obstacles"):
         yield f"{kind} that are not in the settings"
 
 
@@ -225,7 +227,7 @@ def _covered(polygons: list[FloatArray], points: FloatArray) -> BoolArray:
     """Which points lie in any of the polygons."""
     covered = np.zeros(len(points), bool)
     for polygon in polygons:
-        covered |= lies_within(polygon, points)
+        covered |= geometry.within(polygon, points)
     return covered
 
 
@@ -239,45 +241,40 @@ def _same_outline(one: FloatArray, other: Any) -> bool:
     return any(np.abs(one - turn).max() <= tolerance for turn in turns)
 
 
+# --- its cells --------------------------------------------------------------------------------
+
+
 def convex_parts(result: Evidence) -> Verdict:
     """The convex parts in cells.json cover exactly the polygons of scene.json."""
     scene, points = result.scene, _sample_points(result)
     groups = {name: (_parts(scene["regions"][name]), parts) for name, parts in result.regions.items()}
     outlines = [np.array(polygon) for polygon in scene["obstacles"]]
     groups["obstacles"] = (_outermost(outlines, result.grain), result.obstacles)
-    faults = [f"region {name} is missing" for name in scene["regions"] if name not in groups]
+    faults = {f"region {name} is missing": name not in groups for name in scene["regions"]}
     for name, (polygons, parts) in groups.items():
         area = sum(abs(signed_area(polygon)) for polygon in polygons)
         computed = sum(signed_area(part.corners) for part in parts)
-        if not math.isclose(area, computed, rel_tol=1e-7):
-            faults.append(f"{name}: area {computed:.6g} of {area:.6g} m2")
-        inside = _covered(polygons, points)
-        edge = _edge_distance(polygons, points)
-        if ((deepest(parts, points) >= 0) != inside)[edge > result.grain].any():
-            faults.append(f"{name}: parts and polygon lie apart")
+        apart = (deepest(parts, points) >= 0) != _covered(polygons, points)
+        apart &= _edge_distance(polygons, points) > result.grain
+        faults[f"{name}: area {computed:.6g} of {area:.6g} m2"] = not close(computed, area, 1e-7)
+        faults[f"{name}: parts and polygon lie apart"] = apart.any()
     return no_fault(f"parts of {len(groups) - 1} regions and {len(outlines)} obstacles", faults)
 
 
 def _outermost(polygons: list[FloatArray], grain: float) -> list[FloatArray]:
-    """The polygons with a corner or middle of an edge outside each of the others."""
-    probes = [np.concatenate([p, 0.5 * (p + np.roll(p, -1, axis=0))]) for p in polygons]
-    return [
-        own
-        for i, own in enumerate(polygons)
-        if not any(
-            (
-                (lies_within(other, probes[i]) | (outline_distance(other, probes[i]) < grain)).all()
-                and abs(signed_area(other)) > abs(signed_area(own))
-            )
-            for j, other in enumerate(polygons)
-            if i != j
-        )
-    ]
+    """The polygons with a corner or middle of an edge outside each larger one."""
+
+    def lies_in(own: FloatArray, other: FloatArray) -> bool:
+        probes = np.concatenate([own, 0.5 * (own + np.roll(own, -1, axis=0))])
+        inside = geometry.within(other, probes) | (outline_distance(other, probes) < grain)
+        return bool(inside.all()) and abs(signed_area(other)) > abs(signed_area(own))
+
+    return [own for own in polygons if not any(lies_in(own, other) for other in polygons if other is not own)]
 
 
 def _sample_points(result: Evidence) -> FloatArray:
-    bounds = np.array(result.scene["bounds"])
-    drawn: FloatArray = bounds[0] + (bounds[1] - bounds[0]) * np.random.default_rng(2).random((SAMPLES, 2))
+    low, high = np.array(result.scene["bounds"])
+    drawn: FloatArray = low + (high - low) * np.random.default_rng(2).random((SAMPLES, 2))
     return drawn
 
 
@@ -290,14 +287,17 @@ def cell_cover(result: Evidence) -> Verdict:
     clear = (np.abs(depth) > result.grain).all(axis=0) & (np.abs(inside) > result.grain)
     count = (depth > 0).sum(axis=0)
     wrong = clear & (count != (inside < 0))
-    faults = [f"{points[i].round()} m lies in {count[i]} cells" for i in np.flatnonzero(wrong)[:1]]
-    shown = [frozenset(label) for label in result.cells["labels"]]
-    labels = result.ground.labels(points)
-    for i in np.flatnonzero(clear & ~wrong & (inside < 0)):
-        if shown[int(depth[:, i].argmax())] != labels[i]:
-            faults.append(f"{points[i].round()} m is {sorted(labels[i])}, its cell is not")
-            break
-    return no_fault(f"{len(cells)} cells, {int(clear.sum())} places", faults)
+    shown, labels = list(map(frozenset, result.cells["labels"])), result.ground.labels(points)
+    own = depth.argmax(axis=0)
+    return no_fault(
+        f"{len(cells)} cells, {int(clear.sum())} places",
+        (f"{points[i].round()} m lies in {count[i]} cells" for i in np.flatnonzero(wrong)),
+        (
+            f"{points[i].round()} m is {sorted(labels[i])}, its cell is not"
+            for i in np.flatnonzero(clear & ~wrong & (inside < 0))
+            if shown[own[i]] != labels[i]
+        ),
+    )
 
 
 def doors(result: Evidence) -> Verdict:
@@ -305,10 +305,12 @@ def doors(result: Evidence) -> Verdict:
     cells = [convex(cell) for cell in result.cells["cells"]]
     stated = {(int(i), int(j)) for i, j in result.cells["doors"]}
     computed = {pair: length for pair, length in _contacts(cells, result.grain) if pair[0] < pair[1]}
-    faults = [f"cells {i} and {j} share no edge" for i, j in sorted(stated - set(computed))]
     wide = {pair for pair, length in computed.items() if length > result.grain}
-    faults += [f"cells {i} and {j} have no door" for i, j in sorted(wide - stated)]
-    return no_fault(f"{len(stated)} doors", faults)
+    return no_fault(
+        f"{len(stated)} doors",
+        (f"cells {i} and {j} share no edge" for i, j in sorted(stated - set(computed))),
+        (f"cells {i} and {j} have no door" for i, j in sorted(wide - stated)),
+    )
 
 
 def _contacts(cells: Sequence[Convex], grain: float) -> Iterator[tuple[tuple[int, int], float]]:
@@ -328,18 +330,20 @@ def _contacts(cells: Sequence[Convex], grain: float) -> Iterator[tuple[tuple[int
                 yield (int(owner[e]), int(owner[other])), length
 
 
+# --- the mission ------------------------------------------------------------------------------
+
+
 def letters(result: Evidence) -> Verdict:
     """The automaton reads every label that the map can show, and the empty one.
 
     With time windows it reads at least the letters at each step, and between steps, of the longest flight.
     """
-    labels = [*(frozenset(label) for label in result.cells["labels"]), frozenset[str]()]
+    labels = [*map(frozenset, result.cells["labels"]), frozenset[str]()]
     table, ground, steps = result.timetable, result.ground, int(result.settings["planner"]["max_steps"])
     spans = {of(t) for t in range(steps + 1 if table.windows else 1) for of in (table.now, table.way)}
     shown = {ground.letter(label, holding) for label in labels for holding in spans}
-    stated = {frozenset(letter) for letter in result.automaton["letters"]}
-    if table.windows:
-        stated &= shown
+    stated = set(map(frozenset, result.automaton["letters"]))
+    stated = stated & shown if table.windows else stated
     return same(sorted(map(sorted, stated)), sorted(map(sorted, shown)))
 
 
@@ -348,18 +352,20 @@ def windows(result: Evidence) -> Verdict | None:
 
     The propositions that the map forbids are forbidden in the automaton too.
     """
-    stated, drawn = windows_of(result.automaton.get("windows")), windows_of(result.scene.get("windows"))
+    files, settings = (result.automaton, result.scene), result.settings["scene"]
+    stated, drawn = (formula.windows_of(content.get("windows")) for content in files)
+    forbidden, forbids = (set(content.get("forbidden", ())) for content in files)
     if not stated and not drawn:
         return None
-    wrong = [name for name, window in stated.items() if window != drawn.get(name, clock_of(name))]
-    timed = [name for name in result.dfa.atoms if name in drawn or clock_of(name) is not None]
-    wrong += [f"{name} has no window" for name in timed if name not in stated]
-    forbidden = set(result.scene.get("forbidden", ()))
-    wrong += sorted(forbidden ^ set(result.automaton.get("forbidden", ())))
-    settings = result.settings["scene"]
-    if settings["file"] is None and set(settings.get("windows", {})) != set(drawn):
-        wrong.append("the settings have other windows")
-    return no_fault(f"{len(stated)} windows", wrong)
+    timed = [name for name in result.dfa.atoms if name in drawn or formula.clock_of(name) is not None]
+    other = settings["file"] is None and set(settings.get("windows", {})) != set(drawn)
+    return no_fault(
+        f"{len(stated)} windows",
+        (name for name, span in stated.items() if span != drawn.get(name, formula.clock_of(name))),
+        (f"{name} has no window" for name in timed if name not in stated),
+        sorted(forbidden ^ forbids),
+        {"the settings have other windows": other},
+    )
 
 
 def whose_formula(result: Evidence) -> Verdict:
@@ -391,26 +397,22 @@ def meaning(result: Evidence) -> Verdict | None:
 
 def hoa(result: Evidence) -> Verdict:
     """automaton.hoa and automaton.json hold equivalent automata."""
-    text = (result.directory / "automaton.hoa").read_text(encoding="utf-8")
-    other = formula.read_hoa(text, result.dfa.letters)
-    agree = (
-        other.initial == result.dfa.initial
-        and other.delta == result.dfa.delta
-        and set(other.atoms) == set(result.dfa.atoms)
-    )
-    word = formula.unlike(result.dfa, other)
-    named = f'name: "{result.automaton["formula"]}"' in text.replace("\\", "")
-    if not named:
-        return Verdict("automaton.hoa", "names another formula", False)
-    return Verdict(
-        "automaton.hoa", "the same" if word is None else f"differs on {word}"[:44], agree and word is None
-    )
+    text, dfa = (result.directory / "automaton.hoa").read_text(encoding="utf-8"), result.dfa
+    other = formula.read_hoa(text, dfa.letters)
+    word = formula.unlike(dfa, other)
+    alike = (other.initial, other.delta, set(other.atoms)) == (dfa.initial, dfa.delta, set(dfa.atoms))
+    faults = true_of({
+        "names another formula": f'name: "{result.automaton["formula"]}"' not in text.replace("\\", ""),
+        f"differs on {word}": word is not None,
+        "other states": not alike,
+    })  # fmt: skip
+    return Verdict("automaton.hoa", faults[0] if faults else "the same", not faults)
 
 
 def distance(result: Evidence) -> Verdict:
     """d_A is the fewest letters to acceptance."""
     stated = [math.inf if d is None else float(d) for d in result.automaton["d_A"]]
-    return same(stated, formula.distances(result.dfa))
+    return same(stated, formula.distances(result.dfa).tolist())
 
 
 CLAIMS = (

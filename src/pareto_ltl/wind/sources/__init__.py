@@ -134,15 +134,15 @@ def _read_ensemble(cfg: WindConfig, wanted: Wanted) -> Readings:
             netcdf = (*netcdf, file)
         else:
             raise DataError(f"wind file {file} is {kind}; expected GRIB or NetCDF files of the members")
-    found = {
-        folder.name: grib_snapshots_apart(together, cfg.max_speed, cfg.level, wanted.area)
+    found = [
+        (folder.name, grib_snapshots_apart(together, cfg.max_speed, cfg.level, wanted.area))
         for folder, together in grib.items()
-    }
+    ]
     if netcdf:
-        found["NetCDF"] = netcdf_snapshots(netcdf, WINDS, cfg.level, cfg.max_speed, wanted.area)
-    snapshots = [snap for one in found.values() for snap in one.winds]
+        found.append(("NetCDF", netcdf_snapshots(netcdf, WINDS, cfg.level, cfg.max_speed, wanted.area)))
+    snapshots = [snap for _, one in found for snap in one.winds]
     several = len(found) > 1
-    notes = [f"{name}: {note}" if several else note for name, one in found.items() for note in one.notes]
+    notes = [f"{name}: {note}" if several else note for name, one in found for note in one.notes]
     return ensemble_readings(snapshots, files, prior_weight(cfg), tuple(notes))
 
 

@@ -1,32 +1,41 @@
 """``summary.csv``, ``timings.csv``, ``summary.json`` and ``summary.html``, from the directories of the runs.
 
 ``summary.csv`` has only values that the settings of a job determine, so that it is the same file, byte for
-byte, also if the sweep was killed and resumed; times and memory are in ``timings.csv``.
+byte, also if the sweep was killed and resumed; times and memory are in ``timings.csv``. The page loads no
+other file, so that it can be opened in a browser, mailed or archived.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
+from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
-from pareto_ltl.studies.sweeps.manifest import OLDER_SWEEPS, FigureChoice, SweepManifest, read_manifest
-from pareto_ltl.studies.sweeps.table import (
-    SeedGroup,
-    SweepRow,
-    column_names,
-    is_seed,
-    seed_groups,
-    status_counts,
-    sweep_rows,
-)
+from pareto_ltl.report.metric_names import is_probability, metric_label
+from pareto_ltl.settings.fidelity import LAWS
+from pareto_ltl.studies import sweeps
+from pareto_ltl.studies.sweeps import FigureChoice, SeedGroup, SweepManifest, SweepRow, column_names, is_seed
+from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import write_csv, write_json, write_text
 from pareto_ltl.support.messages import shown_text
 
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
 SUMMARY_SCHEMA = "pareto_ltl.summary/1"
 PROMISED = "promise_failure"
+SHOWN_METRICS = (  # risks by wind law: fidelity.law may differ from job to job
+    "length_m",
+    "mission_risk_paper",
+    *(f"{risk}_{law}" for law in LAWS for risk in ("mission_risk", "collision_risk")),
+    "front_size",
+    "hypervolume",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +50,7 @@ class SweepSummary:
     @property
     def counts(self) -> dict[str, int]:
         """Number of jobs by status."""
-        return status_counts(self.rows)
+        return sweeps.status_counts(self.rows)
 
     def line(self) -> str:
         """``18 ok, 2 infeasible of 20 jobs``."""
@@ -60,20 +69,17 @@ def write_summary(
     Files of the newest sweep are written to ``place``, files of an older one to its folder in ``sweeps/``.
     """
     place = Path(place)
-    manifest = read_manifest(place, key)
+    manifest = sweeps.read_manifest(place, key)
     if figure is not None:
-        manifest = replace(manifest, figure=_merged_choice(manifest.figure, figure))
-    rows = sweep_rows(place, manifest, given_up)
-    summary = SweepSummary(place, manifest, rows, seed_groups(rows))
-    out = place if key is None else place / OLDER_SWEEPS / key
+        noted = manifest.figure
+        merged = FigureChoice(figure.x or noted.x, figure.y or noted.y, figure.by or noted.by)
+        manifest = replace(manifest, figure=merged)
+    rows = sweeps.sweep_rows(place, manifest, given_up)
+    summary = SweepSummary(place, manifest, rows, sweeps.seed_groups(rows))
+    out = place if key is None else place / sweeps.OLDER_SWEEPS / key
     out.mkdir(parents=True, exist_ok=True)
     _write_files(summary, out)
     return summary
-
-
-def _merged_choice(noted: FigureChoice, wanted: FigureChoice) -> FigureChoice:
-    """``wanted``, with values of ``noted`` where it has none."""
-    return FigureChoice(wanted.x or noted.x, wanted.y or noted.y, wanted.by or noted.by)
 
 
 def _write_files(summary: SweepSummary, out: Path) -> None:
@@ -84,42 +90,25 @@ def _write_files(summary: SweepSummary, out: Path) -> None:
     ConfigError
         If the figure needs a column that does not exist; the files are written in any case.
     """
-    swept = list(summary.manifest.swept)
-    results = column_names(row.results for row in summary.rows)
-    clock = column_names(row.clock for row in summary.rows)
-    write_csv(
-        out / "summary.csv",
-        ["job", *swept, "status", "error", *results],
-        (
-            [*_first_cells(row, swept), row.state.error, *map(row.results.get, results)]
-            for row in summary.rows
-        ),
-    )
-    write_csv(
-        out / "timings.csv",
-        ["job", *swept, "status", *clock],
-        ([*_first_cells(row, swept), *map(row.clock.get, clock)] for row in summary.rows),
-    )
+    swept, rows = list(summary.manifest.swept), summary.rows
+    results: list[dict[str, Any]] = [{"error": row.state.error, **row.results} for row in rows]
+    clocks: list[dict[str, Any]] = [row.clock for row in rows]
+    for name, columns in (("summary.csv", results), ("timings.csv", clocks)):
+        names = column_names(columns)
+        lines = (
+            [row.job, *map(row.overrides.get, swept), row.state.status, *map(own.get, names)]
+            for row, own in zip(rows, columns, strict=True)
+        )
+        write_csv(out / name, ["job", *swept, "status", *names], lines)
     write_json(out / "summary.json", summary_content(summary))
-    from pareto_ltl.studies.sweeps import page
-
     picture, wrong = None, None
     try:
         picture = _draw_figure(summary, out)
     except ConfigError as error:  # the page must not be lost with its figure
         wrong = error
-    write_text(out / "summary.html", page.render_page(summary, picture, _way_to_jobs(out, summary.place)))
+    write_text(out / "summary.html", render_page(summary, picture, "" if out == summary.place else "../../"))
     if wrong is not None:
         raise wrong
-
-
-def _first_cells(row: SweepRow, swept: Sequence[str]) -> list[Any]:
-    return [row.job, *(row.overrides.get(key) for key in swept), row.state.status]
-
-
-def _way_to_jobs(out: Path, place: Path) -> str:
-    """Relative path from the page to the jobs."""
-    return "" if out == place else "../../"
 
 
 def summary_content(summary: SweepSummary) -> dict[str, Any]:
@@ -152,12 +141,12 @@ def _draw_figure(summary: SweepSummary, out: Path) -> str | None:
     figure = chosen_figure(summary)
     if figure is None:
         return None
-    from pareto_ltl.report.sweep_figures import draw_sweep_figure as draw
+    from pareto_ltl.report.sweep_figures import draw_sweep_figure
 
-    series = figure_series(summary, figure)
     folder = out / "figures"
     folder.mkdir(exist_ok=True)
-    return draw(folder, figure.x or "", figure.y or "", figure.by, series)
+    series = figure_series(summary, figure)
+    return draw_sweep_figure(folder, figure.x or "", figure.y or "", figure.by, series)
 
 
 def chosen_figure(summary: SweepSummary) -> FigureChoice | None:
@@ -204,3 +193,61 @@ def check_figure(figure: FigureChoice, swept: Sequence[str]) -> None:
             f"sweep.by={figure.by} is not a setting that this sweep varies; "
             f"there are {', '.join(swept) or 'none'}"
         )
+
+
+# --- the page --------------------------------------------------------------------------------
+
+
+def render_page(summary: SweepSummary, picture: str | None, way: str = "") -> str:
+    """The page as HTML; ``way`` leads from it to the directories of the jobs."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )  # fmt: skip
+    template = files("pareto_ltl.studies").joinpath("summary.html").read_text(encoding="utf-8")
+    swept, groups, rows = list(summary.manifest.swept), summary.groups, summary.rows
+    results = column_names(row.results for row in rows)
+    laws = [name for name in results if name.startswith("failure_") and not name.endswith(("_low", "_high"))]
+    return environment.from_string(template).render(
+        name=summary.place.resolve().name,
+        line=summary.line(),
+        fixed=summary.manifest.fixed,
+        picture=picture,
+        way=way,
+        groups=groups,
+        rows=rows,
+        swept=swept,
+        varied=[key for key in swept if not is_seed(key)],
+        rates=column_names(group.rates for group in groups),
+        medians=[name for name in SHOWN_METRICS if any(name in group.quartiles for group in groups)],
+        shown=[*(name for name in (*laws, *SHOWN_METRICS) if name in results), "run_seconds"],
+        failed=any(row.state.error for row in rows),
+        label=metric_label,
+        text=metric_text,
+        interval=interval_text,
+        broken=_broken_name,
+        quote=partial(quote, safe=""),
+    )
+
+
+def _broken_name(name: str) -> Markup:
+    """``name`` for the head of a narrow column, which may be broken at its dots and underscores."""
+    from markupsafe import Markup, escape
+
+    return Markup(escape(name).replace("_", Markup("_<wbr>")).replace(".", Markup(".<wbr>")))
+
+
+def metric_text(name: str, value: float) -> str:
+    """A metric as text for people; probabilities in per cent."""
+    if is_probability(name):
+        return probability_text(value)
+    return f"{value / 1e3:,.1f}" if name == "length_m" else short_number(value)
+
+
+def short_number(value: float) -> str:
+    """A number with four significant digits, or all digits of an integer."""
+    if value == 0 or (float(value).is_integer() and abs(value) < 1e7):
+        return f"{value:,.0f}"
+    return f"{value:,.1f}" if abs(value) >= 100 else f"{value:.4g}"
