@@ -91,7 +91,7 @@ class Resampling:
         Finite replicates are used; the ends are NaN if there is no interval.
         """
         value = float(statistic(np.atleast_1d(values.mean(axis=0))[None])[0])
-        drawn = statistic(self._means(cycles, values.reshape(len(values), -1)))
+        drawn = statistic(self.means(cycles, values.reshape(len(values), -1)))
         finite = drawn[np.isfinite(drawn) & ((drawn > 0) | (not ratio))]
         if not len(finite) or not np.isfinite(value) or (ratio and value <= 0):
             return Interval(value, np.nan, np.nan)
@@ -101,7 +101,7 @@ class Resampling:
             return Interval(value, value * (low / value) ** stretch, value * (high / value) ** stretch)
         return Interval(value, value - stretch * (value - low), value + stretch * (high - value))
 
-    def _means(self, cycles: FloatArray, values: FloatArray) -> FloatArray:
+    def means(self, cycles: FloatArray, values: FloatArray) -> FloatArray:
         """Bootstrap replicates (R, V) of the means of ``values`` (P, V)."""
         _, place = np.unique(cycles, return_inverse=True)
         n = int(place.max()) + 1
