@@ -249,6 +249,13 @@ class Evidence:
         """The wind law that the plan is judged in."""
         return str(self.settings["fidelity"]["law"])
 
+    @property
+    def flows(self) -> tuple[str, ...]:
+        """What moves the robot, in words; files of earlier versions also call currents winds."""
+        wind, flown = self.settings["wind"], self.settings["robot"].get("level") or ""
+        depth = any(text.endswith("depth") for text in (wind["level"], flown))
+        return ("currents", "winds") if depth or wind["source"] == "currents" else ("winds",)
+
     @cached_property
     def course(self) -> Course:
         """The Gaussian along the planned means, under the law that the plan is judged in."""

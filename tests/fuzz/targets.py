@@ -349,9 +349,11 @@ def sweeps(place: Path) -> Fuzz:
 
 def _summarize(summary: Any, sweep: Path) -> None:
     """The summary without its figure."""
-    manifest = sweeps.read_manifest(sweep)
-    rows = sweeps.sweep_rows(sweep, manifest)
-    made = summary.SweepSummary(sweep, manifest, rows, sweeps.seed_groups(rows))
+    from pareto_ltl.studies.sweeps import read_manifest, seed_groups, sweep_rows
+
+    manifest = read_manifest(sweep)
+    rows = sweep_rows(sweep, manifest)
+    made = summary.SweepSummary(sweep, manifest, rows, seed_groups(rows))
     summary.summary_content(made)
     if figure := summary.chosen_figure(made):
         summary.figure_series(made, figure)

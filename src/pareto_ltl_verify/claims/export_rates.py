@@ -23,7 +23,7 @@ FINEST = 1.0  # [m] standard deviation whose square corridors add to each varian
 SHARES = (0.5, 0.9, 0.95, 0.99)
 SENTENCE = re.compile(r"Of [\d,]+ [^%]*flights flown .*? fail\.")
 RATE = re.compile(
-    r"Of (?P<runs>[\d,]+) [^%]*flights flown (?P<how>.*) in (?P<law>\w+) winds, (?P<fails>.* %.*) fail\."
+    r"Of (?P<runs>[\d,]+) [^%]*flights flown (?P<how>.*) in (?P<law>\w+) (?P<flow>\w+), (?P<fails>.* %.*) fail\."
 )
 
 
@@ -58,7 +58,8 @@ def stated_rates(name: str, result: Evidence) -> Verdict:
     rates = 0 if result.plan["objectives"]["mission_risk"] is None else 1 + (promise is not None)
     faults = [f"{len(by_course)} rates"] * (len(by_course) != len(matches) or len(by_course) != rates)
     for by_position, part in by_course.items():
-        faults += [f"{part['law']} winds"] * (part["law"] != result.planned_law)
+        known = part["law"] == result.planned_law and part["flow"] in result.flows
+        faults += [f"{part['law']} {part['flow']}"] * (not known)
         runs = int(part["runs"].replace(",", ""))
         if by_position:
             share = float(part["fails"].partition(" %")[0].lstrip("< ")) / 100

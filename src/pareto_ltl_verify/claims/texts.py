@@ -220,18 +220,11 @@ def headline(result: Evidence) -> Verdict | None:
         return None
     value = probability_text(promise["failure"])
     begin = f"{interval_text(promise['low'], promise['high'])} (95 %), under {promise['law']}"
-    flows = ("currents", "winds") if _moves_in_water(result) else ("winds",)
-    notes = tuple(f"{begin} {flow}" for flow in flows)
+    notes = tuple(f"{begin} {flow}" for flow in result.flows)
     if len(matches) != 1:
         return Verdict(f"{len(matches)} rates", f"{value}, {notes[0]}", False)
     rate, note = map(unescape, matches[0])
     return Verdict(f"{rate}, {note}", f"{value}, {notes[0]}", rate == value and note.startswith(notes))
-
-
-def _moves_in_water(result: Evidence) -> bool:
-    """Whether currents move the robot; pages of earlier versions call them winds."""
-    wind, flown = result.settings["wind"], result.settings["robot"].get("level") or ""
-    return wind["source"] == "currents" or any(text.endswith("depth") for text in (wind["level"], flown))
 
 
 CLAIMS = (
