@@ -77,6 +77,11 @@ def test_rules_read_the_further_costs() -> None:
         choose_path(replace(least, least="duration"), front)
 
 
+def test_a_cost_that_is_0_on_all_paths_leaves_the_hypervolume_a_number() -> None:
+    paths = [path_of(risk, length=length, turns=0.0) for risk, length in [(0.1, 5.0), (0.2, 4.0)]]
+    assert 0.0 < build_front(paths, []).hypervolume < 1.0
+
+
 def test_names_and_columns_are_different() -> None:
     assert len({cost.column for cost in COSTS.values()}) == len(COSTS)
     assert all(cost.text(1234.5) for cost in COSTS.values())

@@ -50,6 +50,10 @@ class Cost:
         The number with its unit, as text.
     note : str
         What the number is, in a few words, for the page.
+    label : str
+        Its name with the unit of axes and heads of tables; the column if it is empty.
+    scale : float
+        The number in the unit of ``label``, for 1 in the unit of ``column``.
     """
 
     name: str
@@ -57,6 +61,8 @@ class Cost:
     of: Callable[[Problem, FloatArray, FloatArray], float | None]
     text: Callable[[float], str]
     note: str = ""
+    label: str = ""
+    scale: float = 1.0
 
 
 def path_length(_problem: Problem, x: FloatArray, _u: FloatArray) -> float:
@@ -95,10 +101,12 @@ def degrees_text(angle: float) -> str:
 COSTS = {
     cost.name: cost
     for cost in (
-        Cost("length", "length_m", path_length, distance_text, "of the expected path"),
-        Cost("energy", "energy_j", path_energy, energy_text, "for the airspeeds"),
-        Cost("duration", "arrival_s", flight_time, hours_text, "until arrival"),
-        Cost("turns", "turns_deg", turned_angle, degrees_text, "sum of all turns"),
+        Cost(
+            "length", "length_m", path_length, distance_text, "of the expected path", "path length [km]", 1e-3
+        ),
+        Cost("energy", "energy_j", path_energy, energy_text, "for the airspeeds", "energy [MJ]", 1e-6),
+        Cost("duration", "arrival_s", flight_time, hours_text, "until arrival", "duration [h]", 1 / 3600),
+        Cost("turns", "turns_deg", turned_angle, degrees_text, "sum of all turns", "turns [deg]"),
     )
 }
 ALWAYS = (COSTS["length"], COSTS["energy"])

@@ -189,6 +189,7 @@ def build_front(
     rows = np.array([objective_row(p.objectives) for p in paths])
     remaining = [p for p, keep in zip(paths, non_dominated(rows), strict=True) if keep]
     remaining.sort(key=lambda p: tuple(objective_row(p.objectives)))
-    reference = np.array([1.0, 1.0, *(2.0 * rows[:, 2:].max(axis=0))])
+    most = rows[:, 2:].max(axis=0)  # a cost may be 0 everywhere
+    reference = np.array([1.0, 1.0, *np.where(most > 0.0, 2.0 * most, 1.0)])
     volume = hypervolume(np.array([objective_row(p.objectives) for p in remaining]), reference)
     return Front(tuple(remaining), tuple(p.objectives for p in raw), volume, reference, models=models)

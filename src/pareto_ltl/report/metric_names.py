@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
+from pareto_ltl.planning.costs import known_costs
 from pareto_ltl.settings.fidelity import LAWS
 
 METRIC_LABELS = {
-    "length_m": "length of the path [km]",
     "duration_s": "flight time [h]",
-    "energy_j": "energy [MJ]",
-    "arrival_s": "duration [h]",
-    "turns_deg": "turns [deg]",
     "energy_share": "energy, share of robot.power.capacity",
     "mission_risk_paper": "mission risk f_o of the paper, independent winds",
     "mission_risk": "mission risk that judges the plan, winds of fidelity.law",
@@ -57,7 +54,8 @@ COUNTS = ("promise_runs", "promise_passed", "promise_weighted")
 
 def metric_label(name: str) -> str:
     """Words and unit of a known metric or setting, else the name itself."""
-    return LAW_NAMES.get(name) or METRIC_LABELS.get(name, name)
+    label = LAW_NAMES.get(name) or METRIC_LABELS.get(name)
+    return label or next((cost.label for cost in known_costs() if cost.column == name and cost.label), name)
 
 
 def is_probability(name: str) -> bool:

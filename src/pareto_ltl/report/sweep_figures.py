@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
+from pareto_ltl.planning.costs import known_costs
 from pareto_ltl.report import style
 from pareto_ltl.report.metric_names import is_probability, metric_label
 from pareto_ltl.report.study_axes import hide_frame
@@ -19,8 +20,6 @@ SERIES_COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style
 SERIES_MARKS = ("o", "s", "^", "D", "v", "P", "X")
 SWEEP_WIDTH, SWEEP_HEIGHT = 5.2, 3.0  # [in]
 DOT_SPREAD = 0.32  # half width over which dots of one value are spread, relative to the distance of values
-
-AXIS_SCALES = {"length_m": 1e-3, "duration_s": 1 / 3600, "energy_j": 1e-6, "arrival_s": 1 / 3600}
 
 SweepSeries = Mapping[str, Sequence[tuple[str, float]]]
 
@@ -71,7 +70,8 @@ def axis_label(name: str) -> str:
 
 def axis_scale(name: str) -> float:
     """Factor from a metric to what its axis shows."""
-    return 100.0 if is_probability(name) else AXIS_SCALES.get(name, 1.0)
+    scales = {cost.column: cost.scale for cost in known_costs()} | {"duration_s": 1 / 3600}
+    return 100.0 if is_probability(name) else scales.get(name, 1.0)
 
 
 @dataclass(frozen=True, slots=True)

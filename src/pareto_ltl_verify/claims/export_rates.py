@@ -23,7 +23,8 @@ FINEST = 1.0  # [m] standard deviation whose square corridors add to each varian
 SHARES = (0.5, 0.9, 0.95, 0.99)
 SENTENCE = re.compile(r"Of [\d,]+ [^%]*flights flown .*? fail\.")
 RATE = re.compile(
-    r"Of (?P<runs>[\d,]+) [^%]*flights flown (?P<how>.*) in (?P<law>\w+) (?P<flow>\w+), (?P<fails>.* %.*) fail\."
+    r"Of (?P<runs>[\d,]+) [^%]*flights flown (?P<how>.*) in (?P<law>\w+) (?P<flow>\w+), "
+    r"(?P<fails>.* %.*) fail\."
 )
 
 

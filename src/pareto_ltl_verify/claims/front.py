@@ -13,7 +13,17 @@ from scipy.stats import binom
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl_verify import laws
-from pareto_ltl_verify.claims import Claim, Verdict, close, far_apart, likely, no_fault, number, true_of
+from pareto_ltl_verify.claims import (
+    Claim,
+    Verdict,
+    close,
+    far_apart,
+    likely,
+    no_fault,
+    number,
+    true_of,
+    unlike,
+)
 from pareto_ltl_verify.claims.plan import LEAST_RISK, OBJECTIVES, RISK
 from pareto_ltl_verify.claims.search import tree_names, vertex_path, vertex_risk
 from pareto_ltl_verify.evidence import Evidence
@@ -60,7 +70,7 @@ def columns(result: Evidence, *names: str) -> FloatArray:
     return np.array(rows).reshape(len(rows), len(names))
 
 
-def _cost_columns(result: Evidence) -> list[str]:
+def cost_columns(result: Evidence) -> list[str]:
     """The columns of costs: length, and all after the last column that every front has.
 
     These are energy, with a power curve, and the costs that ``selection.costs`` adds.
@@ -72,7 +82,7 @@ def _cost_columns(result: Evidence) -> list[str]:
 def _judged_rows(result: Evidence) -> FloatArray:
     """Objectives of dominance: (failure rate, costs) where flights judge, otherwise all of them."""
     judged = ("failure",) if flights_judge(result) else BOUNDS
-    return columns(result, *judged, *_cost_columns(result))
+    return columns(result, *judged, *cost_columns(result))
 
 
 def front_rows(result: Evidence) -> Verdict:
@@ -112,7 +122,7 @@ def volume(rows: FloatArray) -> float:
 
 def hypervolume(result: Evidence) -> Verdict:
     """Hypervolume of the front in the box that the metrics name."""
-    rows, sides = _judged_rows(result), _cost_columns(result)
+    rows, sides = _judged_rows(result), cost_columns(result)
     top = np.ones(rows.shape[1])
     top[-len(sides) :] = [result.metrics[f"hypervolume_{name}"] for name in sides]
     for side, wide, most in zip(sides, top[-len(sides) :], rows[:, -len(sides) :].max(axis=0), strict=True):
@@ -263,16 +273,19 @@ def shared_failures(result: Evidence) -> Verdict | None:
 
 
 def plan_on_front(result: Evidence) -> Verdict:
-    """The plan is one path of the front: costs, origin, positions."""
-    plan, x = result.plan, result.x
+    """The plan is one path of the front: costs, origin, positions; its further costs are in the metrics."""
+    plan, x, asked = result.plan, result.x, result.settings["selection"].get("costs", ())
     wanted = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
+    further = {column: plan["objectives"][key] for key, (column, _) in FURTHER_COSTS.items() if key in asked}
+    wanted |= further
     rows = [
         row for k, row in enumerate(result.front)
         if row["origin"] == plan["origin"]
         and {name: float(row[name]) for name in wanted} == wanted
         and np.array_equal(result.front_x(k), x)
     ]  # fmt: skip
-    return Verdict(plan["origin"][:44], f"{len(rows)} such path", len(rows) == 1)
+    alike = unlike(result.metrics, further) == []
+    return Verdict(plan["origin"][:44], f"{len(rows)} such path", len(rows) == 1 and alike)
 
 
 def added_rule(result: Evidence) -> str | None:
@@ -350,7 +363,7 @@ def _all_paths(result: Evidence, settings: Mapping[str, Any]) -> Paths:
         failed = result.front_arrays["failed"]
     minimised = settings["rule"] in ("energy", "least")
     least = columns(result, COLUMNS[settings["least"]])[:, 0] if minimised else risk
-    return Paths(numbers, bounds, columns(result, *_cost_columns(result)), risk, high, failed, least)
+    return Paths(numbers, bounds, columns(result, *cost_columns(result)), risk, high, failed, least)
 
 
 def _only(paths: Paths, chosen: BoolArray) -> Paths:

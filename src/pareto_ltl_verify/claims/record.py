@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pareto_ltl.support.fingerprints import data_fingerprint, file_fingerprint
 from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, unlike
+from pareto_ltl_verify.claims.front import cost_columns
 from pareto_ltl_verify.evidence import LAWS, Evidence
 
 STAGES = frozenset({
@@ -24,12 +25,11 @@ SHARES = frozenset({
 })  # fmt: skip
 SIZES = frozenset({
     "wind_speed_m_s", "wind_sd_m_s", "wind_modes", "trees", "nodes", "accepted_nodes", "growth_seconds",
-    "nodes_per_second", "front_size", "hypervolume_length_m", "hypervolume_energy_j", "front_size_raw",
+    "nodes_per_second", "front_size", "front_size_raw",
     "shortest_raw_m", "shortest_m", "dt_s", "front_runs", "length_m", "steps", "duration_s", "energy_j",
     "energy_share", "promise_runs", "promise_weighted", "linearity", "run_seconds", "memory_mib",
     *(f"runs_{law}" for law in LAWS), *(f"end_sd_{law}_m" for law in LAWS),
 })  # fmt: skip
-SIZES_LIKE = ("seconds_", "arrival", "turns", "hypervolume_")  # first letters of further sizes
 UNKNOWN = (  # may be null: growth too fast to be measured, readings too few to hold some of them out
     "nodes_per_second", "gp_coverage_90", "gp_z_sd", "gp_nlpd",
 )  # fmt: skip
@@ -101,15 +101,21 @@ def seconds(result: Evidence) -> Verdict:
     return no_fault(f"{metrics['run_seconds']:.4g} s", faults, far_apart(metrics, wanted, 1e-9))
 
 
+def _sizes(result: Evidence) -> frozenset[str]:
+    """The names of counts and sizes, costs of the front and sides of its hypervolume among them."""
+    costs = cost_columns(result) if result.has("front.csv") else []
+    return SIZES.union(costs, (f"hypervolume_{name}" for name in costs))
+
+
 def ranges(result: Evidence) -> Verdict:
     """Every probability and share lies in [0, 1], every count and size is not negative."""
-    faults = []
+    faults, sizes = [], _sizes(result)
     for name, value in result.metrics.items():
         if value is None or isinstance(value, bool) or not isinstance(value, int | float):
             faults += [f"{name} is {value!r}"] * (name not in UNKNOWN or value is not None)
         elif name in SHARES or name.startswith("gp_coverage"):
             faults += [f"{name} {value:g} is not between 0 and 1"] * (not -1e-12 <= value <= 1 + 1e-12)
-        elif name in SIZES or name.startswith(SIZES_LIKE):
+        elif name in sizes or name.startswith("seconds_"):
             faults += [f"{name} {value:g} is negative"] * (value < 0)
     return no_fault(f"{len(result.metrics)} numbers", faults)
 
@@ -119,7 +125,7 @@ def known_names(result: Evidence) -> Verdict | None:
     if not STAGES.issuperset(result.run["stages"]):
         return None
     scores = result.wind.score if result.has("wind.nc") else {}
-    known = SHARES.union(SIZES, scores, (f"seconds_{stage}" for stage in result.run["seconds"]))
+    known = SHARES.union(_sizes(result), scores, (f"seconds_{name}" for name in result.run["seconds"]))
     return no_fault(f"{len(result.metrics)} numbers", (name for name in result.metrics if name not in known))
 
 
