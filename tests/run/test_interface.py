@@ -204,6 +204,8 @@ def test_readings_that_cannot_be_are_refused_in_one_line() -> None:
         pareto_ltl.Readings.of_arrays(["2026-01-01"], np.zeros((3, 2)), np.zeros((3, 2)))
     with pytest.raises(ValueError, match="expected increasing times"):
         pareto_ltl.Readings.of_arrays(["2026-01-01"] * 2, np.zeros((3, 2)), np.zeros((2, 3, 2)))
+    with pytest.raises(ValueError, match=r"expected times such as 2026-01-01T06:00Z, got \['noon'\]"):
+        pareto_ltl.Readings.of_arrays(["noon"], np.zeros((3, 2)), np.zeros((1, 3, 2)))
 
 
 def test_a_run_of_the_command_line_cannot_be_given_arrays() -> None:

@@ -155,6 +155,7 @@ def test_the_command_prints_a_table_and_counts_failures(
     ]  # fmt: skip
     assert [line.split()[0] for line in out[1:3]] == ["claimed", "re-derived"]
     assert out[-1].startswith("3 of ")
+    assert "claims fail: plan: covariance; exports: ellipses and radii" in out[-1]
 
     assert run_command_line(["verify", str(place), "--json"]) == 3
     document = json.loads(capsys.readouterr().out)

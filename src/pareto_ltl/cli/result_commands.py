@@ -194,9 +194,10 @@ def verify(options: Namespace) -> Answer:
     found = judge_evidence(result)
     failed = [finding for finding in found if not finding.holds]
     shown, unchecked = failed if options.failed_only else found, unchecked_claims(result)
+    broken = f"{len(failed)} of {len(found)} claims fail: {'; '.join(finding.claim for finding in failed)}"
     lines = [
         *chain.from_iterable(map(_claim_lines, shown)),
-        f"{len(found)} claims hold" if not failed else f"{len(failed)} of {len(found)} claims fail",
+        broken if failed else f"{len(found)} claims hold",
         *(f"not checked, because {reason}: {'; '.join(claims)}" for reason, claims in unchecked.items()),
     ]
     document = {

@@ -34,7 +34,8 @@ class PlannerConfig(CheckedSettings):
     epsilon: float | None = setting(
         0.05,
         "largest probability of a collision in one segment, obstacles, walls and forbidden regions together; "
-        "with fidelity.collision_bound=step it is divided equally among the obstacles; null: no limit",
+        "with fidelity.collision_bound=step it is divided equally among the convex parts "
+        "of the obstacles and the walls; null: no limit",
         "(0, 1)",
     )
     delta: float = setting(

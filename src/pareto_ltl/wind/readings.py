@@ -96,9 +96,14 @@ class Readings:
         Raises
         ------
         ValueError
-            If the shapes do not fit, or the times do not increase.
+            If the shapes do not fit, or the times are not ISO 8601 or do not increase.
         """
-        clock = np.array([seconds(text) for text in times])
+        try:
+            clock = np.array([seconds(text) for text in times])
+        except ValueError as error:
+            raise ValueError(
+                f"expected times such as 2026-01-01T06:00Z, got {list(times)}: {error}"
+            ) from None
         places, speeds = np.array(points, float), np.array(winds, float)
         ages = np.full(len(clock), np.nan) if leads is None else np.array(leads, float)
         if places.ndim != 2 or speeds.shape != (len(clock), *places.shape) or places.shape[1] != 2:
