@@ -11,7 +11,7 @@ import pytest
 from pareto_ltl.planning.costs import COSTS, costs_with, path_costs
 from pareto_ltl.planning.plan_files import read_front, write_front
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
-from pareto_ltl.planning.selection import build_front
+from pareto_ltl.planning.selection import box_above, build_front
 from pareto_ltl.planning.selection_rules import choose_path
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.errors import ConfigError
@@ -80,6 +80,7 @@ def test_rules_read_the_further_costs() -> None:
 def test_a_cost_that_is_0_on_all_paths_leaves_the_hypervolume_a_number() -> None:
     paths = [path_of(risk, length=length, turns=0.0) for risk, length in [(0.1, 5.0), (0.2, 4.0)]]
     assert 0.0 < build_front(paths, []).hypervolume < 1.0
+    assert box_above(np.array([[5.0, 0.0], [4.0, 0.0]])).tolist() == [10.0, 1.0]  # also of fronts by flights
 
 
 def test_names_and_columns_are_different() -> None:

@@ -127,6 +127,11 @@ def known_costs() -> tuple[Cost, ...]:
     return tuple(map(cost_named, (*COSTS, *extension_names(COST_GROUP, COSTS))))
 
 
+def cost_in_column(column: str) -> Cost | None:
+    """The cost in a column of ``front.csv``, None if there is none."""
+    return next((cost for cost in known_costs() if cost.column == column), None)
+
+
 def path_costs(problem: Problem, x: FloatArray, u: FloatArray) -> dict[str, float]:
     """The costs of ``problem.costs`` that its robot has, by name."""
     values = ((cost.name, cost.of(problem, x, u)) for cost in problem.costs)

@@ -40,6 +40,12 @@ def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
     return float(moocore.hypervolume(inside, ref=np.ones(len(reference))))
 
 
+def box_above(costs: FloatArray) -> FloatArray:
+    """Sides (C,) of the box of a hypervolume: twice the largest of ``costs`` (P, C), 1 where all are 0."""
+    most = costs.max(axis=0)
+    return np.where(most > 0.0, 2.0 * most, 1.0)
+
+
 def chance_of_failures(failed: BoolArray, others: BoolArray) -> FloatArray:
     """p value of the hypothesis that two paths fail equally often in the same winds, against the first.
 
@@ -189,7 +195,6 @@ def build_front(
     rows = np.array([objective_row(p.objectives) for p in paths])
     remaining = [p for p, keep in zip(paths, non_dominated(rows), strict=True) if keep]
     remaining.sort(key=lambda p: tuple(objective_row(p.objectives)))
-    most = rows[:, 2:].max(axis=0)  # a cost may be 0 everywhere
-    reference = np.array([1.0, 1.0, *np.where(most > 0.0, 2.0 * most, 1.0)])
+    reference = np.array([1.0, 1.0, *box_above(rows[:, 2:])])
     volume = hypervolume(np.array([objective_row(p.objectives) for p in remaining]), reference)
     return Front(tuple(remaining), tuple(p.objectives for p in raw), volume, reference, models=models)

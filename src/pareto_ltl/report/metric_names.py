@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pareto_ltl.planning.costs import known_costs
+from pareto_ltl.planning.costs import cost_in_column
 from pareto_ltl.settings.fidelity import LAWS
 
 METRIC_LABELS = {
@@ -54,8 +54,10 @@ COUNTS = ("promise_runs", "promise_passed", "promise_weighted")
 
 def metric_label(name: str) -> str:
     """Words and unit of a known metric or setting, else the name itself."""
-    label = LAW_NAMES.get(name) or METRIC_LABELS.get(name)
-    return label or next((cost.label for cost in known_costs() if cost.column == name and cost.label), name)
+    if label := LAW_NAMES.get(name) or METRIC_LABELS.get(name):
+        return label
+    cost = cost_in_column(name)
+    return name if cost is None else cost.label or name
 
 
 def is_probability(name: str) -> bool:

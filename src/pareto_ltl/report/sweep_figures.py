@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
-from pareto_ltl.planning.costs import known_costs
+from pareto_ltl.planning.costs import cost_in_column
 from pareto_ltl.report import style
 from pareto_ltl.report.metric_names import is_probability, metric_label
 from pareto_ltl.report.study_axes import hide_frame
@@ -70,8 +70,12 @@ def axis_label(name: str) -> str:
 
 def axis_scale(name: str) -> float:
     """Factor from a metric to what its axis shows."""
-    scales = {cost.column: cost.scale for cost in known_costs()} | {"duration_s": 1 / 3600}
-    return 100.0 if is_probability(name) else scales.get(name, 1.0)
+    if is_probability(name):
+        return 100.0
+    if name == "duration_s":
+        return 1 / 3600
+    cost = cost_in_column(name)
+    return 1.0 if cost is None else cost.scale
 
 
 @dataclass(frozen=True, slots=True)

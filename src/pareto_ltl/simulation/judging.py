@@ -22,7 +22,7 @@ from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, counted_rate
 from pareto_ltl.planning.refine.epsilon import keeps_epsilon
-from pareto_ltl.planning.selection import chance_of_failures, hypervolume, non_dominated
+from pareto_ltl.planning.selection import box_above, chance_of_failures, hypervolume, non_dominated
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, FloatArray
@@ -78,8 +78,8 @@ def judge_front(
         for paths in (trees, judged)
     )
     law = problem.fidelity.law
-    largest = np.array([list(path.objectives.costs.values()) for path in (*refined, *raw)]).max(axis=0)
-    reference = np.array([1.0, *(2.0 * largest)])
+    costs = np.array([list(path.objectives.costs.values()) for path in (*refined, *raw)])
+    reference = np.array([1.0, *box_above(costs)])
     return Front(
         paths=tuple(flown.path for flown in after),
         raw=tuple(flown.path.objectives for flown in before),
