@@ -21,8 +21,17 @@ from landmarks import LANDMARK_WAY, landmark_problem
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine import MORE_FLIGHTS, front_sweep, sampled_paths, sweep
-from pareto_ltl.planning.refine.sampled import Candidate, path_length, resampled_means
+from pareto_ltl.planning.refine import (
+    MORE_FLIGHTS,
+    first_looks,
+    front_sweep,
+    last_polish,
+    levels,
+    sampled_paths,
+    sweep,
+)
+from pareto_ltl.planning.refine.sampled import Candidate, path_length, resampled_means, steps_needed
+from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.planning.refine.starts import (
     Start,
     first_starts,
@@ -394,3 +403,72 @@ def test_progress_tells_how_many_paths_there_are_and_how_the_safest_fails(grown)
     assert [failed for failed, _ in last] == [k.failed for k in front]
     form = r"\d+ paths of at least \d+\.\d km; the safest fails \S+ % at \d+\.\d km"
     assert all(re.fullmatch(form, state) for *_, state in told)
+
+
+# --- classes, steps and epsilon ----------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def looked(grown):
+    """A sweep and what its first looks make of the starts, with all of its flights."""
+    problem, forest = grown
+    flights = draw_flights(problem, "coherent", MORE_FLIGHTS * REFINE.flights, SeedSequence(5))
+    begun = sweep.new_sweep(REFINE, problem, flights)
+    with ThreadPoolExecutor(1) as pool:
+        return begun, first_looks.looks(begun, pool, first_starts(problem, forest))
+
+
+def test_a_longer_class_that_few_flights_rate_no_better_is_tried_on_all(looked):
+    """Its path is on the front only if it fails less, and has another class than the safest point."""
+    begun, seen = looked
+    best = {sweep.class_of(begun.problem, k): k for k in sorted(seen, key=sweep.smoothed, reverse=True)}
+    assert len(best) >= 2
+    tried = 0
+    with ThreadPoolExecutor(1) as pool:
+        for own, safest in best.items():
+            rivals = last_polish.rival_points(begun, pool, seen, [safest])
+            tried += len(rivals)
+            for k in rivals:
+                assert sweep.class_of(begun.problem, k) != own
+                assert k.length > safest.length * (1.0 - 1e-9)
+                assert k.smoothed < levels.WORTH * safest.smoothed
+        assert last_polish.rival_points(begun, pool, seen, []) == []
+    assert tried
+
+
+def test_a_path_is_polished_in_the_fewest_steps_and_its_own_and_in_more_where_it_may_be_slower(looked):
+    begun, seen = looked
+    k = seen[0]
+    slow = replace(
+        k, flight=propagate(begun.problem, resampled_means(begun.problem, k.flight.x, 2 * k.steps))
+    )
+    fewest = sweep.fewest_steps(steps_needed(begun.problem, slow.flight.x))
+    own = slow.steps - fewest
+    assert own > levels.SPARE[-1]
+    assert [steps for _, steps, _ in levels.timed_lines(begun, slow, (0, 1))] == [0, 1, own]
+    more = own + max(2, round(levels.SLOWER * fewest))
+    assert [steps for _, steps, _ in levels.timed_lines(begun, slow, (1, 3), levels.SLOWER)] == [
+        1,
+        3,
+        own,
+        more,
+    ]
+
+
+def test_where_the_best_order_breaks_epsilon_another_one_is_searched():
+    """a lies close by, behind a gap too narrow for epsilon = 2 %; b is in the open, farther and smaller."""
+    gap = [box(8, 0, 9, 9.5), box(8, 10.5, 9, 20)]
+    scene = make_scene({"a": box(10, 6, 17, 14), "b": box(1, 1.5, 2.5, 3)}, gap, start=(6.0, 10.0))
+    robot = RobotConfig(dt=100.0, u_max=12.0, start_sd=100.0)
+    wind = smooth_wind(scene, speed=1.5, sd=0.9, gust=0.5)
+
+    def order_and_risk(epsilon: float) -> set[tuple[str, bool]]:
+        planner = replace(PLANNER, epsilon=epsilon)
+        problem = make_problem("F a | F b", scene, wind, robot, planner, fidelity="full")
+        flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
+        found = sampled_paths(REFINE, problem, grow_forest(planner, problem, SeedSequence(3)), flights)
+        rows = ((path_class(problem, p.x), separation(problem, propagate(problem, p.x)).risk) for p in found)
+        return {("".join(sorted(kind.order[-1][1])), bool(risk.max() <= 0.02)) for kind, risk in rows}
+
+    assert order_and_risk(0.5) == {("a", False)}
+    assert order_and_risk(0.02) == {("a", False), ("b", True)}

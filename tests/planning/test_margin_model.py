@@ -11,7 +11,13 @@ from hypothesis import strategies as st
 
 from pareto_ltl.kernels.margin import Slope, smoothed_failure
 from pareto_ltl.kernels.margin_events import Guards
-from pareto_ltl.planning.margin_model import margin_model, margin_scratch, pack_guards, shown_letters
+from pareto_ltl.planning.margin_model import (
+    hazards_bar,
+    margin_model,
+    margin_scratch,
+    pack_guards,
+    shown_letters,
+)
 from pareto_ltl.planning.pack_logic import LIVE, Reading
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.sampled import Refiner
@@ -97,6 +103,20 @@ def test_patient_edges_leave_every_claim_as_it_is_where_nothing_is_shown(formula
         assert (held[q] == np.inf) or not patient
 
 
+@pytest.mark.parametrize(
+    ("formula", "bar"),
+    [
+        ("F a", True),
+        ("!b U a", True),
+        ("F a & (!b U c)", True),  # harmless once c is visited
+        ("(!b U a) | F(b & F c)", False),  # b ends one way and begins the other
+        ("F(a & X(!b & !c))", False),  # counts steps
+    ],
+)
+def test_hazards_bar_the_way_where_they_end_the_mission_or_do_nothing(formula: str, bar: bool) -> None:
+    assert hazards_bar(task(formula).logic) is bar
+
+
 # --- the order of one path in a large automaton -----------------------------------------------------
 
 GRID = ((3, 0), (8, 0), (13, 0), (16, 5), (12, 8), (7, 8), (2, 8))
@@ -105,7 +125,7 @@ COVERAGE = " & ".join(f"F {name}" for name in SQUARES)  # 128 states
 TOUR = along((1, 1), *((x + 1, y + 1) for x, y in GRID), step=0.9)
 
 
-@pytest.mark.parametrize("formula", [COVERAGE, f"{COVERAGE} & F(a & F b)"])
+@pytest.mark.parametrize("formula", [COVERAGE, f"{COVERAGE} & F(a & F b)", f"{COVERAGE} & (!g U f)"])
 @pytest.mark.parametrize("spread", [0.2, 1.2])
 def test_the_margin_in_the_order_of_a_path_is_a_lower_limit_and_the_same_near_it(
     formula: str, spread: float

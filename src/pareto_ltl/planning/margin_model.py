@@ -99,8 +99,8 @@ def model_of_order(model: MarginModel, states: IntArray) -> MarginModel:
 
     The margin of a flight is then its margin of completing the mission in the order of this path: a lower
     limit of its margin in ``model``, and the same for flights near the path. Few claims are judged for many
-    flights at once. ``model`` itself is returned for at most ``LIVE`` states, for automata whose letters are
-    read between steps, and where no state is accepting.
+    flights at once. ``model`` itself is returned for at most ``LIVE`` states, where hazards do not bar the
+    way (:func:`hazards_bar`), and where no state is accepting.
 
     Parameters
     ----------
@@ -108,8 +108,8 @@ def model_of_order(model: MarginModel, states: IntArray) -> MarginModel:
         Ascending, each once, with the initial one.
     """
     logic = model.logic
-    large, hazardous = len(logic.distance) > LIVE >= len(states), len(logic.hazards.cell) > 0
-    if not large or hazardous or not (logic.distance[states] == 0.0).any():
+    large = len(logic.distance) > LIVE >= len(states)
+    if not large or not model.guards.barring or not (logic.distance[states] == 0.0).any():
         return model
     return _with_states_only(model, states)
 
@@ -125,10 +125,13 @@ def _with_states_only(model: MarginModel, states: IntArray) -> MarginModel:
         guards=Guards(
             number[guards.source[edges]], number[guards.target[edges]], guards.spared[edges],
             np.concatenate([[0], np.cumsum([len(row) for row in lists])]).astype(np.int64),
-            np.concatenate([np.empty(0, np.int64), *lists]), guards.patient,
+            np.concatenate([np.empty(0, np.int64), *lists]), guards.patient, guards.barring,
             np.searchsorted(edges, begun).astype(np.int64), np.zeros(len(states), np.int64),
         ),
-        logic=logic._replace(distance=logic.distance[states], initial=int(number[logic.initial])),
+        logic=logic._replace(
+            distance=logic.distance[states], initial=int(number[logic.initial]),
+            loses=np.ascontiguousarray(logic.loses[:, states]),
+        ),
     )  # fmt: skip
 
 
@@ -147,9 +150,22 @@ def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
     ptr = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     return Guards(
         source, target, spared, ptr, letters,
-        bool((deltas[:, :, -1] == states[:-1]).all()), np.array(first, np.int64),
+        bool((deltas[:, :, -1] == states[:-1]).all()), hazards_bar(logic), np.array(first, np.int64),
         needed_letters(deltas, logic.distance, np.isin(column, logic.hazards.cell)),
     )  # fmt: skip
+
+
+def hazards_bar(logic: kd.Logic) -> bool:
+    """Whether each hazard is either harmless in a state, or loses it for good, as in ``(!h U a)``.
+
+    The margin of a flight then follows from the hazards that lose each claim, without the automaton state of
+    the flight. No letter may count steps: read twice, it leads to the same state.
+    """
+    cells, ends = logic.hazards.cell, np.isinf(logic.distance)
+    again = np.take_along_axis(logic.delta, logic.delta, axis=1)
+    harm, loses = logic.harm[:, ~ends][:, :, cells], logic.loses[:, ~ends][:, :, cells]
+    lost = ends[logic.way[:, ~ends][:, :, cells]]
+    return bool((again == logic.delta).all() and (harm == loses).all() and (lost | ~harm).all())
 
 
 class _EpochEdges(NamedTuple):

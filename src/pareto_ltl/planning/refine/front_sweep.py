@@ -33,9 +33,11 @@ from pareto_ltl.planning.refine.first_looks import FLIPPED, hopeless_above, look
 from pareto_ltl.planning.refine.last_polish import (
     closed,
     finished_points,
+    keeps_epsilon,
     lengthened_points,
     planned_paths,
     repaired,
+    rival_points,
     slower_points,
 )
 from pareto_ltl.planning.refine.levels import filled_gaps, swept_down, swept_up
@@ -49,9 +51,11 @@ from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts, flipped_starts
 from pareto_ltl.planning.refine.sweep import (
     WIDE,
+    WITHIN_REACH,
     Sweep,
     front_of,
     held_within,
+    near_epsilon,
     new_sweep,
     reassessed,
     smoothed,
@@ -100,7 +104,11 @@ def sampled_paths(
 def _two_searches(
     sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start], progress: Progress | None
 ) -> list[tuple[Candidate, Candidate]]:  # fmt: skip
-    """What a coarse search and the search find, each before and after its last solve (``closed``)."""
+    """What a coarse search and the search find, each before and after its last solve (``closed``).
+
+    Where no path keeps epsilon, a third one searches among paths that are near it: in an order or on a side
+    of an obstacle where flights fail more often.
+    """
     cfg, known = sweep.cfg, list[Candidate]()
     seen = looks(sweep, pool, starts)
     if coarse(cfg) != cfg:
@@ -110,6 +118,17 @@ def _two_searches(
     again = list(pool.map(partial(reassessed, sweep, sweep.flights), known))
     found = searched(sweep, pool, [*seen, *again], progress)
     found += [k for k in again if not any(beats(other, k) for other in found)]
+    ended = _ended(sweep, pool, found)
+    if any(keeps_epsilon(sweep, end) for _, end in ended):
+        return ended
+    near = replace(sweep, excess=WITHIN_REACH)
+    return ended + _ended(sweep, pool, searched(near, pool, near_epsilon(near, seen), progress))
+
+
+def _ended(
+    sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]
+) -> list[tuple[Candidate, Candidate]]:
+    """Those ``found``, each before and after its last solve."""
     return list(zip(found, pool.map(partial(closed, sweep), found), strict=True))
 
 
@@ -175,6 +194,9 @@ def searched(
         report(3, front)
     found = front_of(finished_points(sweep, pool, front))
     found = front_of([*found, *lengthened_points(sweep, pool, found)])
+    if rivals := rival_points(sweep, pool, [*seen, *chain(*levels)], found):
+        found = front_of([*found, *rivals])
+        found = front_of([*found, *lengthened_points(sweep, pool, found)])
     report(4, found)
     return [*found, *slower_points(sweep, pool, found)]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -17,7 +16,16 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.levels import WORTH
 from pareto_ltl.planning.refine.pacing import retimed_means
 from pareto_ltl.planning.refine.sampled import Candidate, path_length
-from pareto_ltl.planning.refine.sweep import FINE, Sweep, smoothed, spread_points
+from pareto_ltl.planning.refine.sweep import (
+    FINE,
+    WITHIN_REACH,
+    Sweep,
+    best_of_classes,
+    class_of,
+    excess,
+    smoothed,
+    spread_points,
+)
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
@@ -30,7 +38,6 @@ REPAIRS = (0, 1, 2, 4)  # steps added to a path that cannot be flown
 SLOWER = (1.2, 1.45, 1.75)  # factors on the number of steps, where lower airspeeds may save energy
 CLOSING = (1.0, 1.05, 1.2)  # factors on the length of a path, in turn while a segment breaks epsilon
 CLOSING_SOLVES = 12  # for each of them
-WITHIN_REACH = 20.0  # penalty of a path above which longer ones are not tried: a segment at 3 epsilon
 ECONOMIC = 8  # points of a front, at most, that are tried at lower airspeeds
 
 
@@ -42,6 +49,25 @@ def finished_points(sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Cand
         return point[0] if sweep.budget.over() else _finished(sweep, *point)
 
     return list(pool.map(one, [*points[::2], *points[1::2]]))  # with little time, every other one
+
+
+def rival_points(
+    sweep: Sweep, pool: ThreadPoolExecutor, known: Iterable[Candidate], found: Sequence[Candidate]
+) -> list[Candidate]:
+    """Longer paths of other classes than the safest one ``found`` that fail less, polished on all flights.
+
+    Few flights cannot tell which class is safer if hardly any of them fail. The best path of each class is
+    tried, unless its class fails more than ``RIVAL`` times as often on few flights.
+    """
+    if not found:
+        return []
+    safest = found[-1]
+    longer = [k for k in known if k.length > safest.length]
+    best = best_of_classes(sweep.problem, [safest, *longer], sweep.cfg.classes + 1)
+    own = class_of(sweep.problem, safest)
+    rivals = [k for k in best if class_of(sweep.problem, k) != own]
+    made = pool.map(lambda k: k if sweep.budget.over() else _finished(sweep, k, k.length), rivals)
+    return [k for k in made if k.smoothed < WORTH * safest.smoothed]
 
 
 def lengthened_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]) -> list[Candidate]:
@@ -89,11 +115,16 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
     last, more = (sweep.polish_of(FINE[-1:], solves) for solves in (1, CLOSING_SOLVES))
     end = closing.polished(k.flight.x, flights, last, k.length)
     for longer in CLOSING:
-        if not 0.0 < closing.penalty(end, math.inf) <= WITHIN_REACH:
+        if not 0.0 < excess(sweep, end) <= WITHIN_REACH:
             break
         near = closing.polished(end.x, sweep.few, more, longer * path_length(end.x))
         end = closing.polished(near.x, flights, last, path_length(near.x))
     return replace(k, flight=end, length=path_length(end.x), kind=None)
+
+
+def keeps_epsilon(sweep: Sweep, k: Candidate) -> bool:
+    """Whether every segment of ``k`` does."""
+    return excess(sweep, k.flight) == 0.0
 
 
 def spare_steps(k: Candidate) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import chain, pairwise
 
-from pareto_ltl.planning.refine.sampled import Candidate
+from pareto_ltl.planning.refine.sampled import Candidate, steps_needed
 from pareto_ltl.planning.refine.sweep import (
     KEPT,
     SPACING,
@@ -15,13 +15,16 @@ from pareto_ltl.planning.refine.sweep import (
     Sweep,
     best_of_classes,
     class_of,
+    fewest_steps,
     front_of,
     held_within,
     on_other_sides,
     smoothed,
 )
+from pareto_ltl.support.arrays import FloatArray
 
-SPARE = (0, 1, 3)  # numbers of steps tried, beyond the fewest
+SPARE = (0, 1, 3)  # numbers of steps tried, beyond the fewest, besides the number of the path itself
+SLOWER = 0.1  # of the fewest steps: a longer path is also tried in so many more
 FLIP_EVERY = 3  # levels of the falling sweep between trials of other sides
 LONGER = 1.08  # ratio of the length caps beyond the longest that pays
 SHORTEN = 1.3  # paths up to this many times as long as the cap are shortened to it
@@ -63,7 +66,7 @@ def _longer_levels(
         shorter = [k for k in known if k.length <= cap]
         longer = [k for k in known if cap < k.length <= SHORTEN * cap]
         groups = (best_of_classes(sweep.problem, some, sweep.cfg.classes) for some in (shorter, longer))
-        lines = [(k.flight.x, SPARE[1], k.origin) for k in chain(*groups)]
+        lines = [line for k in chain(*groups) for line in timed_lines(sweep, k, SPARE[1:2])]
         made = held_within(sweep, pool, lines, sweep.polish_of(WIDE, 3), cap)
         known += made
         levels.insert(0, best_of_classes(sweep.problem, made, sweep.cfg.classes))
@@ -96,7 +99,7 @@ def swept_up(
     while (k < len(kept) or vain < 2) and not sweep.over:
         known = kept[k] if k < len(kept) else []
         cap = _longest(known) if known else cap * SPACING
-        made = _polished_at(sweep, pool, beam[:RISING], cap, SPARE[1:])
+        made = _polished_at(sweep, pool, beam[:RISING], cap, SPARE[1:], SLOWER)
         least = beam[0].smoothed
         beam = best_of_classes(sweep.problem, [*made, *known, *beam], sweep.cfg.classes)
         vain = 0 if beam[0].smoothed < WORTH * least else vain + 1
@@ -127,11 +130,26 @@ def filled_gaps(
 
 
 def _polished_at(
-    sweep: Sweep, pool: ThreadPoolExecutor, begun: Sequence[Candidate], cap: float, spare: Sequence[int]
-) -> list[Candidate]:
+    sweep: Sweep, pool: ThreadPoolExecutor, begun: Sequence[Candidate], cap: float, spare: Sequence[int],
+    slower: float | None = None,
+) -> list[Candidate]:  # fmt: skip
     """``begun`` polished at a length cap in several numbers of steps; those within the cap are returned."""
-    lines = [(k.flight.x, more, k.origin) for k in begun for more in spare]
+    lines = [line for k in begun for line in timed_lines(sweep, k, spare, slower)]
     return held_within(sweep, pool, lines, sweep.polish_of(WARM, 3), cap)
+
+
+def timed_lines(
+    sweep: Sweep, k: Candidate, spare: Sequence[int], slower: float | None = None
+) -> list[tuple[FloatArray, int, str]]:
+    """The means of ``k`` with several numbers of steps beyond the fewest: ``spare``, its own, and more.
+
+    A robot with position fixes or feedback that takes longer for the same length meets a region in more
+    steps: on a map of 7 km, 3 % of failures over 9.9 km became 0.7 % over 6.7 km.
+    """
+    fewest = fewest_steps(steps_needed(sweep.problem, k.flight.x))
+    own = max(k.steps - fewest, 0)
+    more = [] if slower is None else [own + max(2, round(slower * fewest))]
+    return [(k.flight.x, steps, k.origin) for steps in dict.fromkeys([*spare, own, *more])]
 
 
 def _other_sides(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
+from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.pacing import retimed_means
@@ -34,6 +36,7 @@ MORE_FLIGHTS = 4  # times as many flights are used where failures are rare
 SWEEP_SHARE = 0.75  # share of a budget after which only the last polish is left
 SPACING = 1.03  # ratio of neighbouring length caps
 PLATEAU = 1.5  # a gap of more levels than this between two paths of a front is a plateau
+WITHIN_REACH = 20.0  # excess of a path above which it is not made to keep epsilon: a segment at 3 epsilon
 KEPT = 1.002  # a path may exceed its cap by this factor
 
 
@@ -41,7 +44,8 @@ KEPT = 1.002  # a path may exceed its cap by this factor
 class Sweep:
     """What all polishes of a front share.
 
-    The common flights, the time ``budget``, and the smoothed failure above which paths are ``hopeless``.
+    The common flights, the time ``budget``, the smoothed failure above which paths are ``hopeless``, and the
+    largest ``excess`` of a path that is searched for.
 
     The last polish is made by ``closing``, within the chance constraints.
 
@@ -58,6 +62,7 @@ class Sweep:
     many: CommonFlights
     budget: Budget = UNLIMITED
     hopeless: float = 1.0
+    excess: float = math.inf
 
     @property
     def over(self) -> bool:
@@ -89,8 +94,12 @@ def new_sweep(
 def timed_means(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
     """The line of ``x`` in the fewest steps and ``spare`` more; more where windows open later."""
     needed = steps_needed(problem, x)
-    steps = int(np.ceil(needed.sum() * 1.01)) + spare
-    return retimed_means(problem, x, min(max(steps, 2), problem.horizon), needed)
+    return retimed_means(problem, x, min(max(fewest_steps(needed) + spare, 2), problem.horizon), needed)
+
+
+def fewest_steps(needed: FloatArray) -> int:
+    """The fewest steps of a path whose legs take the times ``needed`` (T,) [steps] at full airspeed."""
+    return int(np.ceil(needed.sum() * 1.01))
 
 
 def held_within(
@@ -106,7 +115,18 @@ def held_within(
         return sweep.refiner.polish(timed_means(sweep.problem, x, more), sweep.few, how, cap, origin)
 
     made = pool.map(one, lines)
-    return [k for k in made if k is not None and k.length <= KEPT * cap and k.smoothed < sweep.hopeless]
+    held = [k for k in made if k is not None and k.length <= KEPT * cap and k.smoothed < sweep.hopeless]
+    return near_epsilon(sweep, held)
+
+
+def near_epsilon(sweep: Sweep, found: Iterable[Candidate]) -> list[Candidate]:
+    """Those ``found`` whose excess is at most ``sweep.excess``."""
+    return [k for k in found if sweep.excess == math.inf or excess(sweep, k.flight) <= sweep.excess]
+
+
+def excess(sweep: Sweep, flight: Flight) -> float:
+    """By how much the segments of ``flight`` exceed epsilon; 0 if all keep it."""
+    return sweep.closing.penalty(flight, math.inf)
 
 
 def reassessed(sweep: Sweep, flights: CommonFlights, k: Candidate) -> Candidate:
