@@ -205,12 +205,13 @@ def test_both_tables_of_the_page_have_the_numbers_of_the_plan(shown: ShownRun) -
     assert plan is not None
     assert plan.limits is not None
     cells, unit = Cells(page_of(shown)), small_change(shown.scene)
-    savings = sorted((saving_of(price, unit) for price in plan.prices), reverse=True)
+    prices = [price for price in plan.prices if price.significant]
+    savings = sorted((saving_of(price, unit) for price in prices), reverse=True)
     rows = cells.rows["prices"][1:]
     assert [row[3] for row in rows] == [probability_text(saving)[:-2] for saving in savings]
-    assert {row[0].removeprefix("region ") for row in rows} == {price.name for price in plan.prices}
+    assert {row[0].removeprefix("region ") for row in rows} == {price.name for price in prices}
     for row in rows:
-        price = next(p for p in plan.prices if p.name == row[0].removeprefix("region "))
+        price = next(p for p in prices if p.name == row[0].removeprefix("region "))
         assert row[1] == ("–" if price.step is None else f"{plan.navigation.time_utc[price.step][11:16]}Z")
         assert ("km/h" in row[2]) == (price.kind == "airspeed")
     largest = np.sort(plan.limits.probability)[::-1][:5]
