@@ -439,20 +439,14 @@ def test_a_longer_class_that_few_flights_rate_no_better_is_tried_on_all(looked):
 def test_a_path_is_polished_in_the_fewest_steps_and_its_own_and_in_more_where_it_may_be_slower(looked):
     begun, seen = looked
     k = seen[0]
-    slow = replace(
-        k, flight=propagate(begun.problem, resampled_means(begun.problem, k.flight.x, 2 * k.steps))
-    )
+    x = resampled_means(begun.problem, k.flight.x, 2 * k.steps)
+    slow = replace(k, flight=propagate(begun.problem, x))
     fewest = sweep.fewest_steps(steps_needed(begun.problem, slow.flight.x))
     own = slow.steps - fewest
     assert own > levels.SPARE[-1]
-    assert [steps for _, steps, _ in levels.timed_lines(begun, slow, (0, 1))] == [0, 1, own]
     more = own + max(2, round(levels.SLOWER * fewest))
-    assert [steps for _, steps, _ in levels.timed_lines(begun, slow, (1, 3), levels.SLOWER)] == [
-        1,
-        3,
-        own,
-        more,
-    ]
+    for spare, slower, steps in (((0, 1), None, [0, 1, own]), ((1, 3), levels.SLOWER, [1, 3, own, more])):
+        assert [line[1] for line in levels.timed_lines(begun, slow, spare, slower)] == steps
 
 
 def test_where_the_best_order_breaks_epsilon_another_one_is_searched():

@@ -33,7 +33,6 @@ from pareto_ltl.planning.refine.first_looks import FLIPPED, hopeless_above, look
 from pareto_ltl.planning.refine.last_polish import (
     closed,
     finished_points,
-    keeps_epsilon,
     lengthened_points,
     planned_paths,
     repaired,
@@ -53,6 +52,7 @@ from pareto_ltl.planning.refine.sweep import (
     WIDE,
     WITHIN_REACH,
     Sweep,
+    excess,
     front_of,
     held_within,
     near_epsilon,
@@ -119,7 +119,7 @@ def _two_searches(
     found = searched(sweep, pool, [*seen, *again], progress)
     found += [k for k in again if not any(beats(other, k) for other in found)]
     ended = _ended(sweep, pool, found)
-    if any(keeps_epsilon(sweep, end) for _, end in ended):
+    if any(excess(sweep, end.flight) == 0.0 for _, end in ended):
         return ended
     near = replace(sweep, excess=WITHIN_REACH)
     return ended + _ended(sweep, pool, searched(near, pool, near_epsilon(near, seen), progress))

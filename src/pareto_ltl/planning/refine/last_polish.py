@@ -122,11 +122,6 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
     return replace(k, flight=end, length=path_length(end.x), kind=None)
 
 
-def keeps_epsilon(sweep: Sweep, k: Candidate) -> bool:
-    """Whether every segment of ``k`` does."""
-    return excess(sweep, k.flight) == 0.0
-
-
 def spare_steps(k: Candidate) -> float:
     """By how many steps ``k`` takes longer than at full airspeed along the same controls."""
     speeds = np.linalg.norm(k.flight.u, axis=1) / np.maximum(CAP * k.flight.speed, 1e-9)
