@@ -13,7 +13,8 @@ may take less energy.
 With a time budget the sweeps end when most of it is spent. If some is left after them, paths of the front are
 varied and polished again until it is spent.
 
-A coarser search (:func:`coarse`) comes first: its paths are starts of the search, and stay on the front.
+Coarser searches (:func:`coarse`), each on other flights, come first: their paths are starts of the search,
+and stay on the front.
 Paths of many steps are searched for in fewer and longer ones (:mod:`~.merged_steps`).
 """
 
@@ -68,9 +69,10 @@ from pareto_ltl.support.display import distance_text
 
 Progress = Callable[..., None]
 COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of the settings of a coarse search
-SEARCH_STEPS = 4  # that are reported of each of the two searches
+COARSE_SHARES = (0.4, 0.5)  # of a time budget, after which each of the coarse searches ends
+SEARCH_STEPS = 4  # that are reported of each search
+ALL_STEPS = SEARCH_STEPS * (len(COARSE_SHARES) + 1)
 LONG = 1e5  # [m] lengths above have no decimals in messages
-COARSE_SHARE = 0.4  # of a time budget: growth and the coarse search
 ROUND = 4  # points of a front that are varied between two reports
 MORE = (0, 1, 2, 3, 5, 8)  # numbers of steps beyond the fewest
 BUMP = 0.03  # standard deviation of a random bend, as a share of the map's size
@@ -97,24 +99,23 @@ def sampled_paths(
             if runs := starts_in_merged_steps(problem, merged, forest, times):  # else the wind ends too soon
                 long = new_sweep(cfg, merged, flights.merged(merged, times), budget)
                 return _in_merged_steps(sweep, long, pool, runs, times, progress)
-        ended = _two_searches(sweep, pool, starts, progress)
+        ended = _searches(sweep, pool, starts, progress)
     return _paths_of(sweep, ended, partial(repaired, sweep))
 
 
-def _two_searches(
+def _searches(
     sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start], progress: Progress | None
 ) -> list[tuple[Candidate, Candidate]]:  # fmt: skip
-    """What a coarse search and the search find, each before and after its last solve (``closed``).
+    """What the coarse searches and the search find, each before and after its last solve (``closed``).
 
-    Where no path keeps epsilon, a third one searches among paths that are near it: in an order or on a side
-    of an obstacle where flights fail more often.
+    Where no path keeps epsilon, one more searches among paths that are near it: in an order or on a side of
+    an obstacle where flights fail more often.
     """
-    cfg, known = sweep.cfg, list[Candidate]()
-    seen = looks(sweep, pool, starts)
-    if coarse(cfg) != cfg:
-        rough = new_sweep(coarse(cfg), sweep.problem, sweep.many, sweep.budget.until(COARSE_SHARE))
-        known = searched(rough, pool, seen, progress, 0)
-    # By all flights: the coarse search has fitted its paths to the first of them.
+    known, seen = list[Candidate](), looks(sweep, pool, starts)
+    for number, rough in enumerate(_coarse_sweeps(sweep)):
+        own = seen if number == 0 else looks(rough, pool, starts)
+        known += searched(rough, pool, own, progress, SEARCH_STEPS * number)
+    # By all flights: each coarse search has fitted its paths to some of them.
     again = list(pool.map(partial(reassessed, sweep, sweep.flights), known))
     found = searched(sweep, pool, [*seen, *again], progress)
     found += [k for k in again if not any(beats(other, k) for other in found)]
@@ -123,6 +124,25 @@ def _two_searches(
         return ended
     near = replace(sweep, excess=WITHIN_REACH)
     return ended + _ended(sweep, pool, searched(near, pool, near_epsilon(near, seen), progress))
+
+
+def _coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
+    """The coarse searches, each on flights of its own; none if ``sweep`` is coarse itself.
+
+    What one search misses depends on its flights and on its first looks more than on their number: two
+    coarse searches halve the differences between seeds that four times as many flights leave as they are.
+    """
+    cfg = coarse(sweep.cfg)
+    if cfg == sweep.cfg:
+        return
+    every = len(sweep.many)
+    for number, share in enumerate(COARSE_SHARES):
+        few, usual = (
+            sweep.many.only((np.arange(min(n, every)) + number * n) % every)
+            for n in (cfg.sweep_flights, cfg.flights)
+        )
+        rough = new_sweep(cfg, sweep.problem, sweep.many, sweep.budget.until(share))
+        yield replace(rough, few=few, flights=usual)
 
 
 def _ended(
@@ -137,7 +157,7 @@ def _in_merged_steps(
     progress: Progress | None,
 ) -> tuple[PlannedPath, ...]:  # fmt: skip
     """The paths of two searches in the ``long`` steps, then polished in the steps of the problem."""
-    ended = _two_searches(long, pool, starts, progress)
+    ended = _searches(long, pool, starts, progress)
     every = list(pool.map(partial(in_all_steps, sweep, times), ended))
     return _paths_of(sweep, every, partial(slower_runs, sweep, times))
 
@@ -173,7 +193,7 @@ def refine_front(
 
 def searched(
     sweep: Sweep, pool: ThreadPoolExecutor, seen: Iterable[Candidate], progress: Progress | None = None,
-    before: int = SEARCH_STEPS,
+    before: int = ALL_STEPS - SEARCH_STEPS,
 ) -> list[Candidate]:  # fmt: skip
     """Non-dominated candidates in length and smoothed failure, shortest first, from those ``seen``.
 
@@ -252,7 +272,7 @@ def beats(one: Candidate, other: Candidate) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Reporter:
-    """Reports the progress of a front in two searches, the ``before`` steps of the first one counted."""
+    """Reports the progress of a front in all searches, the ``before`` steps of earlier ones counted."""
 
     progress: Progress | None
     before: int
@@ -268,4 +288,4 @@ class _Reporter:
             f"{len(front)} paths of at least {shortest}; the safest fails {100 * front[-1].failed:.2g} % "
             f"at {safest}"
         )
-        self.progress(self.before + done, 2 * SEARCH_STEPS, state, [(k.failed, k.flight.x) for k in front])
+        self.progress(self.before + done, ALL_STEPS, state, [(k.failed, k.flight.x) for k in front])
