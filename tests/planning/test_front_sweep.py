@@ -107,6 +107,30 @@ def test_a_coarse_search_is_limited_and_its_own_coarse_search():
     assert front_sweep.coarse(RefineConfig(points=3)).points == 3
 
 
+def test_coarse_searches_have_different_flights(grown):
+    problem, forest = grown
+    cfg = RefineConfig(flights=1000, sweep_flights=100)
+    drawn = draw_flights(problem, problem.fidelity.law, MORE_FLIGHTS * cfg.flights, SeedSequence(5))
+    one, other = front_sweep.coarse_sweeps(front_sweep.new_sweep(cfg, problem, drawn))
+    limit = front_sweep.COARSE_EFFORT["flights"]
+    assert [(len(s.few), len(s.flights)) for s in (one, other)] == [(100, limit)] * 2
+    flight = propagate(problem, next(iter(first_starts(problem, forest).values())).x)
+    for flights in ("few", "flights"):
+        ends = [getattr(s, flights).positions(flight)[:, -1] for s in (one, other)]
+        assert len(np.unique(np.concatenate(ends), axis=0)) == sum(map(len, ends))
+
+
+def test_coarse_searches_share_the_flights_where_there_are_few(grown):
+    problem, _ = grown
+    cfg = RefineConfig(flights=60, sweep_flights=40)
+    drawn = draw_flights(problem, problem.fidelity.law, cfg.flights, SeedSequence(5))
+    sizes = [
+        (len(s.few), len(s.flights))
+        for s in front_sweep.coarse_sweeps(front_sweep.new_sweep(cfg, problem, drawn))
+    ]
+    assert sizes == [(40, 60)] * 2
+
+
 # --- starts -----------------------------------------------------------------------------------
 
 
@@ -398,8 +422,8 @@ def test_progress_tells_how_many_paths_there_are_and_how_the_safest_fails(grown)
         last[:] = found
 
     front = front_within(grown, CountedBudget(60), hear)
-    assert [done for done, *_ in told][:3] == [5, 6, 7]  # a coarse search has four steps before
-    assert told[-1][:2] == (8, 8)
+    assert [done for done, *_ in told][:3] == [9, 10, 11]  # two coarse searches have four steps each before
+    assert told[-1][:2] == (12, 12)
     assert [failed for failed, _ in last] == [k.failed for k in front]
     form = r"\d+ paths of at least \d+\.\d km; the safest fails \S+ % at \d+\.\d km"
     assert all(re.fullmatch(form, state) for *_, state in told)

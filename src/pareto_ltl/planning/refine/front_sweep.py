@@ -112,7 +112,7 @@ def _searches(
     an obstacle where flights fail more often.
     """
     known, seen = list[Candidate](), looks(sweep, pool, starts)
-    for number, rough in enumerate(_coarse_sweeps(sweep)):
+    for number, rough in enumerate(coarse_sweeps(sweep)):
         own = seen if number == 0 else looks(rough, pool, starts)
         known += searched(rough, pool, own, progress, SEARCH_STEPS * number)
     # By all flights: each coarse search has fitted its paths to some of them.
@@ -126,11 +126,11 @@ def _searches(
     return ended + _ended(sweep, pool, searched(near, pool, near_epsilon(near, seen), progress))
 
 
-def _coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
-    """The coarse searches, each on flights of its own; none if ``sweep`` is coarse itself.
+def coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
+    """The coarse searches, each on other flights of ``sweep.many``; none if ``sweep`` is coarse itself.
 
-    What one search misses depends on its flights and on its first looks more than on their number: two
-    coarse searches halve the differences between seeds that four times as many flights leave as they are.
+    What a search misses depends on which flights it is fitted to, more than on how many: on five missions
+    four times as many flights did not make seeds agree better, and a second coarse search did.
     """
     cfg = coarse(sweep.cfg)
     if cfg == sweep.cfg:
@@ -156,7 +156,7 @@ def _in_merged_steps(
     sweep: Sweep, long: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start], times: int,
     progress: Progress | None,
 ) -> tuple[PlannedPath, ...]:  # fmt: skip
-    """The paths of two searches in the ``long`` steps, then polished in the steps of the problem."""
+    """The paths of all searches in the ``long`` steps, then polished in the steps of the problem."""
     ended = _searches(long, pool, starts, progress)
     every = list(pool.map(partial(in_all_steps, sweep, times), ended))
     return _paths_of(sweep, every, partial(slower_runs, sweep, times))
