@@ -350,7 +350,7 @@ def field_alarms(old: Problem, new: Problem, rest: PlannedPath) -> list[str]:
 
 
 def quick_settings(settings: Settings) -> Settings:
-    """``settings`` with a coarse search only: half the time, slightly worse plans."""
+    """``settings`` with one coarse search only: a third of the time, slightly worse plans."""
     from pareto_ltl.planning.refine.front_sweep import coarse
 
     return replace(settings, refine=coarse(settings.refine))
