@@ -70,7 +70,7 @@ from pareto_ltl.support.display import distance_text
 Progress = Callable[..., None]
 COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of the settings of a coarse search
 COARSE_SHARES = (0.4, 0.5)  # of a time budget, after which each of the coarse searches ends
-HARD = 0.3  # failure above which one coarse search is enough: nearly all flights count, so that each takes long
+HARD = 0.3  # failure above which one coarse search is enough: nearly all flights count, and it takes long
 SEARCH_STEPS = 4  # that are reported of each search
 ALL_STEPS = SEARCH_STEPS * (len(COARSE_SHARES) + 1)
 LONG = 1e5  # [m] lengths above have no decimals in messages
