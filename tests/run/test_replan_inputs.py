@@ -311,9 +311,8 @@ def test_an_older_or_shorter_forecast_is_used_with_a_warning(caplog: pytest.LogC
 def test_a_forecast_that_ends_before_the_old_plan_gives_a_new_plan_and_no_rate_of_the_old_one(
     made: Path, tmp_path: Path
 ) -> None:
-    """The old plan arrives at 10:30; the last field, of 9:30, is valid until 10:00."""
+    """The old plan arrives at 10:00 or later; the last field, of 9:00, is valid until 9:30."""
     place, newer = tmp_path / "short", forecast(tmp_path, first=0, hours=9, add=2.0)
-    newer.write_text(newer.read_text().replace("2018-10-09T09:00", "2018-10-09T09:30"))
     done = pareto_ltl.replan(made, "1h", wind=newer, out=place)
     assert done.old is None
     assert done.advice == "outlasted"
