@@ -38,7 +38,7 @@ STEEPEST = 300.0  # relative fall of the failures by a relative length, where no
 PRICED = 40_000  # flights that a price is computed from
 WIDTH = 1e-3  # share of the map's size within which flights count for a price
 SHOWN = 4.0  # standard errors of a price that is shown, at least
-ERRORS = 4.0  # factor by which the stated error may differ from the expected one
+ERRORS = 6.0  # factor by which the stated error, of eight blocks, may differ from the expected one
 
 
 def segment_limits(result: Evidence) -> Verdict | None:
