@@ -141,7 +141,7 @@ def coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
     every = len(sweep.many)
     for number, share in enumerate(COARSE_SHARES):
         few, usual = (
-            sweep.many.only((np.arange(min(n, every)) + number * n) % every)
+            sweep.many.only(np.sort((np.arange(min(n, every)) + number * n) % every))
             for n in (cfg.sweep_flights, cfg.flights)
         )
         rough = new_sweep(cfg, sweep.problem, sweep.many, sweep.budget.until(share))
