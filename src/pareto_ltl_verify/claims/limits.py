@@ -38,7 +38,7 @@ STEEPEST = 300.0  # relative fall of the failures by a relative length, where no
 PRICED = 40_000  # flights that a price is computed from
 WIDTH = 1e-3  # share of the map's size within which flights count for a price
 SHOWN = 4.0  # standard errors of a price that is shown, at least
-ERRORS = 6.0  # factor by which the stated error, of eight blocks, may differ from the expected one
+LARGER, SMALLER = 4.0, 20.0  # stated over expected error and inverse: of eight blocks 2.6 and 13 by chance
 
 
 def segment_limits(result: Evidence) -> Verdict | None:
@@ -115,18 +115,22 @@ def _outline_price(result: Evidence, row: Mapping[str, Any]) -> str:
 
 
 def _error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
-    """The fault of the error of a price; empty if it is right, or the plan is an earlier one without errors.
+    """The fault of the error of a price; empty if it is right, or an earlier plan has none.
 
     With s = σ(-m/τ) and margins m of constant density ρ near 0, the price is ρ, and its variance
     Σ (s (1 - s) / (n τ))² = ρ / (6 n τ). If the error is then larger than the price, no flight comes near
-    the limit: such a price must not be certain enough to be shown.
+    the limit: such a price must not be certain enough to be shown. Where a segment is close to epsilon the
+    error is not judged: multipliers take up what the counts of a block leave of the balance of forces, so
+    that sums vary less, or more, than counts.
     """
+    if "error" not in row or _is_tight(result):
+        return ""
     width = WIDTH * float(np.ptp(result.ground.bounds, axis=0).mean())
     expected = np.sqrt(row["saving"] / (6.0 * PRICED * width))
     rare = expected > row["saving"]
-    least = row["saving"] / SHOWN if rare else expected / ERRORS
-    largest = np.inf if rare or _is_tight(result) else ERRORS * expected
-    if "error" not in row or least <= row["error"] <= largest:
+    least = row["saving"] / SHOWN if rare else expected / SMALLER
+    largest = np.inf if rare else LARGER * expected
+    if least <= row["error"] <= largest:
         return ""
     return f"error {row['error']:.3g} a metre, expected about {expected:.3g}"
 
