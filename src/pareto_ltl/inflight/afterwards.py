@@ -104,7 +104,7 @@ def draw_watch(results: Results, folder: Path) -> Path | None:
     events = list(read_journal(folder / NAME))
     if not any(event["event"] in ("status", "end") for event in events):
         return None
-    draw = partial(watch_figure, results.scene, results.plan, events)
+    draw = partial(watch_figure, results.scene, results.plan, events, results.settings.medium)
     return save_figures(folder, results.settings.report, {"follow": draw})[0]
 
 

@@ -28,7 +28,7 @@ def draw_run_figures(folder: Path, cfg: ReportConfig, run: DrawnRun) -> tuple[Pa
     if run.wind is not None:
         made["wind"] = partial(wind_figure, run.scene, run.wind, run.plan)
     if run.front is not None and len(run.front.paths) > 0:
-        made["front"] = partial(front_figure, run.scene, run.forest, run.front, run.plan)
+        made["front"] = partial(front_figure, run.scene, run.forest, run.front, run.plan, run.medium)
     if run.plan is not None and (run.plan.limits is not None or run.plan.prices):
         made["limits"] = partial(limits_figure, run, run.plan)
     return save_figures(folder, cfg, made)

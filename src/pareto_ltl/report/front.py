@@ -18,6 +18,7 @@ from pareto_ltl.report.map_layers import length_unit
 from pareto_ltl.report.rate_axes import scale_rate_axis, set_rate_ticks
 from pareto_ltl.report.study_axes import hide_frame
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl.world.scene import Scene
 
 FRONT_HEIGHT = 2.75  # height of the figure of risks [in]
@@ -27,7 +28,9 @@ RING: dict[str, Any] = {
 CHOSEN = style.mark_key("chosen plan", "o", 7.0, "none", style.VERMILLION, 1.3)
 
 
-def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan | None) -> Figure:
+def front_figure(
+    scene: Scene, forest: Forest | None, front: Front, plan: Plan | None, medium: Medium = AIR
+) -> Figure:
     """Mission risk against path length, collision risk as colour, before and after smoothing.
 
     A front of failure rates has another figure (:func:`flown_front_figure`).
@@ -41,7 +44,7 @@ def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan |
     """
     unit, per_metre = length_unit(scene)
     if front.rates:
-        return flown_front_figure(front, plan, (unit, per_metre))
+        return flown_front_figure(front, plan, (unit, per_metre), medium.flows)
     after = _front_rows([path.objectives for path in front.paths]) * [per_metre, 1.0, 1.0]
     before = _front_rows(front.raw) * [per_metre, 1.0, 1.0]
     cloud = accepted_vertices(forest, forest.mission_columns if forest is not None else 0) * [per_metre, 1.0]
@@ -50,7 +53,7 @@ def front_figure(scene: Scene, forest: Forest | None, front: Front, plan: Plan |
     low, hidden = style.log_axis_end(np.concatenate([after[:, 1], before[:, 1], cloud[:, 1]]))
     up = np.maximum(cloud[:, 1], low)
     ax.scatter(cloud[:, 0], up, s=2.0, c=style.MIST, alpha=0.5, lw=0, rasterized=True, zorder=1)
-    law = f"{front.models.law} winds [%]"
+    law = f"{front.models.law} {medium.flows} [%]"
     _scatter_risks(figure, ax, (before, after), low, f"collision risk R, {law}")
     if plan is not None:
         cost = plan.path.objectives
@@ -128,7 +131,7 @@ LEAST = 1e-6  # lower rates cannot be distinguished from 0 with the flights of a
 NARROWEST = 3.0  # least ratio of the ends of the axis of rates
 
 
-def flown_front_figure(front: Front, plan: Plan | None, unit: tuple[str, float]) -> Figure:
+def flown_front_figure(front: Front, plan: Plan | None, unit: tuple[str, float], flows: str) -> Figure:
     """Failure rate against path length of every path, with 95 % intervals, the mission order as colour.
 
     Parameters
@@ -157,7 +160,7 @@ def flown_front_figure(front: Front, plan: Plan | None, unit: tuple[str, float])
     if plan is not None:
         _mark_plan(ax, front, plan, per_metre, low)
     scale_rate_axis(ax, "y", low, high, hidden=hidden)
-    ax.set(xlabel=f"path length [{name}]", ylabel=f"failed flights, {front.rates[0].law} winds [%]")
+    ax.set(xlabel=f"path length [{name}]", ylabel=f"failed flights, {front.rates[0].law} {flows} [%]")
     ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.set_xlim(*_length_ends(lengths))
     hide_frame(ax)

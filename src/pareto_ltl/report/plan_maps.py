@@ -39,6 +39,7 @@ from pareto_ltl.simulation.beacons import BeaconMap
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
+from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.windows import hours_text
 
@@ -143,14 +144,14 @@ def _bar_name(row: PriceRow) -> str:
 # --- beacons --------------------------------------------------------------------------------------
 
 
-def beacons_figure(scene: Scene, plan: Plan, found: BeaconMap) -> Figure:
+def beacons_figure(scene: Scene, plan: Plan, found: BeaconMap, medium: Medium = AIR) -> Figure:
     """Map with the failure rate of the plan for a beacon at each place; circles are the best beacons."""
     without, last = found.without, found.sites[-1].rate.failure
     beacons = "beacon" if len(found.sites) == 1 else f"{len(found.sites)} beacons"
     heading = [
         f"Where a beacon helps the plan of {plan.formula}",
         f"{probability_text(without.failure)} fail without, {probability_text(last)} with the {beacons} of "
-        f"the map, {without.law} winds",
+        f"the map, {without.law} {medium.flows}",
     ]
     figure, chart = column_map(scene, heading, SCALE_BELOW)
     draw_route(chart, scene, plan)
@@ -172,7 +173,7 @@ def beacons_figure(scene: Scene, plan: Plan, found: BeaconMap) -> Figure:
         )  # fmt: skip
     ticks = np.geomspace(low, high, 4) if wide else np.linspace(low, high, 4)
     named = {tick: f"{tick:.2g}" for tick in ticks.tolist()}
-    draw_scale(chart, dots, named, f"failures with one beacon there, {without.law} winds [%]")
+    draw_scale(chart, dots, named, f"failures with one beacon there, {without.law} {medium.flows} [%]")
     return figure
 
 
@@ -185,13 +186,13 @@ LEAST = 1e-4  # smaller rates are drawn here
 Event = Mapping[str, Any]
 
 
-def watch_figure(scene: Scene, plan: Plan, events: Sequence[Event]) -> Figure:
+def watch_figure(scene: Scene, plan: Plan, events: Sequence[Event], medium: Medium = AIR) -> Figure:
     """Map with the plan and the believed track, and the failure rate of the rest over time."""
     status = [event for event in events if event["event"] in ("status", "end")]
     law, promised = status[-1]["law"], status[-1]["promised"]
     heading = [
         f"Flight of {plan.formula}, watched until {status[-1]['time'] / 3600:.2f} h",
-        f"{probability_text(status[-1]['failure'])} of the flights of the rest fail, {law} winds"
+        f"{probability_text(status[-1]['failure'])} of the flights of the rest fail, {law} {medium.flows}"
         + ("" if promised is None else f"; promised at departure {probability_text(promised)}"),
     ]
     figure, chart = column_map(scene, heading, FOOT + CHART + BETWEEN)

@@ -141,5 +141,5 @@ def write_beacons(run: Run, found: BeaconMap, folder: Path) -> None:
     )
     write_csv(folder / "beacons.csv", header, ((*row, law, found.flights) for row in rows))
     write_text(folder / "beacons.txt", "\n".join(beacon_lines(run, found)) + "\n")
-    draw = partial(beacons_figure, run.make(SCENE), run.make(PLAN), found)
+    draw = partial(beacons_figure, run.make(SCENE), run.make(PLAN), found, run.settings.medium)
     save_figures(folder, run.settings.report, {"beacons": draw})
