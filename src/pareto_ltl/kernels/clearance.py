@@ -27,12 +27,6 @@ class Event(NamedTuple):
 
 
 @kernel
-def lesser(one: Event, other: Event) -> Event:
-    """The event with the smaller margin."""
-    return other if other.margin < one.margin else one
-
-
-@kernel
 def face_clearance(
     faces: Faces, part: int, t: int, start: Point, end: Point, enough: float
 ) -> tuple[Event, int]:

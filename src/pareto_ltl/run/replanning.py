@@ -158,7 +158,7 @@ def replan(
         A newer forecast for the rest of the flight: a file that the reader of the plan's wind reads, or keys
         of section ``wind`` that differ.
     quick : bool
-        Whether to use a coarser refinement, which takes half of the time.
+        Whether to use a coarser refinement, which takes about a third of the time.
     out : path, optional
         Write a results directory of the new plan there.
 

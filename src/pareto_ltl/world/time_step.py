@@ -76,8 +76,7 @@ def fitting_step(robot: RobotConfig, scene: Scene, max_steps: int) -> float:
 def too_long(robot: RobotConfig, scene: Scene, max_steps: int, times: float = 1.0) -> str:
     """A message with a step that fits, or "" if a full step is at most ``times`` the narrowest place."""
     place, step = narrowest_place(scene), robot.u_max * float(robot.dt)
-    fits = fitting_step(robot, scene, max_steps)
-    if step <= times * place.width or fits >= robot.dt:
+    if step <= times * place.width or (fits := fitting_step(robot, scene, max_steps)) >= robot.dt:
         return ""
     return (
         f"a full step of {distance_text(step)} (robot.dt={robot.dt:g} at {robot.u_max:g} m/s) is longer than "
