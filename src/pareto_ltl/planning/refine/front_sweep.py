@@ -50,6 +50,7 @@ from pareto_ltl.planning.refine.merged_steps import (
 from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts, flipped_starts
 from pareto_ltl.planning.refine.sweep import (
+    MORE_FLIGHTS,
     WIDE,
     WITHIN_REACH,
     Sweep,
@@ -121,8 +122,10 @@ def _searches(
     # By all flights: each coarse search has fitted its paths to some of them.
     again = list(pool.map(partial(reassessed, sweep, sweep.flights), known))
     found = searched(sweep, pool, [*seen, *again], progress)
-    found += [k for k in again if not any(beats(other, k) for other in found)]
-    ended = _ended(sweep, pool, found)
+    slower = slower_points(sweep, pool, found)
+    rivals = [k for k in found if completes(sweep.problem, k)]
+    found += [k for k in again if not any(beats(other, k) for other in rivals)]
+    ended = _ended(sweep, pool, [*found, *slower])
     if any(excess(sweep, end.flight) == 0.0 for _, end in ended):
         return ended
     near = replace(sweep, excess=WITHIN_REACH)
@@ -144,8 +147,9 @@ def coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
             sweep.many.only(np.sort((np.arange(min(n, every)) + number * n) % every))
             for n in (cfg.sweep_flights, cfg.flights)
         )
-        rough = new_sweep(cfg, sweep.problem, sweep.many, sweep.budget.until(share))
-        yield replace(rough, few=few, flights=usual)
+        many = sweep.many.only(np.arange(min(MORE_FLIGHTS * cfg.flights, every)))
+        budget = sweep.budget.until(share)
+        yield replace(sweep, cfg=cfg, few=few, flights=usual, many=many, budget=budget)
 
 
 def _ended(
@@ -188,10 +192,11 @@ def refine_front(
     cfg: RefineConfig, problem: Problem, starts: Mapping[StartKind, Start], flights: CommonFlights,
     progress: Progress | None = None, budget: Budget = UNLIMITED,
 ) -> list[Candidate]:  # fmt: skip
-    """The result of one search from ``starts``: looks, then :func:`searched`."""
+    """The result of one search from ``starts``: looks, :func:`searched`, then slower points."""
     sweep = new_sweep(cfg, problem, flights, budget)
     with ThreadPoolExecutor(cores()) as pool:
-        return searched(sweep, pool, looks(sweep, pool, starts), progress)
+        found = searched(sweep, pool, looks(sweep, pool, starts), progress)
+        return [*found, *slower_points(sweep, pool, found)]
 
 
 def searched(
@@ -200,8 +205,7 @@ def searched(
 ) -> list[Candidate]:  # fmt: skip
     """Non-dominated candidates in length and smoothed failure, shortest first, from those ``seen``.
 
-    With a power curve, slower ones that take less energy follow them. ``progress`` is called after each
-    of the :data:`SEARCH_STEPS` steps, the ``before`` earlier ones counted.
+    ``progress`` is called after each of the :data:`SEARCH_STEPS` steps, the ``before`` earlier ones counted.
     """
     seen, report = sorted(seen, key=smoothed), _Reporter(progress, before)
     sweep = replace(sweep, hopeless=hopeless_above(seen))
@@ -221,7 +225,7 @@ def searched(
         found = front_of([*found, *rivals])
         found = front_of([*found, *lengthened_points(sweep, pool, found)])
     report(4, found)
-    return [*found, *slower_points(sweep, pool, found)]
+    return found
 
 
 # --- what is left of a time budget ---------------------------------------------------------------
@@ -271,6 +275,11 @@ def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
 def beats(one: Candidate, other: Candidate) -> bool:
     """Whether ``one`` is not longer and fails no more often."""
     return one.length <= other.length and one.failed <= other.failed
+
+
+def completes(problem: Problem, k: Candidate) -> bool:
+    """Whether the expected path of ``k`` completes the mission: else it may become no path at all."""
+    return bool(problem.logic.distance[problem.states(k.flight.x)[-1]] == 0.0)
 
 
 @dataclass(frozen=True, slots=True)

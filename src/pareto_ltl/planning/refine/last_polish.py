@@ -13,6 +13,7 @@ import numpy as np
 from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.planning.refine.first_looks import hopeless_above
 from pareto_ltl.planning.refine.levels import WORTH
 from pareto_ltl.planning.refine.pacing import retimed_means
 from pareto_ltl.planning.refine.sampled import Candidate, path_length
@@ -155,7 +156,7 @@ def slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candid
 
     chosen = found[:: -(-len(found) // ECONOMIC)]
     made = pool.map(slower, [(k, times) for k in chosen for times in SLOWER])
-    return [k for k in made if k is not None and k.smoothed < sweep.hopeless]
+    return [k for k in made if k is not None and k.smoothed < hopeless_above(found)]
 
 
 # --- paths ------------------------------------------------------------------------------------
