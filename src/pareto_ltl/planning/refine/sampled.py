@@ -40,8 +40,7 @@ from pareto_ltl.planning.evaluate import (
     propagate_controls,
     takes_fixes,
 )
-from pareto_ltl.planning.margin_model import margin_scratch, model_of_order
-from pareto_ltl.planning.pack_logic import LIVE
+from pareto_ltl.planning.margin_model import ORDERED, margin_scratch, model_of_order
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.programme import programmes_of
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
@@ -123,7 +122,7 @@ class Refiner:
 
     def model_along(self, x: FloatArray) -> MarginModel:
         """The model of margins for flights near the means ``x`` (T+1, 2)."""
-        if len(self.model.logic.distance) <= LIVE:
+        if len(self.model.logic.distance) <= ORDERED:
             return self.model
         states = self.states_passed(x)
         if not (self.problem.logic.distance[states] == 0.0).any():  # no step lies in a place on the way
