@@ -44,7 +44,7 @@ def front_figure(
     """
     unit, per_metre = length_unit(scene)
     if front.rates:
-        return flown_front_figure(front, plan, (unit, per_metre), medium.flows)
+        return flown_front_figure(front, plan, (unit, per_metre), medium)
     after = _front_rows([path.objectives for path in front.paths]) * [per_metre, 1.0, 1.0]
     before = _front_rows(front.raw) * [per_metre, 1.0, 1.0]
     cloud = accepted_vertices(forest, forest.mission_columns if forest is not None else 0) * [per_metre, 1.0]
@@ -131,7 +131,9 @@ LEAST = 1e-6  # lower rates cannot be distinguished from 0 with the flights of a
 NARROWEST = 3.0  # least ratio of the ends of the axis of rates
 
 
-def flown_front_figure(front: Front, plan: Plan | None, unit: tuple[str, float], flows: str) -> Figure:
+def flown_front_figure(
+    front: Front, plan: Plan | None, unit: tuple[str, float], medium: Medium = AIR
+) -> Figure:
     """Failure rate against path length of every path, with 95 % intervals, the mission order as colour.
 
     Parameters
@@ -160,7 +162,7 @@ def flown_front_figure(front: Front, plan: Plan | None, unit: tuple[str, float],
     if plan is not None:
         _mark_plan(ax, front, plan, per_metre, low)
     scale_rate_axis(ax, "y", low, high, hidden=hidden)
-    ax.set(xlabel=f"path length [{name}]", ylabel=f"failed flights, {front.rates[0].law} {flows} [%]")
+    ax.set(xlabel=f"path length [{name}]", ylabel=f"failed flights, {front.rates[0].law} {medium.flows} [%]")
     ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.set_xlim(*_length_ends(lengths))
     hide_frame(ax)
