@@ -39,6 +39,7 @@ PRICED = 40_000  # flights that a price is computed from
 WIDTH = 1e-3  # share of the map's size within which flights count for a price
 SHOWN = 4.0  # standard errors of a price that is shown, at least
 LARGER, SMALLER = 4.0, 20.0  # stated over expected error and inverse: of eight blocks 2.6 and 13 by chance
+BALANCED = 100.0  # for ``SMALLER`` where multipliers are part of a price
 
 
 def segment_limits(result: Evidence) -> Verdict | None:
@@ -119,18 +120,17 @@ def _error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
 
     With s = σ(-m/τ) and margins m of constant density ρ near 0, the price is ρ, and its variance
     Σ (s (1 - s) / (n τ))² = ρ / (6 n τ). If the error is then larger than the price, no flight comes near
-    the limit: such a price must not be certain enough to be shown. Where a segment is close to epsilon the
-    error is not judged: multipliers take up what the counts of a block leave of the balance of forces, so
-    that sums vary less, or more, than counts.
+    the limit: such a price must not be certain enough to be shown. Where a segment is close to epsilon,
+    multipliers take up what the counts of a block leave of the balance of forces: their sum varies less than
+    the counts, or more.
     """
-    if "error" not in row or _is_tight(result):
-        return ""
+    tight = _is_tight(result)
     width = WIDTH * float(np.ptp(result.ground.bounds, axis=0).mean())
     expected = np.sqrt(row["saving"] / (6.0 * PRICED * width))
     rare = expected > row["saving"]
-    least = row["saving"] / SHOWN if rare else expected / SMALLER
-    largest = np.inf if rare else LARGER * expected
-    if least <= row["error"] <= largest:
+    least = row["saving"] / SHOWN if rare else expected / (BALANCED if tight else SMALLER)
+    largest = np.inf if rare or tight else LARGER * expected
+    if "error" not in row or least <= row["error"] <= largest:
         return ""
     return f"error {row['error']:.3g} a metre, expected about {expected:.3g}"
 

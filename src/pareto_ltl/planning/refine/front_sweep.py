@@ -55,6 +55,7 @@ from pareto_ltl.planning.refine.sweep import (
     WITHIN_REACH,
     Sweep,
     excess,
+    first_of,
     front_of,
     held_within,
     near_epsilon,
@@ -62,6 +63,7 @@ from pareto_ltl.planning.refine.sweep import (
     reassessed,
     smoothed,
 )
+from pareto_ltl.planning.routes.obligations import completes
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
@@ -121,15 +123,16 @@ def _searches(
         known += searched(rough, pool, own, progress, SEARCH_STEPS * number)
     # By all flights: each coarse search has fitted its paths to some of them.
     again = list(pool.map(partial(reassessed, sweep, sweep.flights), known))
-    found = searched(sweep, pool, [*seen, *again], progress)
-    slower = slower_points(sweep, pool, found)
-    rivals = [k for k in found if completes(sweep.problem, k)]
+    found = _with_slower(sweep, pool, searched(sweep, pool, [*seen, *again], progress))
+    # One whose expected path does not complete the mission may become no path at all.
+    rivals = [k for k in found if completes(sweep.problem, k.flight.x)]
     found += [k for k in again if not any(beats(other, k) for other in rivals)]
-    ended = _ended(sweep, pool, [*found, *slower])
+    ended = _ended(sweep, pool, found)
     if any(excess(sweep, end.flight) == 0.0 for _, end in ended):
         return ended
     near = replace(sweep, excess=WITHIN_REACH)
-    return ended + _ended(sweep, pool, searched(near, pool, near_epsilon(near, seen), progress))
+    found = _with_slower(near, pool, searched(near, pool, near_epsilon(near, seen), progress))
+    return ended + _ended(sweep, pool, found)
 
 
 def coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
@@ -141,15 +144,19 @@ def coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
     cfg = coarse(sweep.cfg)
     if cfg == sweep.cfg:
         return
-    every = len(sweep.many)
+    every, many = len(sweep.many), first_of(sweep.many, MORE_FLIGHTS * cfg.flights)
     for number, share in enumerate(COARSE_SHARES):
         few, usual = (
             sweep.many.only(np.sort((np.arange(min(n, every)) + number * n) % every))
             for n in (cfg.sweep_flights, cfg.flights)
         )
-        many = sweep.many.only(np.arange(min(MORE_FLIGHTS * cfg.flights, every)))
         budget = sweep.budget.until(share)
         yield replace(sweep, cfg=cfg, few=few, flights=usual, many=many, budget=budget)
+
+
+def _with_slower(sweep: Sweep, pool: ThreadPoolExecutor, found: list[Candidate]) -> list[Candidate]:
+    """Those ``found``, and with a power curve slower ones that take less energy."""
+    return [*found, *slower_points(sweep, pool, found)]
 
 
 def _ended(
@@ -195,8 +202,7 @@ def refine_front(
     """The result of one search from ``starts``: looks, :func:`searched`, then slower points."""
     sweep = new_sweep(cfg, problem, flights, budget)
     with ThreadPoolExecutor(cores()) as pool:
-        found = searched(sweep, pool, looks(sweep, pool, starts), progress)
-        return [*found, *slower_points(sweep, pool, found)]
+        return _with_slower(sweep, pool, searched(sweep, pool, looks(sweep, pool, starts), progress))
 
 
 def searched(
@@ -275,11 +281,6 @@ def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
 def beats(one: Candidate, other: Candidate) -> bool:
     """Whether ``one`` is not longer and fails no more often."""
     return one.length <= other.length and one.failed <= other.failed
-
-
-def completes(problem: Problem, k: Candidate) -> bool:
-    """Whether the expected path of ``k`` completes the mission: else it may become no path at all."""
-    return bool(problem.logic.distance[problem.states(k.flight.x)[-1]] == 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -155,8 +155,8 @@ def slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candid
         return made if energy.of(made.flight.u, dt) < energy.of(k.flight.u, dt) else None
 
     chosen = found[:: -(-len(found) // ECONOMIC)]
-    made = pool.map(slower, [(k, times) for k in chosen for times in SLOWER])
-    return [k for k in made if k is not None and k.smoothed < hopeless_above(found)]
+    made, hopeless = pool.map(slower, [(k, times) for k in chosen for times in SLOWER]), hopeless_above(found)
+    return [k for k in made if k is not None and k.smoothed < hopeless]
 
 
 # --- paths ------------------------------------------------------------------------------------

@@ -79,16 +79,15 @@ def new_sweep(
     cfg: RefineConfig, problem: Problem, flights: CommonFlights, budget: Budget = UNLIMITED
 ) -> Sweep:
     """A sweep with the first of ``flights``; ``cfg`` says how many."""
-
-    def first(runs: int) -> CommonFlights:
-        return flights.only(np.arange(min(runs, len(flights))))
-
     model, usual = margin_model(problem), cfg.flights
+    few, some, many = (first_of(flights, n) for n in (cfg.sweep_flights, usual, MORE_FLIGHTS * usual))
     closing = ConstrainedRefiner(problem, model)
-    return Sweep(
-        cfg, problem, Refiner(problem, model), closing, first(cfg.sweep_flights), first(usual),
-        first(MORE_FLIGHTS * usual), budget,
-    )  # fmt: skip
+    return Sweep(cfg, problem, Refiner(problem, model), closing, few, some, many, budget)
+
+
+def first_of(flights: CommonFlights, runs: int) -> CommonFlights:
+    """The first ``runs`` of ``flights``; all of them if there are fewer."""
+    return flights.only(np.arange(min(runs, len(flights))))
 
 
 def timed_means(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
