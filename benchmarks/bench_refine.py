@@ -70,14 +70,14 @@ def how(problem):
 
 def descent_of(refiner, flight, flights):
     """The local model of the failure about ``flight``."""
-    off, width = flights.positions(flight) - flight.x, how(refiner.problem).widths[0]
-    return refiner.slope(flight.x, off, width, RUNS)[0]
+    width = how(refiner.problem).widths[0]
+    return refiner.slope(flight.x, flights.deviations(flight), width, RUNS)[0]
 
 
 def test_margins_of_300_flights_of_50_steps(benchmark, task):
     refiner, x, flights, _ = task
     flight = refiner.flown(x)
-    off = np.ascontiguousarray(np.moveaxis(flights.positions(flight) - flight.x, 0, 2))
+    off = flights.deviations(flight)
     width = how(refiner.problem).widths[0]
     slope = kernel.Slope(np.zeros((STEPS + 1, 2)), np.zeros((STEPS + 1, 3)))
     scratch = margin_scratch(refiner.model, RUNS, STEPS + 1)

@@ -28,7 +28,7 @@ FAMILIES = {
     "mission": set(get_args(data.MissionBound)),
     "collision": set(get_args(data.CollisionBound)),
     "rule": {Dominance, Scaled},
-    "draws": {flight.IndependentDraws, flight.CoherentDraws},
+    "draws": {flight.IndependentDraws, flight.CoherentDraws, flight.LinearDraws},
     "pilot": {pilots.Autopilot, pilots.Navigator},
     "claims": {ClaimLists, ClaimRows},
 }

@@ -14,7 +14,7 @@ from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Refiner, deviations_from
+from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Refiner
 from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.planning.routes.course import FACE_MARGIN
 from pareto_ltl.planning.routes.taut_lines import CAP
@@ -196,7 +196,7 @@ def test_a_descent_takes_the_plain_decisions(robot: str, number: int, rel: float
     ends = []
     for refiner in (Refiner(problem, model), PlainRefiner(problem, model)):
         flight = refiner.flown(WAY)
-        off = deviations_from(flights.positions(flight), flight.x)
+        off = flights.deviations(flight)
         here, _ = refiner.slope(flight.x, off, width, 150)
         sample = Sample(off, width, 120 / 150, 0.0, here.value)
         end = refiner.descended(flight, here, sample, Solves(number, TRUST, longest))

@@ -26,6 +26,7 @@ from pareto_ltl.kernels.data import (
     Point,
 )
 from pareto_ltl.kernels.geometry import locate_cell, off_map, segment_touches
+from pareto_ltl.kernels.importance import linear_field
 from pareto_ltl.kernels.interpolation import (
     F32,
     corner_weights,
@@ -38,7 +39,7 @@ from pareto_ltl.kernels.jit import by_type, entry, implements, kernel, vector
 from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.pilots import Pilot, begin_flights, command, observe
 from pareto_ltl.kernels.propagation import white_variance
-from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
+from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 # --- winds ------------------------------------------------------------------------------------
 
@@ -64,7 +65,19 @@ class CoherentDraws(NamedTuple):
     theta: Float32Array
 
 
-Draws: TypeAlias = IndependentDraws | CoherentDraws
+class LinearDraws(NamedTuple):
+    """The winds of :class:`CoherentDraws`, linear in the distance from the means of a path.
+
+    w = ``wind`` + ``slope`` (x - ``mean``): ``wind`` (T, n, 2) [m/s] is what each flight would meet at the
+    means ``mean`` (T+1, 2) [m], and ``slope`` (T, 2, 2) [1/s] the gradient of the expected wind there.
+    """
+
+    mean: FloatArray
+    wind: FloatArray
+    slope: FloatArray
+
+
+Draws: TypeAlias = IndependentDraws | CoherentDraws | LinearDraws
 
 
 @by_type
@@ -100,6 +113,15 @@ def _coherent_winds(draws: CoherentDraws, t: int, x: FloatArray, met: FloatArray
         met[i, 1] += wn + math.sqrt(vn) * white[t, i, 1]
 
 
+@implements(meet_winds, LinearDraws)
+def _linear_winds(draws: LinearDraws, t: int, x: FloatArray, met: FloatArray) -> None:
+    wind, slope, mean = draws.wind, draws.slope, draws.mean
+    for i in range(x.shape[0]):
+        dx, dy = x[i, t, 0] - mean[t, 0], x[i, t, 1] - mean[t, 1]
+        for c in range(2):
+            met[i, c] = wind[t, i, c] + slope[t, c, 0] * dx + slope[t, c, 1] * dy
+
+
 @vector
 def meet_fields(modes: Modes, t: int, x: FloatArray, theta: Float32Array, met: FloatArray) -> None:
     """Write ψ(x)' θ, east and north, and |ψ|² of both of all flights at step ``t`` to ``met`` (n, 4).
@@ -122,6 +144,22 @@ def meet_fields(modes: Modes, t: int, x: FloatArray, theta: Float32Array, met: F
             n += north * theta[i, 1, m]
             nn += north * north
         met[i, 0], met[i, 1], met[i, 2], met[i, 3] = e, n, ee, nn
+
+
+@entry
+def winds_at_means(
+    psi: Float32Array, sd: FloatArray, epoch: IntArray, white: FloatArray, theta: Float32Array,
+    wind: FloatArray,
+) -> None:  # fmt: skip
+    """Add ψ_t' θ + ``sd`` (T, 2) ``white`` (T, n, 2) of each flight to ``wind`` (T, n, 2) [m/s].
+
+    ``psi`` (T, 2, P) [m/s]; ``theta`` (E, n, 2, P) is the field of each ``epoch`` (T,).
+    """
+    for i in range(wind.shape[1]):
+        for t in range(wind.shape[0]):
+            field = theta[epoch[t], i]
+            for c in range(2):
+                wind[t, i, c] += linear_field(psi, t, c, field) + sd[t, c] * white[t, i, c]
 
 
 @entry

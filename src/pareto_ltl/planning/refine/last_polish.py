@@ -112,7 +112,7 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
 
     Where a segment breaks epsilon, more solves on few flights, and longer paths, come before the last one.
     """
-    closing, flights = sweep.closing, sweep.many if _rarely_fails(sweep, k) else sweep.flights
+    closing, flights = sweep.closing, (sweep.many if _rarely_fails(sweep, k) else sweep.flights).exact()
     last, more = (sweep.polish_of(FINE[-1:], solves) for solves in (1, CLOSING_SOLVES))
     end = closing.polished(k.flight.x, flights, last, k.length)
     for longer in CLOSING:

@@ -60,11 +60,17 @@ SLOWEST = 0.05  # of u_max: least ground speed assumed for a leg against a stron
 class CommonFlights(Protocol):
     """Flights in the same winds for every plan."""
 
-    def positions(self, flight: Flight) -> FloatArray:
-        """Positions (n, T+1, 2) [m] of the controls of ``flight``."""
+    def deviations(self, flight: Flight) -> FloatArray:
+        """Deviations (T+1, 2, n) [m] of the controls of ``flight`` from its means."""
 
     def unaided(self, flight: Flight) -> FloatArray:
-        """Positions (n, T+1, 2) [m] of the same flights without position fixes."""
+        """Deviations (T+1, 2, n) [m] of the same flights without position fixes."""
+
+    def linear(self) -> CommonFlights:
+        """The same flights by the law linearised about their path: sooner known, and not exact."""
+
+    def exact(self) -> CommonFlights:
+        """The same flights in the law itself."""
 
     def only(self, rows: IntArray) -> CommonFlights:
         """The flights ``rows`` only."""
@@ -191,14 +197,12 @@ class Refiner:
         """
         if not takes_fixes(flight):
             return 0.0
-        off = deviations_from(flights.unaided(flight), flight.x)
-        alone, _ = self.slope(flight.x, off, width, runs)
+        alone, _ = self.slope(flight.x, flights.unaided(flight), width, runs)
         return max(alone.value - here.value, 0.0)
 
     def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
         """``flight`` as it is, with its failure smoothed over ``width`` [m]."""
-        off = deviations_from(flights.positions(flight), flight.x)
-        here, margins = self.slope(flight.x, off, width, len(flights))
+        here, margins = self.slope(flight.x, flights.deviations(flight), width, len(flights))
         kind, failed = path_class(self.problem, flight.x), float((margins < 0.0).mean())
         return Candidate(flight, path_length(flight.x), here.value, failed, origin, kind)
 
@@ -209,7 +213,7 @@ class Refiner:
 
         Flights with a margin larger than the path may move in the first solve no longer count.
         """
-        off = deviations_from(near.positions(flight), flight.x)
+        off = near.deviations(flight)
         here, margins = self.slope(flight.x, off, width, runs)
         rows = np.flatnonzero(margins < COUNTED * width + how.trust * self.problem.reach)
         if len(rows) == 0:

@@ -50,7 +50,7 @@ class Sweep:
     The last polish is made by ``closing``, within the chance constraints.
 
     Sweeps use ``few`` flights, the last polish ``flights``, and paths that rarely fail ``many``: the first of
-    the same flights.
+    the same flights, in the linearised law until the last solve (``closed``).
     """
 
     cfg: RefineConfig
@@ -79,7 +79,7 @@ def new_sweep(
     cfg: RefineConfig, problem: Problem, flights: CommonFlights, budget: Budget = UNLIMITED
 ) -> Sweep:
     """A sweep with the first of ``flights``; ``cfg`` says how many."""
-    model, usual = margin_model(problem), cfg.flights
+    model, usual, flights = margin_model(problem), cfg.flights, flights.linear()
     few, some, many = (first_of(flights, n) for n in (cfg.sweep_flights, usual, MORE_FLIGHTS * usual))
     closing = ConstrainedRefiner(problem, model)
     return Sweep(cfg, problem, Refiner(problem, model), closing, few, some, many, budget)
