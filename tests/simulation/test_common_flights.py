@@ -13,7 +13,7 @@ from landmarks import LANDMARK_WAY, landmark_problem
 from oracle import importance as plain
 from pareto_ltl.kernels.importance import NormalDraws
 from pareto_ltl.planning.evaluate import propagate
-from pareto_ltl.settings import RobotConfig
+from pareto_ltl.settings import PowerConfig, RobotConfig
 from pareto_ltl.simulation.common_flights import LinearFlights, draw_flights
 from pareto_ltl.simulation.flights import draw_coherent
 from pareto_ltl.simulation.importance import linear_law
@@ -102,3 +102,19 @@ def innovations(theta, kept):
         change = theta[k] - kept[k] * theta[k - 1]
         eta[k] = np.divide(change, fresh, out=np.zeros_like(change, float), where=fresh > 0.0)
     return eta.astype(np.float32)
+
+
+def test_flights_that_need_more_energy_than_there_is_are_exhausted():
+    """With a capacity between what its flights spend, as many as land in flights with that capacity."""
+    power = PowerConfig(kind="body", base=50.0, drag=0.2)
+    robot = RobotConfig(dt=100.0, u_max=20.0, feedback_time=900.0, power=power)
+    problem = coherent_problem(sd=1.0, gust=0.1, rho=0.9, robot=robot)
+    flight = propagate(problem, STEPS)
+    planned = problem.energy.of(flight.u, problem.motion.dt)
+    for share in (0.5, 1.01, 2.0):
+        tight = replace(problem, energy=replace(problem.energy, capacity=share * planned))
+        flights = draw_flights(tight, "coherent", RUNS, SeedSequence(1))
+        x = flights.flown(flight.u, flight.x)
+        landed = (x[:, -1] == x[:, -2]).all(axis=1)
+        np.testing.assert_array_equal(flights.exhausted(flight), landed)
+    assert not draw_flights(problem, "coherent", RUNS, SeedSequence(1)).exhausted(flight).any()

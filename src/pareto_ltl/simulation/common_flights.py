@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -60,6 +61,21 @@ class DrawnFlights:
         """The deviations without position fixes."""
         pilot = Autopilot(flight.u, np.ascontiguousarray(flight.x))
         return deviations_from(self._flown_by(pilot, flight.x, None, self._winds_about(flight)), flight.x)
+
+    def exhausted(self, flight: Flight) -> BoolArray:
+        """Which flights need more energy than the robot has (n,), if it corrects its course; else none.
+
+        Robots that do not correct it spend what the plan does, which is compared with the capacity later.
+        """
+        problem, pilot, energy = self.problem, self._pilot(flight.u, flight.x), self.problem.energy
+        if energy is None or energy.capacity is None or not sim.corrects(problem.motion, pilot):
+            return np.zeros(len(self), bool)
+        x = np.empty((len(self), len(flight.x), 2))
+        x[:, 0] = problem.scene.start + self.start
+        tank = sim.full_tank(problem.motion, len(x), replace(energy, capacity=sys.float_info.max))
+        winds = self._winds_about(flight)
+        kernel.fly_batch(problem.motion, winds, pilot, x, np.empty((len(x), 4)), tank)
+        return np.asarray(tank.spent > energy.capacity, bool)
 
     def _winds_about(self, _flight: Flight) -> Any:
         """The winds of these flights if they fly the controls of ``flight``."""

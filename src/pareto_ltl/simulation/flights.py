@@ -224,9 +224,13 @@ def fly_draws(
     With ``energy``, robots that correct their course land where they have spent its capacity. Others spend
     what the plan does, which is compared with the capacity when it is chosen.
     """
-    corrects = problem.motion.gain > 0.0 or isinstance(pilot, Navigator)
-    tank = full_tank(problem.motion, len(x), energy if corrects else None)
+    tank = full_tank(problem.motion, len(x), energy if corrects(problem.motion, pilot) else None)
     kernel.fly_batch(problem.motion, draws, pilot, x, np.empty((len(x), 4)), tank)
+
+
+def corrects(motion: kd.Motion, pilot: Pilot) -> bool:
+    """Whether the robot corrects its course, so that its flights do not spend what the plan does."""
+    return motion.gain > 0.0 or isinstance(pilot, Navigator)
 
 
 def full_tank(motion: kd.Motion, runs: int, energy: EnergyModel | None) -> kernel.Tank:

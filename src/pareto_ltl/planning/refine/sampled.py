@@ -48,7 +48,7 @@ from pareto_ltl.planning.refine.step_programme import Descent, path_limits, step
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 EXCESS = 10.0  # penalty per relative risk of a segment above epsilon
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
@@ -65,6 +65,9 @@ class CommonFlights(Protocol):
 
     def unaided(self, flight: Flight) -> FloatArray:
         """Deviations (T+1, 2, n) [m] of the same flights without position fixes."""
+
+    def exhausted(self, flight: Flight) -> BoolArray:
+        """Which flights of a robot that corrects its course need more energy than it has (n,)."""
 
     def linear(self) -> CommonFlights:
         """The same flights by the law linearised about their path: sooner known, and not exact."""
@@ -201,10 +204,16 @@ class Refiner:
         return max(alone.value - here.value, 0.0)
 
     def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
-        """``flight`` as it is, with its failure smoothed over ``width`` [m]."""
+        """``flight`` as it is, with its failure smoothed over ``width`` [m].
+
+        Flights that need more energy than the robot has fail; the solves do not see them.
+        """
         here, margins = self.slope(flight.x, flights.deviations(flight), width, len(flights))
-        kind, failed = path_class(self.problem, flight.x), float((margins < 0.0).mean())
-        return Candidate(flight, path_length(flight.x), here.value, failed, origin, kind)
+        failed, kind = margins < 0.0, path_class(self.problem, flight.x)
+        landed = float((flights.exhausted(flight) & ~failed).mean())
+        return Candidate(
+            flight, path_length(flight.x), here.value + landed, float(failed.mean()) + landed, origin, kind
+        )
 
     def _at_width(
         self, flight: Flight, near: CommonFlights, runs: int, how: Polish, width: float, longest: float
