@@ -97,7 +97,7 @@ def test_a_search_has_for_every_path_of_the_coarse_one_a_path_as_good(grown):
     best = np.array([row(path) for path in full])
     for path in coarse:
         length, failed = row(path)
-        near = best[best[:, 0] <= sweep.KEPT * length, 1]
+        near = best[best[:, 0] <= length * 1.001, 1]  # the last solve changes lengths a little
         assert near.min() <= 1.1 * failed + 3.0 / len(usual)
 
 

@@ -24,10 +24,8 @@ RUNS = 400
 
 def both_deviations(problem, x, runs=RUNS):
     """Deviations of the same flights along ``x`` in the linearised law and in the law itself."""
-    flights, flight = (
-        draw_flights(problem, problem.fidelity.law, runs, SeedSequence(1)),
-        propagate(problem, x),
-    )
+    flight = propagate(problem, x)
+    flights = draw_flights(problem, problem.fidelity.law, runs, SeedSequence(1))
     linear = flights.linear()
     assert isinstance(linear, LinearFlights)
     np.testing.assert_array_equal(linear.exact().deviations(flight), flights.deviations(flight))
@@ -49,11 +47,8 @@ def test_what_linear_winds_leave_out_falls_with_the_square_of_the_error(time):
 def test_flights_with_fixes_steer_by_them_in_linear_winds():
     problem = landmark_problem()
     linear, exact = both_deviations(problem, LANDMARK_WAY)
-    flights, flight = (
-        draw_flights(problem, "coherent", RUNS, SeedSequence(1)),
-        propagate(problem, LANDMARK_WAY),
-    )
-    unaided = flights.linear().unaided(flight)
+    flights = draw_flights(problem, "coherent", RUNS, SeedSequence(1))
+    unaided = flights.linear().unaided(propagate(problem, LANDMARK_WAY))
     assert linear[-1].std() < 0.8 * unaided[-1].std()
     assert np.sqrt(((linear - exact) ** 2).mean() / (exact**2).mean()) < 0.1
 

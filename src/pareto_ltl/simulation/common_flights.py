@@ -67,14 +67,14 @@ class DrawnFlights:
 
         Robots that do not correct it spend what the plan does, which is compared with the capacity later.
         """
-        problem, pilot, energy = self.problem, self._pilot(flight.u, flight.x), self.problem.energy
-        if energy is None or energy.capacity is None or not sim.corrects(problem.motion, pilot):
+        energy = self.problem.energy
+        if energy is None or energy.capacity is None:
             return np.zeros(len(self), bool)
-        x = np.empty((len(self), len(flight.x), 2))
-        x[:, 0] = problem.scene.start + self.start
-        tank = sim.full_tank(problem.motion, len(x), replace(energy, capacity=sys.float_info.max))
-        winds = self._winds_about(flight)
-        kernel.fly_batch(problem.motion, winds, pilot, x, np.empty((len(x), 4)), tank)
+        pilot = self._pilot(flight.u, flight.x)
+        if not sim.corrects(self.problem.motion, pilot):
+            return np.zeros(len(self), bool)
+        endless = replace(energy, capacity=sys.float_info.max)
+        tank = sim.fly_draws(self.problem, self._winds_about(flight), pilot, self._begun(flight.x), endless)
         return np.asarray(tank.spent > energy.capacity, bool)
 
     def _winds_about(self, _flight: Flight) -> Any:
@@ -93,9 +93,14 @@ class DrawnFlights:
         return sim.pilot_maker(self.problem, u, mean, self.law)(self.noise)
 
     def _flown_by(self, pilot: Any, mean: FloatArray, energy: EnergyModel | None, draws: Any) -> FloatArray:
+        x = self._begun(mean)
+        sim.fly_draws(self.problem, draws, pilot, x, energy)
+        return x
+
+    def _begun(self, mean: FloatArray) -> FloatArray:
+        """Memory for the positions (n, T+1, 2) along ``mean`` (T+1, 2) [m]; the start is filled."""
         x = np.empty((len(self), len(mean), 2))
         x[:, 0] = self.problem.scene.start + self.start
-        sim.fly_draws(self.problem, draws, pilot, x, energy)
         return x
 
     def failed(self, x: FloatArray) -> BoolArray:

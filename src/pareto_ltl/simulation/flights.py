@@ -218,14 +218,15 @@ def fly_block(problem: Problem, block: FlightBlock, pilot: PilotMaker, x: FloatA
 
 def fly_draws(
     problem: Problem, draws: kernel.Draws, pilot: Pilot, x: FloatArray, energy: EnergyModel | None = None
-) -> None:
+) -> kernel.Tank:
     """Fly one plan from the places ``x[:, 0]`` through the winds of ``draws``; fills ``x`` (n, T+1, 2).
 
     With ``energy``, robots that correct their course land where they have spent its capacity. Others spend
-    what the plan does, which is compared with the capacity when it is chosen.
+    what the plan does, which is compared with the capacity when it is chosen. Returns the tanks afterwards.
     """
     tank = full_tank(problem.motion, len(x), energy if corrects(problem.motion, pilot) else None)
     kernel.fly_batch(problem.motion, draws, pilot, x, np.empty((len(x), 4)), tank)
+    return tank
 
 
 def corrects(motion: kd.Motion, pilot: Pilot) -> bool:
