@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import pkgutil
+from pathlib import Path
 from typing import NamedTuple, get_args
 
 import pytest
@@ -112,3 +114,40 @@ def test_every_model_has_its_memory_its_strategy_and_its_name():
     assert set(evaluate.COLLISION_MEMORY) == FAMILIES["collision"]
     assert set(flights.DRAWS) == set(LAWS)
     assert set(growth.RULE_MAKERS) == set(PARENT_RULES)
+
+
+HELPERS = {"kernel", "inlined", "vector"}  # a run that calls one from Python compiles a second copy of it
+
+
+def helpers_of_kernels():
+    """The names of the helpers of kernels, as ``module.name``."""
+    for path in sorted(Path(pareto_ltl.kernels.__path__[0]).glob("*.py")):
+        for node in ast.parse(path.read_text()).body:
+            marks = {getattr(mark, "id", "") for mark in getattr(node, "decorator_list", ())}
+            if marks & HELPERS:
+                yield f"pareto_ltl.kernels.{path.stem}.{node.name}"
+
+
+def kernels_read(path):
+    """What the Python file ``path`` reads of the modules of kernels, as ``module.name``."""
+    tree, modules = ast.parse(path.read_text()), {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("pareto_ltl.kernels"):
+            for alias in node.names:
+                modules[alias.asname or alias.name] = f"{node.module}.{alias.name}"
+    yield from modules.values()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in modules:
+            yield f"{modules[node.value.id]}.{node.attr}"
+
+
+def test_python_calls_no_helper_of_kernels():
+    helpers = set(helpers_of_kernels())
+    assert "pareto_ltl.kernels.propagation.left_time" in helpers
+    package = Path(pareto_ltl.kernels.__path__[0]).parent
+    called = {
+        str(path.relative_to(package)): found
+        for path in package.rglob("*.py")
+        if path.parent.name != "kernels" and (found := helpers & set(kernels_read(path)))
+    }
+    assert called == {}

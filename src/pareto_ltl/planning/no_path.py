@@ -13,7 +13,6 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.kernels.geometry import face_slack
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning import shortest_mission as line
 from pareto_ltl.planning.growth import grow_forest
@@ -283,7 +282,7 @@ def _lost_mission(automaton: Automaton) -> str:
 
 def _nearest_miss(problem: Problem, forest: Forest) -> str:
     """Distance of the most advanced vertices from a region that would bring them closer to acceptance."""
-    logic, cells = problem.logic, problem.cells
+    logic, faces = problem.logic, problem.cells.faces
     delta = helpful_delta(logic)
     best = min(float(logic.distance[tree.q].min()) for tree in forest.trees)
     miss, name = np.inf, ""
@@ -291,7 +290,8 @@ def _nearest_miss(problem: Problem, forest: Forest) -> str:
         for q in np.unique(tree.q[logic.distance[tree.q] == best]):
             points = tree.x[tree.q == q]
             for cell in np.flatnonzero(logic.distance[delta[q, :-1]] < best):
-                gaps = np.array([-face_slack(cells.faces, int(cell), kd.Point(x, y)) for x, y in points])
+                own = slice(faces.ptr[cell], faces.ptr[cell + 1])
+                gaps = (points @ faces.normal[own].T - faces.offset[own]).max(axis=1)
                 if gaps.min() < miss:
                     miss, name = float(gaps.min()), "/".join(sorted(problem.labels[cell]))
     return f", {max(miss, 0.0) / 1000:.1f} km short of {name or 'open space'}" if np.isfinite(miss) else ""

@@ -14,7 +14,6 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot
-from pareto_ltl.kernels.propagation import left_time
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem, merged_draws
 from pareto_ltl.planning.refine.sampled import deviations_from
@@ -150,7 +149,7 @@ class LinearFlights(DrawnFlights):
         wind = np.repeat(expected[:, None], len(self), axis=1)
         epoch = drawn.law.modes.epoch[:T]
         kernel.winds_at_means(flight.psi, np.sqrt(flight.white), epoch, drawn.white, drawn.theta, wind)
-        slope = (flight.F - motion.closed) / left_time(motion)
+        slope = (flight.F - motion.closed) / (motion.exposed * motion.dt)
         return kernel.LinearDraws(np.ascontiguousarray(flight.x), wind, slope)
 
 

@@ -41,7 +41,6 @@ from pareto_ltl.kernels import flight as rollout
 from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot
-from pareto_ltl.kernels.propagation import left_time
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import WEIGHTED, FailureRate, PlannedPath
@@ -208,10 +207,10 @@ SMOOTH_LAWS: Mapping[str, Callable[[Problem], kd.CoherentLaw]] = {
 
 def linear_law(problem: Problem, flight: Flight, law: kd.CoherentLaw) -> kernel.LinearLaw:
     """The law linearised about ``flight``, which was propagated in it."""
-    steps = len(flight.u)
+    steps, motion = len(flight.u), law.motion
     return kernel.LinearLaw(
         flight.F, flight.psi, np.sqrt(flight.white), law.modes.epoch[:steps],
-        sim.kept_by_epoch(law.modes, steps), left_time(law.motion), math.sqrt(problem.start_variance),
+        sim.kept_by_epoch(law.modes, steps), motion.exposed * motion.dt, math.sqrt(problem.start_variance),
     )  # fmt: skip
 
 
