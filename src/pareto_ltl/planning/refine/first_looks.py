@@ -54,7 +54,7 @@ def first_looks(sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKin
     first = next(iter(chosen), None)
 
     def looks(some: Iterable[Start]) -> list[Candidate]:
-        made = pool.map(lambda s: _first_look(sweep, s) if s is first or not sweep.over else None, some)
+        made = pool.map(lambda s: first_look(sweep, s) if s is first or not sweep.over else None, some)
         return [k for k in made if k is not None]
 
     found, known, tried = looks(chosen), {kind for kind, _ in starts}, set[StartKind]()
@@ -109,7 +109,7 @@ def _by_fronts(rows: FloatArray) -> IntArray:
     return np.lexsort((rows[:, 0], moocore.pareto_rank(rows)))
 
 
-def _first_look(sweep: Sweep, start: Start) -> Candidate:
+def first_look(sweep: Sweep, start: Start) -> Candidate:
     """A start polished with few flights, at about its own length."""
     x, how = timed_means(sweep.problem, start.x, 1), sweep.polish_of(COARSE, 4)
     return sweep.refiner.polish(x, sweep.few, how, LOOSE * path_length(x), start.origin)

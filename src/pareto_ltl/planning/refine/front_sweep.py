@@ -30,7 +30,7 @@ import numpy as np
 
 from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.records import Forest, PlannedPath
-from pareto_ltl.planning.refine.first_looks import FLIPPED, hopeless_above, looks
+from pareto_ltl.planning.refine.first_looks import FLIPPED, first_look, hopeless_above, looks
 from pareto_ltl.planning.refine.last_polish import (
     closed,
     finished_points,
@@ -48,7 +48,14 @@ from pareto_ltl.planning.refine.merged_steps import (
     steps_to_merge,
 )
 from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights
-from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts, flipped_starts
+from pareto_ltl.planning.refine.starts import (
+    Start,
+    StartKind,
+    first_starts,
+    flipped_starts,
+    led_starts,
+    unlike_starts,
+)
 from pareto_ltl.planning.refine.sweep import (
     MORE_FLIGHTS,
     WIDE,
@@ -78,6 +85,8 @@ SEARCH_STEPS = 4  # that are reported of each search
 ALL_STEPS = SEARCH_STEPS * (len(COARSE_SHARES) + 1)
 LONG = 1e5  # [m] lengths above have no decimals in messages
 ROUND = 4  # points of a front that are varied between two reports
+# Where no path keeps epsilon: rounds, paths that are varied in each, and variants that are closed.
+ROUNDS, NEAREST, VARIED = 3, 4, 12
 MORE = (0, 1, 2, 3, 5, 8)  # numbers of steps beyond the fewest
 BUMP = 0.03  # standard deviation of a random bend, as a share of the map's size
 
@@ -113,7 +122,7 @@ def _searches(
     """What the coarse searches and the search find, each before and after its last solve (``closed``).
 
     Where no path keeps epsilon, one more searches among paths that are near it: in an order or on a side of
-    an obstacle where flights fail more often.
+    an obstacle where flights fail more often. At last the paths nearest to epsilon are varied.
     """
     known, seen = list[Candidate](), looks(sweep, pool, starts)
     for number, rough in enumerate(coarse_sweeps(sweep)):
@@ -128,11 +137,37 @@ def _searches(
     rivals = [k for k in found if completes(sweep.problem, k.flight.x)]
     found += [k for k in again if not any(beats(other, k) for other in rivals)]
     ended = _ended(sweep, pool, found)
-    if any(excess(sweep, end.flight) == 0.0 for _, end in ended):
-        return ended
-    near = replace(sweep, excess=WITHIN_REACH)
-    found = _with_slower(near, pool, searched(near, pool, near_epsilon(near, seen), progress))
-    return ended + _ended(sweep, pool, found)
+    if not _keep_epsilon(sweep, ended):
+        near = replace(sweep, excess=WITHIN_REACH)
+        found = _with_slower(near, pool, searched(near, pool, near_epsilon(near, seen), progress))
+        ended += _ended(sweep, pool, found)
+    for _ in range(ROUNDS):
+        if sweep.budget.over() or _keep_epsilon(sweep, ended):
+            break
+        ended += _ended(sweep, pool, _beside(sweep, pool, [end for _, end in ended]))
+    return ended
+
+
+def _keep_epsilon(sweep: Sweep, ended: Iterable[tuple[Candidate, Candidate]]) -> bool:
+    """Whether a path keeps epsilon in every segment after its last solve."""
+    return any(excess(sweep, end.flight) == 0.0 for _, end in ended)
+
+
+def _beside(sweep: Sweep, pool: ThreadPoolExecutor, ended: Iterable[Candidate]) -> list[Candidate]:
+    """The paths nearest to epsilon, led past an obstacle on its other side or through a landmark.
+
+    Each is polished cheaply; those nearest to epsilon are returned.
+    """
+    problem = sweep.problem
+
+    def nearest(k: Candidate) -> float:
+        return excess(sweep, k.flight)
+
+    best = sorted(ended, key=nearest)[:NEAREST]
+    led = [start for k in best for start in led_starts(problem, k.flight, k.origin)]
+    led += [start for k in best for start in flipped_starts(problem, k.flight.x, k.origin)]
+    made = pool.map(partial(first_look, sweep), unlike_starts(problem, led).values())
+    return sorted(made, key=nearest)[:VARIED]
 
 
 def coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
