@@ -51,7 +51,7 @@ from pareto_ltl.simulation.judging import judge_front
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.errors import InfeasibleError
-from problems import box, make_problem, make_scene, smooth_wind, steady_wind
+from problems import KM, box, make_problem, make_scene, smooth_wind, steady_wind
 
 PLANNER = PlannerConfig(trees=3, n_max=600, epsilon=0.5)
 REFINE = RefineConfig(flights=400, sweep_flights=120, classes=2, points=6)
@@ -491,3 +491,25 @@ def test_where_the_best_order_breaks_epsilon_another_one_is_searched():
 
     assert order_and_risk(0.5) == {("a", False)}
     assert order_and_risk(0.02) == {("a", False), ("b", True)}
+
+
+def test_where_all_searches_break_epsilon_the_nearest_paths_are_led_past_other_sides(monkeypatch):
+    """The searches have found the gap between two obstacles, and epsilon = 2 % is kept only around them."""
+    gap = [box(8, 6, 9, 9.5), box(8, 10.5, 9, 14)]
+    scene = make_scene({"a": box(12, 5, 18, 15)}, gap, start=(4.0, 10.0))
+    robot = RobotConfig(dt=100.0, u_max=12.0, start_sd=100.0)
+    planner = replace(PLANNER, epsilon=0.02)
+    wind = smooth_wind(scene, speed=1.5, sd=0.9, gust=0.5)
+    problem = make_problem("F a", scene, wind, robot, planner, fidelity="full")
+    flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
+    begun = sweep.new_sweep(REFINE, problem, flights)
+    straight = resampled_means(problem, KM * np.array([[4.0, 10.0], [15.0, 10.0]]), 12)
+    through = begun.refiner.assessed(propagate(problem, straight), begun.few, 100.0, "through the gap")
+    monkeypatch.setattr(front_sweep, "searched", lambda *_: [through])
+
+    found = sampled_paths(REFINE, problem, grow_forest(planner, problem, SeedSequence(3)), flights)
+    risks = {p.origin: float(separation(problem, propagate(problem, p.x)).risk.max()) for p in found}
+    assert risks["through the gap, refined"] > 0.02
+    kept = [origin for origin, risk in risks.items() if risk <= 0.02]
+    assert kept
+    assert all(origin.startswith("through the gap, past obstacle") for origin in kept)
