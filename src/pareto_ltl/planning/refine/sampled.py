@@ -32,6 +32,7 @@ from pareto_ltl.kernels.descent import (
     WIDER,
 )
 from pareto_ltl.kernels.margin_events import MarginModel
+from pareto_ltl.kernels.pacing import fill_leg_times
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import (
     airspeed_limits,
@@ -47,14 +48,12 @@ from pareto_ltl.planning.refine.separation import allowed_risk, separation
 from pareto_ltl.planning.refine.step_programme import Descent, path_limits, step_memory, step_model
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.planning.routes.taut_lines import CAP
-from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 EXCESS = 10.0  # penalty per relative risk of a segment above epsilon
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
 FINER = 8  # parts of a leg in which letters are looked for that no step reads
 ALL = 0.9  # if more than this share of the flights counts, all are retained: copying winds takes longer
-SLOWEST = 0.05  # of u_max: least ground speed assumed for a leg against a strong wind
 
 
 class CommonFlights(Protocol):
@@ -323,19 +322,11 @@ def deviations_from(positions: FloatArray, x: FloatArray) -> FloatArray:
 def steps_needed(problem: Problem, x: FloatArray) -> FloatArray:
     """Time that each leg of ``x`` (T+1, 2) takes at full airspeed in the expected wind, (T,) [steps].
 
-    Along the direction d the ground speed is d' w + √(u_max² - |w - (d' w) d|²). The wind is taken at the
-    step of each leg; B is taken as dt I.
-
     Eq. (M57) of docs/mathematics_methods.md.
     """
-    motion = problem.motion
-    wind, _ = wind_and_gradient(problem.wind, x[:-1])
-    leg = np.diff(x, axis=0)
-    length = np.linalg.norm(leg, axis=1)
-    along = np.einsum("ti,ti->t", leg, wind) / np.maximum(length, 1e-9)
-    across = np.maximum((wind**2).sum(axis=1) - along**2, 0.0)
-    speed = along + np.sqrt(np.maximum((CAP * motion.u_max) ** 2 - across, 0.0))
-    return np.asarray(length / (motion.dt * np.maximum(speed, SLOWEST * motion.u_max)), float)
+    needed = np.empty(len(x) - 1)
+    fill_leg_times(problem.wind, problem.motion, CAP, np.ascontiguousarray(x), needed)
+    return needed
 
 
 def resampled_means(
