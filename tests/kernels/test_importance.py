@@ -14,10 +14,10 @@ from pareto_ltl.kernels.importance import (
     LinearLaw,
     Mixture,
     NormalDraws,
-    linear_deviations,
     mixture_density,
     push_draws,
 )
+from pareto_ltl.simulation.importance import linear_deviations
 
 some = settings(deadline=None, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
@@ -55,8 +55,7 @@ def linked(law: LinearLaw, draws: NormalDraws):
 def test_deviations_are_a_matrix_times_the_draws(seed, modes):
     rng = np.random.default_rng(seed)
     law, draws = linear_law(rng, modes), normal_draws(rng, modes)
-    e = np.empty((N, STEPS + 1, 2))
-    linear_deviations(law, draws, linked(law, draws), e)
+    e = linear_deviations(law, draws, linked(law, draws))
     expected = np.einsum("tid,nd->nti", plain.deviation_map(law), plain.joined(draws))
     np.testing.assert_allclose(e, expected, atol=1e-3)
 

@@ -79,11 +79,9 @@ def drawn(proposal: importance.Proposal, n: int, seed: int) -> tuple[kernel.Norm
     """z of ``n`` flights and their linear deviations."""
     choices = importance.component_choices(proposal)
     z = importance.draw_proposal(proposal, choices, n, np.random.default_rng(seed))
-    e = np.empty((n, len(proposal.law.white) + 1, 2))
     theta = z.field.copy()
     link_fields(proposal.law.kept, theta)
-    kernel.linear_deviations(proposal.law, z, theta, e)
-    return z, e
+    return z, importance.linear_deviations(proposal.law, z, theta)
 
 
 # --- the linear law and its half-spaces ------------------------------------------------------------
@@ -91,7 +89,7 @@ def drawn(proposal: importance.Proposal, n: int, seed: int) -> tuple[kernel.Norm
 
 @pytest.mark.parametrize("name", ["coherent", "feedback", "independent"])
 def test_linear_deviations_and_directions_are_those_of_a_matrix(name):
-    """The kernel's loop, the adjoint recursion and M z agree."""
+    """The recursion of deviations, the adjoint recursion and M z agree."""
     proposal = proposal_of(name)
     z, e = drawn(proposal, 40, seed=1)
     M = plain.deviation_map(proposal.law)

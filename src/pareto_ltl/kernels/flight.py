@@ -26,7 +26,6 @@ from pareto_ltl.kernels.data import (
     Point,
 )
 from pareto_ltl.kernels.geometry import locate_cell, off_map, segment_touches
-from pareto_ltl.kernels.importance import linear_field
 from pareto_ltl.kernels.interpolation import (
     F32,
     corner_weights,
@@ -144,6 +143,15 @@ def meet_fields(modes: Modes, t: int, x: FloatArray, theta: Float32Array, met: F
             n += north * theta[i, 1, m]
             nn += north * north
         met[i, 0], met[i, 1], met[i, 2], met[i, 3] = e, n, ee, nn
+
+
+@vector
+def linear_field(psi: Float32Array, t: int, c: int, theta: Float32Array) -> float:
+    """ψ_t' θ of wind component ``c`` [m/s]; ``psi`` (T, 2, P), ``theta`` (2, P)."""
+    wind = F32(0.0)
+    for m in range(psi.shape[2]):
+        wind += psi[t, c, m] * theta[c, m]
+    return wind  # type: ignore[return-value]
 
 
 @entry

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.interpolation import F32
 from pareto_ltl.kernels.jit import allocating, vector
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
@@ -67,15 +66,6 @@ class Mixture(NamedTuple):
     plain: float
 
 
-@vector
-def linear_field(psi: Float32Array, t: int, c: int, theta: Float32Array) -> float:
-    """ψ_t' θ of wind component ``c`` [m/s]; ``psi`` (T, 2, P), ``theta`` (2, P)."""
-    wind = F32(0.0)
-    for m in range(psi.shape[2]):
-        wind += psi[t, c, m] * theta[c, m]
-    return wind  # type: ignore[return-value]
-
-
 @allocating
 def push_draws(directions: Directions, event: IntArray, size: FloatArray, draws: NormalDraws) -> None:
     """Shift the draws z of flight i along ω of half-space ``event[i]`` to ω' z = ``size[i]``; -1: none."""
@@ -105,29 +95,6 @@ def along_direction(directions: Directions, j: int, draws: NormalDraws, i: int) 
             for m in range(draws.field.shape[3]):
                 total += directions.field[j, k, c, m] * draws.field[k, i, c, m]
     return total
-
-
-@allocating
-def linear_deviations(law: LinearLaw, draws: NormalDraws, theta: Float32Array, e: FloatArray) -> None:
-    """Fill the deviations ``e`` (n, T+1, 2) [m] under the linear law.
-
-    ``theta`` (E, n, 2, P) is the field whose innovations are in ``draws``.
-
-    Eq. (M22) of docs/mathematics.md.
-    """
-    F, dt = law.F, law.dt
-    for i in range(len(e)):
-        at = Point(law.start_sd * draws.start[i, 0], law.start_sd * draws.start[i, 1])
-        e[i, 0, 0], e[i, 0, 1] = at
-        for t in range(len(law.white)):
-            field = theta[law.epoch[t], i]
-            east = linear_field(law.psi, t, 0, field) + law.white[t, 0] * draws.white[t, i, 0]
-            north = linear_field(law.psi, t, 1, field) + law.white[t, 1] * draws.white[t, i, 1]
-            at = Point(
-                F[t, 0, 0] * at.x + F[t, 0, 1] * at.y + dt * east,
-                F[t, 1, 0] * at.x + F[t, 1, 1] * at.y + dt * north,
-            )
-            e[i, t + 1, 0], e[i, t + 1, 1] = at
 
 
 @allocating

@@ -244,6 +244,22 @@ def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Direction
 # --- weighted flights -------------------------------------------------------------------------
 
 
+def linear_deviations(law: kernel.LinearLaw, draws: kernel.NormalDraws, theta: Float32Array) -> FloatArray:
+    """Deviations e (n, T+1, 2) [m] under the linear law.
+
+    ``theta`` (E, n, 2, P) is the field whose innovations are in ``draws``.
+
+    Eq. (M22) of docs/mathematics.md.
+    """
+    wind = np.zeros((len(law.white), len(draws.start), 2))
+    rollout.winds_at_means(law.psi, law.white, law.epoch, draws.white, theta, wind)
+    e = np.empty((len(draws.start), len(wind) + 1, 2))
+    e[:, 0] = law.start_sd * draws.start
+    for t, F in enumerate(law.F):
+        e[:, t + 1] = e[:, t] @ F.T + law.dt * wind[t]
+    return e
+
+
 def weighted_flights(
     problem: Problem, path: PlannedPath, proposal: Proposal, draws: int, seed: SeedSequence
 ) -> tuple[FloatArray, BoolArray]:
@@ -260,10 +276,8 @@ def weighted_flights(
         z = draw_proposal(proposal, choices, n, np.random.default_rng(child))
         theta = z.field.copy()
         rollout.link_fields(proposal.law.kept, theta)
-        e, density = np.empty((n, len(path.x), 2)), np.empty(n)
-        kernel.linear_deviations(proposal.law, z, theta, e)
-        kernel.mixture_density(mixture, e, density)
-        x = np.empty((n, len(path.x), 2))
+        density, x = np.empty(n), np.empty((n, len(path.x), 2))
+        kernel.mixture_density(mixture, linear_deviations(proposal.law, z, theta), density)
         x[:, 0] = problem.scene.start + proposal.law.start_sd * z.start
         sim.fly_draws(problem, _winds(problem, z, theta), pilot, x, problem.energy)
         weights[rows] = 1.0 / density
