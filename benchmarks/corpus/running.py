@@ -122,7 +122,7 @@ def command(task: Task, out: Path, words: Sequence[str]) -> list[str]:
     own = json.loads((folder / "mission.json").read_text())["words"]
     if task.variant == "bare":
         own = [word.replace(f"{folder}/map.", f"{folder}/bare.") for word in own]
-    target = f"hydra.run.dir={result_folder(task, out)}"
+    target = f"hydra.run.dir='{result_folder(task, out)}'"
     fixed = [f"seed={task.seed}", "report=none", "exports=none", target]
     return [sys.executable, "-m", "pareto_ltl", "plan", *own, *VARIANTS[task.variant], *fixed, *words]
 

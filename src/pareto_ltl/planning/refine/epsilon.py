@@ -11,13 +11,12 @@ import numpy as np
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine.separation import allowed_risk, separation
+from pareto_ltl.planning.refine.separation import ROUNDING, allowed_risk, separation
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import InfeasibleError
 
 LOG = logging.getLogger(__name__)
 
-ROUNDING = 1e-6  # relative excess over epsilon that is rounding
 WALLS = ("western", "eastern", "southern", "northern")
 
 

@@ -44,7 +44,7 @@ from pareto_ltl.planning.evaluate import (
 from pareto_ltl.planning.margin_model import ORDERED, margin_scratch, model_of_order
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.programme import programmes_of
-from pareto_ltl.planning.refine.separation import allowed_risk, separation
+from pareto_ltl.planning.refine.separation import ROUNDING, allowed_risk, separation
 from pareto_ltl.planning.refine.step_programme import Descent, path_limits, step_memory, step_model
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.planning.routes.taut_lines import CAP
@@ -304,7 +304,7 @@ class ConstrainedRefiner(Refiner):
         These are the length above ``longest`` [m], and risks of segments above epsilon, relative to it.
         """
         risk, limit = separation(self.problem, flight).risk, allowed_risk(self.problem)
-        above = np.maximum(risk / limit - 1.0, 0.0).sum()
+        above = np.maximum(risk / limit - 1.0 - ROUNDING, 0.0).sum()
         return OVERLONG * max(0.0, path_length(flight.x) / longest - 1.0) + EXCESS * float(above)
 
 

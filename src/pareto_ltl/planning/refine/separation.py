@@ -18,6 +18,7 @@ from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 ROWS = 2  # lines of a segment in a programme, the closest ones (3 take half as long again)
+ROUNDING = 1e-6  # relative excess over epsilon that is rounding
 KEPT = 1.4  # standard deviations that taut lines keep where polygons share epsilon as they need it
 
 
