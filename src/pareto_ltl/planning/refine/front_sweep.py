@@ -80,7 +80,7 @@ from pareto_ltl.support.display import distance_text
 Progress = Callable[..., None]
 COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of the settings of a coarse search
 COARSE_SHARES = (0.4, 0.5)  # of a time budget, after which each of the coarse searches ends
-HARD = 0.3  # failure above which one coarse search is enough: nearly all flights count, and it takes long
+HARD = 0.3  # failure above which a mission with landmarks has one coarse search: it takes minutes there
 SEARCH_STEPS = 4  # that are reported of each search
 ALL_STEPS = SEARCH_STEPS * (len(COARSE_SHARES) + 1)
 LONG = 1e5  # [m] lengths above have no decimals in messages
@@ -126,7 +126,7 @@ def _searches(
     """
     known, seen = list[Candidate](), looks(sweep, pool, starts)
     for number, rough in enumerate(coarse_sweeps(sweep)):
-        if number and min(map(smoothed, known), default=1.0) > HARD:
+        if number and sweep.problem.landmarks and min(map(smoothed, known), default=1.0) > HARD:
             break
         own = seen if number == 0 else looks(rough, pool, starts)
         known += searched(rough, pool, own, progress, SEARCH_STEPS * number)
