@@ -118,7 +118,7 @@ def test_multipliers_are_derivatives_of_the_least_objective(binding, monkeypatch
     )
     assert solution.faster > 0.0
     speeds = lambda by: (problem, flight._replace(speed=flight.speed + by), model, longest)  # noqa: E731
-    assert slope(speeds, 0.01) == pytest.approx(solution.faster, rel=0.02)
+    assert slope(speeds, 0.001) == pytest.approx(solution.faster, rel=0.02)
 
     def farther(by):
         def moved(*args, **kwargs):
