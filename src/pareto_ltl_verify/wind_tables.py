@@ -33,19 +33,22 @@ class Source:
         Whether members of an ensemble can be part of the wind's error.
     level : bool
         Whether the level is set in the settings.
+    modelled : bool or None
+        Whether its fields are of a weather model, whose analyses count; None if it is not known.
     """
 
     law: str | None
     ensemble: bool
     level: bool
+    modelled: bool | None = True
 
 
 SOURCES = {
-    "sample": Source("none", ensemble=False, level=False),
+    "sample": Source("none", ensemble=False, level=False, modelled=False),
     "csv": Source("gfs", ensemble=False, level=True),
     "grib": Source("gfs", ensemble=True, level=True),
     "netcdf": Source("gfs", ensemble=True, level=True),
-    "stations": Source("none", ensemble=False, level=True),
+    "stations": Source("none", ensemble=False, level=True, modelled=False),
     "noaa": Source("gfs", ensemble=True, level=True),
     "currents": Source("none", ensemble=False, level=False),
     "ensemble": Source("gfs", ensemble=True, level=True),
@@ -57,8 +60,8 @@ HYPER = ("prior_mean", "prior_sd", "prior_length", "noise_sd")
 
 
 def source_of(name: str) -> Source:
-    """The row of a wind source; a source of another package may have an ensemble."""
-    return SOURCES.get(name, Source(None, ensemble=True, level=False))
+    """The row of a wind source; of another package's, little is known."""
+    return SOURCES.get(name, Source(None, ensemble=True, level=False, modelled=None))
 
 
 def level_of(text: str) -> tuple[str, float, str]:

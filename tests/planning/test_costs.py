@@ -13,6 +13,7 @@ from pareto_ltl.planning.plan_files import read_front, write_front
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.planning.selection import box_above, build_front
 from pareto_ltl.planning.selection_rules import choose_path
+from pareto_ltl.run.front_stage import equal_costs
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.errors import ConfigError
 from problems import box, make_problem, make_scene
@@ -53,6 +54,14 @@ def front_of_three() -> Front:
 def test_a_front_over_three_objectives_keeps_what_is_best_in_any_of_them() -> None:
     costs = [tuple(path.objectives.costs.values()) for path in front_of_three().paths]
     assert costs == [(5.0, 300.0), (6.0, 200.0), (4.0, 400.0)]
+
+
+def test_a_cost_that_is_equal_on_all_paths_is_named() -> None:
+    paths = [path_of(risk, length=length, turns=90.0) for risk, length in ((0.1, 6.0), (0.2, 5.0))]
+    expected = "selection.costs: turns is 90° on all 2 paths of the front, and decides nothing"
+    assert list(equal_costs(["turns"], build_front(paths, []))) == [expected]
+    assert list(equal_costs(["turns"], build_front(paths[:1], []))) == []
+    assert list(equal_costs(["turns"], front_of_three())) == []
 
 
 def test_a_front_with_further_costs_is_read_as_it_was_written(tmp_path: Path) -> None:

@@ -141,7 +141,7 @@ def test_risks_of_lines_and_of_all_other_polygons_are_the_risk_of_a_segment(monk
     descent = some_descent(np.random.default_rng(1), x, problem)
     programme.programme(problem, len(x) - 1).descend(flight, descent, 0.3, 1e9)
     limit = np.maximum(0.96 * problem.epsilon - apart, 0.1 * problem.epsilon)
-    np.testing.assert_allclose(given["epsilon"], limit)
+    np.testing.assert_allclose(given["left"], limit)
 
 
 def test_a_polish_brings_the_risk_of_every_segment_below_epsilon(grown, lines):

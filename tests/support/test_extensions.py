@@ -247,6 +247,7 @@ def test_verify_knows_every_wind_source_and_its_usual_law() -> None:
     assert wind_tables.SOURCES.keys() == SOURCE_NAMES.keys()
     for name, known in wind_tables.SOURCES.items():
         assert known.law in (None, SOURCE_NAMES[name].forecast_error)
+        assert known.modelled == SOURCE_NAMES[name].modelled
 
 
 @pytest.mark.parametrize("name", SOURCE_NAMES)

@@ -410,6 +410,14 @@ def test_a_missing_file_is_named(source, tmp_path):
         read(WindConfig(source=source, path=str(tmp_path / "nowhere")))
 
 
+def test_a_folder_without_files_of_the_source_and_a_missing_path_are_refused(tmp_path):
+    (tmp_path / "buoys.json").write_text("[]")
+    with pytest.raises(DataError, match="no csv file in this folder"):
+        sources.data_files(WindConfig(source="csv", path=str(tmp_path)))
+    with pytest.raises(ConfigError, match="wind.path is missing: wind.source=sample needs a file"):
+        sources.data_files(WindConfig())
+
+
 def test_tables_of_both_kinds_do_not_mix(tmp_path):
     write(tmp_path / "a.csv", GOOD)
     write(tmp_path / "b.csv", [f"{HOURS[0]},1,2,3,4"], "time,x,y,u,v")

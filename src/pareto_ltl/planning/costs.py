@@ -45,7 +45,8 @@ class Cost:
         Its column in ``front.csv`` and its name in ``metrics.json``, with the unit.
     of : callable
         Function from the problem, positions (T+1, 2) [m] and air-relative velocities (T, 2) [m/s] to the
-        cost; None if the robot has no such cost.
+        cost; None if the robot has no such cost. The expected path is straight, at constant speed, between
+        positions.
     text : callable
         The number with its unit, as text.
     note : str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from pareto_ltl.run.records import CANDIDATES, FOREST, PROBLEM
@@ -28,7 +28,20 @@ def make_front(inputs: StageInputs) -> Front:
     inputs.budget.heeded = True
     front = FRONT_MAKERS[inputs.settings.fidelity.judge](inputs)
     inputs.budget.heeded = False
+    for text in equal_costs(inputs.settings.selection.costs, front):
+        LOG.warning("%s", text)
     return front
+
+
+def equal_costs(names: Iterable[str], front: Front) -> Iterator[str]:
+    """Which of the costs ``names`` are equal on all paths of ``front``, and decide nothing."""
+    from pareto_ltl.planning.costs import cost_named
+
+    for name in names:
+        values = {path.objectives.costs.get(name) for path in front.paths}
+        if len(front.paths) > 1 and len(values) == 1 and (value := values.pop()) is not None:
+            text = f"{name} is {cost_named(name).text(value)} on all {len(front.paths)} paths of the front"
+            yield f"selection.costs: {text}, and decides nothing"
 
 
 def _bounded_front(inputs: StageInputs) -> Front:

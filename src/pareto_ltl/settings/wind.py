@@ -25,25 +25,29 @@ class SourceKind(NamedTuple):
     level : str
         ``selected``: the wind at ``wind.level`` is read from files that state levels. ``stated``: tables do
         not state their level, ``wind.level`` does.
+    modelled : bool
+        The readings are fields of a weather model, whose age and analyses count; not observations. The
+        packaged sample has analyses of one day only.
     """
 
     reads_path: bool
     forecast_error: str
     level: str = SELECTED
+    modelled: bool = True
 
 
 WIND_SOURCES = {
-    "sample": SourceKind(reads_path=False, forecast_error="none"),
+    "sample": SourceKind(reads_path=False, forecast_error="none", modelled=False),
     "csv": SourceKind(reads_path=True, forecast_error="gfs", level=STATED),
     "grib": SourceKind(reads_path=True, forecast_error="gfs"),
     "netcdf": SourceKind(reads_path=True, forecast_error="gfs"),
-    "stations": SourceKind(reads_path=True, forecast_error="none", level=STATED),
+    "stations": SourceKind(reads_path=True, forecast_error="none", level=STATED, modelled=False),
     "noaa": SourceKind(reads_path=False, forecast_error="gfs"),
     "currents": SourceKind(reads_path=True, forecast_error="none"),
     "ensemble": SourceKind(reads_path=True, forecast_error="gfs"),
     "given": SourceKind(reads_path=False, forecast_error="gfs"),
     "calm": SourceKind(reads_path=False, forecast_error="none"),
-}  # wind/sources has the reader of each
+}  # wind/sources has the reader of each, pareto_ltl_verify/wind_tables.py what verify knows
 NOAA_MODELS = ("gfs", "hrrr", "gefs")
 GP_KERNELS = ("matern12", "matern32", "rbf")
 

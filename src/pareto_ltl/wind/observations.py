@@ -111,7 +111,7 @@ def _implied_leads(cfg: WindConfig, readings: Readings) -> FloatArray:
 
 def _of_weather_model(cfg: WindConfig, readings: Readings) -> bool:
     """Whether the readings are fields of a weather model whose age and analyses count."""
-    return cfg.source not in ("sample", "stations") and parse_level(readings.level).kind != DEPTH
+    return wind_source(cfg).modelled and parse_level(readings.level).kind != DEPTH
 
 
 def _variability(

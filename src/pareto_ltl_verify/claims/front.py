@@ -30,7 +30,7 @@ BOUNDS = ("mission_risk", "collision_risk")
 INTERVAL = ("failure", "failure_low", "failure_high")
 
 
-def _turned_angle(x: FloatArray, _dt: float) -> float:
+def _turned_angle(_result: Evidence, x: FloatArray) -> float:
     """Sum of the changes of course [deg]."""
     steps = np.diff(x, axis=0)
     steps = steps[np.linalg.norm(steps, axis=1) > STILL]
@@ -39,10 +39,10 @@ def _turned_angle(x: FloatArray, _dt: float) -> float:
     return math.degrees(math.fsum(abs(math.atan2(c, a)) for c, a in zip(cross, along, strict=True)))
 
 
-FURTHER_COSTS: dict[str, tuple[str, Callable[[FloatArray, float], float]]] = {
-    "duration": ("arrival_s", lambda x, dt: (len(x) - 1) * dt),
+FURTHER_COSTS: dict[str, tuple[str, Callable[[Evidence, FloatArray], float]]] = {
+    "duration": ("arrival_s", lambda result, x: (len(x) - 1) * result.robot.dt),
     "turns": ("turns_deg", _turned_angle),
-}  # column, and function from positions (T+1, 2) [m] and the time step [s] to the cost
+}  # column, and function from the result and positions (T+1, 2) [m] to the cost
 COLUMNS = {"length": "length_m", "energy": "energy_j"} | {k: v[0] for k, v in FURTHER_COSTS.items()}
 
 
@@ -150,7 +150,7 @@ def _path_faults(result: Evidence, row: Mapping[str, str], k: int) -> Iterator[s
     if robot.power is not None:
         costs["energy_j"] = result.energy_of(result.front_u(k))
     asked = result.settings["selection"].get("costs", ())
-    costs |= {column: of(x, robot.dt) for name, (column, of) in FURTHER_COSTS.items() if name in asked}
+    costs |= {column: of(result, x) for name, (column, of) in FURTHER_COSTS.items() if name in asked}
     yield from far_apart(row, costs, 1e-9)
     orders = result.orders(x)
     faults = {

@@ -227,7 +227,7 @@ def variability(result: Evidence) -> Verdict | None:
         for j, k in pairwise(own)
         if law.lags[0] - 1 <= wind.times[k] - wind.times[j] <= law.lags[-1] + 1
     }
-    modelled = settings["source"] not in ("sample", "stations") and not wind.level.endswith("depth")
+    modelled = source_of(settings["source"]).modelled and not wind.level.endswith("depth")
     if (stated := law.scaled) is None:
         return no_fault("law as it is", {"analyses are not used": among and modelled})
     listed = dict(zip(map(tuple, stated.pairs.tolist()), stated.squares.tolist(), strict=True))
@@ -240,7 +240,7 @@ def variability(result: Evidence) -> Verdict | None:
     wanted = {"freedom": freedom, "factor": min(max(factor, LEAST_FACTOR), MOST_FACTOR)}
     return no_fault(
         f"D times {stated.factor:.3g}",
-        {"the source has no analyses": not modelled},
+        {"the source has no analyses": modelled is False},
         (f"change from {a:g} s" for (a, b), m in among.items() if not close(listed.get((a, b), -1.0), m)),
         far_apart({"freedom": stated.freedom, "factor": stated.factor}, wanted),
     )

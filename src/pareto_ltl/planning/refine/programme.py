@@ -37,8 +37,8 @@ LOG = logging.getLogger(__name__)
 
 FINEST = 1e-3  # smallest standard deviation that the risk model resolves, in full steps
 SURE = 10.0  # standard deviations that count as certainty
-SHARE = 0.96  # share of epsilon to plan with: tangents lie below the curve, and σ changes with the path
-LEAST_SHARE = 0.1  # of epsilon that is left for the lines of a segment, whatever the risks of other polygons
+RESERVED = 0.04  # share of epsilon not planned with: tangents lie below the curve, σ changes with the path
+LEAST_SHARE = 0.1  # of epsilon that is left for the lines of a segment, whatever polygons without a line need
 FREE = 1e3  # a limit that no path reaches: full steps, probabilities
 UNUSED = {  # what cvxpy imports in 0.45 of 0.57 s, not for Clarabel, and functions imported by name
     "scipy.stats": ("entropy",),
@@ -178,10 +178,10 @@ class Programme:
         lower[0] = upper[0] = x[0]
         limit = np.full(len(flight.u), FREE)
         if soft and math.isfinite(lines.limit):
-            limit = np.maximum(SHARE * lines.limit - lines.elsewhere, LEAST_SHARE * lines.limit)
+            limit = np.maximum((1.0 - RESERVED) * lines.limit - lines.elsewhere, LEAST_SHARE * lines.limit)
         return {
             **motion_values(problem, flight, self.shape.steps), **self._lines(lines, x, soft=soft),
-            "low": lower, "high": upper, "epsilon": self._padded(limit, FREE, steps=True),
+            "low": lower, "high": upper, "left": self._padded(limit, FREE, steps=True),
         }  # fmt: skip
 
     def _lines(self, lines: Separation, x: FloatArray, *, soft: bool) -> dict[str, FloatArray]:

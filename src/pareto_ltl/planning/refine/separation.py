@@ -107,7 +107,7 @@ def kept_deviations(problem: Problem) -> float:
 
 
 def _by_lines(problem: Problem, flight: Flight, avoid: BoolArray | None, around: float) -> Separation:
-    """Supporting lines; the polygons of a segment share ``epsilon`` as they need it."""
+    """Supporting lines; the programme lets their polygons share ``epsilon`` as they need it, Eq. (M51)."""
     polygons, asked = _avoided(problem, flight, avoid)
     corners = barrier_polygons(problem)
     everywhere = np.ones((len(flight.u), len(corners.radius)), bool)

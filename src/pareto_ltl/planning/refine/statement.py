@@ -83,7 +83,7 @@ def state(shape: Shape) -> Statement:
                     ‖x_{t+1} - x_t‖ ≤ l_t,    Σ_t l_t ≤ L_max
                     c_tk' x_e ≥ h_tk + z σ_e      for both ends e of segment t and its closest lines k
                     χ_tk ≥ tangents of 1 - Φ at (c_tk' x_e - h_tk) / σ_e, one of them the tangent at x̄
-                    Σ_k χ_tk ≤ ε - risks of other polygons at x̄
+                    Σ_k χ_tk ≤ left_t          of ε: see Programme._limits, Eq. (M51)
                     a_j' x_w ≤ b_j              at the witness steps
                     ρ_wj ≥ tangents of 1 - Φ at (b_j - a_j' x_w) / σ_j, one of them the tangent at x̄
                     |x_t - x̄_t| ≤ trust,       x_t on the map
@@ -121,7 +121,7 @@ def state(shape: Shape) -> Statement:
     lines = tuple(_clearance(given, v))
     constraints = [
         airspeed, longest, *_motion(shape, given, v), *(row.constraint for row in lines),
-        cp.sum(v.chi, axis=1) <= given["epsilon"] + 0.05 * (v.relief[:-1] + v.relief[1:]),
+        cp.sum(v.chi, axis=1) <= given["left"] + 0.05 * (v.relief[:-1] + v.relief[1:]),
         *_visits(shape, given, v),
     ]  # fmt: skip
     return Statement(cp.Problem(cp.Minimize(cost), constraints), given, v, airspeed, longest, lines)
@@ -132,7 +132,7 @@ def _sizes(shape: Shape) -> dict[str, tuple[int, ...]]:
     n, T, W, F = shape.steps + 1, shape.steps, shape.witnesses, shape.faces
     sizes: dict[str, tuple[int, ...]] = {
         "gradient": (n, 2), "root_at": (n, 2), "cap": (T,), "F": (T, 4), "g": (T, 2), "low": (n, 2),
-        "high": (n, 2), "epsilon": (T,),
+        "high": (n, 2), "left": (T,),
     }  # fmt: skip
     for end in "01":
         sizes |= {f"need{end}": (T, ROWS), f"c_sd{end}": (T, 2 * ROWS), f"h_sd{end}": (T, ROWS)}

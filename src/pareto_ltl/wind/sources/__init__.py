@@ -35,10 +35,14 @@ def data_files(cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
 
     Raises
     ------
+    ConfigError
+        If ``wind.path`` is not set.
     DataError
         If there is no such file, or a pipe, a socket or a device in its place.
     """
-    path = Path(str(cfg.path)).expanduser()
+    if cfg.path is None:
+        raise ConfigError(f"wind.path is missing: wind.source={cfg.source} needs a file, folder or pattern")
+    path = Path(cfg.path).expanduser()
     refuse_special(path)
     if path.is_dir():
         ends = (".csv", ".csv.gz") if cfg.source in ("csv", "stations") else ("",)
@@ -49,7 +53,8 @@ def data_files(cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
     else:
         found = [Path(name) for name in glob.glob(str(path), recursive=True) if Path(name).is_file()]
     if not found:
-        raise DataError(f"wind.path={cfg.path}: no {cfg.source} file, folder or pattern of that name")
+        none = "no {} file in this folder" if path.is_dir() else "no {} file, folder or pattern of that name"
+        raise DataError(f"wind.path={cfg.path}: {none.format(cfg.source)}")
     return tuple(sorted(found))
 
 
@@ -75,25 +80,28 @@ class WindSource:
         The files that ``read`` opens, for the records of a run; raises a DataError if there are none.
     forecast_error : str
         The value of ``wind.forecast_error=auto``.
+    modelled : bool
+        The readings are fields of a weather model, whose age and analyses count; not observations.
     """
 
     read: Reader
     files: Files
     forecast_error: str = "gfs"
+    modelled: bool = True
 
 
 def _read_csv(cfg: WindConfig, _wanted: Wanted) -> Readings:
     """Readings of CSV tables at ``wind.level``, which they do not state; at a depth, they are currents."""
     level = table_level(cfg.level, (HEIGHT, PRESSURE, DEPTH), "a table of winds or currents")
-    return _at_level(read_csv_files(data_files(cfg), cfg.max_speed), level)
+    return at_stated_level(read_csv_files(data_files(cfg), cfg.max_speed), level)
 
 
 def _read_stations(cfg: WindConfig, wanted: Wanted) -> Readings:
     level = table_level(cfg.level, (HEIGHT,), "stations report winds near the ground")
-    return _at_level(read_station_files(data_files(cfg), cfg.max_speed, wanted.area), level)
+    return at_stated_level(read_station_files(data_files(cfg), cfg.max_speed, wanted.area), level)
 
 
-def _at_level(readings: Readings, level: Level) -> Readings:
+def at_stated_level(readings: Readings, level: Level) -> Readings:
     """``readings`` of a table that does not state its level, with the level that ``wind.level`` states."""
     if level.text == readings.level:
         return readings
@@ -166,7 +174,7 @@ _READERS: dict[str, tuple[Reader, Files]] = {
     "calm": (lambda *_: CALM, lambda *_: ()),
 }
 SOURCES = {
-    name: WindSource(*_READERS[name], forecast_error=kind.forecast_error)
+    name: WindSource(*_READERS[name], kind.forecast_error, kind.modelled)
     for name, kind in WIND_SOURCES.items()
 }
 
