@@ -156,6 +156,18 @@ def test_lines_are_drawn_for_every_order_of_the_mission():
     assert len({tuple(tuple(sorted(label)) for _, label in order) for order in orders}) == 2
 
 
+def test_lines_lead_less_far_into_regions_where_the_wind_ends_too_soon(grown):
+    problem, _ = grown
+    middle = line_starts(problem)
+    fewest = min(len(start.x) - 1 for start in middle)
+    found = line_starts(replace(problem, max_steps=fewest - 1))
+    assert found
+    assert max(path_length(start.x) for start in found) < min(path_length(start.x) for start in middle)
+    for start in found:
+        assert len(start.x) <= fewest
+        assert problem.logic.distance[path_class(problem, start.x).state] == 0.0
+
+
 def test_a_flipped_path_passes_the_obstacle_on_its_other_side(grown):
     problem, forest = grown
     best = tree_starts(problem, forest)[0]

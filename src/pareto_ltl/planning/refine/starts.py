@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -29,6 +29,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 
 DISTANCES = (2.6, 1.4, 0.8, 0.0)  # standard deviations that taut lines keep from obstacles
+DEPTHS = (1.0, 0.5, 0.25)  # how deep lines lead into regions: 0 the rim, 1 the middle
 ORDERS = 3  # mission orders that taut lines are drawn for
 CLASSES = 24  # classes and lengths of tree paths, those with the least risk
 SIMILAR = 0.15  # relative difference of lengths that are similar
@@ -124,15 +125,19 @@ def line_starts(problem: Problem) -> list[Start]:
     """Taut lines of the first orders that the automaton allows, each at several distances from obstacles.
 
     The distances are in standard deviations of a robot that waits at the start for as long as the line takes.
+    Lines lead through the middle of regions or, where none of these can be flown before the wind ends, less
+    far into them.
     """
     waits = np.repeat(problem.scene.start[None], problem.horizon + 1, axis=0)
     waiting = _Waiting(waits[:1], square_matrices(propagate(problem, waits).cov))
-    found = []
-    for plan in possible_orders(problem, ORDERS):
-        for z in DISTANCES:
-            line = taut_line(problem, plan, waiting, 1.0, z)
+    orders, found = possible_orders(problem, ORDERS), list[Start]()
+    for depth in DEPTHS:
+        for plan, z in product(orders, DISTANCES):
+            line = taut_line(problem, plan, waiting, depth, z)
             if line is not None:
                 found += _walked(problem, line, f"taut line, {z:g} deviations from obstacles")
+        if found:
+            break
     return found
 
 
