@@ -414,7 +414,7 @@ def test_a_folder_without_files_of_the_source_and_a_missing_path_are_refused(tmp
     (tmp_path / "buoys.json").write_text("[]")
     with pytest.raises(DataError, match="no csv file in this folder"):
         sources.data_files(WindConfig(source="csv", path=str(tmp_path)))
-    with pytest.raises(ConfigError, match="wind.path is missing: wind.source=sample needs a file"):
+    with pytest.raises(ConfigError, match=r"wind\.path is missing: wind\.source=sample needs a file"):
         sources.data_files(WindConfig())
 
 
