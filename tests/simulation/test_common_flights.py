@@ -15,7 +15,7 @@ from pareto_ltl.kernels.importance import NormalDraws
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import PowerConfig, RobotConfig
 from pareto_ltl.simulation.common_flights import LinearFlights, draw_flights
-from pareto_ltl.simulation.flights import draw_coherent
+from pareto_ltl.simulation.flights import BLOCK, draw_coherent
 from pareto_ltl.simulation.importance import linear_law
 from problems import QUICK_ERROR, make_problem, smooth_wind
 
@@ -51,6 +51,16 @@ def test_flights_with_fixes_steer_by_them_in_linear_winds():
     unaided = flights.linear().unaided(propagate(problem, LANDMARK_WAY))
     assert linear[-1].std() < 0.8 * unaided[-1].std()
     assert np.sqrt(((linear - exact) ** 2).mean() / (exact**2).mean()) < 0.1
+
+
+def test_the_first_of_many_flights_are_those_of_few_flights_with_their_fixes():
+    """So a coarse search of a long run finds what a quick run finds."""
+    problem = landmark_problem()
+    flight = propagate(problem, LANDMARK_WAY)
+    few, many = (draw_flights(problem, "coherent", n * BLOCK, SeedSequence(1)) for n in (1, 3))
+    first = many.only(np.arange(BLOCK))
+    np.testing.assert_array_equal(first.deviations(flight), few.deviations(flight))
+    assert (few.noise != 0.0).any()
 
 
 def test_airspeed_limits_hold_in_linear_winds():

@@ -170,8 +170,12 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
         name: np.concatenate([getattr(part, name) for part in parts], axis=1) for name in parts[0]._fields[1:]
     }
     draws = parts[0]._replace(**drawn)
+    noise = [
+        sim.fix_noise(problem, rows.stop - rows.start, problem.horizon, child)
+        for rows, child in zip(blocks, fixes.spawn(len(blocks)), strict=True)
+    ]
     off = math.sqrt(problem.start_variance) * np.random.default_rng(start).standard_normal((runs, 2))
-    return DrawnFlights(problem, law, sim.fix_noise(problem, runs, problem.horizon, fixes), off, draws)
+    return DrawnFlights(problem, law, np.concatenate(noise, axis=1), off, draws)
 
 
 def is_certain(problem: Problem) -> bool:

@@ -88,6 +88,7 @@ ROUND = 4  # points of a front that are varied between two reports
 # Where no path keeps epsilon: rounds, paths that are varied in each, and variants that are closed.
 ROUNDS, NEAREST, VARIED = 3, 4, 12
 MORE = (0, 1, 2, 3, 5, 8)  # numbers of steps beyond the fewest
+FITTED = 0.95  # failures of a path in the flights that it is polished on, relative to those in other ones
 BUMP = 0.03  # standard deviation of a random bend, as a share of the map's size
 
 
@@ -314,8 +315,8 @@ def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
 
 
 def beats(one: Candidate, other: Candidate) -> bool:
-    """Whether ``one`` is not longer and fails no more often."""
-    return one.length <= other.length and one.failed <= other.failed
+    """Whether ``one`` is not longer and fails less often, by more than a fit to these flights brings."""
+    return one.length <= other.length and one.failed <= FITTED * other.failed
 
 
 @dataclass(frozen=True, slots=True)
