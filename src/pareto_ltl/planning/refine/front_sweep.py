@@ -167,8 +167,9 @@ def _beside(sweep: Sweep, pool: ThreadPoolExecutor, ended: Iterable[Candidate]) 
     best = sorted(ended, key=nearest)[:NEAREST]
     led = [start for k in best for start in led_starts(problem, k.flight, k.origin)]
     led += [start for k in best for start in flipped_starts(problem, k.flight.x, k.origin)]
-    made = pool.map(partial(first_look, sweep), unlike_starts(problem, led).values())
-    return sorted(made, key=nearest)[:VARIED]
+    starts = unlike_starts(problem, led).values()
+    made = pool.map(lambda start: None if sweep.budget.over() else first_look(sweep, start), starts)
+    return sorted((k for k in made if k is not None), key=nearest)[:VARIED]
 
 
 def coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
