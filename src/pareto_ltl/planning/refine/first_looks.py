@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from pareto_ltl.planning.refine.sweep import (
     WARM,
     Sweep,
     front_of,
+    in_time,
     on_other_sides,
     smoothed,
     timed_means,
@@ -51,13 +53,12 @@ def first_looks(sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKin
     The first start is polished even if the time budget is spent.
     """
     chosen = _promising(sweep, pool, list(starts.values()))
-    first = next(iter(chosen), None)
 
     def looks(some: Iterable[Start]) -> list[Candidate]:
-        made = pool.map(lambda s: first_look(sweep, s) if s is first or not sweep.over else None, some)
-        return [k for k in made if k is not None]
+        return in_time(pool, lambda: sweep.over, partial(first_look, sweep), some)
 
-    found, known, tried = looks(chosen), {kind for kind, _ in starts}, set[StartKind]()
+    found = looks(chosen) or [first_look(sweep, start) for start in chosen[:1]]
+    known, tried = {kind for kind, _ in starts}, set[StartKind]()
     best = _safest(found, FLIPPED)
     again = [start for k in best for start in returning_starts(sweep.problem, k.flight, k.origin)]
     found += looks([*on_other_sides(sweep.problem, best, known), *again])

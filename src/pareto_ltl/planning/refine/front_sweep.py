@@ -65,6 +65,7 @@ from pareto_ltl.planning.refine.sweep import (
     first_of,
     front_of,
     held_within,
+    in_time,
     near_epsilon,
     new_sweep,
     reassessed,
@@ -168,8 +169,8 @@ def _beside(sweep: Sweep, pool: ThreadPoolExecutor, ended: Iterable[Candidate]) 
     led = [start for k in best for start in led_starts(problem, k.flight, k.origin)]
     led += [start for k in best for start in flipped_starts(problem, k.flight.x, k.origin)]
     starts = unlike_starts(problem, led).values()
-    made = pool.map(lambda start: None if sweep.budget.over() else first_look(sweep, start), starts)
-    return sorted((k for k in made if k is not None), key=nearest)[:VARIED]
+    made = in_time(pool, sweep.budget.over, partial(first_look, sweep), starts)
+    return sorted(made, key=nearest)[:VARIED]
 
 
 def coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -26,6 +27,8 @@ from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
+
+Item = TypeVar("Item")
 
 COARSE = (0.020, 0.007)  # widths τ of the first polish of a start, as shares of the map's size
 WARM = (0.008, 0.004)  # widths τ in a sweep
@@ -107,15 +110,21 @@ def held_within(
 ) -> list[Candidate]:  # fmt: skip
     """Lines (means, steps beyond the fewest, origin) polished at a length cap; returns those within it."""
 
-    def one(line: tuple[FloatArray, int, str]) -> Candidate | None:
-        if sweep.over:
-            return None
+    def one(line: tuple[FloatArray, int, str]) -> Candidate:
         x, more, origin = line
         return sweep.refiner.polish(timed_means(sweep.problem, x, more), sweep.few, how, cap, origin)
 
-    made = pool.map(one, lines)
-    held = [k for k in made if k is not None and k.length <= KEPT * cap and k.smoothed < sweep.hopeless]
-    return near_epsilon(sweep, held)
+    made = in_time(pool, lambda: sweep.over, one, lines)
+    return near_epsilon(sweep, (k for k in made if k.length <= KEPT * cap and k.smoothed < sweep.hopeless))
+
+
+def in_time(
+    pool: ThreadPoolExecutor, over: Callable[[], bool], make: Callable[[Item], Candidate],
+    items: Iterable[Item],
+) -> list[Candidate]:  # fmt: skip
+    """What ``make`` makes of ``items``, but for those whose turn comes when time is ``over``."""
+    made = pool.map(lambda item: None if over() else make(item), items)
+    return [k for k in made if k is not None]
 
 
 def near_epsilon(sweep: Sweep, found: Iterable[Candidate]) -> list[Candidate]:
