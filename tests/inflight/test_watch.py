@@ -22,6 +22,7 @@ from pareto_ltl.planning.power import Body, EnergyModel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.medium import WATER
 from watched import DT, FLIGHT_TIME, PATH, PLAN, PROBLEM, heading_of
 
 
@@ -302,3 +303,15 @@ def test_what_the_autopilot_believes_of_the_wind_is_said_and_not_used() -> None:
     assert told["heard_wind"] == [270.0, 9.5]
     assert "(autopilot: 270/9.5)" in event_line(told)
     assert (told["x"], told["wind"]) == (plain["x"], plain["wind"])
+
+
+def test_in_water_a_line_says_where_the_current_sets_to() -> None:
+    wrong = [Reading(r.time, r.heading + 30.0, r.airspeed) for r in as_planned()]
+    cfg = WatchSettings(every=400.0, members=100, alarm=0.5)
+    events = list(Watch(PROBLEM, PLAN, cfg, SeedSequence(2), medium=WATER).events(wrong))
+    assert "fail in coherent currents, more than" in alarms(events)["promise"]
+    end = events[-1] | {"wind": [0.0, 0.123], "wind_from": 200.0, "wind_sd": 0.05}
+    in_water = event_line(end)
+    assert "fail in coherent currents" in in_water
+    assert "; current to 020/0.12 m/s, sd 0.05" in in_water
+    assert "wind" not in in_water

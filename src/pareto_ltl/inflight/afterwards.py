@@ -24,7 +24,7 @@ from pareto_ltl.exports.corridor import FINEST
 from pareto_ltl.exports.degrees import outline_degrees
 from pareto_ltl.exports.ellipses import ellipse_outlines, ellipse_scale
 from pareto_ltl.exports.xml_files import boundary, coordinates_text, element, kml_bytes, placemark
-from pareto_ltl.inflight.journal import NAME, read_journal
+from pareto_ltl.inflight.journal import NAME, flows_of, read_journal
 from pareto_ltl.inflight.telemetry import read_places
 from pareto_ltl.inflight.watch import ELLIPSE, Event
 from pareto_ltl.run.results import Results
@@ -121,7 +121,7 @@ def write_search_area(scene: Scene, end: Event, folder: Path) -> tuple[Path, ...
         return ()
     areas = search_areas(scene, end["ahead"])
     text = (
-        f"Areas that hold the robot with 50, 90 and 99 % if it flies on as planned, {end['law']} winds; last "
+        f"Areas that hold the robot with 50, 90 and 99 % if it flies on as planned, {flows_of(end)}; last "
         f"telemetry {end['time']:.0f} s after departure."
     )
     geojson = {"type": "FeatureCollection", "description": text, "features": areas}

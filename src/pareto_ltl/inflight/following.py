@@ -66,7 +66,8 @@ def follow(
     _check(cfg)
     run = planned_run(planned)
     scene, seed = run.make(SCENE), stage_seeds(run.settings.seed, STREAM)
-    watch = Watch(run.make(PROBLEM), run.make(PLAN), cfg, seed, issued(run.make(WIND)))
+    wind, medium = run.make(WIND), run.settings.medium
+    watch = Watch(run.make(PROBLEM), run.make(PLAN), cfg, seed, issued(wind), medium)
     begin = event_of(
         "begin", 0.0, schema=SCHEMA, plan=run.settings.name, formula=watch.plan.formula,
         departure=scene.time_zero, members=cfg.members, not_covered=watch.plan.not_covered,

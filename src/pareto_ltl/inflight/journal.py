@@ -19,6 +19,7 @@ from pareto_ltl.inflight.telemetry import refused_text
 from pareto_ltl.inflight.watch import Event
 from pareto_ltl.support.display import distance_text, in_kilometres, probability_text
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.medium import AIR, MEDIA
 
 NAME = "follow.jsonl"
 SCHEMA = "pareto_ltl.follow/1"
@@ -97,6 +98,11 @@ def event_line(event: Event) -> str:
     return f"{clock_text(event['time'])}  {text}" if text else ""
 
 
+def flows_of(event: Event) -> str:
+    """The flows of the law of ``event``: ``coherent winds``, or currents."""
+    return f"{event['law']} {MEDIA[event['medium']].flows}"
+
+
 def clock_text(seconds: float) -> str:
     """``+2:05:30`` after departure."""
     hours, rest = divmod(round(seconds), 3600)
@@ -133,22 +139,25 @@ def _status(event: Event) -> str:
         energy += f"; battery {100.0 * event['battery']:.0f} %"
     flights = (
         f"{probability_text(event['failure'])} (at most {probability_text(event['high'])}) of "
-        f"{event['flights']:,} flights of the rest fail in {event['law']} winds{promised}"
+        f"{event['flights']:,} flights of the rest fail in {flows_of(event)}{promised}"
     )
     return (
         f"at {_place(event)}, 95 % within {_length(event['major'])} x {_length(event['minor'])}; "
-        f"{event['corridor']:.1f} sd from the plan{goal}; {flights}; wind "
-        f"{event['wind_from']:03.0f}/{math.hypot(*event['wind']):.1f} m/s, "
-        f"sd {event['wind_sd']:.1f}{_heard(event)}{energy}"
+        f"{event['corridor']:.1f} sd from the plan{goal}; {flights}; {_flow(event)}{energy}"
     )
 
 
-def _heard(event: Event) -> str:
-    """The wind of the autopilot."""
-    if event["heard_wind"] is None:
-        return ""
-    come_from, speed = event["heard_wind"]
-    return f" (autopilot: {come_from:03.0f}/{speed:.1f})"
+def _flow(event: Event) -> str:
+    """The estimated wind by the direction it blows from, or the current by the direction it sets to."""
+    in_air = MEDIA[event["medium"]] is AIR
+    name, turn, digits = ("wind", 0.0, 1) if in_air else ("current to", 180.0, 2)
+    heard = [] if event["heard_wind"] is None else [event["heard_wind"]]
+    estimated, *reported = (
+        f"{(come_from + turn) % 360.0:03.0f}/{speed:.{digits}f}"
+        for come_from, speed in [(event["wind_from"], math.hypot(*event["wind"])), *heard]
+    )
+    autopilot = f" (autopilot: {reported[0]})" if reported else ""
+    return f"{name} {estimated} m/s, sd {event['wind_sd']:.{digits}f}{autopilot}"
 
 
 def _fix(event: Event) -> str:
@@ -168,7 +177,7 @@ def _replanned(event: Event) -> str:
     end = "type y to fly it" if event["better"] else "no better: the old one is flown on"
     return (
         f"a new plan{why} from {clock_text(event['at'])} on fails {new}, the rest of the old one {old}, in "
-        f"the same {event['law']} winds: {event['directory']}; {end}"
+        f"the same {flows_of(event)}: {event['directory']}; {end}"
     )
 
 

@@ -162,7 +162,7 @@ class Replans:
             "replanned", time, directory=str(self._place()), at=document["time_s"], old=old, new=new,
             better=better, alarms=document["alarms"],
             law=None if document["new"] is None else document["new"]["law"],
-            wind=None if newer is None else str(newer),
+            medium=watch.medium.matter, wind=None if newer is None else str(newer),
         )  # fmt: skip
         self.least = np.inf if new is None else new
         self.offered = found if better else None

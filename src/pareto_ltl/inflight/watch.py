@@ -19,6 +19,7 @@ from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.position_fixes import causes, chance, in_plane, on_map
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
+from pareto_ltl.support.medium import AIR, Medium
 
 Event = dict[str, Any]  # ``event``, its kind, ``time`` [s after departure], and what belongs to its kind
 TICK = 1.0  # [s] at least, between two lines of what was flown
@@ -76,14 +77,14 @@ class Watch:
     """The state of a watch; :meth:`take` turns each reading into events.
 
     Every event has ``event``, its kind, and ``time`` [s after departure]. ``issued`` is the start of the
-    forecast [s after departure]; NaN if it is not known.
+    forecast [s after departure]; NaN if it is not known. ``medium`` has the words for the flow.
     """
 
     def __init__(
         self, problem: Problem, plan: Plan, settings: WatchSettings, seed: SeedSequence,
-        issued: float = math.nan,
+        issued: float = math.nan, medium: Medium = AIR,
     ) -> None:  # fmt: skip
-        self.problem, self.plan, self.settings = problem, plan, settings
+        self.problem, self.plan, self.settings, self.medium = problem, plan, settings, medium
         self.belief = Belief(problem, settings.members, seed)
         self.sieve = Sieve(plan.u_max)
         self.velocity: FloatArray | None = None  # through the air, by the last reading [m/s]
@@ -231,16 +232,17 @@ class Watch:
         far = self.belief.distance(place, sd**2 * np.eye(2))
         use = "learnt" if far <= SURPRISE else "restarted" if self._confirmed(place, sd) else "refused"
         event = event_of(
-            "fix", self.time, place=place.tolist(), given=list(given), sd=sd, distance=far, use=use, law=LAW
-        )
+            "fix", self.time, place=place.tolist(), given=list(given), sd=sd, distance=far, use=use,
+            law=LAW, medium=self.medium.matter,
+        )  # fmt: skip
         yield event
         if far > SURPRISE:
             step = min(round(self.time / self.problem.motion.dt), len(self.plan.path.u))
             why = "; ".join(causes(self.problem, self.plan.path, Fix(place, sd, step)))
             self.raised.discard("fix")
             yield from self._alarm(
-                "fix", f"a position fix lies {far:.1f} standard deviations from where {LAW} winds allow the "
-                f"robot (probability {chance(far):.1g}); {USES[use]}; {why}",
+                "fix", f"a position fix lies {far:.1f} standard deviations from where {LAW} "
+                f"{self.medium.flows} allow the robot (probability {chance(far):.1g}); {USES[use]}; {why}",
             )  # fmt: skip
         if self._believe(event):
             self.due = self.time
@@ -292,7 +294,8 @@ class Watch:
             "promise": (
                 status["failure"] > self.settings.alarm,
                 f"{status['fails']:,} of {status['flights']:,} flights of the rest of the plan fail in {LAW} "
-                f"winds, more than --alarm {self.settings.alarm:g}: plan again, e.g. with pareto-ltl replan",
+                f"{self.medium.flows}, more than --alarm {self.settings.alarm:g}: plan again, e.g. with "
+                "pareto-ltl replan",
             ),
         }  # fmt: skip
         for kind, (on, text) in rules.items():
@@ -328,8 +331,9 @@ class Watch:
         low, high = clopper_pearson(fails, flights)
         return event_of(
             "status", self.time, step=step, **self.placed(now.mean), **self._ellipse(now.cov),
-            corridor=float(np.sqrt(gap @ np.linalg.solve(spread, gap))), law=LAW, failure=fails / flights,
-            low=low, high=high, fails=fails, flights=flights, promised=promise and promise.rate.failure,
+            corridor=float(np.sqrt(gap @ np.linalg.solve(spread, gap))), law=LAW, medium=self.medium.matter,
+            failure=fails / flights, low=low, high=high, fails=fails, flights=flights,
+            promised=promise and promise.rate.failure,
             wind=now.wind.tolist(), wind_from=self._wind_from(now.wind),
             wind_sd=float(np.sqrt(np.trace(now.wind_cov) / 2.0)),
             energy=None if self.problem.energy is None else self.energy,

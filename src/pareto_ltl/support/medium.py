@@ -45,6 +45,9 @@ WATER = Medium(
 )
 
 
+MEDIA = {medium.matter: medium for medium in (AIR, WATER)}
+
+
 def medium_of(*levels: str | None) -> Medium:
     """Water if one of the ``levels`` of a robot or a wind is a depth (``30m depth``), else air."""
     return WATER if any(level and level.endswith("depth") for level in levels) else AIR
