@@ -49,7 +49,7 @@ def carry_all(pilot, t):
             k = own.step[row]
             moves.move_belief(own, row, steps, k)
             if moves.changes(steps.kept[k]):
-                moves.fade_theta(own.theta[row], steps.kept[k])
+                moves.fade_theta(own.known[row], own.rank[row], steps.kept[k])
 
 
 @pytest.mark.statistical
@@ -95,7 +95,9 @@ def test_robots_know_what_a_plain_filter_knows(error, fixes):
         np.testing.assert_allclose(pilot.field[i].ravel(), known[4:], rtol=5e-3, atol=2e-3)
         row = pilot.history[i]
         np.testing.assert_allclose(pilot.beliefs.cov[row], winds_free.joint[:2, :2], rtol=2e-3, atol=1.0)
-        np.testing.assert_allclose(pilot.beliefs.theta[row], winds_free.joint[4:, 4:], atol=2e-3)
+        known = pilot.beliefs.known[row][: pilot.beliefs.rank[row]]
+        unknown = np.eye(known.shape[1]) - known.T @ known
+        np.testing.assert_allclose(unknown, winds_free.joint[4:, 4:], atol=2e-3)
     assert len(set(numbers)) > 3  # many histories
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pareto_ltl.kernels.interpolation import F32
 from pareto_ltl.kernels.jit import kernel, vector
 from pareto_ltl.kernels.pilots import Beliefs, Moves
-from pareto_ltl.support.arrays import Float32Array
+from pareto_ltl.support.arrays import Float32Array, FloatArray
 
 
 @kernel
@@ -25,8 +25,8 @@ def stay(moves: Moves, k: int) -> None:
 
 
 @vector
-def dot(one: Float32Array, other: Float32Array) -> float:
-    """The scalar product of two vectors."""
+def dot(one: Float32Array, other: Float32Array | FloatArray) -> float:
+    """The scalar product of two vectors, in 64 bits if one of them has them."""
     total = F32(0.0)
     for j in range(len(one)):
         total += one[j] * other[j]
@@ -34,17 +34,17 @@ def dot(one: Float32Array, other: Float32Array) -> float:
 
 
 @vector
-def lengthen(moves: Moves, k: int, scratch: Float32Array) -> None:
+def lengthen(moves: Moves, k: int, scratch: FloatArray) -> None:
     """Follow the move ``k`` by the last one, a single step; ``scratch`` (2, 2P)."""
-    last, modes, half = len(moves.turn) - 1, moves.kept.shape[1], moves.push.shape[2]
+    last, modes = len(moves.turn) - 1, moves.kept.shape[1]
     F, push, mixed, kept = moves.turn[last], moves.push[k], moves.mixed[k], moves.kept[k]
     step, fade = moves.push[last], moves.kept[last]
     a, b, c, d = F32(F[0, 0]), F32(F[0, 1]), F32(F[1, 0]), F32(F[1, 1])
     noise, turn = moves.noise[k], moves.turn[k]
     for r in range(2):
-        for j in range(half):
-            m = j % modes
-            scratch[r, j] = step[r, j] * (F32(1.0) - kept[m] * kept[m])
+        for half in range(2):
+            for m in range(modes):
+                scratch[r, half * modes + m] = step[r, half * modes + m] * (F32(1.0) - kept[m] * kept[m])
     xx, xy, yx, yy = noise[0, 0], noise[0, 1], noise[1, 0], noise[1, 1]
     w00, w01 = F[0, 0] * xx + F[0, 1] * yx, F[0, 0] * xy + F[0, 1] * yy
     w10, w11 = F[1, 0] * xx + F[1, 1] * yx, F[1, 0] * xy + F[1, 1] * yy
@@ -62,28 +62,34 @@ def lengthen(moves: Moves, k: int, scratch: Float32Array) -> None:
         noise[r, r] += moves.noise[last, r, r]
         x, y = turn[0, r], turn[1, r]
         turn[0, r], turn[1, r] = F[0, 0] * x + F[0, 1] * y, F[1, 0] * x + F[1, 1] * y
-    for j in range(half):
-        m = j % modes
-        x, y = push[0, j], push[1, j]
-        push[0, j] = a * x + b * y + step[0, j] * kept[m]
-        push[1, j] = c * x + d * y + step[1, j] * kept[m]
-        x, y = mixed[0, j], mixed[1, j]
-        mixed[0, j] = fade[m] * (a * x + b * y + scratch[0, j])
-        mixed[1, j] = fade[m] * (c * x + d * y + scratch[1, j])
+    for half in range(2):
+        for m in range(modes):
+            j = half * modes + m
+            x, y = push[0, j], push[1, j]
+            push[0, j] = a * x + b * y + step[0, j] * kept[m]
+            push[1, j] = c * x + d * y + step[1, j] * kept[m]
+            x, y = mixed[0, j], mixed[1, j]
+            mixed[0, j] = fade[m] * (a * x + b * y + scratch[0, j])
+            mixed[1, j] = fade[m] * (c * x + d * y + scratch[1, j])
     for m in range(modes):
         kept[m] *= fade[m]
 
 
 @vector
-def times_theta(push: Float32Array, theta: Float32Array, product: Float32Array) -> None:
-    """Write ``push`` (2, 2P) Cov(θ̃) to ``product`` (2, 2P)."""
-    for c in range(2):
-        for j in range(product.shape[1]):
-            product[c, j] = F32(0.0)
-        for i in range(theta.shape[0]):
-            p = push[c, i]
-            for j in range(theta.shape[1]):
-                product[c, j] += p * theta[i, j]
+def times_theta(push: Float32Array, known: FloatArray, rank: int, product: FloatArray) -> None:
+    """Write ``push`` (2, 2P) Cov(θ̃) to ``product`` (2, 2P); Cov(θ̃) = I - K'K, K = ``known[:rank]``.
+
+    K has 64 bits: where little is unknown, I and K'K are nearly equal.
+    """
+    both = product.shape[1]
+    for j in range(both):
+        product[0, j], product[1, j] = push[0, j], push[1, j]
+    for i in range(rank):
+        row = known[i]
+        x, y = dot(push[0], row), dot(push[1], row)
+        for j in range(both):
+            product[0, j] -= x * row[j]
+            product[1, j] -= y * row[j]
 
 
 @vector
@@ -93,8 +99,8 @@ def move_belief(own: Beliefs, row: int, moves: Moves, k: int) -> None:
     Eq. (M25) of docs/mathematics.md.
     """
     A, push, mixed, kept = moves.turn[k], moves.push[k], moves.mixed[k], moves.kept[k]
-    cov, cross, lagged, theta = own.cov[row], own.cross[row], own.lagged[row], own.theta[row]
-    times_theta(push, theta, own.push)
+    cov, cross, lagged = own.cov[row], own.cross[row], own.lagged[row]
+    times_theta(push, own.known[row], own.rank[row], own.push)
     a, b, c, d = F32(A[0, 0]), F32(A[0, 1]), F32(A[1, 0]), F32(A[1, 1])
     # g = G Cov(θ, e), t = G Cov(θ) G'
     e00, e01, e11 = cov[0, 0], cov[0, 1], cov[1, 1]
@@ -112,24 +118,23 @@ def move_belief(own: Beliefs, row: int, moves: Moves, k: int) -> None:
     cov[0, 1] = across[0, 0] * A[1, 0] + across[0, 1] * A[1, 1] + h01 + moves.noise[k, 0, 1]
     cov[1, 1] = across[1, 0] * A[1, 0] + across[1, 1] * A[1, 1] + h11 + moves.noise[k, 1, 1]
     cov[1, 0] = cov[0, 1]
-    for j in range(theta.shape[0]):
-        m = j % len(kept)
-        x, y = cross[0, j], cross[1, j]
-        lagged[0, j], lagged[1, j] = kept[m] * x, kept[m] * y
-        cross[0, j] = kept[m] * (a * x + b * y + own.push[0, j]) + mixed[0, j]
-        cross[1, j] = kept[m] * (c * x + d * y + own.push[1, j]) + mixed[1, j]
+    for half in range(2):
+        for m in range(len(kept)):
+            j = half * len(kept) + m
+            x, y = cross[0, j], cross[1, j]
+            lagged[0, j], lagged[1, j] = kept[m] * x, kept[m] * y
+            cross[0, j] = kept[m] * (a * x + b * y + own.push[0, j]) + mixed[0, j]
+            cross[1, j] = kept[m] * (c * x + d * y + own.push[1, j]) + mixed[1, j]
 
 
 @vector
-def fade_theta(theta: Float32Array, kept: Float32Array) -> None:
-    """Cov(θ̃) <- ρ Cov(θ̃) ρ + I - ρ²; ``theta`` (2P, 2P), ``kept`` (P,) = ρ."""
+def fade_theta(known: FloatArray, rank: int, kept: Float32Array) -> None:
+    """Cov(θ̃) <- ρ Cov(θ̃) ρ + I - ρ², which is I - (Kρ)'(Kρ); K = ``known[:rank]``, ``kept`` (P,) = ρ."""
     modes = len(kept)
-    for i in range(2 * modes):
-        own = kept[i % modes]
+    for i in range(rank):
         for half in range(2):
             for m in range(modes):
-                theta[i, half * modes + m] *= own * kept[m]
-        theta[i, i] += F32(1.0) - own * own
+                known[i, half * modes + m] *= kept[m]
 
 
 @kernel

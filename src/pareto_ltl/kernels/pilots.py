@@ -40,10 +40,11 @@ class Beliefs(NamedTuple):
 
     ``step`` (N,) is when a row was last needed. ``cov`` (N, 2, 2) = Cov(ẽ) [m²], ``before``
     (N, 2, 2) the same a step ago, ``across`` (N, 2, 2) = Cov(ẽ_t, ẽ_{t-1}); ``cross`` (N, 2, 2P) =
-    Cov(ẽ, θ̃), ``lagged`` (N, 2, 2P) = Cov(ẽ_{t-1}, θ̃); ``theta`` (N, 2P, 2P) = Cov(θ̃). ``gain`` (N, 2, 2)
-    and ``learnt`` (N, 2, 2P) are the gains of the last fix; ``child`` (N, K, SHARES) is the row after a fix
-    at this step, -1 for none; ``flights`` (N,) counts the flights of a row, ``used`` (1,) the rows ever used.
-    ``push`` (2, 2P) is scratch.
+    Cov(ẽ, θ̃), ``lagged`` (N, 2, 2P) = Cov(ẽ_{t-1}, θ̃). Cov(θ̃) = I - K'K, where K is the first ``rank``
+    (N,) rows of ``known`` (N, 2P, 2P), zero left of its diagonal. ``gain`` (N, 2, 2) and ``learnt``
+    (N, 2, 2P) are the gains of the last fix; ``child`` (N, K, SHARES) is the row after a fix at this step,
+    -1 for none; ``flights`` (N,) counts the flights of a row, ``used`` (1,) the rows ever used. ``push``
+    (2, 2P) is scratch.
     """
 
     cov: FloatArray
@@ -51,13 +52,14 @@ class Beliefs(NamedTuple):
     across: FloatArray
     cross: Float32Array
     lagged: Float32Array
-    theta: Float32Array
+    known: FloatArray
+    rank: IntArray
     gain: FloatArray
     learnt: Float32Array
     child: IntArray
     flights: IntArray
     used: IntArray
-    push: Float32Array
+    push: FloatArray
     step: IntArray
 
 

@@ -294,9 +294,9 @@ def empty_beliefs(rows: int, marks: int, modes: int) -> Beliefs:
     pair, both = (rows, 2, 2), 2 * modes
     return Beliefs(
         np.empty(pair), np.empty(pair), np.empty(pair), np.empty((rows, 2, both), np.float32),
-        np.empty((rows, 2, both), np.float32), np.empty((rows, both, both), np.float32), np.empty(pair),
-        np.empty((rows, 2, both), np.float32), np.empty((rows, marks, SHARES), np.int64),
-        np.zeros(rows, np.int64), np.zeros(1, np.int64), np.empty((2, both), np.float32),
+        np.empty((rows, 2, both), np.float32), np.empty((rows, both, both)), np.zeros(rows, np.int64),
+        np.empty(pair), np.empty((rows, 2, both), np.float32), np.empty((rows, marks, SHARES), np.int64),
+        np.zeros(rows, np.int64), np.zeros(1, np.int64), np.empty((2, both)),
         np.zeros(rows, np.int64),
     )  # fmt: skip
 
