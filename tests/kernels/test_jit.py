@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import ast
 import importlib
+import math
 import pkgutil
 from pathlib import Path
 from typing import NamedTuple, get_args
 
+import numpy as np
 import pytest
-from numba import config
+from llvmlite.binding import Linkage
+from numba import config, njit
 
 import pareto_ltl.kernels
 from pareto_ltl.kernels import data, flight, pilots
 from pareto_ltl.kernels.claim_lists import ClaimLists
 from pareto_ltl.kernels.claim_rows import ClaimRows
-from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
+from pareto_ltl.kernels.jit import (
+    ENTRY,
+    IMPLEMENTATIONS,
+    PLAIN,
+    SHARED_ENTRY,
+    by_type,
+    implements,
+    kernel,
+)
 from pareto_ltl.kernels.parents import Dominance, Scaled
 from pareto_ltl.planning import evaluate, growth
 from pareto_ltl.settings.fidelity import LAWS, PARENT_RULES
@@ -119,12 +130,12 @@ def test_every_model_has_its_memory_its_strategy_and_its_name():
 HELPERS = {"kernel", "inlined", "vector"}  # a run that calls one from Python compiles a second copy of it
 
 
-def helpers_of_kernels():
-    """The names of the helpers of kernels, as ``module.name``."""
+def marked_functions(wanted):
+    """The functions of kernels with one of the decorators ``wanted``, as ``module.name``."""
     for path in sorted(Path(pareto_ltl.kernels.__path__[0]).glob("*.py")):
         for node in ast.parse(path.read_text()).body:
             marks = {getattr(mark, "id", "") for mark in getattr(node, "decorator_list", ())}
-            if marks & HELPERS:
+            if marks & wanted:
                 yield f"pareto_ltl.kernels.{path.stem}.{node.name}"
 
 
@@ -142,7 +153,7 @@ def kernels_read(path):
 
 
 def test_python_calls_no_helper_of_kernels():
-    helpers = set(helpers_of_kernels())
+    helpers = set(marked_functions(HELPERS))
     assert "pareto_ltl.kernels.propagation.left_time" in helpers
     package = Path(pareto_ltl.kernels.__path__[0]).parent
     called = {
@@ -151,3 +162,50 @@ def test_python_calls_no_helper_of_kernels():
         if path.parent.name != "kernels" and (found := helpers & set(kernels_read(path)))
     }
     assert called == {}
+
+
+def called_kernels(entries):
+    """Calls of the functions ``entries`` in the folder of kernels."""
+    for path in sorted(Path(pareto_ltl.kernels.__path__[0]).glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call):
+                name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+                yield from [f"{path.stem} calls {name}"] * (name in entries)
+
+
+def test_only_shared_kernels_are_called_by_others():
+    """The code of the others on disk has no form that could be built into a kernel."""
+    shared, own = (
+        {name.rpartition(".")[2] for name in marked_functions(marks)}
+        for marks in ({"shared_entry", "allocating"}, {"entry"})
+    )
+    assert list(called_kernels(own)) == []
+    assert "descent calls smoothed_failure" in list(called_kernels(shared))
+
+
+@kernel
+def long_helper(x):
+    """Too long to be built into its callers."""
+    for _ in range(3):
+        x += math.sin(x) + math.cos(x) + math.exp(-x) + math.atan(x) + math.sinh(x) + math.cosh(x)
+        x -= math.tan(x) + math.asin(x) + math.acos(x) + math.tanh(x) + math.log(x) + math.log1p(x)
+    return x
+
+
+def first_caller(x):
+    return long_helper(x[0]) + long_helper(x[1]) + long_helper(x[2])
+
+
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
+@pytest.mark.parametrize(
+    ("options", "shared"), [(PLAIN, True), (PLAIN | ENTRY, False), (SHARED_ENTRY, False)]
+)
+def test_a_kernel_has_helpers_of_its_own(options, shared):
+    """The usual ones are those of the kernel that was compiled or read first: with other last bits."""
+    compiled = njit(**options)(first_caller)
+    compiled(np.ones(3))
+    (made,) = compiled.overloads.values()
+    helpers = [f for f in made.library._final_module.functions if "long_helper" in f.name]  # noqa: SLF001
+    defined = [f for f in helpers if not f.is_declaration]
+    assert defined
+    assert all((f.linkage == Linkage.linkonce_odr) == shared for f in defined)

@@ -25,7 +25,7 @@ from typing import NamedTuple
 from pareto_ltl.kernels import claim_lists, claim_rows
 from pareto_ltl.kernels.clearance import CERTAIN, Event, segment_clearance
 from pareto_ltl.kernels.data import Point
-from pareto_ltl.kernels.jit import entry, kernel
+from pareto_ltl.kernels.jit import kernel, shared_entry
 from pareto_ltl.kernels.margin_events import (
     NOWHERE,
     SATURATED,
@@ -105,7 +105,7 @@ def barrier_clearances(model: MarginModel, mean: FloatArray, off: FloatArray, sc
                     met.nx[i], met.ny[i], met.share[i] = event.nx, event.ny, event.share
 
 
-@entry
+@shared_entry
 def smoothed_failure(
     model: MarginModel, mean: FloatArray, off: FloatArray, width: float, slope: Slope, scratch: Scratch
 ) -> float:

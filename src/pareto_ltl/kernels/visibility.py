@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.kernels.data import Faces, Point
-from pareto_ltl.kernels.jit import allocating, entry, kernel
+from pareto_ltl.kernels.jit import allocating, kernel, shared_entry
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 TOUCH = 1e-3  # [m] tolerance of the distance to keep
@@ -178,7 +178,7 @@ def seen_places(
     return seen
 
 
-@entry
+@shared_entry
 def see_places(
     walls: Walls, start: Point, keep: float, there: FloatArray, keeps: FloatArray, step: float, sight: Sight
 ) -> None:  # fmt: skip
