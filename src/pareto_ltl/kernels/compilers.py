@@ -16,9 +16,10 @@ ENVIRONMENT = "_ZN08NumbaEnv"  # begins the names of global variables with what 
 
 
 class HelperLibrary(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
-    """A helper in LLVM's form, which each kernel that calls it compiles: 4 of the 38 s above.
+    """A helper in LLVM's form, without machine code: each kernel that calls it compiles it.
 
-    Numba wants the address of its environment, so there is a module with nothing else.
+    Growth and three more kernels compile in 33 instead of 38 s of CPU time. Numba wants the address of the
+    environment of every function, so there is a module with nothing else.
     """
 
     def _finalize_final_module(self) -> None:
