@@ -4,29 +4,18 @@ from __future__ import annotations
 
 import ast
 import importlib
-import math
 import pkgutil
 from pathlib import Path
 from typing import NamedTuple, get_args
 
-import numpy as np
 import pytest
-from llvmlite.binding import Linkage
-from numba import config, njit
+from numba import config
 
 import pareto_ltl.kernels
 from pareto_ltl.kernels import data, flight, pilots
 from pareto_ltl.kernels.claim_lists import ClaimLists
 from pareto_ltl.kernels.claim_rows import ClaimRows
-from pareto_ltl.kernels.jit import (
-    ENTRY,
-    IMPLEMENTATIONS,
-    PLAIN,
-    SHARED_ENTRY,
-    by_type,
-    implements,
-    kernel,
-)
+from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
 from pareto_ltl.kernels.parents import Dominance, Scaled
 from pareto_ltl.planning import evaluate, growth
 from pareto_ltl.settings.fidelity import LAWS, PARENT_RULES
@@ -181,31 +170,3 @@ def test_only_shared_kernels_are_called_by_others():
     )
     assert list(called_kernels(own)) == []
     assert "descent calls smoothed_failure" in list(called_kernels(shared))
-
-
-@kernel
-def long_helper(x):
-    """Too long to be built into its callers."""
-    for _ in range(3):
-        x += math.sin(x) + math.cos(x) + math.exp(-x) + math.atan(x) + math.sinh(x) + math.cosh(x)
-        x -= math.tan(x) + math.asin(x) + math.acos(x) + math.tanh(x) + math.log(x) + math.log1p(x)
-    return x
-
-
-def first_caller(x):
-    return long_helper(x[0]) + long_helper(x[1]) + long_helper(x[2])
-
-
-@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
-@pytest.mark.parametrize(
-    ("options", "shared"), [(PLAIN, True), (PLAIN | ENTRY, False), (SHARED_ENTRY, False)]
-)
-def test_a_kernel_has_helpers_of_its_own(options, shared):
-    """The usual ones are those of the kernel that was compiled or read first: with other last bits."""
-    compiled = njit(**options)(first_caller)
-    compiled(np.ones(3))
-    (made,) = compiled.overloads.values()
-    helpers = [f for f in made.library._final_module.functions if "long_helper" in f.name]  # noqa: SLF001
-    defined = [f for f in helpers if not f.is_declaration]
-    assert defined
-    assert all((f.linkage == Linkage.linkonce_odr) == shared for f in defined)
