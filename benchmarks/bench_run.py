@@ -101,7 +101,7 @@ def test_first_run_from_a_wheel_with_machine_code(benchmark, tmp_path):
 
     timed()
     benchmark.pedantic(timed, rounds=1)
-    assert not list(tmp_path.rglob("kernels/**/*.nbc"))
+    assert not list((tmp_path / "kernels").rglob("*.nbc"))
     shipped = metrics_of(tmp_path / "outputs" / "phi2")["nodes_per_second"]
     call(tmp_path, "+experiment=phi2")  # compiles, if needed
     call(tmp_path, "+experiment=phi2")
