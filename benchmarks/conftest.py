@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from machine import cpu_facts, processor
+
 LAST_RELEASE = Path(__file__).parent / "last_release.json"
 
 
@@ -67,19 +69,10 @@ def pytest_terminal_summary(terminalreporter: Any, config: Any) -> None:
 
 def _record(version: str, figures: dict[str, float]) -> None:
     rounded = {name: float(f"{value:.4g}") for name, value in sorted(figures.items())}
-    machine = f"{_processor()}, Python {platform.python_version()}"
+    family = cpu_facts().get("cpu family", "?")
+    machine = f"{processor()}, family {family}, Python {platform.python_version()}"
     document = {"version": version, "machine": machine, "figures": rounded}
     LAST_RELEASE.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n")
-
-
-def _processor() -> str:
-    """Model of the processor with its family; Linux only, elsewhere what Python knows."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    known = dict(reversed([[word.strip() for word in line.split(":", 1)] for line in lines if ":" in line]))
-    return f"{known.get('model name', platform.machine())}, family {known.get('cpu family', '?')}"
 
 
 def _figures(bench: Any) -> Iterator[Figure]:

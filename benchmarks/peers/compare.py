@@ -18,6 +18,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from machine import processor
 from pareto_ltl.logic import patterns, translate
 from peers import tables
 from peers.channel import Peer, missing
@@ -148,12 +149,8 @@ def finite(value: float) -> float | None:
 
 
 def machine() -> Figures:
-    name = platform.processor() or platform.machine()
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():
-        models = [line.split(":")[1] for line in cpuinfo.read_text().splitlines() if "model name" in line]
-        name = models[0].strip() if models else name
-    return {"processor": name, "cores": os.cpu_count(), "system": f"{platform.system()} {platform.machine()}"}
+    system = f"{platform.system()} {platform.machine()}"
+    return {"processor": processor(), "cores": os.cpu_count(), "system": system}
 
 
 def open_peers(wanted: list[str], environments: Path, say: Callable[[str], None]) -> dict[str, Peer]:

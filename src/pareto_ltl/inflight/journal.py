@@ -151,12 +151,12 @@ def _flow(event: Event) -> str:
     """The estimated wind by the direction it blows from, or the current by the direction it sets to."""
     in_air = MEDIA[event["medium"]] is AIR
     name, turn, digits = ("wind", 0.0, 1) if in_air else ("current to", 180.0, 2)
-    heard = [] if event["heard_wind"] is None else [event["heard_wind"]]
-    estimated, *reported = (
-        f"{(come_from + turn) % 360.0:03.0f}/{speed:.{digits}f}"
-        for come_from, speed in [(event["wind_from"], math.hypot(*event["wind"])), *heard]
-    )
-    autopilot = f" (autopilot: {reported[0]})" if reported else ""
+
+    def text(come_from: float, speed: float) -> str:
+        return f"{(come_from + turn) % 360.0:03.0f}/{speed:.{digits}f}"
+
+    estimated, heard = text(event["wind_from"], math.hypot(*event["wind"])), event["heard_wind"]
+    autopilot = "" if heard is None else f" (autopilot: {text(*heard)})"
     return f"{name} {estimated} m/s, sd {event['wind_sd']:.{digits}f}{autopilot}"
 
 

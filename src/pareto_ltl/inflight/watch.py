@@ -232,9 +232,8 @@ class Watch:
         far = self.belief.distance(place, sd**2 * np.eye(2))
         use = "learnt" if far <= SURPRISE else "restarted" if self._confirmed(place, sd) else "refused"
         event = event_of(
-            "fix", self.time, place=place.tolist(), given=list(given), sd=sd, distance=far, use=use,
-            law=LAW, medium=self.medium.matter,
-        )  # fmt: skip
+            "fix", self.time, place=place.tolist(), given=list(given), sd=sd, distance=far, use=use, law=LAW
+        )
         yield event
         if far > SURPRISE:
             step = min(round(self.time / self.problem.motion.dt), len(self.plan.path.u))

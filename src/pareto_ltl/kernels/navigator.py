@@ -163,8 +163,8 @@ def learn_from_fix(own: Beliefs, row: int, target: int, s: float, error: FloatAr
     after[0, 1] -= mixed
     after[1, 0] = after[0, 1]
     learn_field(own, row, target, s, (i00, i01, i11))
-    sd = math.sqrt(p)
-    rest = math.sqrt(det / p)
+    # K gains the two rows L⁻¹ Cov(y, θ̃), with L the lower root of Cov(y).
+    sd, rest = math.sqrt(p), math.sqrt(det / p)
     for j in range(own.push.shape[1]):
         own.push[0, j] /= sd
         own.push[1, j] = (own.push[1, j] - q / sd * own.push[0, j]) / rest
@@ -176,9 +176,9 @@ def learn_from_fix(own: Beliefs, row: int, target: int, s: float, error: FloatAr
 def learn_field(
     own: Beliefs, row: int, target: int, s: float, inverse: tuple[float, float, float]
 ) -> None:  # fmt: skip
-    """Gains of θ̂ and Cov(ẽ, θ̃) after a fix; ``inverse`` of the covariance of its innovation.
+    """Gains of θ̂ and Cov(ẽ, θ̃) after a fix with the innovation covariance of ``inverse``.
 
-    ``push`` is Cov(y, θ̃) before it.
+    Leaves Cov(y, θ̃) from before the fix in ``push``.
     """
     cross, lagged, learnt = own.cross[row], own.lagged[row], own.learnt[target]
     now, ago, gain, after = F32(s), F32(1.0 - s), own.gain[target], own.cross[target]
