@@ -34,12 +34,16 @@ class Opened:
         return self.page.evaluate(script)
 
     def wait(self, condition: str) -> None:
-        """Until ``condition`` holds; the page's policy forbids what ``wait_for_function`` does."""
+        """Until ``condition`` holds and the map is drawn; the page's policy forbids ``wait_for_function``."""
         for _ in range(MOST // PAUSE):
             if self.value(condition):
-                return
+                return self.drawn()
             self.page.wait_for_timeout(PAUSE)
         pytest.fail(f"not within {MOST} ms: {condition}; the page says {self.page.inner_text('body')}")
+
+    def drawn(self) -> None:
+        """Until what was changed is drawn: a map is drawn with the next picture of the browser."""
+        self.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
 def launched() -> Iterator[Browser]:
@@ -71,6 +75,7 @@ def opened_page(
     shown.page.on("request", lambda request: shown.asked.append(request.url))
     shown.page.goto(address)
     shown.page.wait_for_selector(f"html[data-ready={ready}]")
+    shown.drawn()
     yield shown
     own = address.partition("?")[0]
     mine = (own, "data:", f"blob:{own}", "blob:null") if own.startswith("http") else (own, "data:", "blob:")

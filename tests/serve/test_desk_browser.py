@@ -129,6 +129,7 @@ def draw_mission(opened: Opened) -> None:
     page.locator("#editor [data-key=title]").press("Enter")
     opened.draw("obstacle", (0.4, 0.4), (0.5, 0.4), (0.5, 0.6), (0.38, 0.6))
     page.locator("#map").press("Enter")
+    opened.drawn()
 
 
 def plan_mission(opened: Opened) -> None:
