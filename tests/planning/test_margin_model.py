@@ -15,6 +15,7 @@ from pareto_ltl.planning.margin_model import (
     hazards_bar,
     margin_model,
     margin_scratch,
+    nearest_order,
     pack_guards,
     shown_letters,
 )
@@ -125,14 +126,18 @@ COVERAGE = " & ".join(f"F {name}" for name in SQUARES)  # 128 states
 TOUR = along((1, 1), *((x + 1, y + 1) for x, y in GRID), step=0.9)
 
 
+def order_refiner(formula: str) -> Refiner:
+    scene = make_scene(SQUARES, start=(1, 1))
+    problem = make_problem(formula, scene, steady_wind(scene), fidelity="full")
+    return Refiner(problem, margin_model(problem))
+
+
 @pytest.mark.parametrize("formula", [COVERAGE, f"{COVERAGE} & F(a & F b)", f"{COVERAGE} & (!g U f)"])
 @pytest.mark.parametrize("spread", [0.2, 1.2])
 def test_the_margin_in_the_order_of_a_path_is_a_lower_limit_and_the_same_near_it(
     formula: str, spread: float
 ) -> None:
-    scene = make_scene(SQUARES, start=(1, 1))
-    problem = make_problem(formula, scene, steady_wind(scene), fidelity="full")
-    refiner = Refiner(problem, margin_model(problem))
+    refiner = order_refiner(formula)
     one = refiner.model_along(TOUR)
     assert len(one.logic.distance) <= LIVE < len(refiner.model.logic.distance)
     rng = np.random.default_rng(4)
@@ -151,11 +156,39 @@ def test_the_margin_in_the_order_of_a_path_is_a_lower_limit_and_the_same_near_it
 
 
 def test_a_path_that_passes_a_place_between_two_steps_has_its_order() -> None:
-    scene = make_scene(SQUARES, start=(1, 1))
-    problem = make_problem(COVERAGE, scene, steady_wind(scene), fidelity="full")
-    refiner = Refiner(problem, margin_model(problem))
+    refiner = order_refiner(COVERAGE)
+    problem = refiner.problem
     in_a = ((SQUARES["a"][0] <= TOUR) & (SQUARES["a"][2] >= TOUR)).all(axis=1)
     assert in_a.any()
     assert problem.logic.distance[problem.states(TOUR[~in_a])[-1]] > 0.0
     assert refiner.model_along(TOUR[~in_a]) is refiner.model_along(TOUR)
-    assert refiner.model_along(TOUR[:9]) is refiner.model  # the path does not complete the mission
+
+
+@pytest.mark.parametrize("formula", [COVERAGE, f"{COVERAGE} & (!g U f)"])
+def test_a_path_beside_the_places_has_the_order_in_which_it_comes_closest(formula: str) -> None:
+    refiner = order_refiner(formula)
+    beside = TOUR + np.array([0.0, 1.05 * KM])  # 50 m beyond every place that lies in a row
+    states = refiner.problem.states(beside)
+    assert refiner.problem.logic.distance[states[-1]] > 0.0
+    assert refiner.model_along(beside) is refiner.model_along(TOUR)
+    order = nearest_order(refiner.model, beside)
+    assert set(refiner.problem.states(TOUR).tolist()) <= set(order.tolist())
+    half = refiner.model_along(TOUR[: len(TOUR) // 2])  # the other places are far
+    assert len(half.logic.distance) <= LIVE
+
+
+def test_a_path_that_can_read_no_letters_in_any_order_has_no_order() -> None:
+    refiner = order_refiner(f"{COVERAGE} & F(a & F(b & F(c & F a)))")
+    point = np.array([[9.0, 1.0]]) * KM  # one step: the letters are read once, b first
+    assert nearest_order(refiner.model, point).tolist() == [refiner.model.logic.initial]
+    assert refiner.model_along(point) is refiner.model
+
+
+def test_many_hazards_are_polished_in_the_order_of_a_path() -> None:
+    places = SQUARES | {f"h{k}": box(0.2 + k, 12, 0.8 + k, 12.6) for k in range(18)}
+    scene = make_scene(places, start=(1, 1))
+    formula = f"F(a & F(b & F c)) & (({' & '.join(f'!h{k}' for k in range(18))}) U c)"
+    problem = make_problem(formula, scene, steady_wind(scene), fidelity="full")
+    refiner = Refiner(problem, margin_model(problem))
+    assert len(problem.logic.distance) <= 16 < len(problem.logic.hazards.cell)
+    assert len(refiner.model_along(TOUR).logic.distance) < len(problem.logic.distance)

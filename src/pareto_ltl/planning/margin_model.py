@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,9 @@ from pareto_ltl.planning.pack_logic import LIVE, pack_corners
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
-ORDERED = 16  # states of an automaton above which only the order of a path is polished: 0.75 x the CPU time
+# States of an automaton, or hazards, above which only the order of a path is polished: 0.75 x the CPU time
+# with many states, 0.65 x with 47 hazards.
+ORDERED = 16
 BATCH = 1024  # states whose edges are found together
 MOST_LETTERS = 62  # that fit as bits into a 64-bit integer
 
@@ -56,13 +59,13 @@ def margin_scratch(model: MarginModel, runs: int, steps: int) -> Scratch:
         np.empty(steps + 1, np.int64), np.empty(steps * hazards, np.int64),
     )  # fmt: skip
     met = Met(np.empty(runs, np.int64), *(np.empty(runs) for _ in "xys"))
-    claims = _claim_rows(model, min(runs, BLOCK)) if few else claim_lists(model, steps)
+    claims = _claim_rows(model, min(runs, BLOCK), steps) if few else claim_lists(model, steps)
     return Scratch(
         claims, near, np.empty(runs), np.empty(runs, np.int64), met, np.empty((4, runs)), np.empty(runs)
     )
 
 
-def _claim_rows(model: MarginModel, runs: int) -> ClaimRows:
+def _claim_rows(model: MarginModel, runs: int, steps: int) -> ClaimRows:
     states, letters = len(model.logic.distance), len(model.first) - 1
     before, after = (
         Rows(np.empty((states, runs)), np.empty((states, runs), np.int64), np.zeros(states, np.bool_))
@@ -71,6 +74,7 @@ def _claim_rows(model: MarginModel, runs: int) -> ClaimRows:
     return ClaimRows(
         before, after, np.empty((letters, runs)), np.zeros(letters, np.bool_), np.empty((2, runs)),
         np.empty(runs, np.int64), np.empty(runs, np.int64), np.empty((4, runs)), _no_claims(states),
+        np.empty((steps + 1, states), np.bool_),
     )  # fmt: skip
 
 
@@ -95,24 +99,28 @@ def shown_letters(problem: Problem) -> list[IntArray]:
     return [np.array(cells, np.int64) for cells in groups.values()]
 
 
+def ordered(model: MarginModel) -> bool:
+    """Whether only the order of a path is polished, as there are many states or many hazards."""
+    return max(len(model.logic.distance), len(model.logic.hazards.cell)) > ORDERED
+
+
 def model_of_order(model: MarginModel, states: IntArray) -> MarginModel:
     """``model`` with only the ``states`` that a path passes through, for large automata.
 
     The margin of a flight is then its margin of completing the mission in the order of this path: a lower
     limit of its margin in ``model``, and the same for flights near the path. Few claims are judged for many
-    flights at once. ``model`` itself is returned for at most ``ORDERED`` states, where hazards do not bar the
-    way (:func:`hazards_bar`), and where no state is accepting.
+    flights at once. ``model`` itself is returned where it is not :func:`ordered`, where hazards do not bar
+    the way (:func:`hazards_bar`), and where no state is accepting.
 
     Parameters
     ----------
     states : (S,) int
         Ascending, each once, with the initial one.
     """
-    logic = model.logic
-    large = len(logic.distance) > ORDERED and len(states) <= LIVE
-    if not large or not model.guards.barring or not (logic.distance[states] == 0.0).any():
-        return model
-    return _with_states_only(model, states)
+    few = ordered(model) and len(states) <= LIVE
+    if few and model.guards.barring and (model.logic.distance[states] == 0.0).any():
+        return _with_states_only(model, states)
+    return model
 
 
 def _with_states_only(model: MarginModel, states: IntArray) -> MarginModel:
@@ -134,6 +142,44 @@ def _with_states_only(model: MarginModel, states: IntArray) -> MarginModel:
             loses=np.ascontiguousarray(logic.loses[:, states]),
         ),
     )  # fmt: skip
+
+
+def nearest_order(model: MarginModel, x: FloatArray) -> IntArray:
+    """The states, ascending, of the order in which ``x`` (T+1, 2) is closest to completing the mission.
+
+    A letter counts as read at the steps within a distance of its polygons, the smallest with which the
+    mission is completed. Only the initial state is returned if there is none.
+    """
+    faces = model.shown
+    depth = np.minimum.reduceat(faces.offset - x @ faces.normal.T, faces.ptr[:-1], axis=1)
+    depth = np.maximum.reduceat(depth, model.first[:-1], axis=1)  # (T+1, M)
+    letter = np.argsort(-depth, axis=1, kind="stable")
+    depth = np.take_along_axis(depth, letter, axis=1)
+
+    def states(limit: float) -> IntArray:
+        return _states_read(model, letter, depth >= -limit)
+
+    limits = np.unique(-depth).tolist()
+    least = bisect_left(limits, True, key=lambda limit: len(states(limit)) > 0)
+    return states(limits[least]) if least < len(limits) else np.array([model.logic.initial])
+
+
+def _states_read(model: MarginModel, letter: IntArray, read: BoolArray) -> IntArray:
+    """The states to acceptance if the ``letter`` (T+1, M) of each step that are ``read`` follow each other.
+
+    A letter after which the mission is lost is not read. No states are returned without acceptance.
+    """
+    logic, state = model.logic, int(model.logic.initial)
+    passed, at = [state], np.nonzero(read)
+    epoch = logic.epoch[np.minimum(at[0], len(logic.epoch) - 1)]
+    for e, column in zip(epoch.tolist(), model.column[letter[at]].tolist(), strict=True):
+        after = int(logic.delta[e, state, column])
+        if after != state and logic.distance[after] < np.inf:
+            state = after
+            passed.append(state)
+            if logic.distance[state] == 0.0:
+                return np.unique(passed)
+    return np.empty(0, np.int64)
 
 
 def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:

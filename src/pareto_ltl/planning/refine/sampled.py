@@ -41,7 +41,7 @@ from pareto_ltl.planning.evaluate import (
     propagate_controls,
     takes_fixes,
 )
-from pareto_ltl.planning.margin_model import ORDERED, margin_scratch, model_of_order
+from pareto_ltl.planning.margin_model import margin_scratch, model_of_order, nearest_order, ordered
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.programme import programmes_of
 from pareto_ltl.planning.refine.separation import ROUNDING, allowed_risk, separation
@@ -130,15 +130,21 @@ class Refiner:
 
     def model_along(self, x: FloatArray) -> MarginModel:
         """The model of margins for flights near the means ``x`` (T+1, 2)."""
-        if len(self.model.logic.distance) <= ORDERED:
+        if not ordered(self.model):
             return self.model
         states = self.states_passed(x)
-        if not (self.problem.logic.distance[states] == 0.0).any():  # no step lies in a place on the way
+        if not self.completed(states):  # no step lies in a place on the way
             states = self.states_passed(divided(x, FINER))
+        if not self.completed(states):
+            states = nearest_order(self.model, x)
         key = states.tobytes()
         if key not in self.orders:
             self.orders[key] = model_of_order(self.model, states)
         return self.orders[key]
+
+    def completed(self, states: IntArray) -> bool:
+        """Whether one of ``states`` (S,) is accepting."""
+        return bool((self.problem.logic.distance[states] == 0.0).any())
 
     def states_passed(self, x: FloatArray) -> IntArray:
         """The automaton states along the means ``x`` (T+1, 2), ascending, each once."""
