@@ -388,7 +388,10 @@ def test_buckets_list_every_cell_that_may_hold_a_point(scene, seed):
     bucket = column * 64 + row
     for k, cell in zip(bucket[found >= 0], found[found >= 0], strict=True):
         candidates = index[ptr[k] : ptr[k + 1]]
+        assert np.all(candidates[1:] >= 0)
+        whole, candidates = candidates[0] < 0, np.where(candidates < 0, ~candidates, candidates)
         assert cell in candidates
+        assert cell == candidates[0] or not whole
         assert np.all(np.diff(candidates) > 0)
 
 
@@ -397,6 +400,7 @@ def test_buckets_are_short():
     ptr, index = workspace.bucket_cells(workspace.decompose(scene), scene.bounds)
     assert len(ptr) == 64 * 64 + 1
     assert len(index) < 1.5 * 64 * 64
+    assert np.mean(index < 0) > 0.5  # most lie within one cell
 
 
 @given(convex_polygons(), seeds)

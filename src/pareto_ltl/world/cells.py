@@ -163,14 +163,18 @@ def bucket_cells(decomposition: Decomposition, bounds: FloatArray) -> tuple[IntA
     Bucket (i, j), column i and row j, has the number k = 64 i + j and, in ascending order, the cells
     ``index[ptr[k]:ptr[k + 1]]``. A cell is a candidate unless a face of the cell or of the bucket separates
     the two (separating axis theorem). Buckets are enlarged by 1e-6, so that rounding does not exclude a cell.
+    If the first candidate c contains the whole bucket, the number is ~c.
     """
     size = (bounds[1] - bounds[0]) / BUCKETS
     west_to_east, south_to_north = (bounds[0][:, None] + size[:, None] * (np.arange(BUCKETS) + 0.5)).tolist()
     middle = np.array([[x, y] for x in west_to_east for y in south_to_north])
     half = 0.5 * size * (1 + 1e-6)
-    near = np.stack([_cell_meets_boxes(cell, middle, half) for cell in decomposition.cells], axis=1)
+    pairs = [_boxes_of_cell(cell, middle, half) for cell in decomposition.cells]
+    near, whole = (np.stack(columns, axis=1) for columns in zip(*pairs, strict=True))
     ptr = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
-    return ptr.astype(np.int64), np.nonzero(near)[1].astype(np.int64)
+    bucket, index = np.nonzero(near)
+    first = np.append(True, np.diff(bucket) > 0)[: len(bucket)]
+    return ptr.astype(np.int64), np.where(first & whole[bucket, index], ~index, index).astype(np.int64)
 
 
 def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Iterable[str]) -> tuple[str, ...]:
@@ -337,13 +341,12 @@ def _shared_edges(rings: Sequence[GridRing]) -> IntArray:
 # --- points -----------------------------------------------------------------------------------------
 
 
-def _cell_meets_boxes(cell: FloatArray, middle: FloatArray, half: FloatArray) -> BoolArray:
-    """Which boxes ``middle`` (B, 2) ± ``half`` (2,) touch a convex cell, (B,)."""
+def _boxes_of_cell(cell: FloatArray, middle: FloatArray, half: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Which boxes ``middle`` (B, 2) ± ``half`` (2,) touch a convex cell, and which lie in it, (B,) each."""
     normals, offsets = half_planes(cell)
-    faces = (middle @ normals.T - np.abs(normals) @ half <= offsets).all(axis=1)
+    at, reach = middle @ normals.T, np.abs(normals) @ half
     sides = (middle + half >= cell.min(axis=0)) & (middle - half <= cell.max(axis=0))
-    meets: BoolArray = faces & sides.all(axis=1)
-    return meets
+    return (at - reach <= offsets).all(axis=1) & sides.all(axis=1), (at + reach <= offsets).all(axis=1)
 
 
 def moments(polygon: FloatArray) -> tuple[float, FloatArray]:
