@@ -346,7 +346,9 @@ def _boxes_of_cell(cell: FloatArray, middle: FloatArray, half: FloatArray) -> tu
     normals, offsets = half_planes(cell)
     at, reach = middle @ normals.T, np.abs(normals) @ half
     sides = (middle + half >= cell.min(axis=0)) & (middle - half <= cell.max(axis=0))
-    return (at - reach <= offsets).all(axis=1) & sides.all(axis=1), (at + reach <= offsets).all(axis=1)
+    touches: BoolArray = (at - reach <= offsets).all(axis=1) & sides.all(axis=1)
+    within: BoolArray = np.all(at + reach <= offsets, axis=1)
+    return touches, within
 
 
 def moments(polygon: FloatArray) -> tuple[float, FloatArray]:
