@@ -79,6 +79,8 @@ def list_shown(faces: Faces, floor: float, near: Near) -> None:
                 nx, ny = faces.normal[j, 0], faces.normal[j, 1]
                 slack = faces.offset[j] - nx * box[t, 0] - ny * box[t, 1]
                 most = min(most, slack + abs(nx) * box[t, 2] + abs(ny) * box[t, 3])
+                if most < floor - ROUNDING:
+                    break
             if most >= floor - ROUNDING:
                 near.shown[count] = part
                 count += 1
@@ -154,6 +156,8 @@ def list_met(
             dy = max(abs(corners.middle[part, 1] - around.y) - around.high, 0.0)
             gap = math.sqrt(dx * dx + dy * dy) - corners.radius[part]
             for j in range(faces.ptr[part], faces.ptr[part + 1]):
+                if gap >= reach + ROUNDING:
+                    break
                 gap = max(gap, face_gap(faces, j, around, -1.0))
             if gap < reach + ROUNDING:
                 met[count] = part

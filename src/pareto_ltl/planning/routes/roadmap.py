@@ -250,19 +250,22 @@ class _Ways:
                 found += 1
                 yield line
                 continue
-            for bound, further, longer in self._lengthened(line, length):
-                if bound <= limit:
-                    heapq.heappush(queue, (bound, next(ticks), further, longer))
+            for bound, further, longer in self._lengthened(line, length, limit):
+                heapq.heappush(queue, (bound, next(ticks), further, longer))
 
-    def _lengthened(self, line: _Line, length: float) -> Iterator[tuple[float, float, _Line]]:
-        """``line`` with one more edge: a bound on its whole length, its length so far [m], and it."""
+    def _lengthened(self, line: _Line, length: float, limit: float) -> Iterator[tuple[float, float, _Line]]:
+        """``line`` with one more edge: a bound on its whole length, its length so far [m], and it.
+
+        Lines whose bound is above ``limit`` [m] are left out.
+        """
         roadmap, state, (order, words) = self.roadmap, line.state, line.kind
         first, last = roadmap.first[line.node : line.node + 2].tolist()
         crossed = roadmap.words(line.node)
         for k in (np.flatnonzero(self.open[state, first:last])).tolist():
             node = int(roadmap.edge[first + k, 1])
             after = int(self.delta[state, node])
-            if after < 0:
+            further = length + float(roadmap.length[first + k])
+            if after < 0 or (bound := further + float(self.to_go[after, node])) > limit:
                 continue
             word = reduced_word(words[-1], crossed.get(k, ()))
             if len(word) > len(set(word)):  # its ray crossed twice in one direction: it is circled
@@ -270,8 +273,7 @@ class _Ways:
             kind = _Class(order, (*words[:-1], word))
             if after != state:
                 kind = _Class((*order, after), (*kind.words, ()))
-            further = length + float(roadmap.length[first + k])
-            yield further + float(self.to_go[after, node]), further, _Line(kind, after, node, line)
+            yield bound, further, _Line(kind, after, node, line)
 
 
 def _open_edges(roadmap: Roadmap) -> BoolArray:
