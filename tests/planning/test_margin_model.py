@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from oracle.margin import flight_margin
 from pareto_ltl.kernels.margin import Slope, smoothed_failure
 from pareto_ltl.kernels.margin_events import Guards
 from pareto_ltl.planning.margin_model import (
@@ -192,3 +193,15 @@ def test_many_hazards_are_polished_in_the_order_of_a_path() -> None:
     refiner = Refiner(problem, margin_model(problem))
     assert len(problem.logic.distance) <= 16 < len(problem.logic.hazards.cell)
     assert len(refiner.model_along(TOUR).logic.distance) < len(problem.logic.distance)
+
+
+def test_a_hazard_that_is_met_between_two_steps_may_lead_to_acceptance() -> None:
+    places = {"a": box(15, 15, 17, 17), "b": box(8, 0, 10, 2), "c": box(16, 0, 18, 2)}
+    scene = make_scene(places, start=(1, 1))
+    problem = make_problem("(!b U a) | F(b & F c)", scene, steady_wind(scene), fidelity="full")
+    model, x = margin_model(problem), np.array([[1.0, 1], [5, 1], [13, 1], [17, 1]]) * KM
+    assert not model.guards.barring
+    scratch, slope = margin_scratch(model, 1, len(x)), Slope(np.zeros(x.shape), np.zeros((len(x), 3)))
+    smoothed_failure(model, x, np.zeros((len(x), 2, 1)), 100.0, slope, scratch)  # b is far from all steps
+    assert scratch.margins[0] == pytest.approx(min(flight_margin(problem, x), 1e18), abs=1e-6)
+    assert scratch.margins[0] > 0.0
