@@ -282,8 +282,8 @@ def is_read(model: MarginModel, near: Near, t: int, e: int) -> bool:
 def mark_useful(model: MarginModel, near: Near, useful: BoolArray) -> None:
     """Fill ``useful`` (T+1, Q), backwards from the accepting claims at the end.
 
-    All claims are useful with hazards that do not bar the way: meeting one may lead to acceptance. With 47 hazards, a flight takes 23 instead of 62 ns a step: hazards that only lose other claims are left
-    out.
+    All claims are useful with hazards that do not bar the way: meeting one may lead to acceptance. With 47
+    that do, a flight takes 23 instead of 62 ns a step: hazards that only lose other claims are left out.
     """
     guards, last = model.guards, len(near.box) - 1
     useful[:] = len(model.logic.hazards.cell) > 0 and not guards.barring

@@ -45,13 +45,14 @@ GROWTH_SHARE = 0.2  # share of a time budget after which growth ends
 SCALED_SLACK = 1.0  # slack on risks of the scaled rule is a factor drawn between 1 and 1 plus this
 PACKED_BYTES = 80  # a vertex, for its 64-bit copies and its share of the archive of the trees
 CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
+# Columns of 64 bytes in all, one cache line (_cache_lines).
 VERTEX = np.dtype([
     ("x", float, 2), ("free", float, 2), ("length", float), ("speed", float), ("child", np.int32, 2),
     ("q", np.int32), ("cell", np.int32),
 ])  # fmt: skip
 BIN = np.dtype([
     ("after", np.int32), ("state", np.int32), ("seen", np.int32), ("kept", np.int32, CAPACITY),
-    ("free", np.int32, 5),
+    ("unused", np.int32, 5),
 ])  # fmt: skip
 SQUARES = 400  # at most, along one side of the grid of possible parents
 

@@ -100,8 +100,9 @@ def shown_letters(problem: Problem) -> list[IntArray]:
 
 
 def ordered(model: MarginModel) -> bool:
-    """Whether only the order of a path is polished, as there are many states or many hazards."""
-    return max(len(model.logic.distance), len(model.logic.hazards.cell)) > ORDERED
+    """Whether only the order of a path is polished: with many states or hazards, which bar the way."""
+    most = max(len(model.logic.distance), len(model.logic.hazards.cell))
+    return most > ORDERED and model.guards.barring
 
 
 def model_of_order(model: MarginModel, states: IntArray) -> MarginModel:
@@ -109,8 +110,8 @@ def model_of_order(model: MarginModel, states: IntArray) -> MarginModel:
 
     The margin of a flight is then its margin of completing the mission in the order of this path: a lower
     limit of its margin in ``model``, and the same for flights near the path. Few claims are judged for many
-    flights at once. ``model`` itself is returned where it is not :func:`ordered`, where hazards do not bar
-    the way (:func:`hazards_bar`), and where no state is accepting.
+    flights at once. ``model`` itself is returned where it is not :func:`ordered`, and where no state is
+    accepting.
 
     Parameters
     ----------
@@ -118,7 +119,7 @@ def model_of_order(model: MarginModel, states: IntArray) -> MarginModel:
         Ascending, each once, with the initial one.
     """
     few = ordered(model) and len(states) <= LIVE
-    if few and model.guards.barring and (model.logic.distance[states] == 0.0).any():
+    if few and (model.logic.distance[states] == 0.0).any():
         return _with_states_only(model, states)
     return model
 
