@@ -62,7 +62,7 @@ def test_an_interrupt_ends_the_threads_that_grow_trees(monkeypatch):
     def interrupt(done, total):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(growth, "_grow_to_end", lambda *arguments: time.sleep(0.001))
+    monkeypatch.setattr(growth.Grove, "grow", lambda *arguments: time.sleep(0.001))
     began = time.perf_counter()
     with pytest.raises(KeyboardInterrupt):
         grown(two_goals(), replace(SMALL, max_seconds=60.0), progress=interrupt)

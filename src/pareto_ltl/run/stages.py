@@ -193,16 +193,29 @@ def _import_report(cfg: ReportConfig) -> None:
 
 
 def make_plan(inputs: StageInputs) -> Plan:
+    """The chosen path, the chance constraint of each of its segments, and the prices of its limits."""
+    from pareto_ltl.planning.refine.prices import limits_of
+    from pareto_ltl.simulation.flights import simulate_flights
+
+    plan, problem = make_unpriced_plan(inputs), inputs[keys.PROBLEM]
+    law, seed = problem.fidelity.law, named_child(inputs.seeds, PRICING)
+    blocks = (
+        simulate_flights(problem, plan.path.u, PRICING_RUNS, law, child, plan.path.x).x
+        for child in seed.spawn(PRICING_BLOCKS)
+    )
+    limits, prices = limits_of(problem, plan.path, blocks)
+    return replace(plan, limits=limits, prices=prices)
+
+
+def make_unpriced_plan(inputs: StageInputs) -> Plan:
     """The path of the front that the rule picks; with ``judge=flights``, after a test with fresh flights."""
     from pareto_ltl.planning.records import Plan
-    from pareto_ltl.planning.refine.prices import limits_of
     from pareto_ltl.planning.selection_rules import (
         bound_warning,
         choose_path,
         selection_rule,
         within_capacity,
     )
-    from pareto_ltl.simulation.flights import simulate_flights
     from pareto_ltl.simulation.promise import promise_path
     from pareto_ltl.wind.coverage import coverage_of, held_warning
     from pareto_ltl.world.projection import navigate
@@ -222,12 +235,6 @@ def make_plan(inputs: StageInputs) -> Plan:
     held = held_warning(inputs[keys.WIND], float(path.t[-1]), problem.scene.time_zero)
     for warning in filter(None, (bound_warning(path, settings.fidelity), held)):
         LOG.warning("%s", warning)
-    law, seed = problem.fidelity.law, named_child(inputs.seeds, PRICING)
-    blocks = (
-        simulate_flights(problem, path.u, PRICING_RUNS, law, child, path.x).x
-        for child in seed.spawn(PRICING_BLOCKS)
-    )
-    limits, prices = limits_of(problem, path, blocks)
     return Plan(
         path=path,
         formula=problem.automaton.formula,
@@ -245,8 +252,6 @@ def make_plan(inputs: StageInputs) -> Plan:
         navigation=navigate(problem.scene, path.t, path.x, path.u),
         covered=coverage.covered,
         not_covered=coverage.not_covered,
-        limits=limits,
-        prices=prices,
     )
 
 
@@ -361,3 +366,6 @@ PLAN_STAGES = (
     Stage(keys.WIND_TABLE, make_wind_table, (keys.READINGS,)),
 )  # fmt: skip
 PLAN_TABLE = StageTable(PLAN_STAGES)
+# For studies, which read no price: pricing is more than half of a small plan's time.
+_UNPRICED = replace(PLAN_TABLE.maker_of(keys.PLAN), make=make_unpriced_plan)
+UNPRICED_TABLE = StageTable(_UNPRICED if stage.makes is keys.PLAN else stage for stage in PLAN_STAGES)

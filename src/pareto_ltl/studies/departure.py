@@ -31,8 +31,8 @@ from pareto_ltl.run.pipeline import Run, carry_out
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.records import Records
 from pareto_ltl.run.rest_of_flight import quick_settings
-from pareto_ltl.run.stage_table import named_child, stage_seeds
-from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.run.stage_table import StageTable, named_child, stage_seeds
+from pareto_ltl.run.stages import PLAN_TABLE, UNPRICED_TABLE
 from pareto_ltl.settings import DepartureConfig, Settings
 from pareto_ltl.simulation.judging import which_fail_each
 from pareto_ltl.studies import departure_table as tables
@@ -206,8 +206,9 @@ def repeat_seed(seed: int, repeat: int) -> int:
 def departure_part(context: DepartureContext, time: float, repeat: int) -> Columns:
     """The front of one start with one seed, its flights and its plan; or why there is no plan."""
     settings = start_settings(context.settings, time, quick=context.settings.departure.quick, repeat=repeat)
+    written = context.folder is not None and repeat == 0
     try:
-        run = world_at(settings, context.world)
+        run = world_at(settings, context.world, PLAN_TABLE if written else UNPRICED_TABLE)
         plan_start(run)
     except (InfeasibleError, DataError) as error:
         return {"planned": False, "reason": str(error)}
@@ -240,12 +241,12 @@ def _path_columns(path: PlannedPath, failed: BoolArray) -> Columns:
     }
 
 
-def world_at(settings: Settings, world: Records) -> Run:
+def world_at(settings: Settings, world: Records, table: StageTable = UNPRICED_TABLE) -> Run:
     """A run of one start, with the readings and, if its map is the map of ``world``, cells and automaton.
 
     A map can depend on the time, for example by windows in UTC; then each start has another map.
     """
-    run = study_run(settings, Records({records.READINGS: world[records.READINGS]}))
+    run = study_run(settings, Records({records.READINGS: world[records.READINGS]}), table)
     if same_map(run.make(records.SCENE), world[records.SCENE]):
         run.records[records.DECOMPOSITION] = world[records.DECOMPOSITION]
         run.records[records.AUTOMATON] = world[records.AUTOMATON]

@@ -21,8 +21,8 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PLAN, PROBLEM, WIND, Records
-from pareto_ltl.run.stage_table import stage_seeds
-from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.run.stage_table import StageTable, stage_seeds
+from pareto_ltl.run.stages import UNPRICED_TABLE
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.studies import tables
@@ -39,9 +39,9 @@ Result = Mapping[str, Any]
 Results = Mapping[tuple[Any, int], Result]  # by planner and seed
 
 
-def study_run(settings: Settings, world: Records) -> Run:
+def study_run(settings: Settings, world: Records, table: StageTable = UNPRICED_TABLE) -> Run:
     """A run from the records of ``world``; it does not change ``world``."""
-    return Run(settings, PLAN_TABLE, world.copy())
+    return Run(settings, table, world.copy())
 
 
 def with_wind(settings: Settings, world: Records) -> Records:
