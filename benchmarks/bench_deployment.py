@@ -92,7 +92,7 @@ def test_rate_of_a_rare_failure_from_20_000_draws(benchmark, safe_plan):
     arguments = (problem, path, 20_000, SeedSequence(1))
     rate = benchmark.pedantic(importance.weighted_rate, arguments, rounds=5, warmup_rounds=1)
     proposal = importance.make_proposal(problem, path, rate.law)
-    weights, failed = importance.weighted_flights(problem, path, proposal, *arguments[2:])
+    weights, failed = importance.weighted_flights(proposal, *arguments[2:])
     error = float(np.where(failed, weights, 0.0).std()) / np.sqrt(20_000) / rate.failure
     benchmark.extra_info["budget"] = 1.0
     benchmark.extra_info["figures"] = [(f"standard error at {rate.failure:.1e}", error, 0.05)]

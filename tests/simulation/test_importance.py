@@ -13,7 +13,6 @@ from numpy.random import SeedSequence
 from scipy.stats import binom, binomtest, norm
 
 from coherent import SCENE, STEPS, coherent_problem
-from flown import succeeds
 from landmarks import LANDMARK_WAY, landmark_problem
 from oracle import importance as plain
 from pareto_ltl.kernels import importance as kernel
@@ -22,9 +21,8 @@ from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propag
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FLIGHTS, WEIGHTED, FailureRate, PlannedPath, counted_rate
 from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
-from pareto_ltl.simulation import importance
+from pareto_ltl.simulation import failure_modes, importance
 from pareto_ltl.simulation import promise as promises
-from pareto_ltl.simulation.failure_modes import HalfSpace, touching
 from pareto_ltl.simulation.flights import simulate_flights, unspawned
 from pareto_ltl.simulation.promise import RARE, count_agrees, fresh_rate
 from pareto_ltl.support.arrays import FloatArray
@@ -40,12 +38,12 @@ BLOCKS = [box(8, 1, 12, 5.5), box(9, 15, 11, 20)]
 
 def task(
     formula: str, corners: tuple[tuple[float, float], ...], law: str = "coherent", border: str = "open",
-    feedback: float | None = None, **wind: float,
+    feedback: float | None = None, u_max: float = 25.0, **wind: float,
 ) -> tuple[Problem, PlannedPath]:  # fmt: skip
     """A plan along ``corners`` [km] in curved winds, and what it is to do."""
     scene = replace(make_scene(MAP, BLOCKS, start=corners[0]), border=border)
     models = replace(preset("full"), law=law, border=border)
-    robot = RobotConfig(dt=100.0, u_max=25.0, start_sd=50.0, feedback_time=feedback)
+    robot = RobotConfig(dt=100.0, u_max=u_max, start_sd=50.0, feedback_time=feedback)
     problem = make_problem(formula, scene, smooth_wind(scene, **wind), robot, LOOSE, fidelity=models)
     return problem, evaluate_path(problem, along(*corners, step=0.8), "by hand")
 
@@ -62,6 +60,8 @@ def tasks() -> dict[str, tuple[Problem, PlannedPath]]:
         "choice": task("F(a & F b) | F(b & F a)", tour, sd=0.28, gust=0.3),
         "feedback": task("F a", (*sweep[:3], (16, 16)), feedback=1950.0, sd=0.8, gust=0.5),
         "independent": task("F b & F a", tour, "independent", sd=1.0, gust=1.2),
+        # held on its path, but too slow for a head wind that lasts
+        "too slow": task("F a", (*sweep[:3], (16, 16)), feedback=900.0, u_max=10.5, sd=1.2, gust=0.3),
     }
 
 
@@ -80,8 +80,8 @@ def drawn(proposal: importance.Proposal, n: int, seed: int) -> tuple[kernel.Norm
     choices = importance.component_choices(proposal)
     z = importance.draw_proposal(proposal, choices, n, np.random.default_rng(seed))
     theta = z.field.copy()
-    link_fields(proposal.law.kept, theta)
-    return z, importance.linear_deviations(proposal.law, z, theta)
+    link_fields(proposal.plan.linear.kept, theta)
+    return z, failure_modes.linear_deviations(proposal.plan.linear, z, theta)
 
 
 # --- the linear law and its half-spaces ------------------------------------------------------------
@@ -92,11 +92,11 @@ def test_linear_deviations_and_directions_are_those_of_a_matrix(name):
     """The recursion of deviations, the adjoint recursion and M z agree."""
     proposal = proposal_of(name)
     z, e = drawn(proposal, 40, seed=1)
-    M = plain.deviation_map(proposal.law)
+    M = plain.deviation_map(proposal.plan.linear)
     rows = plain.joined(z)
     scale = np.abs(e).max()
     np.testing.assert_allclose(e, np.einsum("tid,nd->nti", M, rows), atol=2e-5 * scale)
-    omega = plain.half_space_directions(proposal.law, proposal.modes.weight)
+    omega = plain.half_space_directions(proposal.plan.linear, proposal.modes.weight)
     np.testing.assert_allclose(np.linalg.norm(omega, axis=1), 1.0, atol=1e-6)
     parts = [part.reshape(len(part), -1) for part in proposal.directions]
     np.testing.assert_allclose(np.hstack(parts), omega, atol=1e-6)
@@ -106,9 +106,9 @@ def test_linear_deviations_and_directions_are_those_of_a_matrix(name):
 def test_the_covariance_of_deviations_is_the_planned_one(error):
     """M M' against the recursion of Cov(e_t, e_s) in the propagation, over epochs of all parts."""
     p = coherent_problem(hours=0.25, rho=0.6, error=error)
-    law = importance.SMOOTH_LAWS["coherent"](p)
+    law = failure_modes.SMOOTH_LAWS["coherent"](p)
     flight = propagate(p, STEPS, law)
-    M = plain.deviation_map(importance.linear_law(p, flight, law))
+    M = plain.deviation_map(failure_modes.linear_law(p, flight, law))
     cross = cross_covariance(law, flight)
     for t in (0, 5, 17, len(STEPS) - 1):
         for s in (0, 3, t // 2, t):
@@ -117,20 +117,19 @@ def test_the_covariance_of_deviations_is_the_planned_one(error):
 
 
 @pytest.mark.parametrize("name", list(TASKS))
-def test_most_failures_of_the_linear_law_lie_in_a_half_space(name):
-    """Of flights drawn far around the half-spaces."""
-    problem = TASKS[name][0]
+def test_most_failures_lie_near_a_half_space(name):
+    """Of nonlinear flights drawn far around the half-spaces."""
     proposal = proposal_of(name)
-    _, e = drawn(proposal, 3000, seed=2)
+    z, e = drawn(proposal, 3000, seed=2)
     reached = np.einsum("jti,nti->nj", proposal.modes.weight, e)
     covered = (reached >= 0.9 * proposal.modes.threshold).any(axis=1)
-    fails = np.array([not succeeds(problem, proposal.mean + off) for off in e])
+    fails = proposal.plan.fly(z, failure_modes.linked_fields(proposal.plan.linear, z))[1]
     assert fails.sum() > 300
     assert (~covered).sum() > 300
-    assert covered[fails].mean() > 0.99
+    assert covered[fails].mean() > 0.95
 
 
-def test_replaced_half_spaces_bring_the_bound_down_to_the_rate():
+def test_half_spaces_of_several_events_bring_the_bound_down_to_the_rate():
     """A region is swept in several steps; V charges the visit at one of them."""
     problem, path = TASKS["sweep"]
     rate = importance.weighted_rate(problem, path, 4000, SeedSequence(3)).failure
@@ -139,28 +138,34 @@ def test_replaced_half_spaces_bring_the_bound_down_to_the_rate():
     assert rate < bound < 0.95 * risk
 
 
-@settings(deadline=None, max_examples=100)
-@given(st.floats(0.01, 6.0), st.floats(0.01, 6.0), st.floats(-0.99, 0.99))
-def test_the_half_space_of_an_intersection_touches_it_at_its_nearest_point(first, second, shared):
-    """Against the intersection in the plane of both normals, ray by ray from the origin."""
-    axes = np.array([[1.0, 0.0], [shared, math.sqrt(1.0 - shared**2)]])
-    mixed = touching(HalfSpace(axes[0], first), HalfSpace(axes[1], second), np.eye(2))
-    angle = np.linspace(0, 2 * np.pi, 20_001)
-    rays = np.column_stack([np.cos(angle), np.sin(angle)])
-    towards = rays @ axes.T
-    hits = (towards > 1e-9).all(axis=1)
-    near = rays[hits] * (np.array([first, second]) / towards[hits]).max(axis=1, keepdims=True)
-    assert mixed.threshold == pytest.approx(np.linalg.norm(near, axis=1).min(), rel=1e-3)
-    assert np.linalg.norm(mixed.weight) == pytest.approx(1.0)
-    assert (near @ mixed.weight).min() >= mixed.threshold * (1 - 1e-9)
+@pytest.mark.parametrize("name", list(TASKS))
+def test_along_each_direction_flights_fail_from_the_threshold_on(name):
+    """Nonlinear flights, just before and just behind it; and no two half-spaces are nearly parallel."""
+    proposal = proposal_of(name)
+    plan, modes = proposal.plan, proposal.modes
+    rows = np.arange(len(modes))
+    assert plan.fly_along(proposal.directions, rows, modes.threshold * (1 + 1e-6)).all()
+    assert not plan.fly_along(proposal.directions, rows, modes.threshold * (1 - 1e-6)).any()
+    omega = plain.half_space_directions(plan.linear, modes.weight)
+    assert (np.tril(omega @ omega.T, -1) <= failure_modes.ALIKE + 1e-6).all()
+    assert (np.diff(modes.threshold) >= 0.0).all()
 
 
-def test_parallel_half_spaces_have_the_narrower_one_or_no_intersection():
-    """The correlation of equal ones may exceed 1 by rounding."""
-    one = HalfSpace(np.array([1.0 + 2**-51, 0.0]), 0.3)
-    assert touching(one, HalfSpace(np.array([1.0, 0.0]), 0.3), np.eye(2)).threshold == 0.3
-    assert touching(one, HalfSpace(np.array([1.0, 0.0]), 0.5), np.eye(2)).threshold == 0.5
-    assert touching(one, HalfSpace(np.array([-1.0, 0.0]), 0.5), np.eye(2)).threshold == math.inf
+def test_forms_are_those_of_deviations_with_less_feedback():
+    """Against deviations that are propagated with a share of the feedback, from the same winds."""
+    plan = proposal_of("feedback").plan
+    _, e = drawn(proposal_of("feedback"), 30, seed=11)
+    F, normals = plan.linear.F, np.random.default_rng(12).standard_normal((3, *plan.mean.shape))
+    forms = failure_modes.less_held_forms(plan, normals).reshape(len(failure_modes.FEEDBACK), *normals.shape)
+    for form, share in zip(forms, failure_modes.FEEDBACK, strict=True):
+        free = e.copy()
+        for t in range(len(F)):
+            wind = e[:, t + 1] - e[:, t] @ F[t].T
+            free[:, t + 1] = free[:, t] @ (np.eye(2) + share * (F[t] - np.eye(2))).T + wind
+        expected = np.einsum("kti,nti->kn", normals, free)
+        np.testing.assert_allclose(
+            np.einsum("kti,nti->kn", form, e), expected, atol=1e-8 * np.abs(expected).max()
+        )
 
 
 # --- weights --------------------------------------------------------------------------------------
@@ -187,7 +192,7 @@ def test_draws_are_pushed_into_their_half_space_and_left_alone_beside_it():
     event = np.arange(n) % (modes + 1) - 1
     size = np.linspace(0.0, 6.0, n)
     kernel.push_draws(proposal.directions, event, size, z)
-    after, omega = plain.joined(z), plain.half_space_directions(proposal.law, proposal.modes.weight)
+    after, omega = plain.joined(z), plain.half_space_directions(proposal.plan.linear, proposal.modes.weight)
     for i in range(n):
         moved = after[i] - before[i]
         if event[i] < 0:
@@ -213,7 +218,7 @@ def test_draws_have_the_law_of_their_half_spaces():
     share = (inside / inside.sum(axis=1, keepdims=True)).mean(axis=0)
     np.testing.assert_allclose(share, chance / chance.sum(), atol=5.5 * 0.5 / math.sqrt(n))
     rows = plain.joined(z)
-    omega = plain.half_space_directions(proposal.law, proposal.modes.weight)
+    omega = plain.half_space_directions(proposal.plan.linear, proposal.modes.weight)
     across = rows - (rows @ omega.T) @ np.linalg.pinv(omega.T)  # the part in no half-space's direction
     left = rows.shape[1] - np.linalg.matrix_rank(omega)
     assert (across**2).sum() / (n * left) == pytest.approx(1.0, abs=6 * math.sqrt(2 / (n * left)))
@@ -221,9 +226,8 @@ def test_draws_have_the_law_of_their_half_spaces():
 
 def test_the_mixture_of_the_paper_never_exceeds_the_union_bound():
     for name in TASKS:
-        problem, path = TASKS[name]
         proposal = proposal_of(name, ALOE)
-        weights, _ = importance.weighted_flights(problem, path, proposal, 500, SeedSequence(6))
+        weights, _ = importance.weighted_flights(proposal, 500, SeedSequence(6))
         bound = proposal.modes.union_bound
         assert weights.max() <= bound * (1 + 1e-12)
         assert weights.mean() <= bound * (1 + 1e-12)
@@ -231,9 +235,8 @@ def test_the_mixture_of_the_paper_never_exceeds_the_union_bound():
 
 
 def test_no_weight_exceeds_what_plain_flights_allow():
-    problem, path = TASKS["coherent"]
     proposal = proposal_of("coherent")
-    weights, _ = importance.weighted_flights(problem, path, proposal, 5000, SeedSequence(7))
+    weights, _ = importance.weighted_flights(proposal, 5000, SeedSequence(7))
     assert weights.max() <= 1 / importance.LADDER.plain
     assert weights.mean() == pytest.approx(1.0, abs=6 * weights.std() / math.sqrt(len(weights)))
 
@@ -264,14 +267,14 @@ def test_one_half_space_is_exact(offset):
     problem, path = straight(offset)
     proposal = importance.make_proposal(problem, path, "independent", ALOE)
     assert proposal is not None
-    weights, failed = importance.weighted_flights(problem, path, proposal, 400, SeedSequence(0))
+    weights, failed = importance.weighted_flights(proposal, 400, SeedSequence(0))
     assert failed.all()
     assert weights == pytest.approx(norm.sf(offset), rel=1e-6)
     proposal = replace(proposal, ladder=importance.LADDER)
-    weights, failed = importance.weighted_flights(problem, path, proposal, 4000, SeedSequence(1))
+    weights, failed = importance.weighted_flights(proposal, 4000, SeedSequence(1))
     weighted = np.where(failed, weights, 0.0)
     low, high = importance.weighted_interval(weighted, proposal.ladder.plain, 1 - CHANCE)
-    assert low <= norm.sf(offset) <= high < 1.6 * low
+    assert low <= norm.sf(offset) <= high < 1.8 * low
 
 
 @pytest.mark.statistical
@@ -282,7 +285,7 @@ def test_rates_are_those_of_plain_flights(name):
     law, runs, draws = problem.fidelity.law, 40_000, 6000
     plain_rate = float(simulate_flights(problem, path.u, runs, law, SeedSequence(1), path.x).failed.mean())
     proposal = proposal_of(name)
-    weights, failed = importance.weighted_flights(problem, path, proposal, draws, SeedSequence(2))
+    weights, failed = importance.weighted_flights(proposal, draws, SeedSequence(2))
     weighted = np.where(failed, weights, 0.0)
     rate, error = weighted.mean(), weighted.std() / math.sqrt(draws)
     assert error < 0.06 * rate
@@ -300,7 +303,7 @@ def test_intervals_hold_the_rate_as_often_as_they_say():
     proposal = importance.make_proposal(problem, path, "independent")
     assert proposal is not None
     for draws in (40, 400):
-        weights, failed = importance.weighted_flights(problem, path, proposal, 400 * draws, SeedSequence(3))
+        weights, failed = importance.weighted_flights(proposal, 400 * draws, SeedSequence(3))
         rows = np.where(failed, weights, 0.0).reshape(400, draws)
         ends = np.array([importance.weighted_interval(row, importance.LADDER.plain) for row in rows])
         missed = int(((ends[:, 0] > norm.sf(3.0)) | (ends[:, 1] < norm.sf(3.0))).sum())

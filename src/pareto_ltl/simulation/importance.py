@@ -5,7 +5,7 @@ innovations of its field. If a plan fails once in 10^5 flights, few flights draw
 from a mixture that fails often, and each is weighted by the ratio of its densities under the law and the
 mixture.
 
-The law linearised about the plan is used only for the proposal. Its failures lie near half-spaces
+The law linearised about the plan is used only for the proposal. Failures lie near half-spaces
 H_j = {ω_j' z >= τ_j}, |ω_j| = 1 (:mod:`pareto_ltl.simulation.failure_modes`). A component of the mixture is
 the law of z given H_j,
 
@@ -26,8 +26,6 @@ half-spaces only decide how many draws are needed.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -36,17 +34,20 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 from scipy.special import gammaincinv, ndtr, ndtri
 
-from pareto_ltl.kernels import data as kd
-from pareto_ltl.kernels import flight as rollout
 from pareto_ltl.kernels import importance as kernel
-from pareto_ltl.kernels.path import Flight
-from pareto_ltl.kernels.pilots import Autopilot
-from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import WEIGHTED, FailureRate, PlannedPath
 from pareto_ltl.simulation import flights as sim
-from pareto_ltl.simulation.failure_modes import FailureModes, find_failure_modes
-from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
+from pareto_ltl.simulation.failure_modes import (
+    FailureModes,
+    FlownPlan,
+    directions_of,
+    find_failure_modes,
+    flown_plan,
+    linear_deviations,
+    linked_fields,
+)
+from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.cores import cores
 
 SPARE = 2.0  # the upper end of an interval allows for one more weight, this many times the largest one drawn
@@ -60,13 +61,13 @@ class Ladder(NamedTuple):
     plain: float
 
 
-def make_ladder(lowest: float = 0.6, step: float = 0.025, scale: float = 0.4, plain: float = 0.1) -> Ladder:
+def make_ladder(lowest: float = 0.4, step: float = 0.025, scale: float = 0.6, plain: float = 0.1) -> Ladder:
     """β_l ∝ exp(-(1 - s_l) / scale).
 
-    With these values the standard error of 20,000 draws is 1.3 to 5 % of the rate for plans for phi1 and phi2
-    that fail in 10^-2 to 10^-6 of the flights, most with feedback. With level 1 and plain flights alone,
-    failures beside the half-spaces are seldom drawn and weigh 1 / α: of a plan with feedback they are two
-    thirds of all, between 0.75 τ and τ.
+    With these values the standard error of 20,000 draws is 1.4 to 3.5 % of the rate for plans for phi1 and
+    phi2 with feedback that fail in 10^-2 to 3 x 10^-5 of the flights, and 5 % for one whose failures are of
+    two kinds, beside obstacles and for want of airspeed (6.6 % with 0.6 and 0.4). With level 1 and plain
+    flights alone, failures beside the half-spaces are seldom drawn and weigh 1 / α.
     """
     level = np.arange(1.0, lowest - 0.5 * step, -step)
     share = np.exp((level - 1.0) / scale)
@@ -82,16 +83,13 @@ class Proposal:
 
     Attributes
     ----------
-    law : LinearLaw
-        The law linearised about the plan.
-    mean : (T+1, 2) float
-        Means about which it is linearised [m].
+    plan : FlownPlan
+        The plan, and the law linearised about it.
     modes : FailureModes
         Half-spaces of its deviations, at least one; ``directions`` are their ω.
     """
 
-    law: kernel.LinearLaw
-    mean: FloatArray
+    plan: FlownPlan
     modes: FailureModes
     directions: kernel.Directions
     ladder: Ladder = LADDER
@@ -136,7 +134,7 @@ def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSeq
     proposal = None if problem.landmarks else make_proposal(problem, path, law)
     if proposal is None:
         return None
-    weights, failed = weighted_flights(problem, path, proposal, draws, seed)
+    weights, failed = weighted_flights(proposal, draws, seed)
     weighted = np.where(failed, weights, 0.0)
     rate = min(float(weighted.mean()), 1.0)
     low, high = weighted_interval(weighted, proposal.ladder.plain)
@@ -169,119 +167,34 @@ def weighted_interval(weights: FloatArray, plain: float, confidence: float = 0.9
     return min(low, y, 1.0), min(max(high, y), 1.0)
 
 
-# --- the proposal -----------------------------------------------------------------------------
-
-
 def make_proposal(problem: Problem, path: PlannedPath, law: str, ladder: Ladder = LADDER) -> Proposal | None:
-    """Half-spaces near the failures of ``path`` in the linearised ``law``; None if there are none."""
-    smooth = SMOOTH_LAWS[law](problem)
-    # With feedback the robot steers towards the planned positions; without it, its controls decide.
-    held = problem.motion.gain > 0.0
-    flight = propagate(problem, path.x, smooth) if held else propagate_controls(problem, path.u, smooth)
-    linear = linear_law(problem, flight, smooth)
-    steps = len(flight.x)
-    every = directions_of(linear, np.eye(2 * steps).reshape(-1, steps, 2))
-    units = np.concatenate([part.reshape(2 * steps, math.prod(part.shape[1:])) for part in every], axis=1)
-    modes = find_failure_modes(problem, flight.x, units)
-    if modes.union_bound == 0.0:
+    """The mixture for ``path`` by its failures in ``law``; None if there are none."""
+    plan = flown_plan(problem, path, law)
+    modes = find_failure_modes(plan)
+    if not len(modes):
         return None
-    return Proposal(linear, flight.x, modes, directions_of(linear, modes.weight), ladder)
-
-
-def _white_law(problem: Problem) -> kd.CoherentLaw:
-    """The independent law as the coherent one without modes, whose white part lasts one step."""
-    modes = problem.modes
-    none = modes._replace(
-        part=modes.part[:0], kept=np.zeros((len(modes.kept), 0), np.float32),
-        scale=np.zeros((len(modes.scale), 0), np.float32),
-        psi=np.zeros((*modes.psi.shape[:-1], 0), np.float32), white=1.0, rest=1.0,
-    )  # fmt: skip
-    return kd.CoherentLaw(problem.wind, none, problem.motion)
-
-
-SMOOTH_LAWS: Mapping[str, Callable[[Problem], kd.CoherentLaw]] = {
-    "coherent": lambda problem: kd.CoherentLaw(problem.wind, problem.modes, problem.motion),
-    "independent": _white_law,
-}
-
-
-def linear_law(problem: Problem, flight: Flight, law: kd.CoherentLaw) -> kernel.LinearLaw:
-    """The law linearised about ``flight``, which was propagated in it."""
-    steps, motion = len(flight.u), law.motion
-    return kernel.LinearLaw(
-        flight.F, flight.psi, np.sqrt(flight.white), law.modes.epoch[:steps],
-        sim.kept_by_epoch(law.modes, steps), motion.exposed * motion.dt, math.sqrt(problem.start_variance),
-    )  # fmt: skip
-
-
-def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Directions:
-    """ω of Σ_t ``weight[j, t]``' e_t = ω_j' z, for ``weight`` (J, T+1, 2).
-
-    Backwards through e' = F e + dt (ψ' θ + white) with p_T = weight_T:
-
-        p_t = F_t' p_{t+1} + weight_t,
-        ω_white,t = dt white_t p_{t+1},    g_k = dt Σ_{t in epoch k} ψ_t p_{t+1},
-
-    and through θ_k = ρ_k θ_{k-1} + √(1 - ρ_k²) η_k from the last epoch: ω_η,k = √(1 - ρ_k²) g_k, then
-    g_{k-1} grows by ρ_k g_k.
-
-    Eq. (M62) of docs/mathematics_methods.md.
-    """
-    J, steps, modes = len(weight), len(law.white), law.psi.shape[-1]
-    white, fields = np.empty((J, steps, 2)), np.zeros((J, len(law.kept), 2, modes))
-    p = weight[:, steps]
-    for t in range(steps - 1, -1, -1):
-        white[:, t] = law.dt * law.white[t] * p
-        fields[:, law.epoch[t]] += law.dt * p[:, :, None] * law.psi[t]
-        p = p @ law.F[t] + weight[:, t]
-    persistence = law.kept.astype(float)
-    for k in range(len(persistence) - 1, 0, -1):
-        fields[:, k - 1] += persistence[k] * fields[:, k]
-        fields[:, k] *= np.sqrt(1.0 - persistence[k] ** 2)
-    return kernel.Directions(law.start_sd * p, white, fields)
+    return Proposal(plan, modes, directions_of(plan.linear, modes.weight), ladder)
 
 
 # --- weighted flights -------------------------------------------------------------------------
 
 
-def linear_deviations(law: kernel.LinearLaw, draws: kernel.NormalDraws, theta: Float32Array) -> FloatArray:
-    """Deviations e (n, T+1, 2) [m] under the linear law.
-
-    ``theta`` (E, n, 2, P) is the field whose innovations are in ``draws``.
-
-    Eq. (M22) of docs/mathematics.md.
-    """
-    wind = np.zeros((len(law.white), len(draws.start), 2))
-    rollout.winds_at_means(law.psi, law.white, law.epoch, draws.white, theta, wind)
-    e = np.empty((len(draws.start), len(wind) + 1, 2))
-    e[:, 0] = law.start_sd * draws.start
-    for t, F in enumerate(law.F):
-        e[:, t + 1] = e[:, t] @ F.T + law.dt * wind[t]
-    return e
-
-
-def weighted_flights(
-    problem: Problem, path: PlannedPath, proposal: Proposal, draws: int, seed: SeedSequence
-) -> tuple[FloatArray, BoolArray]:
+def weighted_flights(proposal: Proposal, draws: int, seed: SeedSequence) -> tuple[FloatArray, BoolArray]:
     """Weights φ/q (n,) of ``draws`` flights from the proposal, and which of them fail (n,).
 
     The same ``seed`` gives the same flights, whatever the number of threads.
     """
     weights, failed = np.empty(draws), np.empty(draws, bool)
-    mixture, choices = proposal.mixture(), component_choices(proposal)
-    pilot, law = Autopilot(path.u, np.ascontiguousarray(path.x)), problem.fidelity.law
+    plan, mixture, choices = proposal.plan, proposal.mixture(), component_choices(proposal)
 
     def one(rows: slice, child: SeedSequence) -> None:
         n = rows.stop - rows.start
         z = draw_proposal(proposal, choices, n, np.random.default_rng(child))
-        theta = z.field.copy()
-        rollout.link_fields(proposal.law.kept, theta)
-        density, x = np.empty(n), np.empty((n, len(path.x), 2))
-        kernel.mixture_density(mixture, linear_deviations(proposal.law, z, theta), density)
-        x[:, 0] = problem.scene.start + proposal.law.start_sd * z.start
-        sim.fly_draws(problem, _winds(problem, z, theta), pilot, x, problem.energy)
+        theta = linked_fields(plan.linear, z)
+        density = np.empty(n)
+        kernel.mixture_density(mixture, linear_deviations(plan.linear, z, theta), density)
         weights[rows] = 1.0 / density
-        failed[rows] = sim.judge_flights(problem, law, x).failed
+        failed[rows] = plan.fly(z, theta)[1]
 
     blocks = sim.block_rows(draws)
     with ThreadPoolExecutor(cores()) as pool:
@@ -302,7 +215,7 @@ def draw_proposal(proposal: Proposal, choices: FloatArray, n: int, rng: Generato
 
     Eq. (M64) of docs/mathematics_methods.md.
     """
-    law, modes = proposal.law, proposal.modes
+    law, modes = proposal.plan.linear, proposal.modes
     component = np.searchsorted(choices, rng.random(n) * choices[-1], side="right")
     level, event = np.divmod(np.minimum(component, len(choices) - 1), len(modes))
     plain = level == len(proposal.ladder.level)
@@ -315,11 +228,3 @@ def draw_proposal(proposal: Proposal, choices: FloatArray, n: int, rng: Generato
     )
     kernel.push_draws(proposal.directions, np.where(plain, -1, event), size, z)
     return z
-
-
-def _winds(problem: Problem, z: kernel.NormalDraws, theta: Float32Array) -> rollout.Draws:
-    """The winds of the flights ``z`` in the nonlinear law of the plan."""
-    law = problem.laws[problem.fidelity.law]
-    if isinstance(law, kd.IndependentLaw):
-        return rollout.IndependentDraws(law, z.white)
-    return rollout.CoherentDraws(law, z.white, theta)
