@@ -17,7 +17,7 @@ from pareto_ltl.kernels.importance import (
     mixture_density,
     push_draws,
 )
-from pareto_ltl.simulation.importance import linear_deviations
+from pareto_ltl.simulation.failure_modes import linear_deviations
 
 some = settings(deadline=None, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)

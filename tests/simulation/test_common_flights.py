@@ -15,8 +15,8 @@ from pareto_ltl.kernels.importance import NormalDraws
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import PowerConfig, RobotConfig
 from pareto_ltl.simulation.common_flights import LinearFlights, draw_flights
-from pareto_ltl.simulation.flights import BLOCK, draw_coherent
 from pareto_ltl.simulation.failure_modes import linear_law
+from pareto_ltl.simulation.flights import BLOCK, draw_coherent
 from problems import QUICK_ERROR, make_problem, smooth_wind
 
 RUNS = 400
