@@ -16,7 +16,7 @@ the propositions that a state reads at the next step.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import NamedTuple
 
@@ -91,7 +91,8 @@ class Progression:
         self.implies = cache(self.shows)
         self.consequences = cache(self.obligations_of_node)
         self.closure = cache(self.obligations_of_clause)
-        self.steps: dict[tuple[int, int], ProgressionState] = {}
+        self.after_letter = cache(self.read_letter)
+        self.known: dict[int, tuple[Formula, ProgressionNode]] = {}  # by the identity of the formula
         self.true = self.make("true", ())
         self.false = self.make("false", ())
 
@@ -111,17 +112,12 @@ class Progression:
 
     def read(self, tree: Formula) -> ProgressionNode:
         """The simplified shared node of a positive normal form."""
-        done: dict[int, ProgressionNode] = {}
+        if id(tree) not in self.known:
+            self.known[id(tree)] = tree, self.build(tree)
+        return self.known[id(tree)][1]
 
-        def node(tree: Formula) -> ProgressionNode:
-            if id(tree) not in done:
-                done[id(tree)] = self.build(tree, node)
-            return done[id(tree)]
-
-        return node(tree)
-
-    def build(self, tree: Formula, node: Callable[[Formula], ProgressionNode]) -> ProgressionNode:
-        """The node of the root of ``tree``; ``node`` gives the nodes of its arguments."""
+    def build(self, tree: Formula) -> ProgressionNode:
+        """:meth:`read` without its memory of results."""
         if tree.op == "true":
             return self.true
         if tree.op == "false":
@@ -132,7 +128,7 @@ class Progression:
             return self.make("-", (), self.place[tree.args[0].name])
         args = []
         for arg in tree.args:
-            args.append(node(arg))  # noqa: PERF401 - on 3.11 a comprehension recurses twice
+            args.append(self.read(arg))  # noqa: PERF401 - on 3.11 a comprehension recurses twice
         if tree.op in "&|":
             return self.combine(tree.op, args)
         if tree.op == "X":
@@ -175,21 +171,17 @@ class Progression:
         """``X p & X q = X (p & q)``, the same for ``|``, and ``p U q | p U r = p U (q | r)``."""
         groups: dict[tuple[str, int], list[ProgressionNode]] = {}
         for part in parts:
-            own = part.args[0].bit if part.op == "U" else part.bit
-            mergeable = part.op == "X" or (part.op == "U" and op == "|")
-            groups.setdefault(
-                (part.op, 0 if part.op == "X" else own) if mergeable else ("", part.bit), []
-            ).append(part)
+            key = ("X", 0) if part.op == "X" else ("", part.bit)
+            if part.op == "U" and op == "|":
+                key = "U", part.args[0].bit
+            groups.setdefault(key, []).append(part)
         merged = []
-        for (kind, _), group in groups.items():
-            if len(group) == 1:
-                merged.append(group[0])
-            elif kind == "X":
-                merged.append(self.next(self.combine(op, [part.args[0] for part in group])))
-            else:
-                merged.append(
-                    self.until(group[0].args[0], self.combine(op, [part.args[1] for part in group]))
-                )
+        for group in groups.values():
+            node = group[0]
+            if len(group) > 1:
+                inner = self.combine(op, [part.args[-1] for part in group])
+                node = self.next(inner) if node.op == "X" else self.until(node.args[0], inner)
+            merged.append(node)
         return merged  # until() may return a chain again, which costs states but is correct
 
     def clash(self, parts: list[ProgressionNode]) -> bool:
@@ -201,12 +193,8 @@ class Progression:
         """For ``&`` the ``parts`` that no other part implies, for ``|`` those that imply no other part."""
         for part in list(parts):
             if part in parts:
-                pairs = [(part, other) if op == "&" else (other, part) for other in parts]
-                parts = [
-                    other
-                    for other, pair in zip(parts, pairs, strict=True)
-                    if other is part or not self.implies(*pair)
-                ]
+                pairs = [(other, (part, other) if op == "&" else (other, part)) for other in parts]
+                parts = [other for other, pair in pairs if other is part or not self.implies(*pair)]
         return parts
 
     def shows(self, p: ProgressionNode, q: ProgressionNode) -> bool:  # noqa: PLR0911, PLR0912 - case by case
@@ -267,11 +255,7 @@ class Progression:
 
     def step(self, node: ProgressionNode, letter: int) -> ProgressionState:
         """The obligations of ``node`` after ``letter``, a bit set of propositions."""
-        key = node.bit, letter & node.now
-        found = self.steps.get(key)
-        if found is None:
-            found = self.steps[key] = self.read_letter(node, letter)
-        return found
+        return self.after_letter(node, letter & node.now)
 
     def read_letter(self, node: ProgressionNode, letter: int) -> ProgressionState:
         """:meth:`step` without its memory of results."""
@@ -286,11 +270,9 @@ class Progression:
             return self.start(args[0])
         if op == "U":
             here = self.step(args[1], letter)
-            return (
-                here
-                if here == DONE_STATE
-                else self.any([here, self.all([self.step(args[0], letter), (node.bit,)])])
-            )
+            if here == DONE_STATE:
+                return here
+            return self.any([here, self.all([self.step(args[0], letter), (node.bit,)])])
         parts = []
         for arg in args:
             part = self.step(arg, letter)
