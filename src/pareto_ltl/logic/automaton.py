@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
@@ -144,19 +143,6 @@ class Automaton(Displayed):
         for letter in word:
             state = self.step(state, letter)
         return bool(self.accepting[state])
-
-    def as_dict(self) -> dict[str, Any]:
-        """Dicts and lists for JSON; the distance of the trap is null."""
-        return {
-            "formula": self.formula,
-            "atoms": list(self.atoms),
-            "letters": [sorted(letter) for letter in self.letters],
-            "initial": self.initial,
-            "accepting": [int(q) for q in np.flatnonzero(self.accepting)],
-            "trap": self.trap,
-            "distance": [None if np.isinf(d) else int(d) for d in self.distance],
-            "delta": self.delta.tolist(),
-        }
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Automaton):

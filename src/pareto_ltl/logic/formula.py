@@ -344,11 +344,8 @@ def _formula_text(node: Formula, word: str = "") -> str:
         if _binding_strength(arg) < own:
             return f"{op}({inner})"
         return f"{op} {inner}" if op[0].isalpha() else f"{op}{inner}"
-    loose = (
-        len(node.args) - 1 if node.op in RIGHT_ASSOCIATIVE else 0
-    )  # index of the operand that may have the same binding strength
-    if node.op in "&|":
-        loose = -1
+    # index of the operand that may have the same binding strength; a chain of & or | has none
+    loose = -1 if node.op in "&|" else len(node.args) - 1 if node.op in RIGHT_ASSOCIATIVE else 0
     parts = []
     for i, arg in enumerate(node.args):
         text = _formula_text(arg)
@@ -423,12 +420,10 @@ class _NormalForm:
 _DUAL_OPERATORS = {"X": "X", "F": "G", "G": "F", "U": "R", "R": "U", "W": "M", "M": "W"}
 
 
-def flat_chain(op: str, args: list[Formula]) -> Formula:
-    """``args`` joined by ``op`` (``&`` or ``|``); arguments with the same operator are merged."""
-    flat: list[Formula] = []
-    for arg in args:
-        flat.extend(arg.args if arg.op == op else [arg])
-    return Formula(op, tuple(flat))
+def flat_chain(op: str, args: Iterable[Formula]) -> Formula:
+    """One or more ``args`` joined by ``op`` (``&`` or ``|``); arguments with the same operator are merged."""
+    flat = tuple(part for arg in args for part in (arg.args if arg.op == op else (arg,)))
+    return flat[0] if len(flat) == 1 else Formula(op, flat)
 
 
 def _not_co_safe(node: Formula, negation: Formula | None) -> FormulaError:

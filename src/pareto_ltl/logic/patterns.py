@@ -25,7 +25,7 @@ def sequence(*goals: str, strict: bool = False) -> str:
 
 def coverage(*goals: str) -> str:
     """Visit all ``goals`` in any order: ``F a & F b & F c``."""
-    return str(_conjunction([_eventually_formula(goal) for goal in _goal_formulas(goals, 1, "coverage")]))
+    return str(flat_chain("&", map(_eventually_formula, _goal_formulas(goals, 1, "coverage"))))
 
 
 def ordered_coverage(goals: Sequence[str], order: Iterable[Sequence[str]]) -> str:
@@ -34,7 +34,7 @@ def ordered_coverage(goals: Sequence[str], order: Iterable[Sequence[str]]) -> st
     ``ordered_coverage(["a", "b", "c"], [("a", "b")])`` is ``F a & F b & F c & (!b U a)``.
     """
     trees = [_eventually_formula(goal) for goal in _goal_formulas(goals, 1, "ordered_coverage")]
-    return str(_conjunction(trees + [_order_formula(pair, "ordered_coverage") for pair in order]))
+    return str(flat_chain("&", trees + [_order_formula(pair, "ordered_coverage") for pair in order]))
 
 
 def patrol(*goals: str) -> str:
@@ -45,8 +45,7 @@ def patrol(*goals: str) -> str:
 
 def either(*missions: str) -> str:
     """Complete one of several missions: ``F(a & F c) | F(b & F c)``."""
-    trees = _goal_formulas(missions, 1, "either")
-    return str(trees[0] if len(trees) == 1 else flat_chain("|", trees))
+    return str(flat_chain("|", _goal_formulas(missions, 1, "either")))
 
 
 def avoid_until(avoid: str | Sequence[str], until: str) -> str:
@@ -59,7 +58,7 @@ def reach_avoid(goals: str | Sequence[str], avoid: str | Sequence[str]) -> str:
     result: Formula | None = None
     no_go = _one_or_more(avoid, "reach_avoid")
     for goal in reversed(_one_or_more(goals, "reach_avoid")):
-        result = _avoid_formula(no_go, goal if result is None else _conjunction([goal, result]))
+        result = _avoid_formula(no_go, goal if result is None else flat_chain("&", [goal, result]))
     return str(result)
 
 
@@ -72,7 +71,7 @@ def key_door(*pairs: Sequence[str], goal: str | None = None) -> str:
         raise ConfigError("mission pattern key_door needs at least one pair [key, door]")
     parts = [_order_formula(pair, "key_door") for pair in pairs]
     ends = [goal] if goal is not None else [door for _, door in pairs]
-    return str(_conjunction(parts + [_eventually_formula(parse_formula(end)) for end in ends]))
+    return str(flat_chain("&", parts + [_eventually_formula(parse_formula(end)) for end in ends]))
 
 
 PATTERNS: dict[str, Callable[[MissionConfig], str]] = {
@@ -105,7 +104,7 @@ def _nested_visits(goals: list[Formula], strict: bool) -> Formula:
     result = _eventually_formula(goals[-1])
     for goal in reversed(goals[:-1]):
         rest = Formula("X", (result,)) if strict else result
-        result = _eventually_formula(_conjunction([goal, rest]))
+        result = _eventually_formula(flat_chain("&", [goal, rest]))
     return result
 
 
@@ -113,14 +112,9 @@ def _eventually_formula(goal: Formula) -> Formula:
     return Formula("F", (goal,))
 
 
-def _conjunction(parts: list[Formula]) -> Formula:
-    return parts[0] if len(parts) == 1 else flat_chain("&", parts)
-
-
 def _avoid_formula(no_go: list[Formula], until: Formula) -> Formula:
     """``!(x | y) U until`` with the formulas x, y of ``no_go``."""
-    zone = no_go[0] if len(no_go) == 1 else flat_chain("|", no_go)
-    return Formula("U", (Formula("!", (zone,)), until))
+    return Formula("U", (Formula("!", (flat_chain("|", no_go),)), until))
 
 
 def _order_formula(pair: Sequence[str], pattern: str) -> Formula:
