@@ -175,12 +175,6 @@ class Evidence:
             **energy_limits(settings.get("power") or {}), **{key: settings[key] for key in ROBOT},
         )  # fmt: skip
 
-    def energy_of(self, u: FloatArray) -> float:
-        """Energy [J] of the controls ``u`` (T, 2) [m/s]."""
-        power = self.robot.power
-        assert power is not None
-        return math.fsum(power(math.hypot(*control)) * self.robot.dt for control in u.tolist())
-
     @property
     def step_is_open(self) -> bool:
         """Whether robot.dt=auto: the planner then chooses the time step."""
@@ -351,9 +345,7 @@ class Evidence:
 
     def simulator(self, name: str, x: FloatArray, u: FloatArray) -> Simulator:
         """Simulator for new flights under a wind law, of the controls ``u`` (T, 2) about ``x`` (T+1, 2)."""
-        planned, law = self.law("coherent", len(u)), self.law(name, len(u))
-        guide = laws.fly_means(replace(law, landmarks=()), x) if planned.landmarks else None
-        return Simulator(law, guide, x, u, planned.landmarks)
+        return Simulator(self.law(name, len(u)), x, u, self.law("coherent", len(u)).landmarks)
 
     @cached_property
     def new_flights(self) -> dict[str, FloatArray]:
@@ -374,7 +366,7 @@ class Evidence:
     def held_failures(self) -> tuple[int, int]:
         """How many of how many new flights with ``robot.feedback_time=60`` fail, in the winds of the plan."""
         held = replace(self.law(self.planned_law), robot=replace(self.robot, feedback_time=HELD_TIME))
-        x = Simulator(held, None, self.x, self.u, ()).fly(HELD_RUNS, np.random.default_rng(20181011))
+        x = Simulator(held, self.x, self.u).fly(HELD_RUNS, np.random.default_rng(20181011))
         return int(self.ground.failed(x).sum()), HELD_RUNS
 
 

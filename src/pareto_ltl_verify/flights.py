@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import compress, groupby
 
 import numpy as np
@@ -14,7 +14,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl_verify.formula import Dfa, Label, Timetable, harmful
 from pareto_ltl_verify.gaussians import ON_EDGE
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, deepest, met_by_any
-from pareto_ltl_verify.laws import Coherent, Course, Independent, Landmark, Law
+from pareto_ltl_verify.laws import Coherent, Independent, Landmark, Law, fly_means
 from pareto_ltl_verify.wind_tables import square_of
 
 SHORTEST = 1e-12  # share of a step; shorter pieces of it are rounding
@@ -184,45 +184,33 @@ def misjudged(ground: Ground, x: FloatArray, flags: Sequence[BoolArray], grain: 
 class Simulator:
     """Simulator of flights of the controls ``u`` about ``mean`` under ``law``.
 
-    ``guide`` is the law about the means for the filters of robots that measure at ``landmarks``. Robots that
-    correct their course land where they have spent their capacity.
+    Robots measure their position at ``landmarks``. Robots that correct their course land where they have
+    spent their capacity.
     """
 
     law: Law
-    guide: Course | None
     mean: FloatArray
     u: FloatArray
-    landmarks: Sequence[Landmark]
+    landmarks: Sequence[Landmark] = ()
 
     def fly(self, runs: int, rng: np.random.Generator) -> FloatArray:
         """Positions (runs, T+1, 2) [m] of new flights, with random numbers from ``rng``."""
         robot, steps = self.law.robot, len(self.u)
         x = np.empty((runs, steps + 1, 2))
         x[:, 0] = self.mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
-        filters = None if self.guide is None else Filters(self.law, self.guide, self.landmarks, runs)
-        theta, capacity = rng.standard_normal((runs, self.law.modes)), self._capacity
-        left = None if capacity is None else np.full(runs, capacity)
+        filters = Filters(self.law, self.mean, self.landmarks, runs) if self.landmarks else None
+        theta = rng.standard_normal((runs, self.law.modes))
+        limited = robot.capacity is not None and (filters is not None or robot.feedback > 0.0)
+        left = np.full(runs, robot.capacity) if limited else None  # [J]
         for t in range(steps):
             theta = next_field(self.law, t, theta, rng) if t else theta
             wind = self._wind(x[:, t], t, theta, rng)
             flown = filters.controls(x, t, self.u[t], rng) if filters else self._held(x[:, t], t, wind)
             x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
             if left is not None:
-                left -= self._spent(flown)
+                left -= robot.spent(flown)
                 x[left < 0.0, t + 1] = x[left < 0.0, t]
         return x
-
-    @property
-    def _capacity(self) -> float | None:
-        """Energy of each robot at departure [J]; None without limit, as where all fly the plan's controls."""
-        return self.law.robot.capacity if self.guide is not None or self.law.robot.feedback > 0.0 else None
-
-    def _spent(self, flown: FloatArray) -> FloatArray:
-        """Energy (n,) [J] that a step with the controls ``flown`` (n, 2) [m/s] takes."""
-        power = self.law.robot.power
-        assert power is not None
-        speeds, place = np.unique(np.hypot(*flown.T), return_inverse=True)
-        return self.law.robot.dt * np.array([power(speed) for speed in speeds.tolist()])[place]
 
     def _wind(self, x: FloatArray, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Wind that each flight meets at its position, (n, 2) [m/s]."""
@@ -278,10 +266,10 @@ class Filters:
         Whether each robot has had a fix, and its fixes.
     """
 
-    def __init__(self, law: Law, guide: Course, landmarks: Sequence[Landmark], runs: int) -> None:
+    def __init__(self, law: Law, mean: FloatArray, landmarks: Sequence[Landmark], runs: int) -> None:
         """Robots before departure."""
-        modes = guide.psi.shape[2]
-        self.law, self.guide, self.landmarks = law, guide, landmarks
+        self.law, self.landmarks, modes = law, landmarks, law.modes
+        self.guide = fly_means(replace(law, landmarks=()), mean)
         joint = np.eye(4 + modes)
         joint[:4, :4] = law.robot.start_sd**2 * np.tile(np.eye(2), (2, 2))
         self.joint: dict[History, FloatArray] = {(): joint}

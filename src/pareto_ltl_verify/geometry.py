@@ -24,22 +24,14 @@ class Convex:
         """Distance from ``points`` (P, 2) to the nearest face line [m], positive inside."""
         return np.asarray((self.offsets - points @ self.normals.T).min(axis=1), float)
 
-    def met_by(self, start: FloatArray, end: FloatArray, margin: float) -> BoolArray:
-        """Which segments (S, 2) to (S, 2) [m] lie somewhere deeper than ``margin`` [m] in the polygon.
-
-        The piece of a segment inside all faces is found by cutting the segment at every face line.
-        """
-        enter, leave, along = self.pieces(start, end, margin)
-        met: BoolArray = (along > 0) & (enter < leave)
-        return met
-
     def pieces(
         self, start: FloatArray, end: FloatArray, margin: float = 0.0
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Shares in [0, 1] at which segments enter and leave the polygon reduced by ``margin`` [m].
 
-        There is a piece inside if the first is at most the second and the third, the least distance [m] to
-        the faces that a segment is parallel to, is not negative (infinite without such a face).
+        Segments are cut at every face line. There is a piece inside if the first is at most the second and
+        the third, the least distance [m] to the faces that a segment is parallel to, is not negative
+        (infinite without such a face).
         """
         gap = (self.offsets - margin) - start @ self.normals.T
         rate = (end - start) @ self.normals.T
@@ -69,16 +61,16 @@ def beyond_bounds(bounds: FloatArray) -> tuple[Convex, ...]:
 
 def deepest(parts: Sequence[Convex], points: FloatArray) -> FloatArray:
     """Largest depth of ``points`` (P, 2) in any of ``parts`` [m]; -inf without parts."""
-    if not parts:
-        return np.full(len(points), -np.inf)
-    return np.asarray(np.max([part.depth(points) for part in parts], axis=0), float)
+    outside = np.full(len(points), -np.inf)
+    return np.asarray(np.max([outside, *(part.depth(points) for part in parts)], axis=0), float)
 
 
 def met_by_any(parts: Sequence[Convex], start: FloatArray, end: FloatArray, margin: float) -> BoolArray:
     """Which segments (S, 2) to (S, 2) [m] lie somewhere deeper than ``margin`` [m] in any of ``parts``."""
     met = np.zeros(len(start), bool)
     for part in parts:
-        met |= part.met_by(start, end, margin)
+        enter, leave, along = part.pieces(start, end, margin)
+        met |= (along > 0) & (enter < leave)
     return met
 
 

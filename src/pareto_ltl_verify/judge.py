@@ -79,6 +79,7 @@ def judge_evidence(result: Evidence) -> tuple[Finding, ...]:
 def findings(result: Evidence, claims: Iterable[Claim] = CLAIMS) -> Iterator[Finding]:
     """The findings in the order of ``claims``, without claims that the result does not make.
 
+    A claim that cannot be computed from the files does not hold.
     A plan that begins during a flight does not make the claims :data:`OF_A_DEPARTURE`.
     """
     within = result.has(REPLANNED)
@@ -86,7 +87,11 @@ def findings(result: Evidence, claims: Iterable[Claim] = CLAIMS) -> Iterator[Fin
         if within and claim.name in OF_A_DEPARTURE:
             continue
         if all(result.has(name) for name in claim.needs):
-            verdict = _judged(claim, result)
+            try:
+                verdict = claim.judge(result)
+            except UNUSABLE as error:
+                reason = " ".join(f"{type(error).__name__}: {error}".split())
+                verdict = Verdict("cannot be judged", reason[:80], False)
             if verdict is not None:
                 yield Finding(claim.name, *verdict)
 
@@ -102,12 +107,3 @@ def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
         if result.has("front.csv") and (rule := front.added_rule(result)) is not None:
             reasons[f"another package adds selection.rule={rule}"] = (front.CHOICE,)
     return reasons
-
-
-def _judged(claim: Claim, result: Evidence) -> Verdict | None:
-    """The verdict; a claim that cannot be computed from the files does not hold."""
-    try:
-        return claim.judge(result)
-    except UNUSABLE as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        return Verdict("cannot be judged", reason[:80], False)

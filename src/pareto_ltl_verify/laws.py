@@ -118,9 +118,54 @@ class Law:
         """Variance (..., 2) of a step's mean wind without the part ``carried`` by coefficients."""
         raise NotImplementedError
 
+    def linearise(self, course: Course, t: int, belief: Belief) -> None:
+        """Fill row t of F, ψ, the white variance and the expected wind."""
+        raise NotImplementedError
+
     def advance(self, course: Course, t: int, belief: Belief) -> Belief:
         """Fill row t of ``course`` and return what is uncertain one step later."""
-        raise NotImplementedError
+        belief = self._with_fix(course, t, belief)
+        robot, dt = self.robot, self.robot.exposed * self.robot.dt
+        self.linearise(course, t, belief)
+        F, psi, keep = course.F[t], course.psi[t], self.kept(t + 1)
+        mixed = dt * F @ belief.cross @ psi.T
+        unknown = F @ belief.unknown @ F.T + mixed + mixed.T
+        unknown += dt**2 * (psi @ belief.theta @ psi.T + np.diag(course.white[t]))
+        back = F - robot.fix_gain * np.eye(2)
+        course.speed[t] = robot.speed_left(robot.feedback**2 * belief.unknown)
+        return Belief(
+            unknown=unknown,
+            known=back @ belief.known @ back.T,
+            cross=keep * (F @ belief.cross + dt * psi @ belief.theta),
+            theta=np.outer(keep, keep) * belief.theta + np.diag(1 - keep**2),
+        )
+
+    def _with_fix(self, course: Course, t: int, belief: Belief) -> Belief:
+        """The expected belief after a position fix that arrives with the probability to be in a landmark."""
+        total = belief.unknown + belief.known
+        if not self.landmarks or np.diag(total).min() <= 0:
+            return belief
+        begin, here = course.x[max(t - 1, 0)], course.x[t]
+        chance, share, error = 0.0, 1.0, np.zeros((2, 2))
+        for mark in self.landmarks:
+            s = nearest_share(begin, here, mark.area.corners.mean(axis=0))
+            p = in_polygon(mark.area, begin + s * (here - begin), total)
+            if p > chance:
+                chance, share, error = p, s, mark.error
+        _, (latent,) = self.wind_at(max(t - 1, 0), here[None])
+        drifted = ((1.0 - share) * self.robot.dt) ** 2 * latent
+        S = belief.unknown + error + np.diag(drifted)
+        gain = chance * np.linalg.solve(S, belief.unknown).T
+        if np.trace(gain @ belief.unknown) <= WORTHWHILE * np.trace(belief.unknown):
+            return belief
+        course.chances[t] = chance
+        learnt = chance * np.linalg.solve(S, belief.cross).T
+        return Belief(
+            unknown=belief.unknown - gain @ belief.unknown,
+            known=belief.known + gain @ belief.unknown,
+            cross=belief.cross - gain @ belief.cross,
+            theta=belief.theta - learnt @ belief.cross,
+        )
 
 
 class Independent(Law):
@@ -133,8 +178,8 @@ class Independent(Law):
         gust = at_step(self.wind.gust, self.times, t)
         return np.asarray(latent - carried + gust + self.times.between[t], float)
 
-    def advance(self, course: Course, t: int, belief: Belief) -> Belief:
-        """Fill row t of ``course`` and return what is uncertain one step later."""
+    def linearise(self, course: Course, t: int, belief: Belief) -> None:
+        """Fill row t of F, the white variance and the expected wind."""
         robot = self.robot
         reach = robot.ball * math.sqrt(float(np.trace(belief.unknown)) / 2)
         around = course.x[t] + reach * np.vstack([[0.0, 0.0], RIM if reach > 0 else RIM[:0]])
@@ -142,10 +187,6 @@ class Independent(Law):
         course.white[t] = self.white_variance(t, latent[np.argmax(latent.sum(axis=1))], 0.0)
         course.drift[t] = mean[0]
         course.F[t] = robot.closed
-        course.speed[t] = robot.speed_left(robot.feedback**2 * belief.unknown)
-        spread = robot.closed @ belief.unknown @ robot.closed.T
-        spread += (robot.exposed * robot.dt) ** 2 * np.diag(course.white[t])
-        return Belief(spread, belief.known, belief.cross, belief.theta)
 
 
 class Coherent(Law):
@@ -183,25 +224,7 @@ class Coherent(Law):
         gusts = self.wind.gust_time / robot.dt * at_step(self.wind.gust, self.times, t)
         return np.asarray(gusts + min(reach, float(self.times.known)) * left, float)
 
-    def advance(self, course: Course, t: int, belief: Belief) -> Belief:
-        """Fill row t of ``course`` and return what is uncertain one step later."""
-        belief = self._with_fix(course, t, belief)
-        robot, dt = self.robot, self.robot.exposed * self.robot.dt
-        self._linearise(course, t, belief)
-        F, psi, keep = course.F[t], course.psi[t], self.kept(t + 1)
-        mixed = dt * F @ belief.cross @ psi.T
-        unknown = F @ belief.unknown @ F.T + mixed + mixed.T
-        unknown += dt**2 * (psi @ belief.theta @ psi.T + np.diag(course.white[t]))
-        back = F - robot.fix_gain * np.eye(2)
-        course.speed[t] = robot.speed_left(robot.feedback**2 * belief.unknown)
-        return Belief(
-            unknown=unknown,
-            known=back @ belief.known @ back.T,
-            cross=keep * (F @ belief.cross + dt * psi @ belief.theta),
-            theta=np.outer(keep, keep) * belief.theta + np.diag(1 - keep**2),
-        )
-
-    def _linearise(self, course: Course, t: int, belief: Belief) -> None:
+    def linearise(self, course: Course, t: int, belief: Belief) -> None:
         """F, ψ, the white variance and the expected wind with its second-order shift at the mean.
 
         ½ D²μ : Σ + ∂ψ : C, with central differences of μ at the nodes.
@@ -229,33 +252,6 @@ class Coherent(Law):
         psi[[0, 1], [0, 1]] = square.value(table)[0]
         slopes = np.concatenate(square.slopes(table))  # (direction, component, P)
         return psi.reshape(2, -1), np.einsum("dcp,dcp->c", slopes, cross.reshape(2, 2, -1))
-
-    def _with_fix(self, course: Course, t: int, belief: Belief) -> Belief:
-        """The expected belief after a position fix that arrives with the probability to be in a landmark."""
-        total = belief.unknown + belief.known
-        if np.diag(total).min() <= 0:
-            return belief
-        begin, here = course.x[max(t - 1, 0)], course.x[t]
-        chance, share, error = 0.0, 1.0, np.zeros((2, 2))
-        for mark in self.landmarks:
-            s = nearest_share(begin, here, mark.area.corners.mean(axis=0))
-            p = in_polygon(mark.area, begin + s * (here - begin), total)
-            if p > chance:
-                chance, share, error = p, s, mark.error
-        _, (latent,) = self.wind_at(max(t - 1, 0), here[None])
-        drifted = ((1.0 - share) * self.robot.dt) ** 2 * latent
-        S = belief.unknown + error + np.diag(drifted)
-        gain = chance * np.linalg.solve(S, belief.unknown).T
-        if np.trace(gain @ belief.unknown) <= WORTHWHILE * np.trace(belief.unknown):
-            return belief
-        course.chances[t] = chance
-        learnt = chance * np.linalg.solve(S, belief.cross).T
-        return Belief(
-            unknown=belief.unknown - gain @ belief.unknown,
-            known=belief.known + gain @ belief.unknown,
-            cross=belief.cross - gain @ belief.cross,
-            theta=belief.theta - learnt @ belief.cross,
-        )
 
 
 def nearest_share(begin: FloatArray, end: FloatArray, point: FloatArray) -> float:

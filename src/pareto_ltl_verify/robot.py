@@ -66,6 +66,12 @@ class Robot:
         widest = max(float(np.linalg.eigvalsh(0.5 * (turned + turned.T))[-1]), 0.0)
         return max(self.u_max - math.sqrt(-2.0 * math.log(self.effort_risk) * widest) / self.dt, 0.0)
 
+    def spent(self, u: FloatArray) -> FloatArray:
+        """Energy (n,) [J] that a step takes with each of the controls ``u`` (n, 2) [m/s]."""
+        assert self.power is not None
+        speeds, place = np.unique(np.hypot(*u.T), return_inverse=True)
+        return self.dt * np.array([self.power(speed) for speed in speeds.tolist()])[place]
+
     def within_speed(self, u: FloatArray) -> FloatArray:
         """Controls ``u`` (n, 2) [m/s] cut to the least and the largest airspeed."""
         size = np.linalg.norm(u, axis=1, keepdims=True)

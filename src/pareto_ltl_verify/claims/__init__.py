@@ -94,6 +94,5 @@ def far_apart(
     claimed: Mapping[str, Any], derived: Mapping[str, float], rel: float = 1e-6, least: float = 1e-12
 ) -> list[str]:
     """A fault for each name of ``derived`` whose claimed number is not close to it; None counts as NaN."""
-    numbers = {name: math.nan if claimed[name] is None else float(claimed[name]) for name in derived}
-    pairs = {name: (numbers[name], value) for name, value in derived.items()}
-    return [f"{name} {a:.6g} is {b:.6g}" for name, (a, b) in pairs.items() if not close(a, b, rel, least)]
+    verdicts = {name: number(claimed[name], value, rel, least) for name, value in derived.items()}
+    return [f"{name} {one.claimed} is {one.derived}" for name, one in verdicts.items() if not one.holds]

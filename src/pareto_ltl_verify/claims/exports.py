@@ -44,16 +44,15 @@ Rows = Sequence[dict[str, str]]
 
 
 class Route(NamedTuple):
-    """Text of a file, its positions (latitude, longitude [deg], time), and the airspeed [m/s] of each leg.
+    """Text of a file, its places (longitude, latitude [deg]), their times, and each leg's airspeed [m/s].
 
     ``times`` and ``airspeed`` are None in files that do not have them.
     """
 
     text: str | None
-    lat: Sequence[Any]
-    lon: Sequence[Any]
-    times: list[str | None] | None = None
-    airspeed: list[float] | None = None
+    places: Sequence[Sequence[Any]]
+    times: Sequence[str | None] | None = None
+    airspeed: Sequence[float] | None = None
 
 
 def json_file(result: Evidence, name: str) -> dict[str, Any]:
@@ -72,9 +71,9 @@ def _xml(result: Evidence, name: str) -> ElementTree.Element:
 def _gpx(result: Evidence) -> Route:
     root = _xml(result, "plan.gpx")
     points = root.findall(".//rtept", GPX)
-    lat, lon = ([point.get(key) for point in points] for key in ("lat", "lon"))
+    places = [(point.get("lon"), point.get("lat")) for point in points]
     times = [point.findtext("time", None, GPX) for point in points]
-    return Route(root.findtext("metadata/desc", None, GPX), lat, lon, times)
+    return Route(root.findtext("metadata/desc", None, GPX), places, times)
 
 
 def _kml(result: Evidence) -> Route:
@@ -82,15 +81,15 @@ def _kml(result: Evidence) -> Route:
     marks = root.findall(".//Placemark[Point]", KML)
     places = [str(mark.findtext("Point/coordinates", None, KML)).split(",") for mark in marks]
     times = [mark.findtext("TimeStamp/when", None, KML) for mark in marks]
-    return Route(root.findtext("Document/description", None, KML), *_lat_lon(places), times)
+    return Route(root.findtext("Document/description", None, KML), places, times)
 
 
 def _fpl(result: Evidence) -> Route:
     root = _xml(result, "plan.fpl")
-    places = {point.findtext("identifier", None, FPL): point for point in root.findall(".//waypoint", FPL)}
-    flown = [places[name.text] for name in root.findall(".//route-point/waypoint-identifier", FPL)]
-    lat, lon = ([point.findtext(key, None, FPL) for point in flown] for key in ("lat", "lon"))
-    return Route(root.findtext("file-description", None, FPL), lat, lon)
+    points = {point.findtext("identifier", None, FPL): point for point in root.findall(".//waypoint", FPL)}
+    flown = [points[name.text] for name in root.findall(".//route-point/waypoint-identifier", FPL)]
+    places = [[point.findtext(key, None, FPL) for key in ("lon", "lat")] for point in flown]
+    return Route(root.findtext("file-description", None, FPL), places)
 
 
 def _geojson(result: Evidence) -> Route:
@@ -98,20 +97,21 @@ def _geojson(result: Evidence) -> Route:
     positions = [f for f in content["features"] if f["properties"]["role"] == "position"]
     places = [f["geometry"]["coordinates"] for f in positions]
     times = [f["properties"]["time_utc"] for f in positions]
-    return Route(content["description"], *_lat_lon(places), times)
+    return Route(content["description"], places, times)
 
 
 def _trajectory(result: Evidence) -> Route:
     from pareto_ltl.support.netcdf4 import File
 
     with File(result.directory / "trajectory.nc", "r") as file:
-        lat, lon, t, airspeed = (
-            np.asarray(file[key][...], float).tolist() for key in ("lat", "lon", "time", "airspeed")
+        lon, lat, t, airspeed = (
+            np.asarray(file[key][...], float).tolist() for key in ("lon", "lat", "time", "airspeed")
         )
         since = str(file["time"].attrs["units"]).removeprefix("seconds since ")
         text = str(file.attrs["comment"])
     zero = datetime.fromisoformat(f"{since}+00:00")
-    return Route(text, lat, lon, [(zero + timedelta(seconds=s)).isoformat() for s in t], airspeed[:-1])
+    times = [(zero + timedelta(seconds=s)).isoformat() for s in t]
+    return Route(text, list(zip(lon, lat, strict=True)), times, airspeed[:-1])
 
 
 def _mission(result: Evidence) -> Route:
@@ -123,14 +123,7 @@ def _mission(result: Evidence) -> Route:
         elif item["command"] == WAYPOINT:
             places.append(item["params"][4:])
             airspeed.append(speed)
-    lon, lat = _lat_lon(places)
-    return Route(content["pareto_ltl"]["note"], lat, lon, None, airspeed)
-
-
-def _lat_lon(places: Iterable[Sequence[Any]]) -> tuple[list[Any], list[Any]]:
-    """The second and the first number of each place."""
-    pairs = [(place[1], place[0]) for place in places]
-    return [lat for lat, _ in pairs], [lon for _, lon in pairs]
+    return Route(content["pareto_ltl"]["note"], [(lon, lat) for lat, lon, *_ in places], None, airspeed)
 
 
 ROUTES: dict[str, Callable[[Evidence], Route]] = {
@@ -142,16 +135,16 @@ ROUTES: dict[str, Callable[[Evidence], Route]] = {
 # --- places and times -------------------------------------------------------------------------
 
 
-def place_faults(result: Evidence, lat: Iterable[Any], lon: Iterable[Any]) -> list[str]:
+def place_faults(result: Evidence, places: Iterable[Sequence[Any]]) -> list[str]:
     """Steps whose place differs from plan.json, or from the table if the aircraft banks."""
     from pyproj import Geod
 
     if result.plan["lat"] is None:
         return ["the plan has no place on Earth"]
-    stated = np.array([list(map(float, lon)), list(map(float, lat))])
+    stated = np.array([list(map(float, place[:2])) for place in places]).reshape(-1, 2).T
     rows = result.table(TABLE) if _banks(result) else []
     true = np.array([result.plan["lon"], result.plan["lat"]], float)
-    true = np.array([column(rows, "lon_deg"), column(rows, "lat_deg")]) if rows else true
+    true = lonlat(rows).T if rows else true
     if stated.shape != true.shape:
         return [f"{stated.shape[1]} places, not {true.shape[1]}"]
     gap = np.asarray(Geod(ellps="WGS84").inv(*stated, *true)[2])
@@ -185,8 +178,8 @@ def time_faults(result: Evidence, stated: Sequence[str | None]) -> list[str]:
 
 def route(name: str, result: Evidence) -> Verdict:
     """Places, times and airspeeds of an exported file; of a mission also fences and cruise speeds."""
-    _, lat, lon, times, airspeed = ROUTES[name](result)
-    faults = place_faults(result, lat, lon)
+    _, places, times, airspeed = ROUTES[name](result)
+    faults = place_faults(result, places)
     if times is not None:
         faults += time_faults(result, times)
     if airspeed is not None:
@@ -195,7 +188,7 @@ def route(name: str, result: Evidence) -> Verdict:
         stated = np.where(known, airspeed, 0.0) if len(airspeed) == len(speed) else airspeed
         faults += unlike_at("leg {}: airspeed", stated, speed, LEAST_CHANGE)
     faults += _mission_faults(result) if name == "mission.plan" else []
-    return no_fault(f"{len(lat)} positions", faults)
+    return no_fault(f"{len(places)} positions", faults)
 
 
 # --- legs -------------------------------------------------------------------------------------
@@ -227,7 +220,7 @@ def _flown_on_the_spot(result: Evidence, rows: Rows) -> list[str]:
     middle = 0.5 * (result.x[:-1] + result.x[1:])
     heading = azimuths(result.scene["crs"], middle, result.u)
     return [
-        *place_faults(result, column(rows, "lat_deg"), column(rows, "lon_deg")),
+        *place_faults(result, lonlat(rows)),
         *time_faults(result, [row["time_utc"] or None for row in rows]),
         *unlike_at("leg {}: duration_s", column(rows[:-1], "duration_s"), np.diff(result.plan["t"])),
         *_direction_faults(rows[:-1], "heading_true_deg", heading, np.hypot(*result.u.T)),
@@ -242,7 +235,7 @@ def _flown_with_turns(result: Evidence, rows: Rows, wind: FloatArray) -> list[st
     """
     keys, crs, plan = ("heading_true_deg", "airspeed_m_s", "duration_s"), result.scene["crs"], result.plan
     heading, airspeed, duration = (column(rows[:-1], key) for key in keys)
-    places = in_plane(crs, np.column_stack([column(rows, "lon_deg"), column(rows, "lat_deg")]))
+    places = in_plane(crs, lonlat(rows))
     north = azimuths(crs, 0.5 * (places[:-1] + places[1:]), np.tile([0.0, 1.0], (len(heading), 1)))
     ways, roomy = fly_table(result.robot, np.deg2rad(90.0 + north - heading), airspeed, duration, wind)
     off = np.linalg.norm(places[:-1] + ways - places[1:], axis=1)
@@ -407,6 +400,11 @@ def _whole_heading(leg: dict[str, str]) -> str:
 def column(rows: Rows, key: str) -> FloatArray:
     """Numbers (P,) of a column; NaN where it is empty."""
     return np.array([float(row[key]) if row[key] else math.nan for row in rows])
+
+
+def lonlat(rows: Rows) -> FloatArray:
+    """Longitudes and latitudes (P, 2) [deg] of the rows."""
+    return np.column_stack([column(rows, "lon_deg"), column(rows, "lat_deg")])
 
 
 def unlike_at(fault: str, stated: Iterable[Any], wanted: Iterable[Any], least: float = 1e-6) -> list[str]:

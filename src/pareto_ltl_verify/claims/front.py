@@ -148,7 +148,7 @@ def _path_faults(result: Evidence, row: Mapping[str, str], k: int) -> Iterator[s
     x, robot = result.front_x(k), result.robot
     costs = {"length_m": float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())}
     if robot.power is not None:
-        costs["energy_j"] = result.energy_of(result.front_u(k))
+        costs["energy_j"] = math.fsum(robot.spent(result.front_u(k)))
     asked = result.settings["selection"].get("costs", ())
     costs |= {column: of(result, x) for name, (column, of) in FURTHER_COSTS.items() if name in asked}
     yield from far_apart(row, costs, 1e-9)

@@ -222,7 +222,7 @@ def energy(result: Evidence) -> Verdict | None:
         return same([stated, held], [None, None])
     if held != result.robot.capacity:
         return same(held, result.robot.capacity)
-    return number(stated, result.energy_of(result.u), rel=1e-9)
+    return number(stated, math.fsum(result.robot.spent(result.u)), rel=1e-9)
 
 
 def risk(name: str, computed: Callable[[Evidence], float], result: Evidence) -> Verdict | None:

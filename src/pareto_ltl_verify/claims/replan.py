@@ -97,7 +97,7 @@ def rates(result: Evidence) -> Verdict | None:
         if law.robot.feedback or law.landmarks:
             return None
         x = means + (result.start - means[0])
-        flown = Simulator(law, None, x, u, ()).fly(RUNS, np.random.default_rng([20181012, number]))
+        flown = Simulator(law, x, u).fly(RUNS, np.random.default_rng([20181012, number]))
         failed = int(result.ground.failed(flown).sum())
         count = round(rate["failure"] * rate["runs"])
         chance = min(chance, 2.0 * same_rate(count, rate["runs"], failed, RUNS))
@@ -221,14 +221,12 @@ def _mean_change(law: ErrorLaw, lags: list[float], k: int) -> float:
     return math.sqrt(float(np.mean([law.change_variance(lag) for lag in around])))
 
 
-CLAIMS = tuple(
-    Claim(f"replan: {name}", (FILE, "wind.nc", "plan.json", "scene.json"), judge)
-    for name, judge in (
-        ("start, spread and time of the rest", start),
-        ("alarms, and no promise after them", alarms),
-        ("failure rates of the old and the new plan", rates),
-        ("the rest of the old plan", old_plan),
-        ("position given the fixes", position),
-        ("expected wind given the fixes", expected_wind),
-    )
+FILES = (FILE, "wind.nc", "plan.json", "scene.json")
+CLAIMS = (
+    Claim("replan: start, spread and time of the rest", FILES, start),
+    Claim("replan: alarms, and no promise after them", FILES, alarms),
+    Claim("replan: failure rates of the old and the new plan", FILES, rates),
+    Claim("replan: the rest of the old plan", FILES, old_plan),
+    Claim("replan: position given the fixes", FILES, position),
+    Claim("replan: expected wind given the fixes", FILES, expected_wind),
 )

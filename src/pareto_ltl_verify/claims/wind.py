@@ -269,21 +269,16 @@ def wind_metrics(result: Evidence) -> Verdict:
 
 
 CLAIMS = (
-    *(
-        Claim(f"wind: {name}", ("wind.nc",), judge)
-        for name, judge in (
-            ("there are readings, or the air is calm", has_fit),
-            ("source of the settings", calm_air),
-            ("mean and variance are the posterior", posterior_field),
-            ("prior mean, noise and kernel", prior),
-            ("white variance", gusts),
-            ("lattice, slots and settings", lattice),
-            ("known until", known_until),
-            ("level and leads", level_and_leads),
-            ("law of forecast errors", forecast_error),
-            ("variability of the wind", variability),
-            ("metrics", wind_metrics),
-        )
-    ),
+    Claim("wind: there are readings, or the air is calm", ("wind.nc",), has_fit),
+    Claim("wind: source of the settings", ("wind.nc",), calm_air),
+    Claim("wind: mean and variance are the posterior", ("wind.nc",), posterior_field),
+    Claim("wind: prior mean, noise and kernel", ("wind.nc",), prior),
+    Claim("wind: white variance", ("wind.nc",), gusts),
+    Claim("wind: lattice, slots and settings", ("wind.nc",), lattice),
+    Claim("wind: known until", ("wind.nc",), known_until),
+    Claim("wind: level and leads", ("wind.nc",), level_and_leads),
+    Claim("wind: law of forecast errors", ("wind.nc",), forecast_error),
+    Claim("wind: variability of the wind", ("wind.nc",), variability),
+    Claim("wind: metrics", ("wind.nc",), wind_metrics),
     *MODE_CLAIMS,
 )

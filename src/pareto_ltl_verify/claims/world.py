@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl_verify import formula, geometry
+from pareto_ltl_verify import formula
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, same, true_of
 from pareto_ltl_verify.evidence import Evidence
-from pareto_ltl_verify.geometry import Convex, convex, deepest, outline_distance, signed_area
+from pareto_ltl_verify.geometry import Convex, convex, deepest, outline_distance, signed_area, within
 from pareto_ltl_verify.laws import fix_error
 
 SAMPLES = 20_000  # points of the map at which cells, parts and polygons are compared
@@ -225,10 +225,8 @@ def _is_convex(outline: FloatArray) -> bool:
 
 def _covered(polygons: list[FloatArray], points: FloatArray) -> BoolArray:
     """Which points lie in any of the polygons."""
-    covered = np.zeros(len(points), bool)
-    for polygon in polygons:
-        covered |= geometry.within(polygon, points)
-    return covered
+    nowhere = np.zeros(len(points), bool)
+    return np.asarray(np.any([nowhere, *(within(polygon, points) for polygon in polygons)], axis=0), bool)
 
 
 def _same_outline(one: FloatArray, other: Any) -> bool:
@@ -266,7 +264,7 @@ def _outermost(polygons: list[FloatArray], grain: float) -> list[FloatArray]:
 
     def lies_in(own: FloatArray, other: FloatArray) -> bool:
         probes = np.concatenate([own, 0.5 * (own + np.roll(own, -1, axis=0))])
-        inside = geometry.within(other, probes) | (outline_distance(other, probes) < grain)
+        inside = within(other, probes) | (outline_distance(other, probes) < grain)
         return bool(inside.all()) and abs(signed_area(other)) > abs(signed_area(own))
 
     return [own for own in polygons if not any(lies_in(own, other) for other in polygons if other is not own)]
