@@ -136,11 +136,11 @@ def test_windows_of_the_map_reach_the_automaton() -> None:
 
 
 def test_an_automaton_with_clocks_is_read_from_its_file(tmp_path) -> None:
-    from pareto_ltl.logic.hoa import write_hoa
+    from pareto_ltl.logic.hoa import hoa_text
 
     labels = [frozenset(), frozenset("a")]
     made = automaton_of(MissionConfig(formula="F[0,1h] a"), labels, regions=["a"])
-    write_hoa(made, tmp_path / "m.hoa")
+    (tmp_path / "m.hoa").write_text(hoa_text(made), encoding="utf-8")
     again = automaton_of(MissionConfig(automaton=str(tmp_path / "m.hoa")), labels, regions=["a"])
     assert again == made
     with pytest.raises(DataError, match="unknown region 'a'"):

@@ -60,7 +60,7 @@ def test_an_automaton_comes_back_from_hoa(f):
 def test_a_file_serves_as_a_mission(formula, tmp_path):
     automaton = translate(formula)
     file = tmp_path / "mission.hoa"
-    hoa.write_hoa(automaton, file)
+    file.write_text(hoa.hoa_text(automaton), encoding="utf-8")
     assert hoa.read_hoa(file) == automaton
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pareto_ltl.logic import hoa, hoa_labels
+from pareto_ltl.logic import hoa, labels
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.errors import DataError, ParetoLtlError
 
@@ -56,7 +56,7 @@ def test_a_file_beyond_the_limits_is_refused(content: str, words: str) -> None:
 
 
 def test_labels_that_take_too_much_work_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hoa_labels, "MAX_LABEL_WORK", 1000)
+    monkeypatch.setattr(labels, "MAX_LABEL_WORK", 1000)
     assert "too long for 4 letters" in refusal(text(label=" | ".join(["0"] * 200)))
 
 
@@ -74,13 +74,13 @@ def test_a_byte_order_mark_is_no_part_of_an_automaton(tmp_path) -> None:
 
 def test_a_label_that_many_edges_have_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """4,096 states share the labels of their edges: they are parsed and worked out once for each text."""
-    made, before = [], hoa_labels.LabelReader.evaluated
+    made, before = [], labels.LabelReader.evaluated
 
-    def counted(self: hoa_labels.LabelReader, text: str, line: int) -> BoolArray:
+    def counted(self: labels.LabelReader, text: str, line: int) -> BoolArray:
         made.append(text)
         return before(self, text, line)
 
-    monkeypatch.setattr(hoa_labels.LabelReader, "evaluated", counted)
+    monkeypatch.setattr(labels.LabelReader, "evaluated", counted)
     count = 4096
     lines = [
         f"State: {q}{' {0}' if q == count - 1 else ''}\n[(0) &\n 1] {min(q + 1, count - 1)}\n[!0 | !1] {q}"

@@ -18,7 +18,6 @@ import numpy as np
 from pareto_ltl.logic import labels
 from pareto_ltl.logic.automaton import Automaton, alphabet_of, automaton_from_table, letter_codes, show_letter
 from pareto_ltl.logic.dfa import MAX_ENTRIES, TransitionTable
-from pareto_ltl.logic.hoa_labels import LabelReader
 from pareto_ltl.support.arrays import BoolArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_line, shown_text
@@ -69,11 +68,6 @@ def hoa_text(automaton: Automaton) -> str:
             ways.setdefault(target, []).append(cube)
         lines += [f"[{labels.cubes_text(ways[target], places, 't')}] {target}" for target in sorted(ways)]
     return "\n".join([*lines, "--END--", ""])
-
-
-def write_hoa(automaton: Automaton, path: str | Path) -> None:
-    """Write the automaton to a ``.hoa`` file."""
-    Path(path).write_text(hoa_text(automaton), encoding="utf-8")
 
 
 def read_hoa(path: str | Path, letters: Iterable[Iterable[str]] | None = None) -> Automaton:
@@ -279,7 +273,8 @@ class _BodyReader:
 
     def __init__(self, reader: _HoaReader, alphabet: tuple[frozenset[str], ...]) -> None:
         self.reader, self.alphabet, self.refuse = reader, alphabet, reader.refuse
-        self.labels = LabelReader(letter_codes(reader.atoms, alphabet), len(reader.atoms), reader.refuse)
+        codes = letter_codes(reader.atoms, alphabet)
+        self.labels = labels.LabelReader(codes, len(reader.atoms), reader.refuse)
         for name, text, line in reader.aliases:
             self.labels.define(name, text, line)
         self.number = {reader.start: 0}

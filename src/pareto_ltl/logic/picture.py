@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 MAX_DRAWN = 40  # states; figures with more are not readable
 STATE_RADIUS = 0.32
+EDGE_SPOTS, LOOP_SPOTS = (0.5, 0.4, 0.6, 0.3, 0.7, 0.22, 0.78), (0.5,)  # shares of an edge, the best first
 STATE_COLOUR, TRAP_COLOUR, GOAL_COLOUR = "#222222", "#999999", "#0072b2"  # acceptance: blue of Okabe and Ito
 
 
@@ -124,12 +125,20 @@ def draw_automaton(
 
 
 def drawn_edges(place: FloatArray, texts: dict[tuple[int, int], str]) -> Iterator[DrawnEdge]:
-    """Curves and label positions of the edges with ``texts``, between states at ``place`` (Q, 2)."""
-    taken = _OccupiedBoxes(place)
+    """Curves and label positions of the edges with ``texts``, between states at ``place`` (Q, 2).
+
+    A label stands where it covers the least area of states and earlier labels, in the middle if that is free.
+    """
+    taken = [(point, np.full(2, STATE_RADIUS)) for point in place]  # centres and half sizes, also of labels
     for (p, q), text in texts.items():
         curve = _loop_edge(place[p]) if p == q else _bent_edge(place, p, q, (q, p) in texts)
         label = _wrapped_formula(text, 22)
-        yield DrawnEdge(p, q, curve, label, taken.spot(curve, label, p == q))
+        lines = label.split("\n")
+        half = np.array([0.04 * max(map(len, lines)), 0.1 * len(lines)])  # for text of 7.5 pt
+        spots = [_bezier_point(curve, t) for t in (LOOP_SPOTS if p == q else EDGE_SPOTS)]
+        spot = spots[int(np.argmin([_covered_area(taken, spot, half) for spot in spots]))]
+        taken.append((spot, half))
+        yield DrawnEdge(p, q, curve, label, spot)
 
 
 def state_positions(automaton: Automaton) -> FloatArray:
@@ -161,25 +170,10 @@ def state_positions(automaton: Automaton) -> FloatArray:
     return place
 
 
-class _OccupiedBoxes:
-    """Boxes (centre, half size) that labels should not cover: states and earlier labels."""
-
-    def __init__(self, place: FloatArray) -> None:
-        self.boxes = [(point, np.array([STATE_RADIUS, STATE_RADIUS])) for point in place]
-
-    def spot(self, curve: FloatArray, text: str, loop: bool) -> FloatArray:
-        """The point of ``curve`` where a label covers the least area, the middle if that is free."""
-        lines = text.split("\n")
-        half = np.array([0.04 * max(map(len, lines)), 0.1 * len(lines)])  # for text of 7.5 pt
-        spots = [_bezier_point(curve, t) for t in ((0.5,) if loop else (0.5, 0.4, 0.6, 0.3, 0.7, 0.22, 0.78))]
-        best = min(spots, key=lambda spot: self.covered(spot, half))
-        self.boxes.append((best, half))
-        return best
-
-    def covered(self, spot: FloatArray, half: FloatArray) -> float:
-        """Area of the boxes that a label covers."""
-        sides = (np.maximum(0.0, half + size - np.abs(spot - centre)) for centre, size in self.boxes)
-        return float(sum(a * b for a, b in sides))
+def _covered_area(boxes: list[tuple[FloatArray, FloatArray]], spot: FloatArray, half: FloatArray) -> float:
+    """Area of ``boxes`` that a label at ``spot`` with half its size (2,) covers."""
+    sides = (np.maximum(0.0, half + size - np.abs(spot - centre)) for centre, size in boxes)
+    return float(sum(a * b for a, b in sides))
 
 
 def _bent_edge(place: FloatArray, p: int, q: int, both: bool) -> FloatArray:
@@ -220,8 +214,7 @@ def _curve_path(curve: FloatArray) -> Curve:
 def _bezier_point(curve: FloatArray, t: float) -> FloatArray:
     while len(curve) > 1:
         curve = (1 - t) * curve[:-1] + t * curve[1:]
-    point: FloatArray = curve[0]
-    return point
+    return np.asarray(curve[0], float)
 
 
 def _wrapped_formula(text: str, width: int) -> str:
