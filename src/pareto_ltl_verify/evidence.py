@@ -61,6 +61,7 @@ class Evidence:
     front_arrays = content_of("front.npz", read_npz)
     trees = content_of("trees.npz", read_npz)
     flights = content_of("deployments.npz", read_npz)
+    replanned = content_of("replan.json", read_json)
     wind = content_of("wind.nc", read_wind_file)
 
     def has(self, name: str) -> bool:
@@ -70,6 +71,10 @@ class Evidence:
     def table(self, name: str) -> list[dict[str, str]]:
         """The rows of a CSV file."""
         return read_table(self.directory / name)
+
+    def document(self, name: str) -> dict[str, Any]:
+        """The content of a JSON file."""
+        return read_json(self.directory / name)
 
     @property
     def front_size(self) -> int:

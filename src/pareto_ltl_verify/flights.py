@@ -381,13 +381,11 @@ def same_distribution(a: FloatArray, b: FloatArray, grain: float) -> float:
     than ``grain`` [m] are compared directly: 0 or 1.
     """
     chances = []
-    for t in range(a.shape[1]):
-        for c in (0, 1):
-            one, two = a[:, t, c], b[:, t, c]
-            if max(np.ptp(one), np.ptp(two)) < grain:
-                chances.append(float(abs(one.mean() - two.mean()) < grain))
-            else:
-                chances.append(float(ks_2samp(one, two, method="asymp").pvalue))
+    for one, two in zip(a.reshape(len(a), -1).T, b.reshape(len(b), -1).T, strict=True):
+        if max(np.ptp(one), np.ptp(two)) < grain:
+            chances.append(float(abs(one.mean() - two.mean()) < grain))
+        else:
+            chances.append(float(ks_2samp(one, two, method="asymp").pvalue))
     return min(1.0, min(chances) * len(chances))
 
 

@@ -13,7 +13,6 @@ from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_verify.claims import (
     Claim,
     Verdict,
-    export_rates,
     exports,
     flights,
     front,
@@ -30,7 +29,7 @@ from pareto_ltl_verify.evidence import Evidence, open_evidence
 
 CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *plan.CLAIMS, *limits.CLAIMS, *search.CLAIMS,
-    *front.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *export_rates.CLAIMS, *texts.CLAIMS, *replan.CLAIMS,
+    *front.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *texts.CLAIMS, *replan.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({

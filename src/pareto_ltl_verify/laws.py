@@ -263,31 +263,24 @@ def nearest_share(begin: FloatArray, end: FloatArray, point: FloatArray) -> floa
 
 def fly_means(law: Law, x: FloatArray) -> Course:
     """The course along the means ``x`` (T+1, 2) [m], with the controls that they need."""
-    course = _empty(law, len(x) - 1)
-    course.x[:] = x
-    return _flown(law, course, along_means=True)
+    return _flown(law, x, np.empty((len(x) - 1, 2)), along_means=True)
 
 
 def fly_controls(law: Law, start: FloatArray, u: FloatArray) -> Course:
     """The course of the controls ``u`` (T, 2) [m/s] from ``start`` (2,) [m]."""
-    course = _empty(law, len(u))
-    course.x[0], course.u[:] = start, u
-    return _flown(law, course, along_means=False)
+    return _flown(law, np.vstack([start, np.empty((len(u), 2))]), u, along_means=False)
 
 
-def _empty(law: Law, steps: int) -> Course:
-    pairs = np.empty((3, steps, 2))
-    return Course(
-        x=np.empty((steps + 1, 2)), u=pairs[0], cov=np.empty((steps + 1, 2, 2)), speed=np.empty(steps),
-        drift=pairs[1], F=np.empty((steps, 2, 2)), psi=np.zeros((steps, 2, law.modes)), white=pairs[2],
+def _flown(law: Law, x: FloatArray, u: FloatArray, *, along_means: bool) -> Course:
+    """The course along the means ``x`` or else of the controls ``u``: each step determines the other."""
+    n, steps, robot = law.modes, len(u), law.robot
+    course = Course(
+        x=np.array(x, float), u=np.array(u, float), cov=np.empty((steps + 1, 2, 2)), speed=np.empty(steps),
+        drift=np.empty((steps, 2)), F=np.empty((steps, 2, 2)), psi=np.zeros((steps, 2, n)),
+        white=np.empty((steps, 2)),
     )  # fmt: skip
-
-
-def _flown(law: Law, course: Course, *, along_means: bool) -> Course:
-    """The course with all rows filled; each step determines its control or the next mean."""
-    n, robot = law.modes, law.robot
     belief = Belief(robot.start_sd**2 * np.eye(2), np.zeros((2, 2)), np.zeros((2, n)), np.eye(n))
-    for t in range(len(course.u)):
+    for t in range(steps):
         course.cov[t] = belief.unknown + belief.known
         course.cross.append(belief.cross)
         belief = law.advance(course, t, belief)

@@ -84,12 +84,9 @@ def posterior(fit: Fit, k: int, c: int, nodes: FloatArray) -> tuple[FloatArray, 
 
     The posterior covariance of two nodes x, y is k(x, y) - V_x' V_y.
     """
-    m, amplitude, length, noise = fit.hyper[k, c]
-    points = fit.points[k]
-    K = amplitude**2 * correlation(fit.kernel, separation(points, points) / length)
-    K[np.diag_indices(len(K))] += noise**2
-    cross = amplitude**2 * correlation(fit.kernel, separation(points, nodes) / length)
-    root = np.linalg.inv(np.linalg.cholesky(K))
+    m, amplitude, length, _ = fit.hyper[k, c]
+    cross = amplitude**2 * correlation(fit.kernel, separation(fit.points[k], nodes) / length)
+    root = np.linalg.inv(np.linalg.cholesky(_covariance(fit, k, c)))
     V = root @ cross
     return m + V.T @ (root @ (fit.winds[k][:, c] - m)), V
 
@@ -145,10 +142,15 @@ def _pairs(fit: Fit, apart: int) -> FloatArray:
 
 
 def _residuals(fit: Fit, k: int, c: int) -> FloatArray:
-    m, amplitude, length, noise = fit.hyper[k, c]
-    K = amplitude**2 * correlation(fit.kernel, separation(fit.points[k], fit.points[k]) / length)
-    inverse = np.linalg.inv(K + noise**2 * np.eye(len(K)))
-    return np.asarray(inverse @ (fit.winds[k][:, c] - m) / np.sqrt(np.diag(inverse)), float)
+    inverse = np.linalg.inv(_covariance(fit, k, c))
+    return np.asarray(inverse @ (fit.winds[k][:, c] - fit.hyper[k, c, 0]) / np.sqrt(np.diag(inverse)), float)
+
+
+def _covariance(fit: Fit, k: int, c: int) -> FloatArray:
+    """Prior covariance K + σ²I (n, n) of component c of the readings of slot k."""
+    _, amplitude, length, noise = fit.hyper[k, c]
+    apart = separation(fit.points[k], fit.points[k])
+    return np.asarray(amplitude**2 * correlation(fit.kernel, apart / length) + noise**2 * np.eye(len(apart)))
 
 
 # --- errors of forecasts, changes of the wind -------------------------------------------------

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl.support.reading import read_text
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, same, unlike
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import azimuths, in_plane, on_earth, outline_distance
@@ -55,11 +55,6 @@ class Route(NamedTuple):
     airspeed: Sequence[float] | None = None
 
 
-def json_file(result: Evidence, name: str) -> dict[str, Any]:
-    """The content of a JSON file."""
-    return read_json(result.directory / name)
-
-
 def _xml(result: Evidence, name: str) -> ElementTree.Element:
     """The root of an XML file; ValueError if the file is not XML."""
     try:
@@ -93,7 +88,7 @@ def _fpl(result: Evidence) -> Route:
 
 
 def _geojson(result: Evidence) -> Route:
-    content = json_file(result, "plan.geojson")
+    content = result.document("plan.geojson")
     positions = [f for f in content["features"] if f["properties"]["role"] == "position"]
     places = [f["geometry"]["coordinates"] for f in positions]
     times = [f["properties"]["time_utc"] for f in positions]
@@ -115,7 +110,7 @@ def _trajectory(result: Evidence) -> Route:
 
 
 def _mission(result: Evidence) -> Route:
-    content = json_file(result, "mission.plan")
+    content = result.document("mission.plan")
     places, airspeed, speed = [content["mission"]["plannedHomePosition"]], list[float](), 0.0
     for item in content["mission"]["items"]:
         if item["command"] == CHANGE_SPEED:
@@ -205,7 +200,8 @@ def dead_reckoning(result: Evidence) -> Verdict:
     faults += [f"{row['wind_law']} winds" for row in rows[:1] if row["wind_law"] != result.planned_law]
     if faults:
         return no_fault(f"{len(rows)} rows", faults)
-    speed, sd = np.hypot(*wind.T), np.sqrt(_wind_variance(result).mean(axis=1))
+    speed, course = np.hypot(*wind.T), result.course
+    sd = np.sqrt(((course.psi**2).sum(axis=2) + course.white).mean(axis=1))
     return no_fault(
         f"{len(rows)} rows",
         unlike_at("leg {}: airspeed_m_s", column(legs, "airspeed_m_s"), np.hypot(*result.u.T)),
@@ -264,11 +260,6 @@ def _direction_faults(legs: Rows, key: str, values: FloatArray, size: FloatArray
     return [f"leg {k}: {key}" for k in np.flatnonzero(bad)]
 
 
-def _wind_variance(result: Evidence) -> FloatArray:
-    """Variance (T, 2) [m²/s²] of the wind of each leg under the wind law of the plan."""
-    return np.asarray((result.course.psi**2).sum(axis=2) + result.course.white, float)
-
-
 def spreads(result: Evidence) -> Verdict:
     """Ellipses and radii of the table follow from the covariances of plan.json."""
     rows, cov = result.table(TABLE), np.array(result.plan["cov"], float)
@@ -304,7 +295,7 @@ def held_within(radius: float, major: float, minor: float) -> float:
 
 def messages(result: Evidence) -> Verdict:
     """Headings, airspeeds and times of the MAVLink script agree with the table."""
-    script = json_file(result, "mavlink_script.json")
+    script = result.document("mavlink_script.json")
     rows = result.table(TABLE)[:-1]
     faults = unlike(script, {"wind_law": result.planned_law})
     for command, key in ((AIRSPEED, "airspeed_m_s"), (HEADING, "heading_true_deg")):
@@ -321,7 +312,7 @@ def messages(result: Evidence) -> Verdict:
 
 def _mission_faults(result: Evidence) -> list[str]:
     """Fences are the obstacles and, if border=wall, the border; cruise speeds are the largest of the plan."""
-    content, crs = json_file(result, "mission.plan"), result.scene["crs"]
+    content, crs = result.document("mission.plan"), result.scene["crs"]
     speeds = [content["mission"][key] for key in ("cruiseSpeed", "hoverSpeed")]
     faults = unlike_at("cruise speed {}", speeds, [np.hypot(*result.u.T).max(initial=0.0)] * 2)
     (west, south), (east, north) = result.scene["bounds"]

@@ -11,7 +11,6 @@ import numpy as np
 from scipy.stats import binom, hypergeom
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.reading import read_json
 from pareto_ltl_verify import flights
 from pareto_ltl_verify.claims import Claim, Verdict, far_apart, likely, no_fault, same, within
 from pareto_ltl_verify.claims.front import flights_judge
@@ -43,7 +42,8 @@ FLAGS = ("accepted", "collided", "off_map")
 def promise(result: Evidence) -> Verdict | None:
     """With judge=flights: rate, interval, claim, bound and verdict agree with each other and the settings."""
     stated, costs = result.plan["promise"], result.plan["objectives"]
-    if not flights_judge(result) or after_alarm(result):
+    alarmed = result.has("replan.json") and result.replanned.get("alarms")  # no law explains the fixes
+    if not flights_judge(result) or alarmed:
         return same(stated, None)
     wanted = {
         "bound": min(1.0, costs["mission_risk"] + costs["collision_risk"]),
@@ -54,11 +54,6 @@ def promise(result: Evidence) -> Verdict | None:
         f"{stated['failure']:.4g} of {stated['runs']} flights fail", _rate_faults(result, stated),
         _claim_faults(result, stated), far_apart(stated, wanted, SPREAD, 0.0),
     )  # fmt: skip
-
-
-def after_alarm(result: Evidence) -> bool:
-    """Whether the plan was made during a flight, after a measurement that its law does not explain."""
-    return result.has("replan.json") and bool(read_json(result.directory / "replan.json").get("alarms"))
 
 
 def _rate_faults(result: Evidence, stated: dict[str, Any]) -> Iterator[str]:

@@ -17,7 +17,7 @@ from pareto_ltl_verify.claims import Claim, Verdict, close, far_apart, likely, n
 from pareto_ltl_verify.claims.plan import LEAST_RISK, OBJECTIVES, RISK
 from pareto_ltl_verify.claims.search import tree_names, vertex_path, vertex_risk
 from pareto_ltl_verify.evidence import Evidence
-from pareto_ltl_verify.flights import RARE, clopper_pearson, same_counts, same_rate
+from pareto_ltl_verify.flights import RARE, rate_of, same_counts, same_rate
 
 MOST_PATHS = 6  # paths of the front whose bounds are computed again
 FLOWN_PATHS = 3  # paths of the front that are simulated again
@@ -220,7 +220,7 @@ def front_rates(result: Evidence) -> Verdict:
     faults = [] if failed.shape == (len(result.front), runs) else [f"flights of shape {failed.shape}"]
     for row, flights in zip(result.front, failed, strict=False):
         count = int(flights.sum())
-        wanted = dict(zip(INTERVAL, (count / runs, *clopper_pearson(count, runs)), strict=True))
+        wanted = dict(zip(INTERVAL, rate_of(count, runs).values(), strict=True))
         if far_apart(row, wanted, 1e-9) or (row["law"], row["runs"]) != (law, str(runs)):
             faults.append(f"path {row['path']}: {count} of {runs} flights fail")
     return no_fault(f"{runs} flights each, {law} winds", faults)

@@ -13,7 +13,6 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ParetoLtlError
-from pareto_ltl.support.reading import read_json
 from pareto_ltl_verify import laws
 from pareto_ltl_verify.claims import Claim, Verdict, close, likely, no_fault, within
 from pareto_ltl_verify.evidence import Evidence, open_evidence
@@ -22,7 +21,6 @@ from pareto_ltl_verify.laws import Course
 from pareto_ltl_verify.wind_fit import ErrorLaw
 from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, SPACE, TIME, WindFile, square_of
 
-FILE = "replan.json"
 UNLIKELY = 1e-4  # probability under the law of the plan below which a fix is an alarm
 RISKS = ("mission_risk_paper", "mission_risk", "mission_risk_ordered", "collision_risk")
 OF_RATES = ("promise_", "failure_", "least_failure", "mission_risk_i", "mission_risk_c", "collision_risk_")
@@ -31,21 +29,17 @@ SHARE = 2e-3  # largest allowed relative difference of covariances and distances
 WIND = 0.05  # m/s, largest allowed difference of the expected wind
 
 
-def _told(result: Evidence) -> dict[str, Any]:
-    return read_json(result.directory / FILE)
-
-
 def _source(result: Evidence) -> Evidence | None:
     """The result that was flown; None if its directory does not exist any more."""
     try:
-        return open_evidence(Path(_told(result)["source"]))
+        return open_evidence(Path(result.replanned["source"]))
     except (ParetoLtlError, OSError):
         return None
 
 
 def start(result: Evidence) -> Verdict:
     """The rest begins at the mean position, with its largest standard deviation, at the time of the step."""
-    stated, robot = _told(result), result.robot
+    stated, robot = result.replanned, result.robot
     position, rest, step = stated["position"], stated["rest"], stated["step"]
     widest = math.sqrt(float(np.linalg.eigvalsh(np.array(position["cov"]))[-1]))
     faults = {
@@ -59,7 +53,7 @@ def start(result: Evidence) -> Verdict:
 
 def alarms(result: Evidence) -> Verdict:
     """A fix that the law gives less than 1e-4 is an alarm; after an alarm no file has a probability."""
-    stated, plan = _told(result), result.plan
+    stated, plan = result.replanned, result.plan
     far, count = math.sqrt(-2.0 * math.log(UNLIKELY)), len(stated["alarms"])
     unlikely = sum(fix["distance"] > far for fix in stated["fixes"])
     risks = [plan["objectives"][name] for name in RISKS]
@@ -83,7 +77,7 @@ def rates(result: Evidence) -> Verdict | None:
 
     The rest of the old plan has no rate if it lasts longer than a newer forecast.
     """
-    stated = _told(result)
+    stated = result.replanned
     if stated["alarms"]:
         return None
     old, new, rest, chance = stated["old"], stated["new"], stated["rest"], 1.0
@@ -111,7 +105,7 @@ def rates(result: Evidence) -> Verdict | None:
 
 def old_plan(result: Evidence) -> Verdict | None:
     """The rest of the old plan is the plan of the source from the step on."""
-    stated, source = _told(result), _source(result)
+    stated, source = result.replanned, _source(result)
     if source is None:
         return None
     step, rest = stated["step"], stated["rest"]
@@ -161,7 +155,7 @@ def _faded(law: laws.Law, course: Course, t: int, step: int) -> FloatArray:
 
 def position(result: Evidence) -> Verdict | None:
     """Mean, covariance and distances in standard deviations follow from the old plan and the fixes."""
-    stated, source = _told(result), _source(result)
+    stated, source = result.replanned, _source(result)
     learnt = None if source is None else _given_fixes(source, stated)
     if learnt is None:
         return None
@@ -177,7 +171,7 @@ def position(result: Evidence) -> Verdict | None:
 
 def expected_wind(result: Evidence) -> Verdict | None:
     """The expected wind at the nodes is the old one, corrected by the error that the fixes determine."""
-    stated, source = _told(result), _source(result)
+    stated, source = result.replanned, _source(result)
     if source is None or source.wind.modes is None or stated["wind"]:
         return None
     learnt = _given_fixes(source, stated)
@@ -221,7 +215,7 @@ def _mean_change(law: ErrorLaw, lags: list[float], k: int) -> float:
     return math.sqrt(float(np.mean([law.change_variance(lag) for lag in around])))
 
 
-FILES = (FILE, "wind.nc", "plan.json", "scene.json")
+FILES = ("replan.json", "wind.nc", "plan.json", "scene.json")
 CLAIMS = (
     Claim("replan: start, spread and time of the rest", FILES, start),
     Claim("replan: alarms, and no promise after them", FILES, alarms),
