@@ -24,7 +24,7 @@ from pareto_ltl_verify.formula import Dfa, Timetable, covers, losing, windows_of
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, convex
 from pareto_ltl_verify.laws import Coherent, Course, Independent, Law, landmarks_of
 from pareto_ltl_verify.robot import Robot, energy_limits
-from pareto_ltl_verify.wind_tables import ENSEMBLE, Clock, clock, read_wind_file, source_of
+from pareto_ltl_verify.wind_tables import ENSEMBLE, clock, read_wind_file, source_of
 
 T = TypeVar("T")
 LAWS = ("independent", "coherent")
@@ -75,11 +75,6 @@ class Evidence:
     def document(self, name: str) -> dict[str, Any]:
         """The content of a JSON file."""
         return read_json(self.directory / name)
-
-    @property
-    def front_size(self) -> int:
-        """The number of paths in front.npz."""
-        return sum(key.endswith("/x") for key in self.front_arrays)
 
     def front_x(self, number: int) -> FloatArray:
         """Positions (T+1, 2) [m] of a path of the front."""
@@ -224,18 +219,10 @@ class Evidence:
             found.append(">".join("+".join(sorted(letter)) or "-" for letter in letters))
         return found
 
-    @cached_property
-    def times(self) -> Clock:
-        """Slots of the wind at each step of the planned flight."""
-        return self.clock_of(len(self.u))
-
-    def clock_of(self, steps: int) -> Clock:
-        """Slots of the wind at each step of a flight of ``steps`` steps."""
-        return clock(self.wind, self.robot.dt, steps, int(self.settings["planner"]["max_steps"]))
-
     def law(self, name: str, steps: int | None = None) -> Law:
         """A wind law for ``steps`` steps, by default for the steps of the plan."""
-        times = self.times if steps is None else self.clock_of(steps)
+        longest = int(self.settings["planner"]["max_steps"])
+        times = clock(self.wind, self.robot.dt, len(self.u) if steps is None else steps, longest)
         if name == "independent":
             return Independent(self.wind, times, self.robot)
         used = self.planned_law == "coherent" and self.settings["fidelity"]["judge"] == "flights"

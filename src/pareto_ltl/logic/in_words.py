@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from pareto_ltl.logic.formula import Formula, parse_formula
 from pareto_ltl.support.errors import FormulaError
@@ -26,7 +26,7 @@ def mission_in_words(text: str) -> str:
 def _goal_words(tree: Formula) -> str:
     """A mission or a part of it, as an instruction: "reach a, then b"."""
     if tree.op == "&":
-        return "; and ".join(_merged_goals(tree.args))
+        return "; and ".join(_merged_visits(tree.args, "reach {}, in any order", _goal_words))
     if tree.op == "|":
         return "either " + ", or ".join(map(_goal_words, tree.args))
     if tree.op == "F":
@@ -52,19 +52,14 @@ def _span_words(tree: Formula) -> str:
     return f" between {hours_text(begin)} and {hours_text(end)} after departure"
 
 
-def _merged_goals(parts: tuple[Formula, ...]) -> list[str]:
-    """Instructions for ``parts``; visits are merged: ``F a & F b`` is "reach a and b, in any order"."""
-    visits, left = _merged_visits(parts)
-    return [*(f"reach {names}, in any order" for names in visits), *map(_goal_words, left)]
-
-
-def _merged_visits(parts: Sequence[Formula]) -> tuple[list[str], list[Formula]]:
-    """The places of two or more untimed visits among ``parts`` as one text, and the other parts."""
+def _merged_visits(parts: Sequence[Formula], together: str, words: Callable[[Formula], str]) -> list[str]:
+    """The ``words`` for each part; two or more untimed visits are one text, ``together`` of their places."""
     visits = [part for part in parts if _is_untimed_visit(part)]
     if len(visits) < 2:
-        return [], list(parts)
+        return list(map(words, parts))
     *first, last = (_place_words(part.args[0]) for part in visits)
-    return [f"{', '.join(first)} and {last}"], [part for part in parts if part not in visits]
+    left = (words(part) for part in parts if part not in visits)
+    return [together.format(f"{', '.join(first)} and {last}"), *left]
 
 
 def _target_words(tree: Formula) -> str:
@@ -76,10 +71,9 @@ def _target_words(tree: Formula) -> str:
     places = [part for part in tree.args if _is_place(part)]
     rest = [part for part in tree.args if not _is_place(part)]
     here = " and ".join(_place_words(part) for part in places)
-    visits, left = _merged_visits(rest)
-    then = [*(f"{names} in any order" for names in visits), *map(_following_words, left)]
     if not here:
         return f"a point from which to {' and to '.join(_goal_words(part) for part in rest)}"
+    then = _merged_visits(rest, "{} in any order", _following_words)
     return here + "".join(f", then {words}" for words in then[:1]) + "".join(f", and {w}" for w in then[1:])
 
 

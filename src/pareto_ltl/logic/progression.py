@@ -71,11 +71,6 @@ class PartTable(NamedTuple):
         """The table with a column for each of ``letters`` (numbers of letters of the whole formula)."""
         return self.table._replace(delta=self.table.delta[:, self.column[letters]])
 
-    def whole(self) -> TransitionTable:
-        """The table with a column for each letter of the whole formula."""
-        letters = len(self.column)
-        return self.table if self.table.delta.shape[1] == letters else self.with_columns(np.arange(letters))
-
 
 class Progression:
     """All nodes of one translation and their progression.
@@ -334,7 +329,7 @@ class Progression:
     def table(self, node: ProgressionNode, letters: IntArray) -> tuple[TransitionTable, FloatArray]:
         """The minimal transition table of ``node`` over ``letters``, and its distances to acceptance."""
         part = self.part(node, letters)
-        return part.whole(), part.distance
+        return part.with_columns(np.arange(len(letters))), part.distance
 
     def part(self, node: ProgressionNode, letters: IntArray) -> PartTable:
         """The minimal table of ``node``: products for ``&`` and ``|``, progression below them."""

@@ -111,7 +111,8 @@ def _linearity(result: Evidence) -> float:
     if modes is None or len(result.x) < 2:
         return 0.0
     widest = np.sqrt(np.linalg.eigvalsh(result.course.cov[:-1])[:, 1])
-    scale: FloatArray = modes.length.min(axis=1)[result.times.nearest[: len(widest)]]
+    nearest = result.law(result.planned_law).times.nearest[: len(widest)]
+    scale: FloatArray = modes.length.min(axis=1)[nearest]
     return float((widest / scale).max())
 
 

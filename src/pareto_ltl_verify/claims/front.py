@@ -139,9 +139,9 @@ def front_paths(result: Evidence) -> Verdict:
 
     A path whose origin is a vertex of a tree is the path to that vertex.
     """
-    rows, other = result.front, {"other paths": result.front_size != len(result.front)}
+    rows, stored = result.front, sum(key.endswith("/x") for key in result.front_arrays)
     faults = (f"path {k}: {fault}" for k, row in enumerate(rows) for fault in _path_faults(result, row, k))
-    return no_fault(f"{len(rows)} paths", faults, other)
+    return no_fault(f"{len(rows)} paths", faults, {"other paths": stored != len(rows)})
 
 
 def _path_faults(result: Evidence, row: Mapping[str, str], k: int) -> Iterator[str]:

@@ -282,14 +282,9 @@ CLAIMS = (
         Claim(f"wind: modes of {PARTS[part]}", ("wind.nc",), partial(fitted, partial(mode_span, part)))
         for part in (SPACE, FORECAST, TIME)
     ),
-    *(
-        Claim(f"wind: {name}", ("wind.nc",), partial(fitted, judge))
-        for name, judge in (
-            ("number of modes", mode_count),
-            ("share of the variance in the modes", energy),
-            ("length of what the modes leave", rest_length),
-            ("length scales of the modes", mode_scales),
-            ("persistence rho", error_persistence),
-        )
-    ),
+    Claim("wind: number of modes", ("wind.nc",), partial(fitted, mode_count)),
+    Claim("wind: share of the variance in the modes", ("wind.nc",), partial(fitted, energy)),
+    Claim("wind: length of what the modes leave", ("wind.nc",), partial(fitted, rest_length)),
+    Claim("wind: length scales of the modes", ("wind.nc",), partial(fitted, mode_scales)),
+    Claim("wind: persistence rho", ("wind.nc",), partial(fitted, error_persistence)),
 )
