@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -40,29 +41,21 @@ def timed_letters(labels: Iterable[Letter], windows: Mapping[str, Window]) -> se
     FormulaError if there are more than ``MOST_LETTERS``.
     """
     shown = set(labels)
-    patterns = window_patterns(windows.values())
+    patterns = window_patterns(windows)
     if len(shown) * len(patterns) > MOST_LETTERS:
         raise FormulaError(
             f"{len(windows)} time windows open and close in {len(patterns)} ways; leave some of them out"
         )
-    names = tuple(windows)
-    open_now = [[names[i] for i in pattern] for pattern in patterns]
-    return {letter_of(label, windows, holding) for label in shown for holding in open_now}
+    return {letter_of(label, windows, holding) for label in shown for holding in patterns}
 
 
-def window_patterns(windows: Iterable[Window]) -> set[frozenset[int]]:
-    """The sets of windows, by number, that hold at some moment after departure or during some time span."""
-    own = list(windows)
-    marks = sorted({0.0, *(t for w in own for t in (w.begin, w.end) if 0.0 < t < math.inf)})
+def window_patterns(windows: Mapping[str, Window]) -> set[Letter]:
+    """The sets of windows that hold at some moment after departure or during some time span."""
+    ends = (t for window in windows.values() for t in (window.begin, window.end))
+    marks = sorted({0.0, *(t for t in ends if 0.0 < t < math.inf)})
     moments = sorted({*marks, *((a + b) / 2 for a, b in pairwise(marks)), marks[-1] + 1.0})
-    now = [frozenset(i for i, w in enumerate(own) if w.holds_at(t)) for t in moments]
-    found = set(now)
-    for first in range(len(now)):
-        together = now[first]
-        for last in range(first + 1, len(now)):
-            together |= now[last]
-            found.add(together)
-    return found
+    now = [frozenset(name for name, window in windows.items() if window.holds_at(t)) for t in moments]
+    return {together for first in range(len(now)) for together in accumulate(now[first:], operator.or_)}
 
 
 def keep_clear(automaton: Automaton, names: tuple[str, ...], labels: Iterable[Letter]) -> Automaton:
