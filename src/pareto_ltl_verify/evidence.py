@@ -19,7 +19,7 @@ from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_verify import gaussians, laws
-from pareto_ltl_verify.flights import NONE, Ground, Simulator
+from pareto_ltl_verify.flights import NONE, Ground, fly
 from pareto_ltl_verify.formula import Dfa, Timetable, covers, losing, windows_of
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, convex
 from pareto_ltl_verify.laws import Coherent, Course, Independent, Law, landmarks_of
@@ -335,9 +335,10 @@ class Evidence:
 
     # --- flights ------------------------------------------------------------------------------
 
-    def simulator(self, name: str, x: FloatArray, u: FloatArray) -> Simulator:
-        """Simulator for new flights under a wind law, of the controls ``u`` (T, 2) about ``x`` (T+1, 2)."""
-        return Simulator(self.law(name, len(u)), x, u, self.law("coherent", len(u)).landmarks)
+    def fly(self, name: str, x: FloatArray, u: FloatArray, runs: int, *seed: int) -> FloatArray:
+        """New flights (runs, T+1, 2) [m] under a wind law: controls ``u`` (T, 2) about ``x`` (T+1, 2)."""
+        landmarks = self.law("coherent", len(u)).landmarks
+        return fly(self.law(name, len(u)), x, u, runs, np.random.default_rng(seed), landmarks)
 
     @cached_property
     def new_flights(self) -> dict[str, FloatArray]:
@@ -350,15 +351,14 @@ class Evidence:
             if f"{name}/x" in self.flights:
                 promised = promise["runs"] if promise.get("law") == name else 0
                 runs = min(max(len(self.flights[f"{name}/x"]), promised, 2000), 20_000)
-                rng = np.random.default_rng([20181009, number])
-                flights[name] = self.simulator(name, self.x, self.u).fly(runs, rng)
+                flights[name] = self.fly(name, self.x, self.u, runs, 20181009, number)
         return flights
 
     @cached_property
     def held_failures(self) -> tuple[int, int]:
         """How many of how many new flights with ``robot.feedback_time=60`` fail, in the winds of the plan."""
         held = replace(self.law(self.planned_law), robot=replace(self.robot, feedback_time=HELD_TIME))
-        x = Simulator(held, self.x, self.u).fly(HELD_RUNS, np.random.default_rng(20181011))
+        x = fly(held, self.x, self.u, HELD_RUNS, np.random.default_rng(20181011))
         return int(self.ground.failed(x).sum()), HELD_RUNS
 
 

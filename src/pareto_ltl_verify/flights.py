@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import compress, groupby
 
 import numpy as np
+from numpy.random import Generator
 from scipy.special import betaincinv
 from scipy.stats import chi2, chi2_contingency, hypergeom, ks_2samp
 
@@ -15,6 +16,7 @@ from pareto_ltl_verify.formula import Dfa, Label, Timetable, harmful
 from pareto_ltl_verify.gaussians import ON_EDGE
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, deepest, met_by_any
 from pareto_ltl_verify.laws import Coherent, Independent, Landmark, Law, fly_means
+from pareto_ltl_verify.robot import Robot
 from pareto_ltl_verify.wind_tables import square_of
 
 SHORTEST = 1e-12  # share of a step; shorter pieces of it are rounding
@@ -180,63 +182,61 @@ def misjudged(ground: Ground, x: FloatArray, flags: Sequence[BoolArray], grain: 
 # --- new flights ------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Simulator:
-    """Simulator of flights of the controls ``u`` about ``mean`` under ``law``.
+def fly(
+    law: Law, mean: FloatArray, u: FloatArray, runs: int, rng: Generator, landmarks: Sequence[Landmark] = ()
+) -> FloatArray:
+    """Positions (runs, T+1, 2) [m] of new flights of the controls ``u`` about ``mean`` under ``law``.
 
     Robots measure their position at ``landmarks``. Robots that correct their course land where they have
     spent their capacity.
     """
-
-    law: Law
-    mean: FloatArray
-    u: FloatArray
-    landmarks: Sequence[Landmark] = ()
-
-    def fly(self, runs: int, rng: np.random.Generator) -> FloatArray:
-        """Positions (runs, T+1, 2) [m] of new flights, with random numbers from ``rng``."""
-        robot, steps = self.law.robot, len(self.u)
-        x = np.empty((runs, steps + 1, 2))
-        x[:, 0] = self.mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
-        filters = Filters(self.law, self.mean, self.landmarks, runs) if self.landmarks else None
-        theta = rng.standard_normal((runs, self.law.modes))
-        limited = robot.capacity is not None and (filters is not None or robot.feedback > 0.0)
-        left = np.full(runs, robot.capacity) if limited else None  # [J]
-        for t in range(steps):
-            theta = next_field(self.law, t, theta, rng) if t else theta
-            wind = self._wind(x[:, t], t, theta, rng)
-            flown = filters.controls(x, t, self.u[t], rng) if filters else self._held(x[:, t], t, wind)
-            x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
-            if left is not None:
-                left -= robot.spent(flown)
-                x[left < 0.0, t + 1] = x[left < 0.0, t]
-        return x
-
-    def _wind(self, x: FloatArray, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Wind that each flight meets at its position, (n, 2) [m/s]."""
-        (met, latent), carried, modes = self.law.wind_at(t, x), np.zeros(2), self.law.wind.modes
-        if isinstance(self.law, Coherent) and modes is not None:
-            psi = square_of(modes.x, modes.y, x).value(self.law.modes_at(t))
-            met = met + np.einsum("ncp,ncp->nc", psi, theta.reshape(len(x), 2, -1))
-            carried = (psi**2).sum(axis=2)
-        white = self.law.white_variance(t, latent, carried)
-        return np.asarray(met + np.sqrt(white) * rng.standard_normal(met.shape), float)
-
-    def _held(self, x: FloatArray, t: int, wind: FloatArray) -> FloatArray:
-        """Controls (n, 2) [m/s] with feedback, within the airspeeds.
-
-        The robot returns from its deviation, and within the step also counteracts part of the wind that it
-        meets, beyond the one that the plan expects.
-        """
-        robot, mean = self.law.robot, self.mean
-        if robot.feedback == 0.0:
-            return np.broadcast_to(self.u[t], x.shape)
-        expected = (mean[t + 1] - robot.a @ mean[t]) / robot.dt - robot.b @ self.u[t]
-        back = robot.feedback / robot.dt * (x - mean[t]) + (1.0 - robot.exposed) * (wind - expected)
-        return robot.within_speed(self.u[t] - np.linalg.solve(robot.b, back.T).T)
+    robot, x = law.robot, np.empty((runs, len(u) + 1, 2))
+    x[:, 0] = mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
+    filters = Filters(law, mean, landmarks, runs) if landmarks else None
+    theta = rng.standard_normal((runs, law.modes))
+    limited = robot.capacity is not None and (filters is not None or robot.feedback > 0.0)
+    left = np.full(runs, robot.capacity) if limited else None  # [J]
+    for t, planned in enumerate(u):
+        theta = next_field(law, t, theta, rng) if t else theta
+        wind = _drawn_wind(law, x[:, t], t, theta, rng)
+        if filters:
+            flown = filters.controls(x, t, planned, rng)
+        else:
+            flown = _held_controls(robot, mean[t : t + 2], planned, x[:, t], wind)
+        x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
+        if left is not None:
+            left -= robot.spent(flown)
+            x[left < 0.0, t + 1] = x[left < 0.0, t]
+    return x
 
 
-def next_field(law: Law, t: int, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _drawn_wind(law: Law, x: FloatArray, t: int, theta: FloatArray, rng: Generator) -> FloatArray:
+    """Wind that each flight meets at its position, (n, 2) [m/s]."""
+    (met, latent), carried, modes = law.wind_at(t, x), np.zeros(2), law.wind.modes
+    if isinstance(law, Coherent) and modes is not None:
+        psi = square_of(modes.x, modes.y, x).value(law.modes_at(t))
+        met = met + np.einsum("ncp,ncp->nc", psi, theta.reshape(len(x), 2, -1))
+        carried = (psi**2).sum(axis=2)
+    white = law.white_variance(t, latent, carried)
+    return np.asarray(met + np.sqrt(white) * rng.standard_normal(met.shape), float)
+
+
+def _held_controls(
+    robot: Robot, means: FloatArray, u: FloatArray, x: FloatArray, wind: FloatArray
+) -> FloatArray:
+    """Controls (n, 2) [m/s] with feedback, within the airspeeds.
+
+    The robot returns from its deviation, and within the step also counteracts part of the wind that it
+    meets, beyond the one that the plan expects, with ``means`` (2, 2) at the step's ends and control ``u``.
+    """
+    if robot.feedback == 0.0:
+        return np.broadcast_to(u, x.shape)
+    expected = (means[1] - robot.a @ means[0]) / robot.dt - robot.b @ u
+    back = robot.feedback / robot.dt * (x - means[0]) + (1.0 - robot.exposed) * (wind - expected)
+    return robot.within_speed(u - np.linalg.solve(robot.b, back.T).T)
+
+
+def next_field(law: Law, t: int, theta: FloatArray, rng: Generator) -> FloatArray:
     """θ (n, 2P) of step t from θ of step t - 1: ρ θ + √(1 - ρ²) η, with ρ of the part of each mode."""
     keep = law.kept(t)
     if (keep == 1).all():
@@ -276,7 +276,7 @@ class Filters:
         self.now, self.ago, self.wind = np.zeros((runs, 2)), np.zeros((runs, 2)), np.zeros((runs, modes))
         self.fixed, self.history = np.zeros(runs, bool), list[History]([()] * runs)
 
-    def controls(self, x: FloatArray, t: int, u: FloatArray, rng: np.random.Generator) -> FloatArray:
+    def controls(self, x: FloatArray, t: int, u: FloatArray, rng: Generator) -> FloatArray:
         """Controls (n, 2) [m/s] of all flights ``x`` (n, T+1, 2) at step t; ``u`` (2,) is the planned one."""
         self._observe(t, x, rng)
         robot, guide, fixed = self.law.robot, self.guide, self.fixed[:, None]
@@ -297,7 +297,7 @@ class Filters:
         self.joint = {key: M @ joint @ M.T + np.diag(fresh) for key, joint in self.joint.items()}
         self.wind *= kept
 
-    def _observe(self, t: int, x: FloatArray, rng: np.random.Generator) -> None:
+    def _observe(self, t: int, x: FloatArray, rng: Generator) -> None:
         """The fixes of all flights on their way to step t."""
         if t:
             self._carry(t)

@@ -152,58 +152,47 @@ def read_wind_file(path: Path) -> WindFile:
         raise DataError(f"{path}: not the wind of a run ({reason}); run the plan again") from error
 
 
-@dataclass(frozen=True, slots=True)
-class _Content:
-    """The arrays and numbers of an open ``wind.nc``."""
+def _table(file: Any, name: str) -> FloatArray:
+    return np.asarray(file[name][...], float)
 
-    file: Any
 
-    def table(self, name: str) -> FloatArray:
-        return np.asarray(self.file[name][...], float)
-
-    def both(self, name: str, axis: int = -1) -> FloatArray:
-        """Tables of both components, stacked; their names begin with u and v in place of ``{}``."""
-        return np.stack([self.table(name.format(component)) for component in COMPONENTS], axis=axis)
-
-    def number(self, name: str) -> float:
-        return float(self.file.attrs[name])
-
-    def text(self, name: str) -> str:
-        return str(self.file.attrs[name])
+def _both(file: Any, name: str, axis: int = -1) -> FloatArray:
+    """Tables of both components, stacked; their names begin with u and v in place of ``{}``."""
+    return np.stack([_table(file, name.format(component)) for component in COMPONENTS], axis=axis)
 
 
 def _wind_file(file: Any) -> WindFile:
-    content = _Content(file)
+    attrs = file.attrs
     return WindFile(
-        x=content.table("x"), y=content.table("y"), times=content.table("time"), leads=content.table("lead"),
-        mean=content.both("{}").transpose(0, 2, 1, 3), latent=content.both("{}_var").transpose(0, 2, 1, 3),
-        gust=content.both("{}_gust_var"), until=content.number("known_until"),
-        source=content.text("source"), level=content.text("level"),
-        gust_time=content.number("gust_time"), score=json.loads(file.attrs["score"]),
-        modes=_modes(content) if "u_modes" in file else None,
-        fit=_fit(content) if "reading_count" in file else None,
-        error=error_law(json.loads(file.attrs["forecast_error"])) if "forecast_error" in file.attrs else None,
+        x=_table(file, "x"), y=_table(file, "y"), times=_table(file, "time"), leads=_table(file, "lead"),
+        mean=_both(file, "{}").transpose(0, 2, 1, 3), latent=_both(file, "{}_var").transpose(0, 2, 1, 3),
+        gust=_both(file, "{}_gust_var"), until=float(attrs["known_until"]),
+        source=str(attrs["source"]), level=str(attrs["level"]),
+        gust_time=float(attrs["gust_time"]), score=json.loads(attrs["score"]),
+        modes=_modes(file) if "u_modes" in file else None,
+        fit=_fit(file) if "reading_count" in file else None,
+        error=error_law(json.loads(attrs["forecast_error"])) if "forecast_error" in attrs else None,
         clock=str(file["time"].attrs["units"]),
-        held=content.number("held_since") if "held_since" in file.attrs else None,
+        held=float(attrs["held_since"]) if "held_since" in attrs else None,
     )  # fmt: skip
 
 
-def _modes(content: _Content) -> Modes:
+def _modes(file: Any) -> Modes:
     return Modes(
-        x=content.table("mode_x"), y=content.table("mode_y"),
-        psi=content.both("{}_modes", axis=-2).transpose(0, 2, 1, 3, 4),
-        part=content.table("mode_part").astype(int), rho=content.number("rho"), gap=content.number("rho_gap"),
-        energy=content.both("{}_energy"), length=content.both("{}_length"),
-        rest_length=content.number("rest_length"),
+        x=_table(file, "mode_x"), y=_table(file, "mode_y"),
+        psi=_both(file, "{}_modes", axis=-2).transpose(0, 2, 1, 3, 4),
+        part=_table(file, "mode_part").astype(int), energy=_both(file, "{}_energy"),
+        length=_both(file, "{}_length"), rho=float(file.attrs["rho"]), gap=float(file.attrs["rho_gap"]),
+        rest_length=float(file.attrs["rest_length"]),
     )  # fmt: skip
 
 
-def _fit(content: _Content) -> Fit:
-    ends = np.cumsum(content.table("reading_count").astype(int))[:-1]
-    points = np.stack([content.table(f"reading_{axis}") for axis in "xy"], axis=-1)
-    hyper = np.stack([content.both(f"{{}}_{key}") for key in HYPER], axis=-1)
-    winds = np.split(content.both("reading_{}"), ends)
-    return Fit(np.split(points, ends), winds, hyper, content.text("kernel"))
+def _fit(file: Any) -> Fit:
+    ends = np.cumsum(_table(file, "reading_count").astype(int))[:-1]
+    points = np.stack([_table(file, f"reading_{axis}") for axis in "xy"], axis=-1)
+    hyper = np.stack([_both(file, f"{{}}_{key}") for key in HYPER], axis=-1)
+    winds = np.split(_both(file, "reading_{}"), ends)
+    return Fit(np.split(points, ends), winds, hyper, str(file.attrs["kernel"]))
 
 
 # --- between nodes ----------------------------------------------------------------------------

@@ -228,8 +228,8 @@ def front_rates(result: Evidence) -> Verdict:
 
 def _failed_again(result: Evidence, k: int, *seed: int) -> BoolArray:
     """Which of ``NEW_RUNS`` new flights of path k fail."""
-    simulator = result.simulator(result.planned_law, result.front_x(k), result.front_u(k))
-    return result.ground.failed(simulator.fly(NEW_RUNS, np.random.default_rng(seed)))
+    x = result.fly(result.planned_law, result.front_x(k), result.front_u(k), NEW_RUNS, *seed)
+    return result.ground.failed(x)
 
 
 def new_front_rates(result: Evidence) -> Verdict | None:

@@ -16,7 +16,7 @@ from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_verify import laws
 from pareto_ltl_verify.claims import Claim, Verdict, close, likely, no_fault, within
 from pareto_ltl_verify.evidence import Evidence, open_evidence
-from pareto_ltl_verify.flights import RARE, Simulator, same_rate
+from pareto_ltl_verify.flights import RARE, fly, same_rate
 from pareto_ltl_verify.laws import Course
 from pareto_ltl_verify.wind_fit import ErrorLaw
 from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, SPACE, TIME, WindFile, square_of
@@ -91,7 +91,7 @@ def rates(result: Evidence) -> Verdict | None:
         if law.robot.feedback or law.landmarks:
             return None
         x = means + (result.start - means[0])
-        flown = Simulator(law, x, u).fly(RUNS, np.random.default_rng([20181012, number]))
+        flown = fly(law, x, u, RUNS, np.random.default_rng([20181012, number]))
         failed = int(result.ground.failed(flown).sum())
         count = round(rate["failure"] * rate["runs"])
         chance = min(chance, 2.0 * same_rate(count, rate["runs"], failed, RUNS))
