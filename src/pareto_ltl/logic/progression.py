@@ -71,6 +71,11 @@ class PartTable(NamedTuple):
         """The table with a column for each of ``letters`` (numbers of letters of the whole formula)."""
         return self.table._replace(delta=self.table.delta[:, self.column[letters]])
 
+    def whole(self) -> TransitionTable:
+        """The table with a column for each letter of the whole formula."""
+        letters = len(self.column)
+        return self.table if self.table.delta.shape[1] == letters else self.with_columns(np.arange(letters))
+
 
 class Progression:
     """All nodes of one translation and their progression.
@@ -250,10 +255,11 @@ class Progression:
 
     def step(self, node: ProgressionNode, letter: int) -> ProgressionState:
         """The obligations of ``node`` after ``letter``, a bit set of propositions."""
-        return self.after_letter(node, letter & node.now)
+        return self.after_letter(node.bit, letter & node.now)
 
-    def read_letter(self, node: ProgressionNode, letter: int) -> ProgressionState:
-        """:meth:`step` without its memory of results."""
+    def read_letter(self, bit: int, letter: int) -> ProgressionState:
+        """:meth:`step` of the node of ``bit``, without its memory of results."""
+        node = self.nodes[bit.bit_length() - 1]
         op, args = node.op, node.args
         if op in ("true", "false"):
             return self.start(node)
@@ -329,7 +335,7 @@ class Progression:
     def table(self, node: ProgressionNode, letters: IntArray) -> tuple[TransitionTable, FloatArray]:
         """The minimal transition table of ``node`` over ``letters``, and its distances to acceptance."""
         part = self.part(node, letters)
-        return part.with_columns(np.arange(len(letters))), part.distance
+        return part.whole(), part.distance
 
     def part(self, node: ProgressionNode, letters: IntArray) -> PartTable:
         """The minimal table of ``node``: products for ``&`` and ``|``, progression below them."""
