@@ -272,7 +272,7 @@ def test_triangles_use_every_node_of_an_outline_and_fill_it(scene):
             shapely.get_coordinates(face) % 1, np.zeros_like(shapely.get_coordinates(face))
         ):
             continue  # outlines that cross between lattice points
-        found = convex.triangulate(rings)
+        found = convex.triangulate(shapely.Polygon(rings[0], rings[1:]), int)
         assert all(convex.signed_turn(*t) > 0 for t in found)
         assert sum(convex.signed_turn(*t) for t in found) == 2 * face.area
         sides = {edge for t in found for edge in convex.ring_edges(t)}
@@ -282,7 +282,7 @@ def test_triangles_use_every_node_of_an_outline_and_fill_it(scene):
 def test_flat_corners_of_an_outline_and_a_hole_become_corners_of_triangles():
     outline = [(0, 0), (5, 0), (10, 0), (10, 10), (0, 10)]
     hole = [(2, 2), (2, 4), (3, 4), (4, 4), (4, 2)]
-    assert len(convex.triangulate([outline, hole])) == 5 + 5 + 2 - 2
+    assert len(convex.triangulate(shapely.Polygon(outline, [hole]), int)) == 5 + 5 + 2 - 2
 
 
 def test_a_corner_made_of_short_edges_is_still_a_corner():

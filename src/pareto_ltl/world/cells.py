@@ -20,7 +20,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed, listed_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
-from pareto_ltl.world.polygons import GridRing, convex_parts, drop_flat, ring_edges
+from pareto_ltl.world.polygons import GridRing, convex_parts, drop_flat, ring_edges, rotated_ring
 from pareto_ltl.world.scene import Scene
 
 GRID_FRACTION = 2.0**-40  # grid step over the size of the map
@@ -270,7 +270,7 @@ def _convex_rings(polygon: shapely.Geometry) -> list[GridRing]:
     for piece in shapely.get_parts(polygon):
         outline, *holes = _polygon_rings(piece)
         found += [drop_flat(ring) for ring in convex_parts(outline, holes)]
-    return [_first_corner(ring) for ring in found if ring]
+    return [rotated_ring(ring, min(ring)) for ring in found if ring]
 
 
 def _obstacle_parts(polygons: Sequence[shapely.Geometry], step: float) -> tuple[FloatArray, ...]:
@@ -293,11 +293,6 @@ def _ring_in_metres(ring: GridRing, step: float) -> FloatArray:
     return np.array(ring, float) * step
 
 
-def _first_corner(ring: GridRing) -> GridRing:
-    i = ring.index(min(ring))
-    return ring[i:] + ring[:i]
-
-
 # --- cells ------------------------------------------------------------------------------------------
 
 
@@ -314,7 +309,8 @@ def _labelled_cells(
     for k in np.flatnonzero(free):
         label = frozenset(name for name, held in holds.items() if held[k])
         outline, *holes = _polygon_rings(faces[k])
-        found += [(_first_corner(ring), label) for ring in convex_parts(outline, holes) if drop_flat(ring)]
+        parts = [ring for ring in convex_parts(outline, holes) if drop_flat(ring)]
+        found += [(rotated_ring(ring, min(ring)), label) for ring in parts]
     return sorted(found, key=lambda cell: (-len(cell[1]), sorted(cell[1]), cell[0]))
 
 

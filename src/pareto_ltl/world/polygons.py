@@ -11,15 +11,17 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import shapely
 
 from pareto_ltl.support.arrays import FloatArray
 
+Number = TypeVar("Number", int, float)
+Node = tuple[Number, Number]
+Triangle = tuple[Node[Number], Node[Number], Node[Number]]
 Corner = tuple[float, float]
-Triangle = tuple[Corner, Corner, Corner]
 GridNode = tuple[int, int]
 GridRing = list[GridNode]
 GridEdge = tuple[GridNode, GridNode]
@@ -29,7 +31,7 @@ BEND_STEPS = 2.0  # [grid steps]; snapping a crossing to the grid bends an edge 
 KINK_ANGLE = 1e-6  # [rad]
 
 
-def signed_turn(a: GridNode, b: GridNode, c: GridNode) -> int:
+def signed_turn(a: Node[Number], b: Node[Number], c: Node[Number]) -> Number:
     """Twice the signed area of a, b, c: positive for a left turn at ``b``."""
     return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 
@@ -64,7 +66,7 @@ def convex_parts(outline: GridRing, holes: Sequence[GridRing] = ()) -> list[Grid
     """
     if not holes and all(is_left(*corner) for corner in ring_corners(outline)):
         return [outline]
-    return merge_triangles(triangulate([outline, *holes]))
+    return merge_triangles(triangulate(shapely.Polygon(outline, holes), int))
 
 
 def drop_flat(ring: GridRing) -> GridRing:
@@ -84,15 +86,11 @@ def drop_flat(ring: GridRing) -> GridRing:
 # --- triangles ------------------------------------------------------------------------------------
 
 
-def triangulate(rings: Sequence[GridRing]) -> list[GridCorner]:
-    """Constrained Delaunay triangulation of a polygon: counter-clockwise triangles of its corners."""
-    polygon = shapely.Polygon(rings[0], rings[1:])
-    found = shapely.get_coordinates(shapely.constrained_delaunay_triangles(polygon)).astype(np.int64)
-    return [_oriented_left(*((x, y) for x, y in three)) for three in found.reshape(-1, 4, 2)[:, :3].tolist()]
-
-
-def _oriented_left(a: GridNode, b: GridNode, c: GridNode) -> GridCorner:
-    return (a, b, c) if signed_turn(a, b, c) > 0 else (a, c, b)
+def triangulate(polygon: shapely.Polygon, kind: type[Number]) -> list[Triangle[Number]]:
+    """Constrained Delaunay triangulation: counter-clockwise triangles of the corners, as ``kind`` numbers."""
+    found = shapely.get_coordinates(shapely.constrained_delaunay_triangles(polygon)).astype(kind)
+    corners = [tuple(map(tuple, three)) for three in found.reshape(-1, 4, 2)[:, :3].tolist()]
+    return [(a, b, c) if signed_turn(a, b, c) >= 0 else (a, c, b) for a, b, c in corners]
 
 
 # --- merging --------------------------------------------------------------------------------------
@@ -105,14 +103,15 @@ def merge_triangles(found: Sequence[GridCorner]) -> list[GridRing]:
     diagonals = [(a, b) for a, b in owner if a < b and (b, a) in owner]
     for a, b in sorted(diagonals, key=lambda edge: (-math.dist(*edge), edge)):
         i, j = owner[a, b], owner[b, a]
-        left, right = _rotated_ring(cells[i], b), _rotated_ring(cells[j], a)  # b ... a and a ... b
+        left, right = rotated_ring(cells[i], b), rotated_ring(cells[j], a)  # b ... a and a ... b
         if is_left(left[-2], a, right[1]) and is_left(right[-2], b, left[1]):
             cells[i], cells[j] = left[:-1] + right[:-1], []
             owner.update((edge, i) for edge in ring_edges(cells[i]))
     return [ring for ring in cells if ring]
 
 
-def _rotated_ring(ring: GridRing, node: GridNode) -> GridRing:
+def rotated_ring(ring: GridRing, node: GridNode) -> GridRing:
+    """``ring`` from ``node`` on."""
     i = ring.index(node)
     return ring[i:] + ring[:i]
 
@@ -157,8 +156,7 @@ def _without_holes(polygon: Any) -> list[FloatArray]:
     Each starts as a triangle of the constrained Delaunay triangulation. A triangle is added across an edge if
     its third corner is not yet in the outline, so that the outline never touches itself.
     """
-    found = shapely.get_coordinates(shapely.constrained_delaunay_triangles(polygon)).reshape(-1, 4, 2)
-    triangles: list[Triangle] = [_left_turn(*map(tuple, three)) for three in found[:, :3].tolist()]
+    triangles = triangulate(polygon, float)
     owner = {edge: k for k, (a, b, c) in enumerate(triangles) for edge in ((a, b), (b, c), (c, a))}
     left, parts = dict.fromkeys(range(len(triangles))), []
     while left:
@@ -168,13 +166,10 @@ def _without_holes(polygon: Any) -> list[FloatArray]:
     return parts
 
 
-def _left_turn(a: Corner, b: Corner, c: Corner) -> Triangle:
-    area = (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
-    return (a, b, c) if area >= 0 else (a, c, b)
-
-
 def _grown_ring(
-    triangles: Sequence[Triangle], owner: dict[tuple[Corner, Corner], int], left: dict[int, None]
+    triangles: Sequence[Triangle[float]],
+    owner: dict[tuple[Corner, Corner], int],
+    left: dict[int, None],
 ) -> list[Corner]:
     """A ring of as many adjacent triangles as can be added; they are removed from ``left``."""
     first = next(iter(left))

@@ -129,8 +129,7 @@ def passage_width(scene: Scene) -> float:
     """
     if not scene.obstacles:
         return math.inf
-    grid = _Raster.of(scene)
-    clearance, wide = grid.clearance(), grid.wide_points(scene)
+    clearance, wide, spacing = _raster(scene)
     levels = np.unique(clearance[clearance > 0])
     low, high = -1, len(levels)
     while high - low > 1:  # connected at levels[low], not at levels[high]
@@ -141,53 +140,37 @@ def passage_width(scene: Scene) -> float:
             high = middle
     if low == len(levels) - 1:
         return math.inf
-    return 2.0 * float(levels[low]) if low >= 0 else grid.spacing
+    return 2.0 * float(levels[low]) if low >= 0 else spacing
 
 
-@dataclass(frozen=True, slots=True)
-class _Raster:
-    """Points (NX, NY, 2) over the map [m], their spacing [m], and which of them are free of obstacles."""
+def _raster(scene: Scene) -> tuple[FloatArray, NDArray[np.int64], float]:
+    """Points on a raster over the map: their clearance, the places that they are in, and their spacing [m].
 
-    points: FloatArray
-    spacing: float
-    free: NDArray[np.bool_]
+    The clearance (NX, NY) is the distance to the nearest obstacle [m], 0 inside one. Places (NX, NY) are 1
+    near the start, 2, 3, ... in or near each region, and 0 elsewhere and in obstacles.
+    """
+    from scipy.ndimage import distance_transform_edt
 
-    @classmethod
-    def of(cls, scene: Scene) -> _Raster:
-        low, high = scene.bounds
-        spacing = float((high - low).max()) / RASTER
-        axes = [np.arange(low[k] + spacing / 2, high[k], spacing) for k in (0, 1)]
-        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-        blocked = shapely.union_all([shapely.Polygon(corners) for corners in scene.obstacles])
-        shapely.prepare(blocked)
-        return cls(points, spacing, ~shapely.contains_xy(blocked, points[..., 0], points[..., 1]))
+    low, high = scene.bounds
+    spacing = float((high - low).max()) / RASTER
+    x, y = np.meshgrid(*(np.arange(low[k] + spacing / 2, high[k], spacing) for k in (0, 1)), indexing="ij")
 
-    def clearance(self) -> FloatArray:
-        """Distance of each point to the nearest obstacle (NX, NY) [m]; 0 inside an obstacle."""
-        from scipy.ndimage import distance_transform_edt
+    def covered(area: shapely.Geometry) -> NDArray[np.bool_]:
+        shapely.prepare(area)
+        return np.asarray(shapely.contains_xy(area, x, y))
 
-        if self.free.all():
-            return np.full(self.free.shape, math.inf)
-        distance = np.asarray(distance_transform_edt(self.free, sampling=self.spacing), float)
-        return np.maximum(distance - self.spacing / 2, 0.0)
-
-    def wide_points(self, scene: Scene) -> NDArray[np.int64]:
-        """Free points (NX, NY): 1 near the start, 2, 3, ... in or near each region, 0 elsewhere."""
-        wide = np.zeros(self.free.shape, np.int64)
-        places = [
-            shapely.Point(scene.start),
-            *(
-                shapely.MultiPolygon([shapely.Polygon(corners) for corners in outlines])
-                for outlines in scene.regions.values()
-                if outlines
-            ),
-        ]
-        for number, place in enumerate(places, start=1):
-            around = shapely.buffer(place, (4.0 if number == 1 else 1.0) * self.spacing)
-            shapely.prepare(around)
-            inside = shapely.contains_xy(around, self.points[..., 0], self.points[..., 1])
-            wide[inside & self.free] = number
-        return wide
+    free = ~covered(shapely.union_all([shapely.Polygon(corners) for corners in scene.obstacles]))
+    clearance = np.full(free.shape, math.inf)
+    if not free.all():
+        distance = np.asarray(distance_transform_edt(free, sampling=spacing), float)
+        clearance = np.maximum(distance - spacing / 2, 0.0)
+    regions = [map(shapely.Polygon, outlines) for outlines in scene.regions.values() if outlines]
+    around = [shapely.buffer(shapely.Point(scene.start), 4.0 * spacing)]
+    around += [shapely.buffer(shapely.MultiPolygon(list(parts)), spacing) for parts in regions]
+    wide = np.zeros(free.shape, np.int64)
+    for number, area in enumerate(around, start=1):
+        wide[covered(area) & free] = number
+    return clearance, wide, spacing
 
 
 def _all_connected(open_points: NDArray[np.bool_], wide: NDArray[np.int64]) -> bool:
