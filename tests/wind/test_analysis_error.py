@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import forecast_history as history
-from pareto_ltl.wind.analysis_error import AnalysisError, analysis_error
+from pareto_ltl.wind.analysis_error import analysis_error
 from pareto_ltl.wind.matched_fields import Resampling
 from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.snapshots import Snapshot
@@ -39,10 +39,10 @@ def test_the_error_is_what_near_stations_share_and_the_rest_is_their_noise() -> 
     hits, values = 0, []
     for seed in range(8):
         found = analysis_error(*reports(np.random.default_rng(seed), TIMES), Resampling())
-        assert isinstance(found, AnalysisError)
-        hits += found.error.low <= ERROR <= found.error.high
-        values.append((found.error.value, found.station_noise))
-        assert found.times == TIMES
+        assert isinstance(found, dict)
+        hits += found["sd_low"] <= ERROR <= found["sd_high"]
+        values.append((found["sd"], found["station_noise"]))
+        assert found["times"] == TIMES
     assert hits >= 4  # of 8 intervals that hold 0.95: fewer by chance once in 10^5 seeds, and these are fixed
     np.testing.assert_allclose(np.mean(values, axis=0), [ERROR, NOISE], rtol=0.05)
 

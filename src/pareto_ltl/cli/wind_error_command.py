@@ -124,8 +124,7 @@ def _told_by_stations(
     from pareto_ltl.wind.analysis_error import analysis_error
     from pareto_ltl.wind.sources.station_files import read_station_files
 
-    found = analysis_error(snapshots, read_station_files(tuple(files), WindConfig().max_speed, box), draws)
-    return found if isinstance(found, str) else found.document()
+    return analysis_error(snapshots, read_station_files(tuple(files), WindConfig().max_speed, box), draws)
 
 
 # --- what is printed -------------------------------------------------------------------------

@@ -13,12 +13,11 @@ for example a valley, it is counted as error of the analysis.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.matched_fields import EARTH_RADIUS, Interval, Resampling
+from pareto_ltl.wind.matched_fields import EARTH_RADIUS, Resampling
 from pareto_ltl.wind.readings import Readings, iso, on_sphere
 from pareto_ltl.wind.snapshots import Snapshot
 
@@ -28,37 +27,15 @@ FEWEST_PAIRS = 20  # of near stations, at each time
 SAME_TIME = 1.0  # [s]
 
 
-@dataclass(frozen=True, slots=True)
-class AnalysisError:
-    """The error of analyses as estimated from stations.
-
-    Attributes
-    ----------
-    error : Interval
-        e(0) of one component [m/s].
-    station_noise : float
-        Standard deviation of the noise of a station [m/s].
-    times, reports, pairs : int
-        Numbers of times, of reports and of pairs of near stations that were used.
-    """
-
-    error: Interval
-    station_noise: float
-    times: int
-    reports: int
-    pairs: int
-
-    def document(self) -> dict[str, float]:
-        """The numbers as they are written to a file."""
-        sd = {"sd": self.error.value, "sd_low": self.error.low, "sd_high": self.error.high}
-        counts = {"times": self.times, "reports": self.reports, "pairs": self.pairs}
-        return sd | {"station_noise": self.station_noise} | counts
-
-
 def analysis_error(
     snapshots: Sequence[Snapshot], stations: Readings, draws: Resampling
-) -> AnalysisError | str:
-    """Estimate the error of the analyses among ``snapshots``; a text with the reason if it is impossible."""
+) -> dict[str, float] | str:
+    """The error of the analyses among ``snapshots``, as it is written to a file; if unknown, a text why.
+
+    ``sd``, ``sd_low``, ``sd_high``: e(0) of one component and its interval [m/s]; ``station_noise``: standard
+    deviation of the noise of a station [m/s]; ``times``, ``reports``, ``pairs``: numbers of times, of reports
+    and of pairs of near stations that were used.
+    """
     analyses = sorted((snap for snap in snapshots if snap.lead == 0), key=lambda snap: snap.time)
     rows = []
     for snap in analyses:
@@ -79,7 +56,9 @@ def analysis_error(
     times, square, product, reports, pairs = table.T
     error = draws.estimate(times, product, ratio=False).root
     noise = float(np.sqrt(max(square.mean() - product.mean(), 0.0)))
-    return AnalysisError(error, noise, len(table), int(reports.sum()), int(pairs.sum()))
+    sd = {"sd": error.value, "sd_low": error.low, "sd_high": error.high}
+    counts = {"times": len(table), "reports": int(reports.sum()), "pairs": int(pairs.sum())}
+    return sd | {"station_noise": noise} | counts
 
 
 def _moments(snap: Snapshot, places: FloatArray, winds: FloatArray) -> tuple[float, float, int, int]:
