@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
@@ -184,37 +183,36 @@ def check_readings(
     winds: FloatArray,
     geographic: bool,
     max_speed: float,
-    where: Callable[[int], str],
+    where: str,
+    rows: Sequence[int] | None = None,
 ) -> None:
-    """Raise a DataError for the first implausible reading; ``where(i)`` names row i in the message."""
-    bad = _first_true(~(np.isfinite(points).all(axis=1) & np.isfinite(winds).all(axis=1)))
-    if bad is not None:
-        raise DataError(f"{where(bad)}: expected finite numbers, got NaN or infinity; drop the reading")
-    if geographic:
-        lon, lat = points.T
-        bad = _first_true((np.abs(lat) > 90) | (lon < -180) | (lon > 360))
-        if bad is not None:
-            raise DataError(
-                f"{where(bad)}: latitude {lat[bad]:g}, longitude {lon[bad]:g} is not on Earth; "
-                "expected -90..90 and -180..360 [deg]"
-            )
-    speed = np.hypot(winds[:, 0], winds[:, 1])
-    bad = _first_true(speed > max_speed)
-    if bad is not None:
-        raise DataError(
-            f"{where(bad)}: wind speed {speed[bad]:.1f} m/s is not plausible; "
-            f"drop it, or raise wind.max_speed (now {max_speed:g} m/s)"
-        )
+    """Raise a DataError for the first implausible reading; its message begins with ``where`` and its row."""
+    (lon, lat), speed = points.T, np.hypot(winds[:, 0], winds[:, 1])
+    finite = np.isfinite(points).all(axis=1) & np.isfinite(winds).all(axis=1)
+    checks = (
+        (~finite, "expected finite numbers, got NaN or infinity; drop the reading"),
+        (
+            geographic & ((np.abs(lat) > 90) | (lon < -180) | (lon > 360)),
+            "latitude {lat:g}, longitude {lon:g} is not on Earth; expected -90..90 and -180..360 [deg]",
+        ),
+        (
+            speed > max_speed,
+            "wind speed {speed:.1f} m/s is not plausible; "
+            f"drop it, or raise wind.max_speed (now {max_speed:g} m/s)",
+        ),
+    )
+    for bad, fault in checks:
+        for i in np.flatnonzero(bad)[:1].tolist():
+            row = "" if rows is None else f", row {rows[i]}"
+            text = fault.format(lat=lat[i], lon=lon[i], speed=speed[i])
+            raise DataError(f"{where}{row}: {text}")
 
 
 def check_all_readings(readings: Readings, max_speed: float) -> None:
     """:func:`check_readings` of every time."""
     for time, points, winds in zip(readings.times, readings.points, readings.winds, strict=True):
-
-        def where(row: int, time: float = float(time)) -> str:
-            return f"wind readings of {iso(time)}, row {row}"
-
-        check_readings(points, winds, readings.geographic, max_speed, where)
+        where = f"wind readings of {iso(float(time))}"
+        check_readings(points, winds, readings.geographic, max_speed, where, range(len(points)))
 
 
 def wrap_longitude(lon: FloatArray) -> FloatArray:
@@ -240,9 +238,3 @@ def farthest_points(points: FloatArray, count: int, first: int | IntArray) -> In
         chosen[i] = given[i] if i < len(given) else np.argmax(gap)
         gap = np.minimum(gap, np.sum((points - points[chosen[i]]) ** 2, axis=1))
     return chosen
-
-
-def _first_true(mask: NDArray[np.bool_] | np.bool_) -> int | None:
-    """Index of the first True; None if there is none."""
-    rows = np.flatnonzero(mask)
-    return int(rows[0]) if len(rows) else None

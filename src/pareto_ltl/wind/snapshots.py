@@ -6,7 +6,7 @@ members. Nodes of a file are left out that have no value, and at a pressure leve
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -109,14 +109,6 @@ class GridWind(NamedTuple):
     pressure: FloatArray | None
 
 
-class _LeftOut(NamedTuple):
-    """Numbers of nodes of one field: all, those without a value, those below ground (None if not known)."""
-
-    nodes: int
-    missing: int
-    below: int | None
-
-
 def crop(file: Path, lon: FloatArray, lat: FloatArray, area: GeoBox | None) -> Nodes:
     """The nodes of a grid that are in ``area``; a DataError if there are none."""
     lonlat = np.stack([wrap_longitude(lon.reshape(-1)), lat.reshape(-1)], axis=1)
@@ -141,43 +133,34 @@ def earth_relative(
     ``notes``, which are read after all winds, are completed by notes on these nodes. DataError if a wind is
     above ``max_speed`` [m/s].
     """
-    turned = [_turned(wind, max_speed) for wind in found]
-    more = _left_out_notes(level, [count for _, count in turned])
-    return Snapshots(tuple(snap for snap, _ in turned), files, (*notes, *more))
-
-
-def _turned(wind: GridWind, max_speed: float) -> tuple[Snapshot, _LeftOut]:
-    snap, pressure = wind.snap, wind.pressure
-    here, level = np.asarray(np.isfinite(snap.winds).all(axis=1)), parse_level(snap.level)
-    missing, below = len(here) - int(here.sum()), None
-    if level.kind == PRESSURE and pressure is not None and len(pressure) == len(here):
-        ground = here & (pressure < level.value)
-        here, below = here & ~ground, int(ground.sum())
-    winds = snap.winds if wind.twist is None else rotate_vectors(snap.winds, -wind.twist)
-    points, winds = (snap.points, winds) if here.all() else (snap.points[here], winds[here])
-    check_readings(points, winds, True, max_speed, lambda _: f"wind file {snap.files[0]}, {iso(snap.time)}")
-    return replace(snap, points=points, winds=winds), _LeftOut(len(here), missing, below)
-
-
-def _left_out_notes(level: Level, counts: Sequence[_LeftOut]) -> Iterator[str]:
-    """A line for each kind of node that is left out, and one if some fields could not be checked."""
-    nodes = sum(count.nodes for count in counts)
-    if missing := sum(count.missing for count in counts):
-        yield f"{missing} of {nodes} values at {level.text} are missing in the file and left out"
-    if level.kind != PRESSURE or not counts:
-        return
-    checked = [count for count in counts if count.below is not None]
+    turned: list[Snapshot] = []
+    nodes = missing = checked = below = unchecked = 0  # numbers of nodes, and of fields not checked
+    for snap, twist, pressure in found:
+        here = np.asarray(np.isfinite(snap.winds).all(axis=1))
+        nodes, missing = nodes + len(here), missing + int((~here).sum())
+        if level.kind == PRESSURE and pressure is not None and len(pressure) == len(here):
+            ground = here & (pressure < parse_level(snap.level).value)
+            here, checked, below = here & ~ground, checked + len(here), below + int(ground.sum())
+        else:
+            unchecked += 1
+        winds = snap.winds if twist is None else rotate_vectors(snap.winds, -twist)
+        points, winds = (snap.points, winds) if here.all() else (snap.points[here], winds[here])
+        check_readings(points, winds, True, max_speed, f"wind file {snap.files[0]}, {iso(snap.time)}")
+        turned.append(replace(snap, points=points, winds=winds))
+    more = []
+    if missing:
+        more.append(f"{missing} of {nodes} values at {level.text} are missing in the file and left out")
     if checked:
-        below = sum(count.below or 0 for count in checked)
-        yield (
-            f"{below} of {sum(count.nodes for count in checked)} values at {level.text} lie below ground, "
-            "where the surface pressure is lower, and are left out"
+        more.append(
+            f"{below} of {checked} values at {level.text} lie below ground, where the surface pressure is "
+            "lower, and are left out"
         )
-    if len(checked) < len(counts):
-        yield (
-            f"{len(counts) - len(checked)} fields at {level.text} come without surface pressure: whether "
-            "nodes lie below ground could not be checked"
+    if unchecked and level.kind == PRESSURE:
+        more.append(
+            f"{unchecked} fields at {level.text} come without surface pressure: whether nodes lie below "
+            "ground could not be checked"
         )
+    return Snapshots(tuple(turned), files, (*notes, *more))
 
 
 # --- readings of snapshots ---------------------------------------------------------------------

@@ -107,12 +107,13 @@ def read_csv_file(file: Path, max_speed: float) -> tuple[FloatArray, bool, list[
     table = np.array([_parse_row(f"wind file {file}, row {number}", row, columns) for number, row in cells])
     planar = columns[1][0] == "x"
     points, winds = (table[:, 1:3] if planar else table[:, [2, 1]]), table[:, 3:5] * speeds
-    check_readings(points, winds, not planar, max_speed, lambda i: f"wind file {file}, row {cells[i][0]}")
+    numbers = [number for number, _ in cells]
+    check_readings(points, winds, not planar, max_speed, f"wind file {file}", numbers)
     if not planar:
         points[:, 0] = wrap_longitude(points[:, 0])
     leads = table[:, 5] * HOUR if len(columns) > 5 else np.full(len(table), np.nan)
     rows = np.column_stack([table[:, 0], leads, points, winds])
-    return rows, planar, [f"{file.name}, row {number}" for number, _ in cells]
+    return rows, planar, [f"{file.name}, row {number}" for number in numbers]
 
 
 @contextmanager
@@ -132,30 +133,17 @@ def open_table(file: Path, expected: str) -> Iterator[IO[str]]:
 def _open_text(file: Path) -> IO[str]:
     with file.open("rb") as raw:
         head = raw.read(64)
-    if format_of(head) != "packed with gzip" or file.suffix.lower() != ".gz":
+    packed = file.suffix.lower() == ".gz"
+    if format_of(head) != "packed with gzip" or not packed:
         refuse_other_format(f"wind file {file}", head, "a CSV table")
-    if file.suffix.lower() != ".gz":
-        _refuse_long_table(file, file.open("rb"))
-        return file.open(encoding="utf-8-sig", newline="")
-    with gzip.open(file) as packed:
-        data = packed.read(MOST_UNPACKED + 1)
-    if len(data) > MOST_UNPACKED:
-        raise DataError(
-            f"wind file {file} unpacks to more than {MOST_UNPACKED / 2**20:g} MiB; {SMALLER_TABLE}"
-        )
-    _refuse_long_table(file, io.BytesIO(data))
+    with gzip.open(file) if packed else file.open("rb") as content:
+        data = content.read(MOST_UNPACKED + 1)
+    size = f"{MOST_UNPACKED / 2**20:g} MiB"
+    if packed and len(data) > MOST_UNPACKED:
+        raise DataError(f"wind file {file} unpacks to more than {size}; {SMALLER_TABLE}")
+    if len(data) > MOST_UNPACKED or data.count(b"\n") > MOST_ROWS:
+        raise DataError(f"wind file {file} has more than {MOST_ROWS:,} rows or {size}; {SMALLER_TABLE}")
     return io.StringIO(data.decode("utf-8-sig"), newline="")
-
-
-def _refuse_long_table(file: Path, content: IO[bytes]) -> None:
-    """DataError for a table beyond :data:`MOST_ROWS` or :data:`MOST_UNPACKED`; closes ``content``."""
-    rows = size = 0
-    with content:
-        while block := content.read(2**20):
-            rows, size = rows + block.count(b"\n"), size + len(block)
-            if rows > MOST_ROWS or size > MOST_UNPACKED:
-                limit = f"{MOST_ROWS:,} rows or {MOST_UNPACKED / 2**20:g} MiB"
-                raise DataError(f"wind file {file} has more than {limit}; {SMALLER_TABLE}")
 
 
 def _find_columns(file: Path, header: list[str]) -> tuple[list[tuple[str, int]], FloatArray]:
