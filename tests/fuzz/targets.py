@@ -239,7 +239,7 @@ def position_fixes(place: Path) -> Fuzz:
 
 def inventories(place: Path) -> Fuzz:
     from pareto_ltl.wind.levels import parse_level
-    from pareto_ltl.wind.sources.noaa_models import parse_idx, wind_parts
+    from pareto_ltl.wind.sources.noaa import parse_idx, wind_parts
 
     def read(case: bytes) -> object:
         return wind_parts(parse_idx(case.decode("utf-8", "replace"), "idx"), parse_level("10m"), "idx")

@@ -19,7 +19,7 @@ from pareto_ltl.wind.area import ALL_WIND, GeoBox, Wanted
 from pareto_ltl.wind.levels import parse_level
 from pareto_ltl.wind.readings import iso, seconds
 from pareto_ltl.wind.sources import noaa, read_readings
-from pareto_ltl.wind.sources.noaa_models import MODELS, parse_idx, wind_parts
+from pareto_ltl.wind.sources.noaa import MODELS, parse_idx, wind_parts
 
 CYCLE = seconds("2018-10-09T06:00:00Z")
 START = Wanted(start="2018-10-09T06:30:00Z")
