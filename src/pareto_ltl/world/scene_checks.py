@@ -54,7 +54,11 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
     faults.each(sketch.timed, lambda window: _check_window(sketch, window))
     with faults.noted():
         sketch = draw.sketch_at_altitude(sketch, rules)
-    drawn, sketch = _drawn_map(sketch, rules, faults)
+    with faults.noted():
+        if sketch.fence is not None and rules.walled:
+            sketch = replace(sketch, bounds=draw.straightened_bounds(sketch, sketch.fence))
+    drawn = _checked_shapes(sketch, rules, faults)
+    faults.refuse()
     drawn, farthest = simplified_map(sketch, rules, drawn)
     if farthest or any(place.buffer for place in sketch.obstacles):
         drawn = _apart(sketch, drawn)
@@ -95,21 +99,8 @@ def _check_window(sketch: SceneSketch, window: TimedPlace) -> None:
         )
 
 
-def _drawn_map(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults) -> tuple[DrawnMap, SceneSketch]:
-    """The polygons of all places with their buffers; places are checked as drawn, without buffers.
-
-    Returns also ``sketch`` with the bounds that the border leaves. DataError with all faults of the map.
-    """
-    with faults.noted():
-        if sketch.fence is not None and rules.walled:
-            inside = draw.inside_of(sketch, sketch.fence)
-            sketch = replace(sketch, bounds=draw.straightened_bounds(sketch, inside))
-    drawn = _checked_shapes(sketch, rules, faults)
-    faults.refuse()
-    return drawn, sketch
-
-
 def _checked_shapes(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults) -> DrawnMap:
+    """The polygons of all places with their buffers; places are checked as drawn, without buffers."""
     drawn = faults.each(sketch.regions, lambda place: _drawn_region(sketch, place))
     shapes = faults.each(sketch.obstacles, lambda place: draw.drawn_shape(sketch, place))
     with faults.noted():

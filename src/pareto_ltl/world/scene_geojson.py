@@ -69,11 +69,10 @@ def sketch_features(faults: MapFaults, features: Any, crs_name: str | None) -> S
         return tuple(_turned(crs, place).moved(metres) for role, place in drawn if role == wanted)
 
     starts = all_of("start")
-    frame = None if border is None or not _is_rectangle(border) else border
     reach = np.concatenate([_reach(place.moved(metres)) for _, place in drawn])
     bounds = _bounding_box(reach)
     with faults.noted():
-        bounds = _bounds_in_plane(where, border, frame, metres, reach)
+        bounds = _bounds_in_plane(where, border, metres, reach)
     return SceneSketch(
         where=where,
         bounds=bounds,
@@ -83,7 +82,7 @@ def sketch_features(faults: MapFaults, features: Any, crs_name: str | None) -> S
         show=show,
         crs=crs,
         landmarks=all_of("landmark"),
-        fence=border.moved(metres) if border is not None and frame is None else None,
+        fence=None if border is None or _is_rectangle(border) else border.moved(metres),
         timed=timed,
         faults=tuple(faults.texts),
     )
@@ -98,24 +97,21 @@ def _turned(crs: str, place: Place) -> Place:
 
 
 def _bounds_in_plane(
-    where: str,
-    border: Place | None,
-    frame: Place | None,
-    metres: Callable[[FloatArray], FloatArray],
-    reach: FloatArray,
+    where: str, border: Place | None, metres: Callable[[FloatArray], FloatArray], reach: FloatArray
 ) -> FloatArray:
     """Bounds (2, 2) [m]: the box around the border, or around ``reach`` (n, 2) [m] with a margin.
 
-    A rectangular border ``frame`` is moved inwards by its buffer.
+    A rectangular border is moved inwards by its buffer.
     """
     if border is None:
         return _bounding_box(reach, BOUNDS_MARGIN)
-    if frame is None:
-        return _bounding_box(metres(border.polygons[0][0]))
-    low, high = _bounding_box(metres(_subdivided_outline(frame.polygons[0][0])))
-    bounds = np.stack([low + frame.buffer, high - frame.buffer])
+    outline = border.polygons[0][0]
+    if not _is_rectangle(border):
+        return _bounding_box(metres(outline))
+    low, high = _bounding_box(metres(_subdivided_outline(outline)))
+    bounds = np.stack([low + border.buffer, high - border.buffer])
     if (bounds[0] >= bounds[1]).any():
-        raise DataError(f"{where}: nothing is left of the border within its buffer of {frame.buffer:g} m")
+        raise DataError(f"{where}: nothing is left of the border within its buffer of {border.buffer:g} m")
     return bounds
 
 

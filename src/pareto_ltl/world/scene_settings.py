@@ -131,15 +131,12 @@ def add_random_places(cfg: SceneConfig) -> SceneConfig:
     wanted = cfg.random
     if wanted.regions + wanted.obstacles == 0:
         return cfg
-    low, high = np.array(cfg.bounds, float)
-    side = float((high - low).min())
     rng = np.random.default_rng(wanted.seed)
     circles = _existing_discs(cfg)
     polygons = []
     for _ in range(wanted.regions + wanted.obstacles):
-        circle = _free_disc(rng, low, high, side, circles, cfg)
-        circles.append(circle)
-        polygons.append(_inscribed_polygon(rng, circle))
+        circles.append(_free_disc(rng, cfg, circles))
+        polygons.append(_inscribed_polygon(rng, circles[-1]))
     names = [name for name in ascii_lowercase if name not in cfg.regions][: wanted.regions]
     return replace(
         cfg,
@@ -159,14 +156,9 @@ def _existing_discs(cfg: SceneConfig) -> list[PlacedDisc]:
     return circles
 
 
-def _free_disc(
-    rng: Generator,
-    low: FloatArray,
-    high: FloatArray,
-    side: float,
-    circles: list[PlacedDisc],
-    cfg: SceneConfig,
-) -> PlacedDisc:
+def _free_disc(rng: Generator, cfg: SceneConfig, circles: list[PlacedDisc]) -> PlacedDisc:
+    low, high = np.array(cfg.bounds, float)
+    side = float((high - low).min())
     gap, (smallest, largest) = cfg.random.gap * side, cfg.random.radius
     others = np.array(circles).reshape(-1, 3)
     for _ in range(PLACEMENT_TRIES):

@@ -86,26 +86,26 @@ def largest_scale(sketch: SceneSketch) -> float:
     return 1.0 if sketch.crs is None else projection.largest_scale(sketch.crs, sketch.bounds)
 
 
-def inside_of(sketch: SceneSketch, fence: Place) -> shapely.Geometry:
+def _inside_of(sketch: SceneSketch, fence: Place) -> shapely.Geometry:
     """The inside of a border ``fence`` reduced by its buffer."""
     return with_buffer(sketch, fence, drawn_shape(sketch, fence), outwards=False)
 
 
 def outside_parts(sketch: SceneSketch, fence: Place) -> list[Any]:
     """The polygons that lie within the bounds and outside of a border ``fence`` reduced by its buffer."""
-    outside = shapely.difference(shapely.box(*sketch.bounds.ravel()), inside_of(sketch, fence))
+    outside = shapely.difference(shapely.box(*sketch.bounds.ravel()), _inside_of(sketch, fence))
     return [part for part in shapely.get_parts(outside).tolist() if _is_thick(sketch, part)]
 
 
-def straightened_bounds(sketch: SceneSketch, inside: shapely.Geometry) -> FloatArray:
-    """The bounds (2, 2) [m] with the sides moved inwards where the border is almost straight.
+def straightened_bounds(sketch: SceneSketch, fence: Place) -> FloatArray:
+    """The bounds (2, 2) [m] with the sides moved inwards where the border ``fence`` is almost straight.
 
     A border drawn as a rectangle in degrees or in another plane has slightly bent or turned sides here, and
-    its outside would be slivers. A side of the bounds that corners of ``inside`` accompany, over half of its
+    its outside would be slivers. A side of the bounds that corners of the border accompany, over half of its
     length and within ``ALMOST_STRAIGHT``, moves to the innermost of these corners, unless that would cut off
     the start or a part of a region or a landmark.
     """
-    bounds, corners = sketch.bounds.copy(), shapely.get_coordinates(inside)
+    bounds, corners = sketch.bounds.copy(), shapely.get_coordinates(_inside_of(sketch, fence))
     sides = bounds[1] - bounds[0]
     places = [
         place.corners for place in (*sketch.regions, *sketch.landmarks) if place.polygons or place.lines

@@ -13,7 +13,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -61,45 +61,38 @@ def simplified_map(sketch: SceneSketch, rules: DrawingRules, drawn: DrawnMap) ->
     """``drawn`` with fewer corners, and the largest distance that an outline moved [m]; logs each change."""
     if rules.simplify == 0 or not any(map(_has_many_corners, drawn.shapes)):
         return drawn, 0.0
-    work = _Simplifier.of(sketch, rules, drawn)
+    work = _Simplifier(sketch, rules, drawn)
     obstacles = [(what, part) for what, polygon in drawn.obstacles for part in work.widened(what, polygon)]
-    regions = {name: work.region(drawn, name, shape) for name, shape in drawn.regions.items()}
+    regions = {name: work.region(name, shape) for name, shape in drawn.regions.items()}
     landmarks = [(what, work.narrowed(what, shape)) for what, shape in drawn.landmarks]
-    return DrawnMap(regions, obstacles, landmarks, drawn.kept_out, drawn.visited), work.farthest
+    return replace(drawn, regions=regions, obstacles=obstacles, landmarks=landmarks), work.farthest
 
 
 def _has_many_corners(shape: shapely.Geometry) -> bool:
     return any(corner_count(part) > MANY_CORNERS for part in shapely.get_parts(shape).tolist())
 
 
-@dataclass(slots=True)
 class _Simplifier:
-    """Simplifies the polygons of one map by at most ``most`` [m]; ``spared`` must not be covered."""
+    """Simplifies the polygons of one map; ``farthest`` is the largest distance that an outline moved [m]."""
 
-    sketch: SceneSketch
-    room: Room
-    most: float
-    start: shapely.Geometry
-    spared: list[shapely.Geometry]
-    farthest: float = 0.0
-
-    @classmethod
-    def of(cls, sketch: SceneSketch, rules: DrawingRules, drawn: DrawnMap) -> _Simplifier:
+    def __init__(self, sketch: SceneSketch, rules: DrawingRules, drawn: DrawnMap) -> None:
         size = float((sketch.bounds[1] - sketch.bounds[0]).max())
-        start, border = shapely.Point(sketch.start), shapely.box(*sketch.bounds.ravel()).exterior
+        border = shapely.box(*sketch.bounds.ravel()).exterior
         parts = [part for shape in drawn.shapes for part in shapely.get_parts(shape).tolist()]
-        spared = [shape for name, shape in drawn.regions.items() if name not in drawn.kept_out]
-        limit = MAP_SHARE * size if isinstance(rules.simplify, str) else float(rules.simplify)
-        room = Room.of([*parts, start, border], size)
-        return cls(sketch, room, limit, start, [*spared, *(shape for _, shape in drawn.landmarks)])
+        self.sketch, self.drawn, self.farthest = sketch, drawn, 0.0
+        self.start = shapely.Point(sketch.start)
+        self.room = Room.of([*parts, self.start, border], size)
+        self.most = MAP_SHARE * size if isinstance(rules.simplify, str) else float(rules.simplify)
+        self.spared = [shape for name, shape in drawn.regions.items() if name not in drawn.kept_out]
+        self.spared += [shape for _, shape in drawn.landmarks]  # that must not be covered
 
-    def region(self, drawn: DrawnMap, name: str, shape: shapely.Geometry) -> shapely.Geometry:
+    def region(self, name: str, shape: shapely.Geometry) -> shapely.Geometry:
         """A region enlarged, reduced, or unchanged if the mission both visits and avoids it."""
         what = f"region {name!r}"
-        if name in drawn.kept_out:
+        if name in self.drawn.kept_out:
             parts = [part for one in shapely.get_parts(shape).tolist() for part in self.widened(what, one)]
             return parts[0] if len(parts) == 1 else shapely.union_all(parts)
-        if name in drawn.visited:
+        if name in self.drawn.visited:
             return self.narrowed(what, shape)
         if _has_many_corners(shape):
             LOG.info("%s keeps its %s corners: the mission both visits and avoids it", what,
