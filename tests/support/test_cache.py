@@ -65,7 +65,7 @@ def test_the_cache_keeps_below_its_limit(folder: Path, monkeypatch: pytest.Monke
     monkeypatch.delenv("PARETO_LTL_CACHE_MIB")
     with fit() as process:
         assert process.wait(timeout=PATIENCE) == 0
-    assert [path.suffix for path in sorted((folder / "wind").iterdir())] == [".json", ".npz"]
+    assert [path.suffix for path in sorted((folder / "wind").iterdir())] == [".npz"]
 
 
 def test_the_entries_that_were_not_used_for_longest_go_first(tmp_path: Path) -> None:

@@ -17,9 +17,8 @@ from scipy.interpolate import RegularGridInterpolator
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_json, write_npz
-from pareto_ltl.support.fingerprints import PACKAGE, file_fingerprint
-from pareto_ltl.support.reading import read_json
+from pareto_ltl.support.files import write_npz
+from pareto_ltl.support.fingerprints import PACKAGE
 from pareto_ltl.wind import field, fit_cache, sources
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind.fit_cache import _warn_once
@@ -205,17 +204,20 @@ def test_the_cache_can_be_switched_off(few, fits, cache):
     assert not cache.exists()
 
 
-def arrays_changed(**changes):
-    """An entry whose arrays were changed by somebody who knows how to make the checksum fit."""
+def changed(**changes):
+    """An entry whose content was changed by somebody who writes valid archives."""
 
-    def change(arrays, numbers):
-        content = {name: table.copy() for name, table in read_npz(arrays).items()}
+    def change(entry):
+        content = {name: table.copy() for name, table in read_npz(entry).items()}
         for name, value in changes.items():
             content[name] = value(content[name])
-        write_npz(arrays, content)
-        write_json(numbers, read_json(numbers) | {"sha256": file_fingerprint(arrays)})
+        write_npz(entry, content)
 
     return change
+
+
+def without(name):
+    return lambda entry: write_npz(entry, {k: v for k, v in read_npz(entry).items() if k != name})
 
 
 def not_a_number(array):
@@ -223,33 +225,38 @@ def not_a_number(array):
     return array
 
 
+def other_byte(entry):
+    content = bytearray(entry.read_bytes())
+    content[len(content) // 2] ^= 1
+    entry.write_bytes(content)
+
+
 DAMAGES = {
-    "empty": lambda arrays, numbers: arrays.write_bytes(b""),
-    "no archive": lambda arrays, numbers: arrays.write_bytes(b"not an archive"),
-    "cut": lambda arrays, numbers: arrays.write_bytes(arrays.read_bytes()[:1000]),
-    "other bytes": lambda arrays, numbers: arrays.write_bytes(arrays.read_bytes() + b" "),
-    "no numbers": lambda arrays, numbers: numbers.write_text("{}"),
-    "no object": lambda arrays, numbers: numbers.write_text("[]"),
-    "no rho": lambda arrays, numbers: write_json(
-        numbers, {k: v for k, v in read_json(numbers).items() if k != "rho"}
-    ),
-    "rho 2": lambda arrays, numbers: write_json(numbers, read_json(numbers) | {"rho": 2.0}),
-    "rho nan": lambda arrays, numbers: write_json(numbers, read_json(numbers) | {"rho": None}),
-    "score": lambda arrays, numbers: write_json(numbers, read_json(numbers) | {"score": 3}),
-    "nan": arrays_changed(mean=not_a_number),
-    "nan in modes": arrays_changed(psi=not_a_number),
-    "shape": arrays_changed(mean=lambda array: array[:, 1:]),
-    "one component": arrays_changed(latent_var=lambda array: array[..., :1]),
-    "whole numbers": arrays_changed(mean=lambda array: array.astype(int)),
-    "negative": arrays_changed(gust_var=lambda array: -array),
+    "empty": lambda entry: entry.write_bytes(b""),
+    "no archive": lambda entry: entry.write_bytes(b"not an archive"),
+    "cut": lambda entry: entry.write_bytes(entry.read_bytes()[:1000]),
+    "other byte": other_byte,
+    "no numbers": lambda entry: write_npz(entry, {}),
+    "no rho": without("rho"),
+    "no score": without("gp_nlpd"),
+    "no modes": without("psi"),
+    "another array": lambda entry: write_npz(entry, read_npz(entry) | {"more": np.zeros(1)}),
+    "rho 2": changed(rho=lambda array: array + 2.0),
+    "rho nan": changed(rho=not_a_number),
+    "two scores": changed(gp_nlpd=lambda array: np.zeros(2)),
+    "nan": changed(mean=not_a_number),
+    "nan in modes": changed(psi=not_a_number),
+    "shape": changed(mean=lambda array: array[:, 1:]),
+    "one component": changed(latent_var=lambda array: array[..., :1]),
+    "whole numbers": changed(mean=lambda array: array.astype(int)),
+    "negative": changed(gust_var=lambda array: -array),
 }
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_entry_is_made_again_with_one_warning(few, fits, cache, caplog, damage):
     first = field.fit_wind_field(WindConfig(), few, CONUS)
-    arrays = next(cache.rglob("*.npz"))
-    DAMAGES[damage](arrays, arrays.with_suffix(".json"))
+    DAMAGES[damage](next(cache.rglob("*.npz")))
     with caplog.at_level(logging.WARNING):
         same(first, field.fit_wind_field(WindConfig(), few, CONUS))
         same(first, field.fit_wind_field(WindConfig(), few, CONUS))
@@ -274,8 +281,6 @@ def test_planted_code_in_an_entry_is_not_executed(few, fits, cache, tmp_path):
     arrays = next(cache.rglob("*.npz"))
     mark = tmp_path / "executed"
     np.savez(arrays, allow_pickle=True, mean=np.array([Planted(mark)], object))
-    numbers = arrays.with_suffix(".json")
-    write_json(numbers, read_json(numbers) | {"sha256": file_fingerprint(arrays)})
     same(first, field.fit_wind_field(WindConfig(), few, CONUS))
     assert len(fits) == 2
     assert not mark.exists()

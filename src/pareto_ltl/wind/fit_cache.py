@@ -1,14 +1,13 @@
-"""Tables of the fitted wind, and their cache on disk: arrays in ``KEY.npz``, numbers in ``KEY.json``.
+"""Tables of the fitted wind, and their cache on disk: one archive ``KEY.npz`` for each table.
 
-KEY is the fingerprint of all inputs of a table. An entry holds only data and a checksum; nothing in it is
-executed. An entry that is damaged, or whose shapes do not fit its task, is made again.
+KEY is the fingerprint of all inputs of a table. An entry holds only arrays, each with a checksum; nothing in
+it is executed. An entry that is damaged, or whose shapes do not fit its task, is made again.
 """
 
 from __future__ import annotations
 
 import hashlib
 import logging
-import math
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib.metadata import version
@@ -22,16 +21,14 @@ from pareto_ltl.support import cache
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray, require_shape
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_json, write_npz
-from pareto_ltl.support.fingerprints import code_fingerprint, file_fingerprint
-from pareto_ltl.support.reading import read_json
+from pareto_ltl.support.files import write_npz
+from pareto_ltl.support.fingerprints import code_fingerprint
 from pareto_ltl.wind import gp, modes
 from pareto_ltl.wind.records import NodeLattice, WindObservations
 
 LOG = logging.getLogger(__name__)
 TABLE_CODE = ("wind.fit_cache", "wind.gp", "wind.modes")  # the code that a table depends on
 TABLE_PACKAGES = ("numpy", "scipy", "scikit-learn")  # other versions round differently
-TABLE_SCHEMA = "pareto_ltl.wind_table/2"
 
 
 class WindTask(NamedTuple):
@@ -117,9 +114,6 @@ class WindTable(NamedTuple):
             raise ValueError("a variance is negative, or rho is not between 0 and 1")
 
 
-ARRAYS = tuple(name for name in WindTable._fields if name not in ("rho", "rest_length", "score"))
-
-
 def tabulate_wind(task: WindTask) -> WindTable:
     """Fit the readings of ``task`` and evaluate the posterior on its lattices."""
     cfg, seen = task.cfg, task.seen
@@ -195,37 +189,26 @@ def _add_content(digest: Any, content: Any) -> None:
 
 def _kept_table(folder: Path, key: str, task: WindTask) -> WindTable | None:
     """The entry ``key``; None if there is none, or if it is damaged, which is logged."""
-    arrays, numbers = folder / f"{key}.npz", folder / f"{key}.json"
-    if not (arrays.is_file() and numbers.is_file()):
+    path = folder / f"{key}.npz"
+    if not path.is_file():
         return None
     try:
-        stored = read_json(numbers)
-        if stored.get("schema") != TABLE_SCHEMA or stored.get("sha256") != file_fingerprint(arrays):
-            raise DataError(f"{numbers.name} does not belong to it")
-        if not isinstance(stored.get("score"), dict):
-            raise DataError(f"{numbers.name} has no scores")
-        score = {name: math.nan if value is None else float(value) for name, value in stored["score"].items()}
-        content = read_npz(arrays)
-        table = WindTable(
-            rho=float(stored["rho"]),
-            rest_length=float(stored["rest_length"]),
-            score=score,
-            **{name: content[name] for name in ARRAYS},
-        )
+        content: dict[str, Any] = read_npz(path)
+        content |= {name: float(content[name].item()) for name in ("rho", "rest_length")}
+        score = {name: float(content.pop(name).item()) for name in gp.SCORES}
+        table = WindTable(**content, score=score)
         table.check_for(task)
     except (DataError, ValueError, TypeError, KeyError) as error:
-        _warn_once(f"{arrays} is damaged and is made again: {error}")
+        _warn_once(f"{path} is damaged and is made again: {error}")
         return None
-    cache.mark_used(arrays)
+    cache.mark_used(path)
     return table
 
 
 def _keep_table(folder: Path, key: str, table: WindTable) -> None:
-    arrays = folder / f"{key}.npz"
-    write_npz(arrays, {name: getattr(table, name) for name in ARRAYS})
-    numbers = {name: getattr(table, name) for name in ("rho", "rest_length", "score")}
-    note = {"schema": TABLE_SCHEMA, "sha256": file_fingerprint(arrays), **numbers}
-    write_json(folder / f"{key}.json", note)
+    content = table._asdict()
+    content |= content.pop("score")
+    write_npz(folder / f"{key}.npz", {name: np.asarray(value) for name, value in content.items()})
     cache.trim_folder(folder, cache.cache_limit())
 
 

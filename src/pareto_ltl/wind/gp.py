@@ -24,6 +24,7 @@ MOST_PAIRS = 10**7  # of readings and points in one matrix: 80 MB
 FACTOR_LENGTH = 250e3  # [m] over which squared residuals are averaged for the variance factor
 # 90 % of a normal variable lie within ± this many standard deviations
 NORMAL_QUANTILE_95 = 1.6448536269514722
+SCORES = ("gp_z_sd", "gp_coverage_90", "gp_nlpd")  # of held-out readings
 LEAST_SCORED = 4  # smallest number of places for the score, and for the fit
 FACTOR_PRIOR = 0.5  # weight of the overall mean squared residual in that average, in readings
 
@@ -162,7 +163,7 @@ def fit_posterior(
     largest = max(len(points) for points in observations.points)
     with threadpool_limits(1 if largest <= MANY else None):  # threads of small matrices compete for the cores
         out = held_out(cfg, observations, bounds)
-        start, score = None, {"gp_z_sd": np.nan, "gp_coverage_90": np.nan, "gp_nlpd": np.nan}
+        start, score = None, dict.fromkeys(SCORES, np.nan)
         if out is not None:
             trial = _fitted(cfg, observations, [~mask for mask in out], None)
             start, score = trial.hyper[0][0], score_of(trial, observations, out)
@@ -211,11 +212,10 @@ def score_of(fit: WindPosterior, seen: WindObservations, out: Sequence[BoolArray
             z.append(((seen.winds[k][out[k]] - mean[i]) / sd).ravel())
             log_sd.append(np.log(sd).ravel())
     scores = np.concatenate(z)
-    return {
-        "gp_z_sd": float(np.sqrt(np.mean(scores**2))),
-        "gp_coverage_90": float(np.mean(np.abs(scores) <= NORMAL_QUANTILE_95)),
-        "gp_nlpd": float(np.mean(0.5 * scores**2 + np.concatenate(log_sd)) + 0.5 * np.log(2 * np.pi)),
-    }
+    z_sd = np.sqrt(np.mean(scores**2))
+    coverage = np.mean(np.abs(scores) <= NORMAL_QUANTILE_95)
+    nlpd = np.mean(0.5 * scores**2 + np.concatenate(log_sd)) + 0.5 * np.log(2 * np.pi)
+    return dict(zip(SCORES, map(float, (z_sd, coverage, nlpd)), strict=True))
 
 
 # --- hyperparameters --------------------------------------------------------------------------

@@ -186,11 +186,8 @@ def source_of_file(path: Path) -> str:
 
 def wind_source(cfg: WindConfig) -> WindSource:
     """The source ``wind.source``: one of ``SOURCES``, or one of another package; KeyError if unknown."""
-
-    def expected(loaded: object) -> bool:
-        return isinstance(loaded, WindSource)
-
-    return known_kind(extensions.WIND_SOURCE_GROUP, SOURCES, cfg.source, expected)
+    group = extensions.WIND_SOURCE_GROUP
+    return known_kind(group, SOURCES, cfg.source, lambda loaded: isinstance(loaded, WindSource))
 
 
 def read_readings(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> Readings:
