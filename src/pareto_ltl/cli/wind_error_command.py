@@ -121,7 +121,7 @@ def _told_by_stations(
     if not files:
         return "not estimated: no station reports were given (--stations)"
     from pareto_ltl.settings import WindConfig
-    from pareto_ltl.wind.analysis_error import analysis_error
+    from pareto_ltl.wind.matched_fields import analysis_error
     from pareto_ltl.wind.sources.station_files import read_station_files
 
     return analysis_error(snapshots, read_station_files(tuple(files), WindConfig().max_speed, box), draws)

@@ -42,14 +42,11 @@ LARGEST = 1e18  # limit of all numbers of a field; its square is finite
 MAX_RATIO = 20  # largest ratio of the bytes of a variable to the bytes of the file, beyond FREE_BYTES
 TIME, GRID = ("time",), ("time", "y", "x")  # dimensions of variables
 MODES = ("time", "mode_y", "mode_x", "mode")
-LEVEL_VARIABLES: dict[str, tuple[str, dict[str, str]]] = {
-    HEIGHT: ("height", {"standard_name": "height", "units": "m", "positive": "up", "axis": "Z"}),
-    PRESSURE: (
-        "air_pressure",
-        {"standard_name": "air_pressure", "units": "Pa", "positive": "down", "axis": "Z"},
-    ),
-    DEPTH: ("depth", {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}),
-}  # name and attributes of the scalar coordinate, by the kind of the level
+LEVEL_VARIABLES = {  # name of the scalar coordinate, unit and positive direction, by the kind of the level
+    HEIGHT: ("height", "m", "up"),
+    PRESSURE: ("air_pressure", "Pa", "down"),
+    DEPTH: ("depth", "m", "down"),
+}
 MODE_NUMBERS = (("rho", "rho"), ("rho_gap", "gap"), ("rest_length", "rest_length"))  # attributes
 # Variables of each component u and v: end of the name, dimensions, meaning, unit.
 ComponentRows = tuple[tuple[str, tuple[str, ...], str, str], ...]
@@ -158,13 +155,14 @@ def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVa
     lead = "valid time minus start of the forecast; NaN where it is not known"
     yield "lead", TIME, field.leads, _attributes(lead, "s") | {"standard_name": "forecast_period"}
     level = parse_level(field.level)
-    height = LEVEL_VARIABLES[level.kind]
-    yield height[0], (), level.value, height[1]
-    placed: Attributes = {"coordinates": height[0]}
+    height, unit, positive = LEVEL_VARIABLES[level.kind]
+    described = {"standard_name": height, "units": unit, "positive": positive, "axis": "Z"}
+    yield height, (), level.value, described
+    placed: Attributes = {"coordinates": height}
     if scene is not None and scene.crs is not None:
         yield "crs", (), 0, _grid_mapping(scene.crs)
         yield from _degrees(scene.crs, x, y)
-        placed = {"coordinates": f"{height[0]} lat lon", "grid_mapping": "crs"}
+        placed = {"coordinates": f"{height} lat lon", "grid_mapping": "crs"}
     what = "current" if level.kind == DEPTH else "wind"
     for c, axis in enumerate("xy"):
         standard = f"sea_water_{axis}_velocity" if level.kind == DEPTH else f"{axis}_wind"
