@@ -87,9 +87,11 @@ def decompose(scene: Scene) -> Decomposition:
         If the obstacles cover the whole map.
     """
     step = _grid_step(scene)
-    obstacles = _outermost_polygons([_snapped_polygon(corners, step) for corners in scene.obstacles])
+    obstacles = _snapped_obstacles(map(shapely.Polygon, scene.obstacles), step)
     regions = {name: _snapped_region(outlines, step) for name, outlines in scene.regions.items()}
-    cells = _labelled_cells(_snapped_polygon(_box_outline(scene.bounds), step), obstacles, regions)
+    (west, south), (east, north) = scene.bounds.tolist()
+    box = shapely.Polygon([(west, south), (east, south), (east, north), (west, north)])
+    cells = _labelled_cells(_snapped_shape(box, step), obstacles, regions)
     if not cells:
         raise DataError(
             "the obstacles cover the whole map, no free space is left; remove one or widen the bounds"
@@ -109,7 +111,7 @@ def decompose(scene: Scene) -> Decomposition:
 def convex_obstacles(scene: Scene, polygons: Iterable[shapely.Geometry]) -> tuple[FloatArray, ...]:
     """Convex parts (n, 2) [m] of ``polygons`` [m], snapped to the grid as the obstacles of ``scene``."""
     step = _grid_step(scene)
-    return _obstacle_parts(_outermost_polygons([_snapped_shape(shape, step) for shape in polygons]), step)
+    return _obstacle_parts(_snapped_obstacles(polygons, step), step)
 
 
 def convex_pieces(scene: Scene, polygons: Iterable[shapely.Geometry]) -> tuple[FloatArray, ...]:
@@ -225,13 +227,9 @@ def _grid_step(scene: Scene) -> float:
     return max(step, 2.0 ** math.ceil(math.log2(16 * np.spacing(np.abs(scene.bounds).max()))))
 
 
-def _snapped_polygon(corners: FloatArray, step: float) -> shapely.Geometry:
-    return _snapped_shape(shapely.Polygon(corners), step)
-
-
 def _snapped_region(outlines: Sequence[FloatArray], step: float) -> shapely.Geometry:
     """The union of the polygons of a region, in grid steps."""
-    found = [_snapped_polygon(corners, step) for corners in outlines]
+    found = [_snapped_shape(polygon, step) for polygon in map(shapely.Polygon, outlines)]
     return found[0] if len(found) == 1 else shapely.union_all(found, grid_size=1.0)
 
 
@@ -240,13 +238,9 @@ def _snapped_shape(shape: shapely.Geometry, step: float) -> shapely.Geometry:
     return shapely.set_precision(shapely.transform(shape, lambda corners: np.rint(corners / step)), 1.0)
 
 
-def _box_outline(bounds: FloatArray) -> FloatArray:
-    (west, south), (east, north) = bounds.tolist()
-    return np.array([[west, south], [east, south], [east, north], [west, north]])
-
-
-def _outermost_polygons(polygons: Sequence[shapely.Geometry]) -> list[shapely.Geometry]:
-    """``polygons`` without those inside another one."""
+def _snapped_obstacles(shapes: Iterable[shapely.Geometry], step: float) -> list[shapely.Geometry]:
+    """``shapes`` [m] in grid steps, without those inside another one."""
+    polygons = [_snapped_shape(shape, step) for shape in shapes]
     if not polygons:
         return []
     inner, outer = shapely.STRtree(polygons).query(polygons, predicate="covered_by")

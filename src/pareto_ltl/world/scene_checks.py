@@ -32,7 +32,7 @@ POLAR = 66.0  # [deg] latitude beyond which maps are rare
 LEAST_SIDE, MOST_SIDE = 1e-3, 4.1e7  # of a map [m]; the circumference of the Earth is 40,075 km
 
 
-def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Scene:
+def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
     """Check ``sketch`` and make a scene of it: outlines counter-clockwise, obstacles clipped to the bounds.
 
     Buffers are included in the outlines. Buffers of obstacles are cut out of regions and landmarks. Polygons
@@ -43,7 +43,7 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
     DataError
         If something is missing, degenerate, outside the bounds, or overlaps.
     """
-    rules, faults = rules or DrawingRules(), MapFaults(sketch.where, sketch.faults)
+    faults = MapFaults(sketch.where, sketch.faults)
     if not sketch.regions and not sketch.faults:
         faults.add(f"{sketch.where} has no regions; a mission needs at least one place to visit")
     if len(sketch.start) == 0 and not sketch.faults:
@@ -63,6 +63,8 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
     if farthest or any(place.buffer for place in sketch.obstacles):
         drawn = _apart(sketch, drawn)
     obstacles = [(what, outline) for what, part in drawn.obstacles for outline in outlines_of(part)]
+    # numbers are no names; titles of exported maps, obstacle 3 (EFKU CTR), give the name again
+    names = tuple(Scene.name_in_title(what.removeprefix("obstacle ")) for what, _ in obstacles)
     scene = Scene(
         bounds=sketch.bounds,
         start=sketch.start,
@@ -71,22 +73,13 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules | None = None) -> Sce
         crs=sketch.crs,
         time_zero=sketch.time_zero,
         simplified=max(farthest, sketch.simplified),
-        obstacle_names=_obstacle_names([what for what, _ in obstacles]),
+        obstacle_names=names if any(names) else (),
     )
     marks = list(_convex_landmarks(sketch, scene, drawn))
     fixes = tuple(fix for _, fix in marks)
     return replace(
         scene, landmarks=tuple(corners for corners, _ in marks), landmark_fixes=fixes if any(fixes) else ()
     )
-
-
-def _obstacle_names(called: list[str]) -> tuple[str, ...]:
-    """The names in ``called``, such as ``obstacle EFKU CTR``; () if there is none.
-
-    Numbers are no names. Titles of exported maps, ``obstacle 3 (EFKU CTR)``, give the name again.
-    """
-    names = tuple(Scene.name_in_title(text.removeprefix("obstacle ")) for text in called)
-    return names if any(names) else ()
 
 
 def _check_window(sketch: SceneSketch, window: TimedPlace) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -89,14 +89,11 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
     return Scene(
         bounds=np.array(data["bounds"], float),
         start=np.array(data["start"], float),
-        regions={
-            name: tuple(np.array(part, float) for part in _region_parts(listed))
-            for name, listed in data["regions"].items()
-        },
-        obstacles=tuple(np.array(polygon, float) for polygon in data["obstacles"]),
+        regions={name: _polygons(_region_parts(listed)) for name, listed in data["regions"].items()},
+        obstacles=_polygons(data["obstacles"]),
         crs=data.get("crs"),
         time_zero=data.get("time_zero"),
-        landmarks=tuple(np.array(polygon, float) for polygon in data.get("landmarks") or ()),
+        landmarks=_polygons(data.get("landmarks") or ()),
         border=data.get("border") or "open",
         windows={name: Window.from_dict(window) for name, window in (data.get("windows") or {}).items()},
         forbidden=tuple(data.get("forbidden") or ()),
@@ -213,7 +210,7 @@ def read_cells(place: Path | str) -> Decomposition:
         )
 
 
-def _polygons(lists: list[Any]) -> tuple[FloatArray, ...]:
+def _polygons(lists: Sequence[Any]) -> tuple[FloatArray, ...]:
     return tuple(np.array(polygon, float) for polygon in lists)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -48,10 +48,10 @@ def sketch_features(faults: MapFaults, features: Any, crs_name: str | None) -> S
     read = _FeatureReader(where, crs_name)
     found = [feature for _, feature in faults.each(enumerate(features, 1), lambda item: read.drawn(*item))]
     timed = tuple(window for _, _, window in found if window is not None)
-    drawn = _unwrapped([(role, place) for role, place, _ in found])
-    if not drawn:
+    if not found:
         faults.refuse()
         raise DataError(f"{where} has no features; expected a role ({', '.join(FEATURE_ROLES)}) on each")
+    drawn = _unwrapped([(role, place) for role, place, _ in found])
     everything = np.concatenate([place.corners for _, place in drawn])
     border = next((place for role, place in drawn if role == "border"), None)
     box = everything if border is None else border.corners
@@ -182,7 +182,12 @@ class _FeatureReader:
         name = self.crs_name
         if name is not None:
             place = place.moved(lambda corners: projection.degrees_of(self.where, name, corners))
-        _check_degrees(self.where, place.corners)
+        corners = place.corners
+        bad = (np.abs(corners[:, 1]) > 90) | (np.abs(corners[:, 0]) > 360)
+        for x, y in corners[bad][:1]:
+            raise DataError(
+                f"{self.where}: [{x:.6g}, {y:.6g}] is not [longitude, latitude] in degrees; swap the two?"
+            )
         return place
 
 
@@ -205,14 +210,14 @@ def _with_times(
 
 def _role(where: str, number: int, properties: Mapping[str, Any]) -> str:
     stated = properties.get("role")
-    role = stated.strip().lower() if isinstance(stated, str) else stated
-    role = SYNONYMS.get(role, role) if isinstance(role, str) else role
+    written = stated.strip().lower() if isinstance(stated, str) else ""
+    role = SYNONYMS.get(written, written)
     if role not in FEATURE_ROLES:
         raise DataError(
             f"{where}: feature {number} has role {shown_text(repr(stated))}; "
             f"expected {', '.join(FEATURE_ROLES)}"
         )
-    return str(role)
+    return role
 
 
 def _member(where: str, number: int, feature: Any, name: str) -> Mapping[str, Any]:
@@ -332,20 +337,11 @@ def _are_nested_lists(value: Any, levels: int) -> bool:
 # --- degrees ------------------------------------------------------------------------------------------
 
 
-def _check_degrees(where: str, corners: FloatArray) -> None:
-    bad = (np.abs(corners[:, 1]) > 90) | (np.abs(corners[:, 0]) > 360)
-    if bad.any():
-        x, y = corners[bad][0]
-        raise DataError(f"{where}: [{x:.6g}, {y:.6g}] is not [longitude, latitude] in degrees; swap the two?")
-
-
-def _unwrapped(drawn: Sequence[Drawn]) -> list[Drawn]:
+def _unwrapped(drawn: list[Drawn]) -> list[Drawn]:
     """``drawn``, with longitudes from 0 to 360 if it crosses the 180th meridian."""
-    if not drawn:
-        return []
     east = np.concatenate([place.corners[:, 0] for _, place in drawn])
     if np.ptp(east) <= 180:
-        return list(drawn)
+        return drawn
 
     def turned(corners: FloatArray) -> FloatArray:
         return np.stack([corners[:, 0] % 360, corners[:, 1]], axis=1)
