@@ -19,9 +19,9 @@ from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_npz
 from pareto_ltl.support.fingerprints import PACKAGE
-from pareto_ltl.wind import field, fit_cache, sources
+from pareto_ltl.wind import field, sources
 from pareto_ltl.wind import gp as regression
-from pareto_ltl.wind.fit_cache import _warn_once
+from pareto_ltl.wind.field import _warn_once
 from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import WindField, WindObservations
@@ -183,7 +183,7 @@ def test_any_change_that_matters_is_fitted_anew(few, fits):
 
 def test_another_version_of_a_package_is_another_fit(few, fits, monkeypatch):
     field.fit_wind_field(WindConfig(), few, CONUS)
-    monkeypatch.setattr(fit_cache, "version", lambda package: "0.0")
+    monkeypatch.setattr(field, "version", lambda package: "0.0")
     field.fit_wind_field(WindConfig(), few, CONUS)
     assert len(fits) == 2
 
@@ -344,7 +344,7 @@ def test_a_cache_that_fills_up_while_writing_costs_time_only(few, fits, caplog, 
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(fit_cache, "write_npz", full)
+    monkeypatch.setattr(field, "write_npz", full)
     with caplog.at_level(logging.WARNING):
         wind = field.fit_wind_field(WindConfig(), few, CONUS)
     assert wind.score

@@ -384,18 +384,14 @@ def _check_sections(stream: BinaryIO, place: int, end: int) -> None:
         if length < 5 or not 1 <= number <= 7 or place + length > end:
             raise _BrokenFrameError(f"no section begins at byte {place}")
         if number in COUNT_PLACE:
-            _check_count(_bytes_at(stream, place + COUNT_PLACE[number], 4))
+            count = int.from_bytes(_bytes_at(stream, place + COUNT_PLACE[number], 4), "big")
+            if count > MAX_NODES:
+                raise _BrokenFrameError(f"it claims {count:,} values; {MAX_NODES:,} are the limit")
         if number == 5:
             packed = _packed_bytes(_bytes_at(stream, place, length))
         if number == 7 and length - 5 < packed:
             raise _BrokenFrameError(f"its values take {packed:,} bytes, but there are {length - 5:,}")
         place += length
-
-
-def _check_count(field: bytes) -> None:
-    count = int.from_bytes(field, "big")
-    if count > MAX_NODES:
-        raise _BrokenFrameError(f"it claims {count:,} values; {MAX_NODES:,} are the limit")
 
 
 def _packed_bytes(section: bytes) -> int:
