@@ -98,8 +98,8 @@ def _checked_shapes(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults)
     shapes = faults.each(sketch.obstacles, lambda place: draw.drawn_shape(sketch, place))
     with faults.noted():
         _check_inside(sketch, "start", _start_points(sketch))
-    inside = faults.each(drawn, lambda pair: _check_inside(sketch, pair[0].what, pair[1]))
-    places = {place.name: shape for (place, shape), _ in inside}
+    checked = faults.each(drawn, lambda pair: _check_inside(sketch, pair[0].what, pair[1]))
+    inside = [pair for pair, _ in checked]
     solid = [(place.what, part) for place, shape in shapes for part in draw.clipped_parts(sketch, shape)]
     with faults.noted():
         if sketch.fence is not None and rules.walled:
@@ -112,18 +112,15 @@ def _checked_shapes(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults)
     wide = [(place.what, part) for (place, _), parts in grown for part in parts]
     with faults.noted():
         _check_start_free(sketch, [*wide, *fenced])
-    free = {place.name: places[place.name] for (place, _), _ in inside if not place.solid}
+    free = {place.name: shape for place, shape in inside if not place.solid}
     for text in _overlaps(sketch, free, solid):
         faults.add(text)
     use = _use_of_regions(sketch, rules)
     kept_out = frozenset(
         place.name for place in sketch.regions if place.solid or (use and place.name not in use.visited)
     )
-    reduced = faults.each(
-        [place for (place, _), _ in inside],
-        lambda place: _with_margin(sketch, place, places[place.name], use, place.name in kept_out),
-    )
-    regions = {place.name: shape for place, shape in reduced}
+    reduced = faults.each(inside, lambda pair: _with_margin(sketch, *pair, use, kept_out))
+    regions = {place.name: shape for (place, _), shape in reduced}
     marks = faults.each(sketch.landmarks, lambda place: _drawn_landmark(sketch, place, solid))
     landmarks = [(place.what, shape) for place, shape in marks]
     visited = use.visited - use.forbidden if use else frozenset[str]()
@@ -150,9 +147,13 @@ def _use_of_regions(sketch: SceneSketch, rules: DrawingRules) -> MissionUse | No
 
 
 def _with_margin(
-    sketch: SceneSketch, place: Place, shape: shapely.Geometry, use: MissionUse | None, kept_out: bool
+    sketch: SceneSketch,
+    place: Place,
+    shape: shapely.Geometry,
+    use: MissionUse | None,
+    kept_out: frozenset[str],
 ) -> shapely.Geometry:
-    """A region with its buffer: enlarged if the mission only avoids it, else reduced."""
+    """A region with its buffer: enlarged if the mission only avoids it (``kept_out``), else reduced."""
     if not place.buffer:
         return shape
     if place.polygons and use and place.name in use.visited & use.forbidden:
@@ -160,8 +161,8 @@ def _with_margin(
             f"{sketch.where}: {place.what} has a buffer, and the mission both visits and avoids it; "
             "draw two regions, one for each, or leave the buffer out"
         )
-    found = draw.with_buffer(sketch, place, shape, outwards=kept_out)
-    if kept_out:
+    found = draw.with_buffer(sketch, place, shape, outwards=place.name in kept_out)
+    if place.name in kept_out:
         return shapely.union_all(draw.clipped_parts(sketch, found))
     _check_inside(sketch, place.what, found)
     return found

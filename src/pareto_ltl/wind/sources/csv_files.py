@@ -194,10 +194,10 @@ def _parse_row(where: str, row: list[str], columns: list[tuple[str, int]]) -> tu
     values = []
     for name, at in columns:
         text = row[at].strip() if at < len(row) else ""
+        read, wanted = CELLS.get(name, (float, "a number"))
         try:
-            values.append(CELLS.get(name, float)(text))
+            values.append(read(text))
         except ValueError:
-            wanted = EXPECTED.get(name, "a number")
             raise DataError(f"{where}: {name} is {shown_value(text)}; expected {wanted}") from None
     return tuple(values)
 
@@ -218,8 +218,7 @@ def _lead_hours(text: str) -> float:
     return hours
 
 
-CELLS: dict[str, Callable[[str], float]] = {"time": seconds, LEAD_COLUMN: _lead_hours}
-EXPECTED = {
-    "time": "an ISO 8601 time such as 2018-10-09T18:00:00Z",
-    LEAD_COLUMN: f"hours since the forecast began, 0 to {LONGEST_LEAD:g}, or nothing",
+CELLS: dict[str, tuple[Callable[[str], float], str]] = {  # how a cell is read, and what is expected in it
+    "time": (seconds, "an ISO 8601 time such as 2018-10-09T18:00:00Z"),
+    LEAD_COLUMN: (_lead_hours, f"hours since the forecast began, 0 to {LONGEST_LEAD:g}, or nothing"),
 }
