@@ -35,10 +35,9 @@ class GeoBox:
     def contains(self, lonlat: FloatArray) -> NDArray[np.bool_]:
         """Which of the points (N, 2) [deg] are inside, (N,)."""
         east_of = (lonlat[:, 0] - self.west) % 360.0
-        inside: NDArray[np.bool_] = (
+        return np.asarray(
             (east_of <= self.width) & (lonlat[:, 1] >= self.south) & (lonlat[:, 1] <= self.north)
         )
-        return inside
 
     @property
     def text(self) -> str:

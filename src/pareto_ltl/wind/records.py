@@ -159,8 +159,7 @@ class NodeLattice(NamedTuple):
     def nodes(self) -> FloatArray:
         """Positions of all nodes, shape (NX * NY, 2) [m]; y varies fastest."""
         steps = np.stack(np.meshgrid(*map(np.arange, self.shape), indexing="ij"), axis=-1)
-        positions: FloatArray = self.origin + self.spacing * steps.reshape(-1, 2)
-        return positions
+        return self.origin + self.spacing * steps.reshape(-1, 2)
 
 
 @dataclass(frozen=True, slots=True, repr=False)

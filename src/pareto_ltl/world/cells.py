@@ -137,8 +137,7 @@ def inside_depth(polygon: FloatArray, points: FloatArray) -> FloatArray:
     min_k (b_k - a_k' x)
     """
     normals, offsets = half_planes(polygon)
-    least: FloatArray = (offsets - points @ normals.T).min(axis=1)
-    return least
+    return np.asarray((offsets - points @ normals.T).min(axis=1), float)
 
 
 def cells_of_points(decomposition: Decomposition, points: FloatArray) -> IntArray:

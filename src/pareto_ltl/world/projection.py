@@ -98,8 +98,7 @@ def meridian_convergence(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArr
     factors = _cached_projection(crs).get_factors(
         np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float)), errcheck=True
     )
-    angle: FloatArray = np.deg2rad(np.asarray(factors.meridian_convergence, float))
-    return angle
+    return np.asarray(np.deg2rad(factors.meridian_convergence), float)
 
 
 def largest_scale(crs: str, bounds: FloatArray) -> float:

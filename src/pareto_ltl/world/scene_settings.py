@@ -85,8 +85,7 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
     middle = np.zeros(2) if bounds is None or cfg.centre is None else bounds.mean(axis=0)
 
     def metres(corners: FloatArray) -> FloatArray:
-        scaled: FloatArray = (corners - middle) * cfg.unit
-        return scaled
+        return (corners - middle) * cfg.unit
 
     def show(point: FloatArray) -> str:
         x, y = point / cfg.unit + middle

@@ -218,18 +218,16 @@ class DownloadCache:
     def keep(self, url: str, level: str, label: str, data: bytes) -> Path:
         """Store ``data`` and return its file; DataError if it cannot be written."""
         digest = hashlib.sha256(data).hexdigest()
-        for _ in range(2):
-            path = self.folder / f"{label}.{digest[:SHOWN_DIGITS]}.grib2"
-            note = {"schema": REQUEST_SCHEMA, "url": url, "level": level, "file": path.name, "sha256": digest}
-            try:
-                write_bytes(path, data)
-                write_json(self._request(url, level), note)
-            except OSError as error:
-                if self._own is not None:
-                    raise DataError(f"{path} cannot be written ({error.strerror}); free some space") from None
-                self._leave(error)
-                continue
-            break
+        path = self.folder / f"{label}.{digest[:SHOWN_DIGITS]}.grib2"
+        note = {"schema": REQUEST_SCHEMA, "url": url, "level": level, "file": path.name, "sha256": digest}
+        try:
+            write_bytes(path, data)
+            write_json(self._request(url, level), note)
+        except OSError as error:
+            if self._own is not None:
+                raise DataError(f"{path} cannot be written ({error.strerror}); free some space") from None
+            self._leave(error)
+            return self.keep(url, level, label, data)
         return path
 
     def trim(self) -> None:
