@@ -232,15 +232,16 @@ def _member(where: str, number: int, feature: Any, name: str) -> Mapping[str, An
 
 def _with_numbers(where: str, place: Place, properties: Mapping[str, Any]) -> Place:
     """``place`` with its buffer and its altitude band."""
-    read = {key: _metres(where, place, key, properties.get(key)) for key in ("buffer", "floor", "ceiling")}
-    radius = _metres(where, place, "radius", properties.get("radius"))
-    buffer = radius if read["buffer"] is None else read["buffer"]
-    if buffer is not None and buffer < 0:
+    stated, floor, ceiling, radius = (
+        _metres(where, place, key, properties.get(key)) for key in ("buffer", "floor", "ceiling", "radius")
+    )
+    buffer = (radius if stated is None else stated) or 0.0
+    if buffer < 0:
         raise DataError(f"{where}: {place.what}: its buffer is {buffer:g} m; expected 0 or more")
-    low, high = read["floor"], read["ceiling"]
-    if low is not None and high is not None and low > high:
+    low, high = -math.inf if floor is None else floor, math.inf if ceiling is None else ceiling
+    if low > high:
         raise DataError(f"{where}: {place.what}: its floor, {low:g} m, lies above its ceiling, {high:g} m")
-    return replace(place, buffer=buffer or 0.0, floor=low, ceiling=high)
+    return replace(place, buffer=buffer, floor=low, ceiling=high)
 
 
 def _metres(where: str, place: Place, key: str, value: Any) -> float | None:

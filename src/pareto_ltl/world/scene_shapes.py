@@ -237,10 +237,8 @@ def sketch_at_altitude(sketch: SceneSketch, rules: DrawingRules) -> SceneSketch:
 
 
 def _band(place: Place) -> str:
-    if place.floor is None:
+    if place.floor == -math.inf:
         return f"up to {place.ceiling:g} m"
-    return (
-        f"above {place.floor:g} m"
-        if place.ceiling is None
-        else f"from {place.floor:g} to {place.ceiling:g} m"
-    )
+    if place.ceiling == math.inf:
+        return f"above {place.floor:g} m"
+    return f"from {place.floor:g} to {place.ceiling:g} m"

@@ -45,8 +45,8 @@ class Place:
         Points (n = 1) and lines, which get an area by the buffer.
     buffer : float
         Safety distance of polygons, radius of points and lines [m on the ground].
-    floor, ceiling : float or None
-        Altitudes between which the place is active [m]; None: no limit.
+    floor, ceiling : float
+        Altitudes between which the place is active [m]; infinite: no limit.
     solid : bool
         Whether a region is an obstacle that is active for a limited time.
     fix : FixShape or None
@@ -58,8 +58,8 @@ class Place:
     polygons: tuple[tuple[FloatArray, ...], ...] = ()
     lines: tuple[FloatArray, ...] = ()
     buffer: float = 0.0
-    floor: float | None = None
-    ceiling: float | None = None
+    floor: float = -np.inf
+    ceiling: float = np.inf
     solid: bool = False
     fix: FixShape | None = None
 
@@ -72,13 +72,11 @@ class Place:
     @property
     def banded(self) -> bool:
         """Whether the place is active only at some altitudes."""
-        return self.floor is not None or self.ceiling is not None
+        return self.floor > -np.inf or self.ceiling < np.inf
 
     def counts_at(self, altitude: float) -> bool:
         """Whether the place is active at ``altitude`` [m]; the limits are included."""
-        low = -np.inf if self.floor is None else self.floor
-        high = np.inf if self.ceiling is None else self.ceiling
-        return bool(low <= altitude <= high)
+        return self.floor <= altitude <= self.ceiling
 
     def moved(self, change: Callable[[FloatArray], FloatArray]) -> Place:
         """The place with ``change`` applied to all coordinates (n, 2)."""
