@@ -48,7 +48,7 @@ def members(count, hours=(0.0, 3.0, 6.0), seed=0, length=4.0, sd=2.0):
 
 
 def read(snapshots, prior=10.0):
-    return ensemble_readings(snapshots, FILES, prior)
+    return ensemble_readings(snapshots, FILES, WindConfig(ensemble_prior=prior))
 
 
 def test_deviations_have_the_covariance_of_the_members():
@@ -169,7 +169,7 @@ def test_lagged_analyses_of_the_shared_cycles_say_how_far_the_wind_will_change()
             )
             for back in (0, 1, 2)
         ]  # fmt: skip
-        found = ensemble_readings(lagged, FILES, 0.0)
+        found = ensemble_readings(lagged, FILES, WindConfig(ensemble_prior=0.0))
         sd = np.sqrt((found.members[0] ** 2).sum(axis=-1))
         z.append((analyses[k + 1].winds[inside] - found.winds[0]) / np.maximum(sd, 0.3))
     spread = np.sqrt(np.mean(np.square(z)))

@@ -252,7 +252,6 @@ def forecast_error_of(told: Mapping[str, Any]) -> ForecastError:
 def forecast_error_law(setting: str, usual: str) -> ForecastError:
     """The law of ``wind.forecast_error``; ``usual`` is the value of ``auto``: ``none`` or ``gfs``."""
     name = usual if setting == "auto" else setting
-    gfs = LAWS_FOLDER / "gfs.json"
-    if name == "none":
-        return read_forecast_error(gfs).without_forecasts()
-    return read_forecast_error(gfs if name == "gfs" else Path(name).expanduser())
+    own = name in ("gfs", "none")
+    law = read_forecast_error(LAWS_FOLDER / "gfs.json" if own else Path(name).expanduser())
+    return law.without_forecasts() if name == "none" else law

@@ -224,7 +224,7 @@ def known_at(snapshots: Sequence[Snapshot], moment: float, delay: float) -> tupl
 
 
 def ensemble_readings(
-    snapshots: Sequence[Snapshot], files: tuple[Path, ...], prior: float, notes: tuple[str, ...] = ()
+    snapshots: Sequence[Snapshot], files: tuple[Path, ...], cfg: WindConfig, notes: tuple[str, ...] = ()
 ) -> Readings:
     """Mean and deviations of the members at every valid time with at least two members.
 
@@ -247,8 +247,9 @@ def ensemble_readings(
     ----------
     files : tuple of Path
         The files of the source.
-    prior : float
-        ν, the weight of the law of forecast errors as a number of members; 0: only the members are used.
+    cfg : WindConfig
+        ``ensemble_prior`` is ν, the weight of the law of forecast errors as a number of members; with 0, or
+        ``forecast_error=none``, only the members determine the error.
     notes : tuple of str
         Remarks to which those on the ensemble are added.
 
@@ -268,7 +269,7 @@ def ensemble_readings(
         )
     names = sorted({name for time in times for name in groups[time]})
     fewest = min(len(groups[time]) for time in times)
-    share = (fewest - 1) / (fewest - 1 + prior)
+    share = (fewest - 1) / (fewest - 1 + (0.0 if cfg.forecast_error == "none" else cfg.ensemble_prior))
     found = [_mean_and_deviations(groups[time], names, share) for time in times]
     left_out = len(groups) - len(times)
     said = [f"{len(names)} members, at least {fewest} at each time"]
@@ -281,11 +282,6 @@ def ensemble_readings(
         members=tuple(deviations for _, deviations in found),
         forecast_share=1.0 - share,
     )
-
-
-def prior_weight(cfg: WindConfig) -> float:
-    """ν of the settings; with ``wind.forecast_error=none``, only the members determine the error."""
-    return 0.0 if cfg.forecast_error == "none" else cfg.ensemble_prior
 
 
 def _by_time(snapshots: Sequence[Snapshot]) -> dict[float, dict[str, Snapshot]]:

@@ -19,7 +19,7 @@ from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, table_level
 from pareto_ltl.wind.readings import CALM, Readings
-from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings, prior_weight
+from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
 from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 from pareto_ltl.wind.sources.magic import first_bytes, format_of
@@ -151,7 +151,7 @@ def _read_ensemble(cfg: WindConfig, wanted: Wanted) -> Readings:
     snapshots = [snap for _, one in found for snap in one.winds]
     several = len(found) > 1
     notes = [f"{name}: {note}" if several else note for name, one in found for note in one.notes]
-    return ensemble_readings(snapshots, files, prior_weight(cfg), tuple(notes))
+    return ensemble_readings(snapshots, files, cfg, tuple(notes))
 
 
 def _read_given(_cfg: WindConfig, _wanted: Wanted) -> Readings:

@@ -233,7 +233,7 @@ def _pair_at(path: Path, found: list[tuple[_Kind, xr.DataArray]], quantity: Quan
         v = _partner(path, u, [other for same, other in found if same == kind._replace(component="v")])
         dimension, heights = levels_of(u, quantity.length)
         if not heights:
-            pairs.append((np.inf, _Pair(u, v, kind, None, 0, wanted)))
+            pairs.append((np.inf, _Pair(u, v, kind, None, 0, wanted, stated=False)))
         levels += heights
         for place, height in enumerate(heights):
             if (gap := _level_gap(height, wanted, quantity.nearest)) is not None:
@@ -243,8 +243,7 @@ def _pair_at(path: Path, found: list[tuple[_Kind, xr.DataArray]], quantity: Quan
             f"wind file {path} holds no {quantity.name} {wanted.phrase}; it has {level_list(levels)}: "
             "set wind.level to one of them"
         )
-    gap, chosen = min(pairs, key=lambda entry: (entry[0], entry[1].kind.rank))
-    return chosen._replace(stated=gap < np.inf)
+    return min(pairs, key=lambda entry: (entry[0], entry[1].kind.rank))[1]
 
 
 def _pair_notes(pair: _Pair, wanted: Level) -> Iterator[str]:

@@ -36,7 +36,7 @@ from pareto_ltl.support.reading import read_json
 from pareto_ltl.wind.area import GeoBox, Wanted
 from pareto_ltl.wind.levels import HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
-from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings, prior_weight
+from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
 from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 
 LOG = logging.getLogger(__name__)
@@ -71,7 +71,7 @@ def read_noaa(cfg: WindConfig, wanted: Wanted) -> Readings:
     cycle = iso(snapshots[0].cycle)
     note = f"{cfg.model} forecast of {cycle}; wind.cycle={cycle} reads the same one again"
     if len({snapshot.member for snapshot in snapshots}) > 1:
-        return ensemble_readings(snapshots, files, prior_weight(cfg), (note, *notes))
+        return ensemble_readings(snapshots, files, cfg, (note, *notes))
     return latest_readings(snapshots, files, (note, *notes))
 
 
