@@ -228,11 +228,9 @@ class MatchedFields:
         apart = 2 * EARTH_RADIUS * np.arcsin(np.clip(chord / 2, 0, 1))
         farthest = min(FARTHEST, apart.max() / 2)
         which = np.ceil(apart * BINS / farthest).astype(int) - 1
-        which[(which >= BINS) | (apart == 0)] = -1
-        used = [k for k in range(BINS) if (which == k).any()]
+        compared = (which < BINS) & (apart > 0)
         bins = np.full_like(which, -1)
-        for row, k in enumerate(used):
-            bins[which == k] = row
+        used, bins[compared] = np.unique(which[compared], return_inverse=True)
         return chosen, bins, np.array([apart[bins == row].mean() for row in range(len(used))])
 
     def _products(self, difference: FloatArray) -> FloatArray:

@@ -56,12 +56,11 @@ def scene_from_settings(
     """
     sketch = _sketch(cfg)
     known = (sketch.border or border) if cfg.border == "auto" else cfg.border
-    simplify = cfg.simplify if isinstance(cfg.simplify, str) else float(cfg.simplify)
     departure, faults = time_zero or sketch.time_zero, MapFaults(sketch.where, sketch.faults)
     times = faults.each(sketch.timed, lambda place: place.window(sketch.where, departure))
     windows = {place.name: window for place, window in times}
     sketch = replace(sketch, faults=tuple(faults.texts))
-    scene = checked_scene(sketch, DrawingRules(use, simplify, cfg.altitude, known == "wall"))
+    scene = checked_scene(sketch, DrawingRules(use, cfg.simplify, cfg.altitude, known == "wall"))
     forbidden = tuple(place.name for place in sketch.timed if place.forbidden)
     return replace(scene, time_zero=departure, border=known, windows=windows, forbidden=forbidden)
 
