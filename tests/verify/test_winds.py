@@ -115,8 +115,8 @@ def test_the_judge_has_the_planners_factor_and_persistence(kernel: str, same_pla
     points = [first if same_places or k % 2 else first[: 20 + k] for k in range(len(times))]
     steady = rng.normal(size=(30, 2))
     winds = [3 * steady[: len(p)] + rng.normal(size=p.shape) for p in points]
-    hyper = tuple(tuple(gp.Hyper(float(m), 3.0, 4e5, 0.8) for m in w.mean(axis=0)) for w in winds)
-    residuals = gp.leave_one_out(kernel, points, winds, hyper)  # type: ignore[arg-type]
+    hyper, means = gp.Hyper(3.0, 4e5, 0.8), np.stack([w.mean(axis=0) for w in winds])
+    residuals = gp.leave_one_out(kernel, points, winds, hyper, means)
     anchors, squares = gp.squared_residuals(points, residuals)
     posterior = gp.WindPosterior(
         times,
@@ -124,12 +124,14 @@ def test_the_judge_has_the_planners_factor_and_persistence(kernel: str, same_pla
         tuple(winds),
         kernel,
         hyper,
+        means,
         {},
         residuals,
         anchors,
-        squares,  # type: ignore[arg-type]
+        squares,
     )
-    own = wind_fit.Fit(points, winds, np.array(hyper), kernel)
+    table = np.concatenate([means[..., None], np.broadcast_to(hyper, (*means.shape, 3))], axis=-1)
+    own = wind_fit.Fit(points, winds, table, kernel)
     places = rng.uniform(-7e5, 7e5, (50, 2))
     np.testing.assert_allclose(own.factor(places), posterior.variance_factor(places), rtol=1e-5)
     _, wanted = posterior.at(places)

@@ -401,11 +401,12 @@ def test_the_file_holds_what_the_field_was_fitted_from(few, tmp_path):
     for k, (points, winds) in enumerate(zip(again.points, again.winds, strict=True)):
         np.testing.assert_array_equal(points, few.points[k])
         np.testing.assert_array_equal(winds, few.winds[k])
-    hyper = tuple((regression.Hyper(*east), regression.Hyper(*north)) for east, north in again.hyper)
-    residuals = regression.leave_one_out(again.kernel, again.points, again.winds, hyper)
+    hyper, means = regression.Hyper(*again.hyper[0, 0, 1:].tolist()), again.hyper[..., 0]
+    assert (again.hyper[..., 1:] == hyper).all()
+    residuals = regression.leave_one_out(again.kernel, again.points, again.winds, hyper, means)
     anchors, squares = regression.squared_residuals(again.points, residuals)
     seen = regression.WindPosterior(
-        wind.times, again.points, again.winds, again.kernel, hyper, {}, residuals, anchors, squares
+        wind.times, again.points, again.winds, again.kernel, hyper, means, {}, residuals, anchors, squares
     )
     mean, var = seen.at(wind.origin + wind.spacing * np.array([[3, 5], [20, 40]]))
     np.testing.assert_allclose(mean, wind.mean[:, [3, 20], [5, 40]])

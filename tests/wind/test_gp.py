@@ -35,7 +35,7 @@ def sample():
     return place_readings(WindConfig(), sources.read_readings(WindConfig()), scene)
 
 
-def dense(kernel, h, points, wind, at):
+def dense(kernel, h, prior, points, wind, at):
     """Joint Gaussian of readings and field, conditioned by inverting the whole covariance."""
     both = np.vstack([points, at])
     r = np.sqrt(((both[:, None, :] - both[None, :, :]) ** 2).sum(-1)) / h.length
@@ -46,19 +46,19 @@ def dense(kernel, h, points, wind, at):
     }[kernel]
     C, n = h.amplitude**2 * rho, len(points)
     inverse = np.linalg.inv(C[:n, :n] + h.noise**2 * np.eye(n))
-    mean = h.mean + C[n:, :n] @ inverse @ (wind - h.mean)
+    mean = prior + C[n:, :n] @ inverse @ (wind - prior)
     return mean, np.diag(C[n:, n:] - C[n:, :n] @ inverse @ C[:n, n:])
 
 
 def factor_by_hand(kernel, posterior, at):
     """Leave-one-out residuals by leaving readings out one by one, averaged with Gaussian weights."""
-    places, n = posterior.points[0], len(posterior.points[0])
+    places, n, h = posterior.points[0], len(posterior.points[0]), posterior.hyper
     z2 = np.zeros(n)
     for i in range(n):
         rest = np.arange(n) != i
         for k, winds in enumerate(posterior.winds):
-            for c, h in enumerate(posterior.hyper[k]):
-                mean, var = dense(kernel, h, places[rest], winds[rest, c], places[i : i + 1])
+            for c, prior in enumerate(posterior.means[k]):
+                mean, var = dense(kernel, h, prior, places[rest], winds[rest, c], places[i : i + 1])
                 z2[i] += (winds[i, c] - mean[0]) ** 2 / (var[0] + h.noise**2)
     z2 /= 2 * len(posterior.winds)
     g = np.exp(-0.5 * (np.linalg.norm(at[:, None] - places[None], axis=2) / 250e3) ** 2)
@@ -75,8 +75,8 @@ def test_the_posterior_is_that_of_the_dense_formula(kernel):
     assert factor.std() > 0.01
     for k in range(2):
         for c in range(2):
-            h = posterior.hyper[k][c]
-            expected, v = dense(kernel, h, seen.points[k], seen.winds[k][:, c], at)
+            h = posterior.hyper
+            expected, v = dense(kernel, h, posterior.means[k, c], seen.points[k], seen.winds[k][:, c], at)
             np.testing.assert_allclose(mean[k, :, c], expected, atol=1e-6)
             np.testing.assert_allclose(
                 var[k, :, c], np.maximum((v + h.noise**2) * factor - h.noise**2, 0.0), atol=1e-5
@@ -91,12 +91,13 @@ def test_the_posterior_is_that_of_scikit_learn_with_the_same_hyperparameters():
     posterior = regression.fit_posterior(WindConfig(), seen)
     at = np.random.default_rng(3).uniform(-SIDE / 2, SIDE / 2, (30, 2))
     mean, var = posterior.at(at)
-    for c, h in enumerate(posterior.hyper[0]):
+    h = posterior.hyper
+    for c, prior in enumerate(posterior.means[0]):
         kernel = ConstantKernel(h.amplitude**2) * Matern(h.length, nu=0.5) + WhiteKernel(h.noise**2)
         model = GaussianProcessRegressor(kernel, optimizer=None)
-        model.fit(seen.points[0], seen.winds[0][:, c] - h.mean)
+        model.fit(seen.points[0], seen.winds[0][:, c] - prior)
         expected, sd = model.predict(at, return_std=True)
-        np.testing.assert_allclose(mean[0, :, c], expected + h.mean, atol=1e-6)
+        np.testing.assert_allclose(mean[0, :, c], expected + prior, atol=1e-6)
         total = posterior.variance_factor(at) * sd**2
         np.testing.assert_allclose(
             var[0, :, c] + posterior.gust_var[0, c], np.maximum(total, h.noise**2), atol=1e-6
@@ -116,14 +117,13 @@ def test_no_neighbouring_hyperparameters_are_more_likely(sample):
         return total
 
     posterior = regression.fit_posterior(WindConfig(), sample)
-    h = posterior.hyper[0][0]
-    assert {each[1:] for pair in posterior.hyper for each in pair} == {h[1:]}  # all but the prior means
-    best = likelihood(*h[1:])
+    h = posterior.hyper
+    best = likelihood(*h)
     for name in ("amplitude", "length", "noise"):
         for factor in (0.9, 1.1):
             other = h._replace(**{name: getattr(h, name) * factor})
             if other.noise >= WindConfig().noise_min * (1 - 1e-9):
-                assert likelihood(*other[1:]) <= best + 1e-3
+                assert likelihood(*other) <= best + 1e-3
 
 
 def test_the_hold_out_score_of_the_sample_is_honest(sample):
@@ -145,9 +145,8 @@ def test_readings_from_the_assumed_law_are_scored_as_such():
 def test_noise_and_length_are_found_again():
     posterior = regression.fit_posterior(WindConfig(kernel="matern32"), observed(seed=5, n=300, times=3))
     noise = np.sqrt(posterior.gust_var)
-    length = np.array([[h.length for h in pair] for pair in posterior.hyper])
     assert abs(noise.mean() - 1.0) < 0.15
-    assert 0.6 < np.exp(np.log(length / 400e3).mean()) < 1.6
+    assert 0.6 < posterior.hyper.length / 400e3 < 1.6
 
 
 def test_what_is_held_out_does_not_touch_the_score_of_the_rest():
@@ -183,8 +182,8 @@ def test_the_last_bits_of_the_readings_do_not_change_the_hyperparameters():
     """Else processors that round differently would plan with different winds."""
     seen = observed(noise=1.0, length=4e5)
     other = replace(seen, winds=tuple(w * (1 + 1e-11) for w in seen.winds))
-    one, two = (regression.fit_posterior(WindConfig(), readings).hyper[0][0] for readings in (seen, other))
-    assert (one.amplitude, one.length, one.noise) == (two.amplitude, two.length, two.noise)
+    one, two = (regression.fit_posterior(WindConfig(), readings).hyper for readings in (seen, other))
+    assert one == two
 
 
 @pytest.mark.parametrize("noise_min", [0.3, 2.0, 6.0])
@@ -197,17 +196,17 @@ def test_the_fit_does_not_depend_on_the_unit_of_length():
     """A laboratory of 2 m is a continent in small: everything scales, nothing else changes."""
     seen = observed(seed=9)
     small = WindObservations(seen.times, tuple(p * 1e-6 for p in seen.points), seen.winds, "small")
-    big, lab = (regression.fit_posterior(WindConfig(), s) for s in (seen, small))
-    for a, b in zip(big.hyper[0], lab.hyper[0], strict=True):
-        np.testing.assert_allclose(b.length * 1e6, a.length, rtol=1e-3)
-        np.testing.assert_allclose([b.amplitude, b.noise], [a.amplitude, a.noise], rtol=1e-3)
+    a, b = (regression.fit_posterior(WindConfig(), s).hyper for s in (seen, small))
+    np.testing.assert_allclose(b.length * 1e6, a.length, rtol=1e-3)
+    np.testing.assert_allclose([b.amplitude, b.noise], [a.amplitude, a.noise], rtol=1e-3)
 
 
 def test_far_from_all_readings_the_prior_returns():
     seen = observed(seed=10)
     posterior = regression.fit_posterior(WindConfig(), seen)
     mean, var = posterior.at(np.array([[5e7, 5e7]]))
-    for c, h in enumerate(posterior.hyper[0]):
+    h = posterior.hyper
+    for c in (0, 1):
         np.testing.assert_allclose(mean[0, 0, c], seen.winds[0][:, c].mean(), atol=1e-9)
         total = posterior.squares.mean() * (h.amplitude**2 + h.noise**2)
         np.testing.assert_allclose(var[0, 0, c], total - h.noise**2, rtol=1e-9)
@@ -216,6 +215,7 @@ def test_far_from_all_readings_the_prior_returns():
 def test_the_same_readings_give_the_same_posterior(sample):
     one, two = (regression.fit_posterior(WindConfig(), sample) for _ in range(2))
     np.testing.assert_allclose(one.hyper, two.hyper, rtol=1e-9)
+    np.testing.assert_allclose(one.means, two.means, rtol=1e-9)
     assert one.score == pytest.approx(two.score, rel=1e-9)
 
 
@@ -250,12 +250,9 @@ def test_an_ensemble_is_interpolated_with_the_weights_of_the_mean():
     seen = observed(seed=14, times=2)
     posterior = regression.fit_posterior(WindConfig(), seen)
     at = np.random.default_rng(2).uniform(-SIDE / 2, SIDE / 2, (10, 2))
-    own = tuple(
-        (w - [h.mean for h in pair])[:, :, None] for w, pair in zip(seen.winds, posterior.hyper, strict=True)
-    )
+    own = tuple((w - prior)[:, :, None] for w, prior in zip(seen.winds, posterior.means, strict=True))
     spread = posterior.spread_out(own, at)[..., 0]
-    priors = np.array([[h.mean for h in pair] for pair in posterior.hyper])[:, None]
-    np.testing.assert_allclose(spread + priors, posterior.at(at)[0], atol=1e-9)
+    np.testing.assert_allclose(spread + posterior.means[:, None], posterior.at(at)[0], atol=1e-9)
     assert posterior.spread_out((), at).shape == (2, 10, 2, 0)
 
 

@@ -20,7 +20,8 @@ from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, TIME, WindModes, 
 from problems import QUICK_ERROR, box, make_scene, smooth_wind
 
 KM = 1000.0
-HYPER = Hyper(2.0, 3.0, 300 * KM, 1.0)
+HYPER = Hyper(3.0, 300 * KM, 1.0)
+MEAN = 2.0
 
 
 def posterior(slots=2, stations=40, rho=0.7, seed=0, kernel="matern32"):
@@ -35,12 +36,12 @@ def posterior(slots=2, stations=40, rho=0.7, seed=0, kernel="matern32"):
         step = np.sqrt(1 - rho**2)
         field.append(rho * field[-1] + step * root @ rng.standard_normal((stations, 2)))
         noise.append(rho * noise[-1] + step * rng.standard_normal((stations, 2)))
-    winds = tuple(HYPER.mean + f + HYPER.noise * n for f, n in zip(field, noise, strict=True))
+    winds = tuple(MEAN + f + HYPER.noise * n for f, n in zip(field, noise, strict=True))
     times = 3600.0 * np.arange(slots)
-    hyper = ((HYPER, HYPER),) * slots
+    means = np.full((slots, 2), MEAN)
     points = (places,) * slots
-    own = leave_one_out(kernel, points, winds, hyper)
-    return WindPosterior(times, points, winds, kernel, hyper, {}, own, places, np.ones(stations))
+    own = leave_one_out(kernel, points, winds, HYPER, means)
+    return WindPosterior(times, points, winds, kernel, HYPER, means, {}, own, places, np.ones(stations))
 
 
 def nodes(n=12):
@@ -153,8 +154,9 @@ def test_neighbouring_slots_look_alike_so_that_rho_ties_the_same_winds():
     """With equal readings and hyperparameters the modes of both slots agree, signs and order included."""
     one = posterior(slots=1)
     two = replace(
-        one, times=np.array([0.0, 3600.0]), points=one.points * 2, winds=one.winds * 2, hyper=one.hyper * 2
-    )
+        one, times=np.array([0.0, 3600.0]), points=one.points * 2, winds=one.winds * 2,
+        means=np.repeat(one.means, 2, axis=0),
+    )  # fmt: skip
     found = modes_of(two, most=60)
     np.testing.assert_allclose(found.psi[1], found.psi[0], atol=1e-3)
 
@@ -183,7 +185,7 @@ def test_without_stations_in_common_the_field_counts_as_frozen(caplog):
     one, other = posterior(slots=1, seed=0), posterior(slots=1, seed=1)
     moving = replace(
         one, times=np.array([0.0, 3600.0]), points=one.points + other.points, winds=one.winds + other.winds,
-        hyper=one.hyper * 2,
+        means=np.repeat(one.means, 2, axis=0),
     )  # fmt: skip
     assert modes.error_persistence(moving) == 1.0
     assert "wind.rho" in caplog.text
@@ -198,9 +200,9 @@ def test_a_singular_covariance_is_no_trouble():
     """Two stations at one place, and nodes on top of them."""
     places = np.array([[0.0, 0.0], [0.0, 0.0], [500 * KM, 0.0]])
     sharp = HYPER._replace(noise=1e-3)
-    points, winds, hyper = (places,), (np.ones((3, 2)),), ((sharp, sharp),)
-    own = leave_one_out("rbf", points, winds, hyper)
-    post = WindPosterior(np.zeros(1), points, winds, "rbf", hyper, {}, own, places, np.ones(3))
+    points, winds, means = (places,), (np.ones((3, 2)),), np.full((1, 2), MEAN)
+    own = leave_one_out("rbf", points, winds, sharp, means)
+    post = WindPosterior(np.zeros(1), points, winds, "rbf", sharp, means, {}, own, places, np.ones(3))
     nothing = modes.ErrorParts(np.zeros(1), 1.0, np.zeros(1), 1.0)
     nobody = np.zeros((1, 6, 2, 0))
     found = modes.error_modes(post, nothing, nobody, (2, 3), np.vstack([places, places]), 0.99, 6)

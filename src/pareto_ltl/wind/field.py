@@ -38,7 +38,7 @@ LEAST_COVERAGE, MOST_COVERAGE = 0.8, 0.97  # of 90 % intervals; outside this ran
 SAMPLES = 16  # instants at which a variance is averaged over time
 LOG = logging.getLogger(__name__)
 FIT_SETTINGS = ("kernel", "noise_min", "holdout", "energy", "modes_max")  # that a table depends on
-LENGTH = gp.Hyper._fields.index("length")
+LENGTH, NOISE = 2, 3  # columns of the hyperparameters of a table
 TABLE_CODE = ("wind.field", "wind.gp", "wind.modes")  # the code that a table depends on
 TABLE_PACKAGES = ("numpy", "scipy", "scikit-learn")  # other versions round differently
 
@@ -210,7 +210,7 @@ def time_variances(seen: WindObservations, horizon: float | None) -> FloatArray:
 def _warn_about_score(table: WindTable, cfg: WindConfig) -> None:
     """Log a warning if the predictions of held-out readings show that the intervals of the fit are wrong."""
     covered = table.score.get("gp_coverage_90", math.nan)
-    least = covered > MOST_COVERAGE and bool((table.hyper[..., 3] <= cfg.noise_min).all())
+    least = covered > MOST_COVERAGE and bool((table.hyper[..., NOISE] <= cfg.noise_min).all())
     if covered < LEAST_COVERAGE or covered > MOST_COVERAGE:
         LOG.warning(
             "of the wind readings on the map that the fit did not see, %s lie within its 90 %% intervals "
@@ -307,11 +307,12 @@ def tabulate_wind(task: WindTask) -> WindTable:
     shape = task.mode_lattice.shape
     found = modes.error_modes(posterior, task.parts, members, shape, mode_nodes, cfg.energy, cfg.modes_max)
     slots = len(seen.times)
+    scales = np.broadcast_to(posterior.hyper, (slots, 2, 3))
     return WindTable(
         mean=mean.reshape(slots, *task.lattice.shape, 2),
         latent_var=var.reshape(slots, *task.lattice.shape, 2),
         gust_var=posterior.gust_var,
-        hyper=np.array(posterior.hyper),
+        hyper=np.concatenate([posterior.means[..., None], scales], axis=-1),
         rho=modes.error_persistence(posterior),
         score=posterior.score,
         **found._replace(psi=found.psi.reshape(slots, *shape, 2, -1))._asdict(),

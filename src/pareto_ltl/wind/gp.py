@@ -30,9 +30,8 @@ FACTOR_PRIOR = 0.5  # weight of the overall mean squared residual in that averag
 
 
 class Hyper(NamedTuple):
-    """Hyperparameters of one process: prior mean, amplitude α and noise σ [m/s], length scale ℓ [m]."""
+    """Hyperparameters of all processes: amplitude α and noise σ [m/s], length scale ℓ [m]."""
 
-    mean: float
     amplitude: float
     length: float
     noise: float
@@ -50,8 +49,10 @@ class WindPosterior:
         Positions [m] and winds [m/s] of the readings.
     kernel : str
         ``matern12``, ``matern32`` or ``rbf``.
-    hyper : tuple of K pairs of Hyper
-        Hyperparameters of the x and y component at each time; only the prior means differ.
+    hyper : Hyper
+        Hyperparameters that all times and components have in common.
+    means : (K, 2) float
+        Prior mean of each time and component [m/s].
     score : mapping of str to float
         ``gp_z_sd``, ``gp_coverage_90`` and ``gp_nlpd`` of readings that were held out of a first fit.
     residuals : tuple of (n_k, 2) float
@@ -64,7 +65,8 @@ class WindPosterior:
     points: tuple[FloatArray, ...]
     winds: tuple[FloatArray, ...]
     kernel: str
-    hyper: tuple[tuple[Hyper, Hyper], ...]
+    hyper: Hyper
+    means: FloatArray
     score: dict[str, float]
     residuals: tuple[FloatArray, ...]
     anchors: FloatArray
@@ -73,7 +75,7 @@ class WindPosterior:
     @property
     def gust_var(self) -> FloatArray:
         """Variance σ² of the white part, shape (K, 2) [m²/s²]."""
-        return np.array([[h.noise**2 for h in pair] for pair in self.hyper])
+        return np.full(self.means.shape, self.hyper.noise**2)
 
     def at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean [m/s] and latent variance [m²/s²] at ``points`` (P, 2) [m], both of shape (K, P, 2).
@@ -93,10 +95,9 @@ class WindPosterior:
 
         ``factor`` (P,) is the variance factor at ``points``.
         """
-        h, winds = self.hyper[slots[0]][0], np.stack([self.winds[k] for k in slots], axis=1)
-        prior = np.array([[pair.mean for pair in self.hyper[k]] for k in slots])
-        found, v = _condition_gp(self.kernel, h, self.points[slots[0]], points, winds - prior)
-        return (found + prior).transpose(1, 0, 2), scaled_variance(v, h.noise**2, factor)[:, None]
+        winds, prior = np.stack([self.winds[k] for k in slots], axis=1), self.means[slots]
+        found, v = _condition_gp(self.kernel, self.hyper, self.points[slots[0]], points, winds - prior)
+        return (found + prior).transpose(1, 0, 2), scaled_variance(v, self.hyper.noise**2, factor)[:, None]
 
     def spread_out(self, members: Sequence[FloatArray], points: FloatArray) -> FloatArray:
         """Deviations of the members of an ensemble at ``points`` (P, 2) [m], shape (K, P, 2, M) [m/s].
@@ -106,10 +107,8 @@ class WindPosterior:
         """
         if not members:
             return np.zeros((len(self.times), len(points), 2, 0))
-        found = []
-        for k, deviations in enumerate(members):
-            found.append(_condition_gp(self.kernel, self.hyper[k][0], self.points[k], points, deviations)[0])
-        return np.stack(found)
+        pairs = zip(self.points, members, strict=True)
+        return np.stack([_condition_gp(self.kernel, self.hyper, own, points, d)[0] for own, d in pairs])
 
     def variance_factor(self, points: FloatArray) -> FloatArray:
         """s² at ``points`` (P, 2) [m], shape (P,): local error variance relative to the kernel::
@@ -166,7 +165,7 @@ def fit_posterior(
         start, score = None, dict.fromkeys(SCORES, np.nan)
         if out is not None:
             trial = _fitted(cfg, observations, [~mask for mask in out], None)
-            start, score = trial.hyper[0][0], score_of(trial, observations, out)
+            start, score = trial.hyper, score_of(trial, observations, out)
         everything = [np.ones(len(points), bool) for points in observations.points]
         posterior = _fitted(cfg, observations, everything, start)
     return replace(posterior, score=score)
@@ -227,20 +226,17 @@ def _fitted(
     """The posterior of the readings ``kept`` (a mask for each time), with hyperparameters fitted to them."""
     points = tuple(p[mask] for p, mask in zip(seen.points, kept, strict=True))
     winds = tuple(w[mask] for w, mask in zip(seen.winds, kept, strict=True))
-    alpha, length, sigma = maximise_likelihood(cfg, points, winds, start)
-    hyper = tuple(
-        (Hyper(float(u), alpha, length, sigma), Hyper(float(v), alpha, length, sigma))
-        for u, v in (w.mean(axis=0) for w in winds)
-    )
-    residuals = leave_one_out(cfg.kernel, points, winds, hyper)
+    hyper = maximise_likelihood(cfg, points, winds, start)
+    means = np.stack([w.mean(axis=0) for w in winds])
+    residuals = leave_one_out(cfg.kernel, points, winds, hyper, means)
     anchors, squares = squared_residuals(points, residuals)
-    return WindPosterior(seen.times, points, winds, cfg.kernel, hyper, {}, residuals, anchors, squares)
+    return WindPosterior(seen.times, points, winds, cfg.kernel, hyper, means, {}, residuals, anchors, squares)
 
 
 def maximise_likelihood(
     cfg: WindConfig, points: Sequence[FloatArray], winds: Sequence[FloatArray], start: Hyper | None = None
-) -> tuple[float, float, float]:
-    """Maximum-likelihood amplitude [m/s], length scale [m] and noise [m/s], common to times and components.
+) -> Hyper:
+    """Maximum-likelihood hyperparameters, common to times and components.
 
     Times with readings at the same places have one Cholesky factor. If there are more than ``MOST_TIMES``
     groups of such times, an evenly spread selection is used. The results have four significant digits.
@@ -271,11 +267,8 @@ def maximise_likelihood(
     begin = np.log([f if i == 1 else f**2 for i, f in enumerate(first)])
     found = minimize(loss, np.clip(begin, *limits.T), jac=True, method="L-BFGS-B", bounds=limits)
     alpha2, length, sigma2 = np.exp(found.x)
-    return (
-        _significant(np.sqrt(alpha2) * scale),
-        _significant(length * reach),
-        max(_significant(np.sqrt(sigma2) * scale), cfg.noise_min),
-    )
+    noise = max(_significant(np.sqrt(sigma2) * scale), cfg.noise_min)
+    return Hyper(_significant(np.sqrt(alpha2) * scale), _significant(length * reach), noise)
 
 
 def _significant(value: float) -> float:
@@ -359,10 +352,7 @@ def _inverse(K: FloatArray) -> FloatArray:
 
 
 def leave_one_out(
-    kernel: str,
-    points: Sequence[FloatArray],
-    winds: Sequence[FloatArray],
-    hyper: Sequence[tuple[Hyper, Hyper]],
+    kernel: str, points: Sequence[FloatArray], winds: Sequence[FloatArray], hyper: Hyper, means: FloatArray
 ) -> tuple[FloatArray, ...]:
     """Standardised leave-one-out residuals z of the readings of each time, (n_k, 2) each.
 
@@ -376,11 +366,9 @@ def leave_one_out(
     """
     residuals: dict[int, FloatArray] = {}
     for slots in same_places(points):
-        h, places = hyper[slots[0]][0], points[slots[0]]
-        K_inv = _inverse(reading_covariance(kernel, h, places))
+        K_inv = _inverse(reading_covariance(kernel, hyper, points[slots[0]]))
         for k in slots.tolist():
-            deviations = winds[k] - np.array([each.mean for each in hyper[k]])
-            residuals[k] = K_inv @ deviations / np.sqrt(np.diag(K_inv))[:, None]
+            residuals[k] = K_inv @ (winds[k] - means[k]) / np.sqrt(np.diag(K_inv))[:, None]
     return tuple(residuals[k] for k in range(len(points)))
 
 

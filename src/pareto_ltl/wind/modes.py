@@ -168,7 +168,7 @@ def posterior_covariance(
     """
     from scipy.linalg import solve_triangular
 
-    h, points = posterior.hyper[k][0], posterior.points[k]
+    h, points = posterior.hyper, posterior.points[k]
     rho, a2 = CORRELATIONS[posterior.kernel], h.amplitude**2
     L = np.linalg.cholesky(gp.reading_covariance(posterior.kernel, h, points, RELATIVE_RIDGE))
     V = solve_triangular(L, a2 * rho(pairwise_distances(points, nodes) / h.length), lower=True)
