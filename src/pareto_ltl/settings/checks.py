@@ -222,6 +222,9 @@ class CheckedSettings:
 
     section: ClassVar[str] = ""
 
+    def __init_subclass__(cls, section: str = "") -> None:
+        cls.section = section
+
     def __post_init__(self) -> None:
         kinds: dict[str, Any] = field_kinds(type(self))  # type: ignore[arg-type]  # classes have a hash
         for item in fields(self):  # type: ignore[arg-type]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 from pareto_ltl.settings.checks import CheckedSettings, setting
 
@@ -30,10 +29,9 @@ _USUAL = PRESETS[DEFAULT]
 
 
 @dataclass
-class FidelityConfig(CheckedSettings):
+class FidelityConfig(CheckedSettings, section="fidelity"):
     """The models that plans are made with; fidelity=NAME sets all of them, and each can be set alone."""
 
-    section: ClassVar[str] = "fidelity"
     name: str = setting(
         DEFAULT, "preset that sets the defaults of the settings below", choices=tuple(PRESETS)
     )

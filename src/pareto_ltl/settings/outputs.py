@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from pareto_ltl.settings.checks import CheckedSettings, check_outline, check_time, setting
 from pareto_ltl.settings.fidelity import LAWS
@@ -31,19 +31,17 @@ HIGHEST = 100_000.0  # limit of the absolute value of an exported height [m]
 
 
 @dataclass
-class DeploymentConfig(CheckedSettings):
+class DeploymentConfig(CheckedSettings, section="deployment"):
     """Simulated flights of the plan."""
 
-    section: ClassVar[str] = "deployment"
     runs: int = setting(500, "flights simulated under each wind law", "[1, 1e8]")
     laws: list[str] = setting(list(LAWS), "wind laws that are simulated", choices=LAWS, distinct=True)
 
 
 @dataclass
-class ReportConfig(CheckedSettings):
+class ReportConfig(CheckedSettings, section="report"):
     """Figures."""
 
-    section: ClassVar[str] = "report"
     figures: bool = setting(True, "whether figures are drawn")
     page: bool = setting(True, "whether report.html is written: one file that shows the result")
     formats: list[str] = setting(
@@ -55,10 +53,9 @@ class ReportConfig(CheckedSettings):
 
 
 @dataclass
-class ExportsConfig(CheckedSettings):
+class ExportsConfig(CheckedSettings, section="exports"):
     """Files of the plan for autopilots, maps and navigators (docs/exports.md)."""
 
-    section: ClassVar[str] = "exports"
     files: bool = setting(True, "whether the plan is exported")
     formats: list[str] = setting(
         [name for name in EXPORT_FILES if name not in ON_REQUEST],
@@ -103,10 +100,9 @@ class ExportsConfig(CheckedSettings):
 
 
 @dataclass
-class IngestConfig(CheckedSettings):
+class IngestConfig(CheckedSettings, section="ingest"):
     """The table of readings that pipelines=ingest writes."""
 
-    section: ClassVar[str] = "ingest"
     out: str = setting("wind_table.csv", "file that is written")
     points: int = setting(120, "readings at each time, by farthest-point sampling", "[3, 1e6]")
     area: list[Any] = setting([], "outline of the area, corners [longitude, latitude]", unit="deg")
@@ -125,18 +121,16 @@ class IngestConfig(CheckedSettings):
 
 
 @dataclass
-class PipelineConfig(CheckedSettings):
+class PipelineConfig(CheckedSettings, section="pipelines"):
     """The stages of a run."""
 
-    section: ClassVar[str] = "pipelines"
     stages: list[str] = setting([], "stages in the order in which they run")
 
 
 @dataclass
-class SweepConfig(CheckedSettings):
+class SweepConfig(CheckedSettings, section="sweep"):
     """How a sweep resumes and what its figure shows; no result of a run depends on it."""
 
-    section: ClassVar[str] = "sweep"
     resume: bool = setting(True, "keep finished jobs and run only those that failed, were killed or are new")
     x: str | None = setting(
         None, "horizontal axis of the figure: a swept setting or a metric; null: the first swept setting"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from pareto_ltl.settings.checks import CheckedSettings, is_finite, setting
 from pareto_ltl.support.errors import ConfigError
@@ -15,20 +15,18 @@ FURTHER_COSTS = ("duration", "turns")
 
 
 @dataclass
-class LogicConfig(CheckedSettings):
+class LogicConfig(CheckedSettings, section="logic"):
     """The automaton of the mission."""
 
-    section: ClassVar[str] = "logic"
     max_states: int = setting(
         10_000, "largest number of states of the automaton; a larger one is an error", "[2, 1e6]"
     )
 
 
 @dataclass
-class PlannerConfig(CheckedSettings):
+class PlannerConfig(CheckedSettings, section="planner"):
     """The search trees."""
 
-    section: ClassVar[str] = "planner"
     trees: int = setting(10, "search trees grown in parallel", "[1, 10_000]")
     n_max: int = setting(2500, "vertices of a tree", "[2, 1e8]")
     epsilon: float | None = setting(
@@ -67,10 +65,9 @@ class PlannerConfig(CheckedSettings):
 
 
 @dataclass
-class SmoothingConfig(CheckedSettings):
+class SmoothingConfig(CheckedSettings, section="smoothing"):
     """Convex smoothing of the best paths."""
 
-    section: ClassVar[str] = "smoothing"
     candidates: int = setting(4, "largest number of paths of the front that are smoothed", "[1, 1000]")
     rounds: int = setting(3, "iterations of linearise, solve and propagate", "[1, 1000]")
     weights: list[float] = setting([1.0, 10.0, 100.0], "weights of risk against length", "[0, 1e6]")
@@ -83,10 +80,9 @@ class SmoothingConfig(CheckedSettings):
 
 
 @dataclass
-class RefineConfig(CheckedSettings):
+class RefineConfig(CheckedSettings, section="refine"):
     """Sampled refinement, with fidelity.refine=sampled."""
 
-    section: ClassVar[str] = "refine"
     flights: int = setting(
         1500,
         "simulated flights, in the same winds for all paths, whose failure rate is minimised",
@@ -100,10 +96,9 @@ class RefineConfig(CheckedSettings):
 
 
 @dataclass
-class SelectionConfig(CheckedSettings):
+class SelectionConfig(CheckedSettings, section="selection"):
     """Which path of the front becomes the plan."""
 
-    section: ClassVar[str] = "selection"
     rule: str = setting("worth", "how a path is chosen", choices=SELECTION_RULES, group=SELECTION_RULE_GROUP)
     saving: float = setting(
         2.0,

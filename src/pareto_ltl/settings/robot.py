@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 from pareto_ltl.settings.checks import CheckedSettings, are_number_rows, check_matrix, setting
 from pareto_ltl.support.errors import ConfigError
@@ -14,10 +14,9 @@ WATTS = {"within": "[0, 1e9]", "unit": "W"}
 
 
 @dataclass
-class PowerConfig(CheckedSettings):
+class PowerConfig(CheckedSettings, section="robot.power"):
     """Power P(v) that the robot draws at the airspeed v, and the energy that it may use."""
 
-    section: ClassVar[str] = "robot.power"
     kind: str = setting(
         "none",
         "law of P: none (energy is not reported), body (base + drag v³), wing (base + drag v³ + lift / v), "
@@ -61,10 +60,9 @@ class PowerConfig(CheckedSettings):
 
 
 @dataclass
-class RobotConfig(CheckedSettings):
+class RobotConfig(CheckedSettings, section="robot"):
     """The robot: x' = A x + dt B u + dt w, u_min ≤ ‖u‖ ≤ u_max."""
 
-    section: ClassVar[str] = "robot"
     dt: Any = setting(
         "auto",
         "time step; auto: short compared with the regions and passages of the map, and long enough that "

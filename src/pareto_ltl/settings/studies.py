@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from pareto_ltl.settings.checks import (
     SEEDS,
@@ -59,10 +59,9 @@ def all_of(choices: tuple[str, ...], key: str) -> Any:
 
 
 @dataclass
-class EvaluationConfig(CheckedSettings):
+class EvaluationConfig(CheckedSettings, section="evaluation"):
     """Settings that all studies share (pipelines compare, convergence, ablation, hindcast, forecast_test)."""
 
-    section: ClassVar[str] = "evaluation"
     seeds: list[int] = setting(
         list(range(20)), "seeds of the planner, one plan for each", SEEDS, distinct=True
     )
@@ -77,33 +76,30 @@ class EvaluationConfig(CheckedSettings):
 
 
 @dataclass
-class CompareConfig(CheckedSettings):
+class CompareConfig(CheckedSettings, section="compare"):
     """The planners that pipelines=compare compares."""
 
-    section: ClassVar[str] = "compare"
     methods: list[str] = setting(
         list(METHODS), "planners; differences are relative to the first one", choices=METHODS, distinct=True
     )
 
 
 @dataclass
-class ConvergenceConfig(CheckedSettings):
+class ConvergenceConfig(CheckedSettings, section="convergence"):
     """The tree sizes at which pipelines=convergence evaluates the growing trees."""
 
-    section: ClassVar[str] = "convergence"
     sizes: list[int] = setting(
         [100, 200, 500, 1000, 2500, 5000, 10_000, 20_000], "vertices of a tree", "[2, 1e8]", distinct=True
     )
 
 
 @dataclass
-class AblationConfig(CheckedSettings):
+class AblationConfig(CheckedSettings, section="ablation"):
     """The factors that pipelines=ablation varies, one at a time, and their values.
 
     Factors of ``SETTING_FACTORS`` are varied by default, ``MODEL_FACTORS`` only if they are listed.
     """
 
-    section: ClassVar[str] = "ablation"
     factors: list[str] = setting(
         list(SETTING_FACTORS), "factors to vary", choices=tuple(FACTOR_SECTIONS), distinct=True
     )
@@ -133,10 +129,9 @@ class AblationConfig(CheckedSettings):
 
 
 @dataclass
-class ForecastTestConfig(CheckedSettings):
+class ForecastTestConfig(CheckedSettings, section="forecast_test"):
     """Random missions that pipelines=forecast_test plans in forecasts and simulates in later analyses."""
 
-    section: ClassVar[str] = "forecast_test"
     known: str = setting(
         "departure",
         "winds that the planner knows: forecasts at departure, or readings of all times of the flight",
@@ -205,10 +200,9 @@ class ForecastTestConfig(CheckedSettings):
 
 
 @dataclass
-class HindcastConfig(ForecastTestConfig):
+class HindcastConfig(ForecastTestConfig, section="hindcast"):
     """The settings of forecast_test with which pipelines=hindcast tests interpolation: known=all."""
 
-    section: ClassVar[str] = "hindcast"
     known: str = other_default(ForecastTestConfig, "known", "all")
     hours: float = other_default(ForecastTestConfig, "hours", 18.0)
     bins: int = other_default(ForecastTestConfig, "bins", 8)
@@ -217,10 +211,9 @@ class HindcastConfig(ForecastTestConfig):
 
 
 @dataclass
-class DepartureConfig(CheckedSettings):
+class DepartureConfig(CheckedSettings, section="departure"):
     """Starts that pipelines=departure plans and compares (docs/departure.md)."""
 
-    section: ClassVar[str] = "departure"
     starts: list[Any] = setting([], "departure times, ISO 8601 UTC; empty: set by first, last and every")
     first: str | None = setting(None, "earliest start; null: mission.start_time, else the first wind time")
     last: str | None = setting(None, "latest start; null: the last wind time")
@@ -265,10 +258,9 @@ class DepartureConfig(CheckedSettings):
 
 
 @dataclass
-class ReplanningConfig(CheckedSettings):
+class ReplanningConfig(CheckedSettings, section="replanning"):
     """Flights of pipelines=replanning, with and without new plans on the way (docs/replanning.md)."""
 
-    section: ClassVar[str] = "replanning"
     flights: int = setting(100, "number of true winds in which the plan is flown", "[1, 1e6]")
     fixes: list[int] = setting(
         [1, 2, 4], "numbers of fixes, evenly spaced over the plan: a row for each", "[1, 1000]",
@@ -286,10 +278,9 @@ class ReplanningConfig(CheckedSettings):
 
 
 @dataclass
-class SitlConfig(CheckedSettings):
+class SitlConfig(CheckedSettings, section="sitl"):
     """Flights of the exported command table by the aircraft model of JSBSim, with pipelines=sitl."""
 
-    section: ClassVar[str] = "sitl"
     flights: int = setting(
         200, "flights in JSBSim, and as many of the planner's simulation in the same winds", "[1, 1e5]"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 from pareto_ltl.settings.checks import CheckedSettings, check_time, setting
 from pareto_ltl.support.errors import ConfigError
@@ -53,10 +53,9 @@ GP_KERNELS = ("matern12", "matern32", "rbf")
 
 
 @dataclass
-class WindConfig(CheckedSettings):
+class WindConfig(CheckedSettings, section="wind"):
     """Wind readings, the Gaussian process that is fitted to them, and the modes of its error."""
 
-    section: ClassVar[str] = "wind"
     source: str = setting(
         "sample", "where readings come from", choices=tuple(WIND_SOURCES), group=WIND_SOURCE_GROUP
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 from pareto_ltl.settings.checks import SEEDS, CheckedSettings, check_time, setting
 from pareto_ltl.settings.fidelity import BORDERS
@@ -12,10 +12,9 @@ from pareto_ltl.support.messages import shown_value
 
 
 @dataclass
-class RandomSceneConfig(CheckedSettings):
+class RandomSceneConfig(CheckedSettings, section="scene.random"):
     """Regions and obstacles at random positions, in addition to those that the scene lists."""
 
-    section: ClassVar[str] = "scene.random"
     seed: int = setting(0, "seed of the map; the seed of the planner is the setting seed", SEEDS)
     regions: int = setting(0, "number of random regions", "[0, 26]", remark="named a to z")
     obstacles: int = setting(0, "number of random obstacles", "[0, 10_000]")
@@ -38,11 +37,10 @@ class RandomSceneConfig(CheckedSettings):
 
 
 @dataclass
-class SceneConfig(CheckedSettings):
+class SceneConfig(CheckedSettings, section="scene"):
     """The map, in units of scene.unit; with scene.centre, a plane that is tangent to the Earth there."""
 
     # Coordinates are checked when the scene is built, as Hydra refuses the integers [1, 2] for floats.
-    section: ClassVar[str] = "scene"
     name: str = setting("scene", "name of the map")
     file: str | None = setting(
         None, "map file instead of the keys below: GeoJSON, KML (degrees) or scene.json (metres)"
@@ -103,10 +101,9 @@ class SceneConfig(CheckedSettings):
 
 
 @dataclass
-class MissionConfig(CheckedSettings):
+class MissionConfig(CheckedSettings, section="mission"):
     """The mission of the robot, as a formula, a pattern or an automaton."""
 
-    section: ClassVar[str] = "mission"
     formula: str = setting("", "co-safe temporal-logic formula over the regions, e.g. F(a & F b)")
     start_time: str | None = setting(None, "departure, ISO 8601 UTC; null: the first wind time")
     pattern: str | None = setting(
