@@ -11,8 +11,7 @@ from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.exports.geojson import corridor_geojson, operational_intent, plan_geojson
 from pareto_ltl.exports.mavlink import mavlink_script, plan_lua
 from pareto_ltl.exports.qgc import mission_plan
-from pareto_ltl.exports.tables import dead_reckoning_csv, flight_card
-from pareto_ltl.exports.trajectory import trajectory_netcdf
+from pareto_ltl.exports.tables import dead_reckoning_csv, flight_card, trajectory_netcdf
 from pareto_ltl.exports.xml_files import plan_fpl, plan_gpx, plan_kml
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.arrays import FloatArray

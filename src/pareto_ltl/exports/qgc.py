@@ -95,25 +95,16 @@ def fence_polygons(exported: ExportedPlan) -> list[dict[str, Any]]:
     Areas that the 180th meridian crosses are cut there. A border that it crosses is left out: some autopilots
     take several areas to stay in as areas that all contain the vehicle.
     """
-    fences = [
-        (False, ring)
-        for corners in exported.scene.obstacles
-        for ring in _fence_rings(outline_degrees(exported.crs, corners, FENCE_SAG))
-    ]
+    fences = list[tuple[bool, FloatArray]]()
     border = outline_degrees(exported.crs, border_corners(exported.scene.bounds), FENCE_SAG)
-    if exported.scene.walled and not _is_cut(border):
-        fences.insert(0, (True, border))
+    cut = crosses(border) and closes(border)  # one around a pole crosses the meridian too
+    if exported.scene.walled and not cut:
+        fences.append((True, border))
+    for corners in exported.scene.obstacles:
+        ring = outline_degrees(exported.crs, corners, FENCE_SAG)
+        parts = polygon_parts([ring]) if closes(ring) else [[ring]]
+        fences += [(False, outline) for outline, *_ in parts]
     return [{"version": 1, "inclusion": inside, "polygon": ring[:-1, ::-1]} for inside, ring in fences]
-
-
-def _fence_rings(ring: FloatArray) -> list[FloatArray]:
-    """A closed ring of longitudes and latitudes, in parts if the 180th meridian crosses it."""
-    return [outline for outline, *_ in polygon_parts([ring])] if _is_cut(ring) else [ring]
-
-
-def _is_cut(ring: FloatArray) -> bool:
-    """Whether the 180th meridian cuts a closed ring of longitudes and latitudes; not one around a pole."""
-    return crosses(ring) and closes(ring)
 
 
 def _note(exported: ExportedPlan) -> dict[str, Any]:
