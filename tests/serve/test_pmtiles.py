@@ -17,8 +17,7 @@ from PIL import Image
 from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import Writer
 
-from pareto_ltl.serve import pmtiles
-from pareto_ltl.serve.backdrop import backdrop
+from pareto_ltl.serve.backdrop import LARGEST_TILE, backdrop, shown_tiles
 from pareto_ltl.serve.folder import MAPS, DeskFolder
 from pareto_ltl.support.errors import DataError
 
@@ -63,7 +62,7 @@ def test_an_area_in_two_tiles_is_one_shape_without_their_edge(tmp_path: Path) ->
     left = tile((f"POLYGON(({low} {low}, 4200 {low}, 4200 {high}, {low} {high}, {low} {low}))", lake))
     right = tile((f"POLYGON((-100 {low}, {high} {low}, {high} {high}, -100 {high}, -100 {low}))", lake))
     path = archive(tmp_path / "lakes.pmtiles", {(4, 3, 5): left, (4, 4, 5): right})
-    found = pmtiles.shown_tiles(path)
+    found = shown_tiles(path)
     assert found["image"] is None
     (shape,) = found["shapes"]
     assert (shape["name"], shape["kind"]) == ("Päijänne", "area")
@@ -85,7 +84,7 @@ def test_lines_and_points_keep_their_places_and_unlike_areas_are_not_joined(tmp_
         (square, {"kind": "wood"}),
         (square.replace("1000", "2000"), {"kind": "park"}),
     )
-    found = pmtiles.shown_tiles(archive(tmp_path / "map.pmtiles", {(0, 0, 0): content}))["shapes"]
+    found = shown_tiles(archive(tmp_path / "map.pmtiles", {(0, 0, 0): content}))["shapes"]
     assert sorted(shape["kind"] for shape in found) == ["area", "area", "line", "point"]
     (line,) = (shape["lines"][0] for shape in found if shape["kind"] == "line")
     assert sorted(line) == [pytest.approx([-180.0, 0.0]), pytest.approx([180.0, 0.0])]
@@ -99,10 +98,10 @@ def test_the_closest_zoom_that_can_be_drawn_is_shown(tmp_path: Path) -> None:
         return tile((f"POLYGON((0 0, {side} 0, {side} {side}, 0 {side}, 0 0))", {}))
 
     tiles = {(2, 1, 1): square(100), (6, 20, 20): square(200), (12, 1300, 1300): square(300)}
-    shapes = pmtiles.shown_tiles(archive(tmp_path / "a.pmtiles", tiles))["shapes"]
+    shapes = shown_tiles(archive(tmp_path / "a.pmtiles", tiles))["shapes"]
     assert np.ptp(np.array(shapes[0]["lines"][0])[:, 0]) == pytest.approx(360 / 4 * 100 / EXTENT, rel=1e-3)
     small = (*degrees(6, 20.0, 21.0), *degrees(6, 21.0, 20.0))
-    shapes = pmtiles.shown_tiles(archive(tmp_path / "b.pmtiles", tiles, bounds=small))["shapes"]
+    shapes = shown_tiles(archive(tmp_path / "b.pmtiles", tiles, bounds=small))["shapes"]
     assert np.ptp(np.array(shapes[0]["lines"][0])[:, 0]) == pytest.approx(360 / 64 * 200 / EXTENT, rel=1e-3)
 
 
@@ -118,7 +117,7 @@ def test_images_are_put_together_as_their_tiles_lie(tmp_path: Path, kind: TileTy
     inside = (west + 0.1, south + 0.1, east - 0.1, north - 0.1)
     tiles = {(5, 7, 11): plain((255, 0, 0)), (5, 8, 11): plain((0, 0, 255))}
     path = archive(tmp_path / "chart.pmtiles", tiles, kind, inside, Compression.NONE)
-    found = pmtiles.shown_tiles(path)
+    found = shown_tiles(path)
     assert found["shapes"] == []
     assert found["image"]["box"] == pytest.approx([west, south, east, north])
     _, _, data = found["image"]["href"].partition(",")
@@ -147,13 +146,13 @@ def test_damaged_files_are_one_line(tmp_path: Path, seed: int) -> None:
             content[k] = rng.integers(256)
     path.write_bytes(bytes(content))
     try:
-        pmtiles.shown_tiles(path)
+        shown_tiles(path)
     except DataError as error:
         assert "map.pmtiles" in str(error)
         assert "\n" not in str(error)
 
 
 def test_a_tile_that_unpacks_to_too_much_is_refused(tmp_path: Path) -> None:
-    path = archive(tmp_path / "bomb.pmtiles", {(0, 0, 0): bytes(pmtiles.LARGEST_TILE + 1)})
+    path = archive(tmp_path / "bomb.pmtiles", {(0, 0, 0): bytes(LARGEST_TILE + 1)})
     with pytest.raises(DataError, match=r"bomb\.pmtiles has a tile of more than"):
-        pmtiles.shown_tiles(path)
+        shown_tiles(path)
