@@ -19,7 +19,7 @@ from pareto_ltl.planning.selection_rules import choose_path, within_capacity
 from pareto_ltl.planning.shortest_mission import capacity_advice, energy_at
 from pareto_ltl.settings import PlannerConfig, PowerConfig, RobotConfig, SelectionConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.settings.robot import POWER_KINDS
+from pareto_ltl.settings.mission import POWER_KINDS
 from pareto_ltl.support.display import energy_text
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.resources import choices

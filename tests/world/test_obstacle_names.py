@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pareto_ltl.report.page.ground import shown_map
-from pareto_ltl.settings.world import SceneConfig
+from pareto_ltl.settings.mission import SceneConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict

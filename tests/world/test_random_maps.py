@@ -6,7 +6,7 @@ import pytest
 from shapely import Point, Polygon, box
 
 from pareto_ltl.settings import SceneConfig
-from pareto_ltl.settings.world import RandomSceneConfig
+from pareto_ltl.settings.mission import RandomSceneConfig
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world.scene_settings import add_random_places
 

@@ -14,7 +14,7 @@ from pareto_ltl.logic import hoa
 from pareto_ltl.logic.automaton import translate
 from pareto_ltl.logic.formula import Formula, parse_formula
 from pareto_ltl.run.results import Results
-from pareto_ltl.settings.world import SceneConfig
+from pareto_ltl.settings.mission import SceneConfig
 from pareto_ltl.support.errors import DataError, FormulaError
 from pareto_ltl.support.names import joined_names, name_fault, quoted_name, split_names
 from pareto_ltl.world.scene_settings import scene_from_settings

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NoReturn, TypeVar
 
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_text, shown_value
+from pareto_ltl.support.messages import shown_text, shown_value, wrong_value
 
 METRES = {"": 1.0, "m": 1.0, "km": 1e3, "nmi": 1852.0}
 NUMBER = r"[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?|\.[0-9]+"
@@ -32,12 +33,8 @@ def accepted(
     """A reader of values that ``accepts`` is true for; the message for any other text says ``meaning``."""
 
     def read(text: str) -> Value:
-        try:
-            value = kind(text)
-        except ValueError:
-            pass
-        else:
-            if accepts(value):
+        with suppress(ValueError):
+            if accepts(value := kind(text)):
                 return value
         raise argparse.ArgumentTypeError(f"{shown_text(text)} is not {meaning}")
 
@@ -49,9 +46,7 @@ def read_share(text: str, flag: str = "--failure") -> float:
     match = SHARE.fullmatch(text.strip())
     value = float(match[1]) / (100.0 if match[2] else 1.0) if match else -1.0
     if not 0.0 < value < 1.0:
-        raise ConfigError(
-            f"{flag} must be a probability between 0 and 1, e.g. 0.02 or 2%, got {shown_value(text)}"
-        )
+        raise wrong_value(flag, "be a probability between 0 and 1, e.g. 0.02 or 2%", text)
     return value
 
 
@@ -60,30 +55,23 @@ def read_length(text: str) -> float:
     match = LENGTH.fullmatch(text.strip())
     value = float(match[1]) * METRES[match[2]] if match else 0.0
     if not 0.0 < value <= 1e9:
-        raise ConfigError(f"--length must be a length in m, km or nmi, e.g. 1900km, got {shown_value(text)}")
+        raise wrong_value("--length", "be a length in m, km or nmi, e.g. 1900km", text)
     return value
 
 
 def read_number(text: str) -> int:
     """The number of a path; raises ConfigError for anything else."""
     if not (text.isascii() and text.isdigit()) or len(text) > 6:
-        raise ConfigError(
-            f"--point must be the number of a path in front.csv, e.g. 3, got {shown_value(text)}"
-        )
+        raise wrong_value("--point", "be the number of a path in front.csv, e.g. 3", text)
     return int(text)
 
 
 def read_fix(text: str) -> tuple[float, ...]:
     """Three numbers; raises ConfigError for anything else."""
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    if len(numbers) != 3:
-        raise ConfigError(
-            f"--fix must be LAT,LON,SD (or X,Y,SD), e.g. 37.5,-93.2,500, got {shown_value(text)}"
-        )
-    return numbers
+    with suppress(ValueError):
+        if len(numbers := tuple(map(float, text.split(",")))) == 3:
+            return numbers
+    raise wrong_value("--fix", "be LAT,LON,SD (or X,Y,SD), e.g. 37.5,-93.2,500", text)
 
 
 def read_formats(text: str) -> list[str]:
@@ -102,4 +90,4 @@ def read_metres(flag: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ConfigError(f"{flag} must be a height in metres, e.g. 120, got {shown_value(text)}") from None
+        raise wrong_value(flag, "be a height in metres, e.g. 120", text) from None

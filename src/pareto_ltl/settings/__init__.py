@@ -14,6 +14,9 @@ from pareto_ltl.settings.checks import declarations as declarations
 from pareto_ltl.settings.fidelity import PRESETS as PRESETS
 from pareto_ltl.settings.fidelity import FidelityConfig
 from pareto_ltl.settings.fidelity import preset as preset
+from pareto_ltl.settings.mission import MissionConfig, RobotConfig, SceneConfig
+from pareto_ltl.settings.mission import PowerConfig as PowerConfig
+from pareto_ltl.settings.mission import RandomSceneConfig as RandomSceneConfig
 from pareto_ltl.settings.outputs import (
     DeploymentConfig,
     ExportsConfig,
@@ -29,8 +32,6 @@ from pareto_ltl.settings.planner import (
     SelectionConfig,
     SmoothingConfig,
 )
-from pareto_ltl.settings.robot import PowerConfig as PowerConfig
-from pareto_ltl.settings.robot import RobotConfig
 from pareto_ltl.settings.studies import (
     AblationConfig,
     CompareConfig,
@@ -43,8 +44,6 @@ from pareto_ltl.settings.studies import (
     SitlConfig,
 )
 from pareto_ltl.settings.wind import WindConfig, usual_level
-from pareto_ltl.settings.world import MissionConfig, SceneConfig
-from pareto_ltl.settings.world import RandomSceneConfig as RandomSceneConfig
 from pareto_ltl.support.medium import WATER, Medium, medium_of
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import typing
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
@@ -121,8 +122,9 @@ def _typed(kind: Any, value: Any, key: str) -> Any:
     elif typing.get_origin(kind) is dict:
         if isinstance(value, Mapping):
             return {str(name): _as_lists(item) for name, item in value.items()}
-    elif kind is float:
-        return _number(value, key)
+    elif kind is float and not isinstance(value, bool):
+        with suppress(TypeError, ValueError, OverflowError):
+            return float(value)
     elif kind is str and isinstance(value, str | Path):
         return str(value)
     elif kind is Any or (type(value) is kind):
@@ -130,15 +132,6 @@ def _typed(kind: Any, value: Any, key: str) -> Any:
     elif kind is int and hasattr(value, "__index__") and not isinstance(value, bool):
         return int(value)
     raise ConfigError(kind_problem(key, value, kind))
-
-
-def _number(value: Any, key: str) -> float:
-    try:
-        if isinstance(value, bool):
-            raise TypeError
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise ConfigError(kind_problem(key, value, float)) from None
 
 
 def _as_lists(value: Any) -> Any:

@@ -11,7 +11,7 @@ import re
 import typing
 from collections.abc import Iterator
 from copy import deepcopy
-from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
+from dataclasses import Field, dataclass, field, fields, is_dataclass
 from datetime import datetime
 from functools import lru_cache
 from numbers import Integral, Real
@@ -20,7 +20,7 @@ from typing import Any, ClassVar
 
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import extension_names
-from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.messages import shown_value, wrong_value
 
 KIND_TEXTS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
 ITEM_TEXTS = {int: "whole numbers", float: "numbers", str: "texts"}
@@ -145,14 +145,10 @@ class Declaration:
     def demand(self) -> str:
         """The range as it follows "must" in an error message, e.g. "be positive [s]"."""
         text = self._number_range()
-        if self.words:
-            return f"{replace(self, words=()).demand()} or be {' or '.join(self.words)}"
-        if text.startswith("one of"):
-            return f"be {text}"
-        unit = f" [{self.unit}]" if self.unit else ""
-        if text.startswith(("between", "in ")):
-            return f"lie {text}{unit}"
-        return f"be {text}{unit}"
+        verb = "lie" if text.startswith(("between", "in ")) else "be"
+        unit = f" [{self.unit}]" if self.unit and not self.choices else ""
+        words = f" or be {' or '.join(self.words)}" if self.words else ""
+        return f"{verb} {text}{unit}{words}"
 
     def allows(self, value: Any) -> bool:
         """Whether one value (for a list: one item) is in the range; False for NaN if there is a range."""
@@ -168,14 +164,9 @@ class Declaration:
         return bool(above and below)
 
 
-def is_number(value: Any) -> bool:
-    """Whether ``value`` is a real number, of Python or of NumPy; booleans are not numbers."""
-    return isinstance(value, Real) and not isinstance(value, bool)
-
-
 def is_finite(value: Any) -> bool:
-    """Whether ``value`` is a number that is neither NaN nor infinite."""
-    return is_number(value) and (isinstance(value, Integral) or math.isfinite(value))
+    """Whether ``value`` is a number, of Python or of NumPy, that is neither NaN nor infinite."""
+    return fits_kind(value, float) and (isinstance(value, Integral) or math.isfinite(value))
 
 
 def limit_text(limit: float) -> str:
@@ -276,15 +267,13 @@ def are_number_rows(value: Any, width: int) -> bool:
 def check_matrix(key: str, value: Any) -> None:
     """Raise :class:`ConfigError` unless ``value`` is a 2 x 2 matrix of finite numbers."""
     if not are_number_rows(value, 2) or len(value) != 2:
-        raise ConfigError(f"{key} must be a 2 x 2 matrix of numbers, got {shown_value(value)}")
+        raise wrong_value(key, "be a 2 x 2 matrix of numbers", value)
 
 
 def check_outline(key: str, value: Any) -> None:
     """Raise :class:`ConfigError` unless ``value`` is a list of pairs of finite numbers."""
     if not are_number_rows(value, 2):
-        raise ConfigError(
-            f"{key} must be a list of [longitude, latitude] in degrees, got {shown_value(value)}"
-        )
+        raise wrong_value(key, "be a list of [longitude, latitude] in degrees", value)
 
 
 def check_time(key: str, text: str | None) -> None:
@@ -305,9 +294,7 @@ def check_time(key: str, text: str | None) -> None:
 def check_folder_name(key: str, name: str) -> None:
     """Raise :class:`ConfigError` unless ``name`` can name a folder on every system."""
     if not FOLDER_NAME.fullmatch(name):
-        raise ConfigError(
-            f"{key} must be at most 100 letters (a to z), digits, dots, dashes or underscores, no dot at the "
-            f"end (it names a folder), got {shown_value(name)}"
-        )
+        signs = "be at most 100 letters (a to z), digits, dots, dashes or underscores, no dot at the end"
+        raise wrong_value(key, f"{signs} (it names a folder)", name)
     if (device := name.split(".", 1)[0]).lower() in DEVICES:
         raise ConfigError(f"{key} must not begin with {device!r}, a device on Windows; write e.g. my_{name}")

@@ -8,7 +8,7 @@ from typing import Any
 from pareto_ltl.settings.checks import CheckedSettings, check_outline, check_time, setting
 from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.messages import wrong_value
 
 FIGURE_FORMATS = ("png", "svg", "pdf")
 EXPORT_FILES = {
@@ -82,10 +82,8 @@ class ExportsConfig(CheckedSettings, section="exports"):
         for key in ("altitude", "altitude_lower", "altitude_upper"):
             value = getattr(self, key)
             if value is not None and not abs(value) <= HIGHEST:
-                raise ConfigError(
-                    f"exports.{key} must lie between -{HIGHEST:g} and {HIGHEST:g} [m], got "
-                    f"{shown_value(value)}"
-                )
+                limits = f"lie between -{HIGHEST:g} and {HIGHEST:g} [m]"
+                raise wrong_value(f"exports.{key}", limits, value)
         if (lower is None) != (upper is None):
             raise ConfigError("give both exports.altitude_lower and exports.altitude_upper, or neither")
         if lower is not None and upper is not None and lower >= upper:
@@ -112,9 +110,7 @@ class IngestConfig(CheckedSettings, section="ingest"):
     def check_combinations(self) -> None:
         """Refuse an output file that is not CSV, an invalid outline, and values that are not times."""
         if not self.out.lower().endswith(".csv"):
-            raise ConfigError(
-                f"ingest.out must end in .csv (its origin goes to .json), got {shown_value(self.out)}"
-            )
+            raise wrong_value("ingest.out", "end in .csv (its origin goes to .json)", self.out)
         check_outline("ingest.area", self.area)
         check_time("ingest.first", self.first)
         check_time("ingest.last", self.last)

@@ -8,7 +8,7 @@ from typing import Any
 from pareto_ltl.settings.checks import CheckedSettings, is_finite, setting
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import COST_GROUP, SELECTION_RULE_GROUP
-from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.messages import shown_value, wrong_value
 
 SELECTION_RULES = ("worth", "priority", "weighted", "threshold", "energy", "least", "knee", "length", "point")
 FURTHER_COSTS = ("duration", "turns")
@@ -170,7 +170,5 @@ class SelectionConfig(CheckedSettings, section="selection"):
         for name, value in self.options.items():
             items = value if isinstance(value, list) else [value]
             if not all(isinstance(item, str | bool) or is_finite(item) for item in items):
-                raise ConfigError(
-                    f"selection.options.{name} must be a finite number, a text, true or false, or a list of "
-                    f"these, got {shown_value(value)}"
-                )
+                kinds = "be a finite number, a text, true or false, or a list of these"
+                raise wrong_value(f"selection.options.{name}", kinds, value)

@@ -23,7 +23,7 @@ from pareto_ltl.settings.fidelity import (
 )
 from pareto_ltl.settings.wind import GP_KERNELS
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.messages import shown_value, wrong_value
 
 KEEP = ("all", "recommended")  # starts of a departure study whose directories are written
 METHODS = ("paper", "smoothed", "full", "cc_rrt", "ml_rrt", "calm_shortest")
@@ -187,9 +187,9 @@ class ForecastTestConfig(CheckedSettings, section="forecast_test"):
         """Refuse ranges out of order, an area with fewer than three corners and an empty list of formulas."""
         for key, pair in (("side", self.side), ("obstacles", self.obstacles)):
             if len(pair) != 2 or pair[0] > pair[1]:
-                raise ConfigError(f"{self.section}.{key} must be [least, most], got {shown_value(pair)}")
+                raise wrong_value(f"{self.section}.{key}", "be [least, most]", pair)
         if self.side[0] == 0:
-            raise ConfigError(f"{self.section}.side must be positive [m], got {self.side[0]}")
+            raise wrong_value(f"{self.section}.side", "be positive [m]", self.side[0])
         check_outline(f"{self.section}.area", self.area)
         if len(self.area) < 3:
             raise ConfigError(f"{self.section}.area must be at least three corners [longitude, latitude]")

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from pareto_ltl.settings.checks import CheckedSettings, check_time, setting
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import WIND_SOURCE_GROUP
-from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.messages import wrong_value
 
 SELECTED, STATED = "selected", "stated"
 
@@ -135,9 +135,7 @@ class WindConfig(CheckedSettings, section="wind"):
         if self.cycle != "newest":
             check_time("wind.cycle", self.cycle)
         if self.base_url is not None and not self.base_url.startswith(("https://", "http://")):
-            raise ConfigError(
-                f"wind.base_url must begin with https:// (or http://), got {shown_value(self.base_url)}"
-            )
+            raise wrong_value("wind.base_url", "begin with https:// (or http://)", self.base_url)
 
 
 def usual_level(source: str, flown: str | None) -> str:

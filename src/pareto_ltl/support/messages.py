@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pareto_ltl.support.errors import ConfigError
+
 SHOWN_WIDTH = 80  # characters of a user's text that a message repeats
 LONGEST_WORD = 255  # characters of one word of a message; no file name is longer
 LONGEST_LINE = 2000
@@ -26,6 +28,11 @@ def shown_value(value: Any, width: int = SHOWN_WIDTH) -> str:
         return "a number with thousands of digits"
     except RecursionError:
         return "a value that is nested too deeply to be shown"
+
+
+def wrong_value(key: str, demand: str, value: Any) -> ConfigError:
+    """The error for a ``value`` of the setting or argument ``key``; ``demand`` is what it must be or do."""
+    return ConfigError(f"{key} must {demand}, got {shown_value(value)}")
 
 
 def shown_line(line: str) -> str:
