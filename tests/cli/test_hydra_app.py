@@ -26,7 +26,7 @@ from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
 from pareto_ltl.studies import stages
-from pareto_ltl.support import memory
+from pareto_ltl.support import machine
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
 from unmeasured import untraced
@@ -131,7 +131,7 @@ BAD = {
 def test_a_wrong_argument_costs_one_line_and_no_directory(
     argument: str, here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(memory, "available_memory", lambda: 1e9)
+    monkeypatch.setattr(machine, "available_memory", lambda: 1e9)
     experiment = [] if "experiment" in argument else ["+experiment=phi1"]
     assert app.run_hydra([*experiment, argument]) == 2
     out, err = capsys.readouterr()

@@ -18,7 +18,7 @@ from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.selection import hypervolume, non_dominated
 from pareto_ltl.settings import PlannerConfig, RobotConfig
-from pareto_ltl.support import memory
+from pareto_ltl.support import machine
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl_verify.gaussians import spread_along
@@ -70,7 +70,7 @@ def test_an_interrupt_ends_the_threads_that_grow_trees(monkeypatch):
 
 
 def test_trees_that_do_not_fit_into_memory_are_refused_with_the_bytes_of_a_vertex(monkeypatch):
-    monkeypatch.setattr(memory, "available_memory", lambda: 1e9)
+    monkeypatch.setattr(machine, "available_memory", lambda: 1e9)
     with pytest.raises(ConfigError, match=r"planner\.n_max=9000000 needs .* 2 trees \(\d+ bytes per vertex"):
         grown(two_goals(), replace(SMALL, n_max=9_000_000))
 

@@ -9,7 +9,7 @@ import pytest
 from pareto_ltl.run.pipeline import STUDIES, check_sizes
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import build_settings
-from pareto_ltl.support import memory
+from pareto_ltl.support import machine
 from pareto_ltl.support.errors import ConfigError
 
 PLAN = ("forest", "front", "plan", "deployment")
@@ -17,7 +17,7 @@ PLAN = ("forest", "front", "plan", "deployment")
 
 @pytest.fixture(autouse=True)
 def _two_gigabytes_free(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "available_memory", lambda: 2e9)
+    monkeypatch.setattr(machine, "available_memory", lambda: 2e9)
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ import pytest
 
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.support import cache
-from pareto_ltl.support.cores import GIVEN, cores
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.machine import GIVEN, cores
 from patience import PATIENCE
 
 FIT = """

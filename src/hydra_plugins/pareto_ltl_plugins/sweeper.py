@@ -129,7 +129,7 @@ class PointsSweeper(BasicSweeper):
         """Jobs for a launcher at once: submitit's local engine would start all that it gets."""
         if self.max_batch_size or type(self.launcher).__name__ != "LocalLauncher":
             return self.max_batch_size
-        from pareto_ltl.support.cores import cores
+        from pareto_ltl.support.machine import cores
 
         return max(1, cores() // self._threads())
 

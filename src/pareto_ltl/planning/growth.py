@@ -33,9 +33,8 @@ from pareto_ltl.planning.records import Forest, Tree
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.memory import require_memory
+from pareto_ltl.support.machine import cores, require_memory
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.world.windows import missed_windows
 

@@ -22,9 +22,8 @@ from pareto_ltl.run.stage_table import FIGURES, Stage, StageInputs, StageTable
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.budget import Budget
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
-from pareto_ltl.support.memory import require_memory
+from pareto_ltl.support.machine import cores, require_memory
 from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger("pareto_ltl")

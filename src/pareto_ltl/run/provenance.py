@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import __version__
 from pareto_ltl.settings import Settings
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.support.files import FULL_DISK
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
+from pareto_ltl.support.machine import cores
 from pareto_ltl.support.messages import shown_line
 from pareto_ltl.support.reading import inside
 from pareto_ltl.support.resources import checkout

@@ -27,10 +27,10 @@ import numpy as np
 from pareto_ltl.settings import PRESETS, Settings, preset
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.cache import LOCKS_FOLDER, cache_root
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.files import process_lives
 from pareto_ltl.support.locks import TakenError, hold_lock
+from pareto_ltl.support.machine import cores
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
 

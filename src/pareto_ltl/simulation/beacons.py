@@ -22,8 +22,8 @@ from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.counts import paired_difference
+from pareto_ltl.support.machine import cores
 
 ALONG = 48  # places along the path
 ASIDE = (0.0, -0.8, 0.8, -1.6, 1.6)  # standard deviations to the left of the path of the places at a step

@@ -19,7 +19,7 @@ from pareto_ltl.planning.problem import Problem, merged_draws
 from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.cores import cores
+from pareto_ltl.support.machine import cores
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,10 +28,9 @@ from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.memory import require_memory
+from pareto_ltl.support.machine import cores, require_memory
 
 NO_FAILURE = -1
 CAUSES = ("met an obstacle", "left the map", "broke the mission", "did not complete the mission")

@@ -48,7 +48,7 @@ from pareto_ltl.simulation.failure_modes import (
     linked_fields,
 )
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.cores import cores
+from pareto_ltl.support.machine import cores
 
 SPARE = 2.0  # the upper end of an interval allows for one more weight, this many times the largest one drawn
 

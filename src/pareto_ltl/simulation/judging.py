@@ -26,9 +26,8 @@ from pareto_ltl.planning.selection import box_above, chance_of_failures, hypervo
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.memory import require_memory
+from pareto_ltl.support.machine import cores, require_memory
 
 RAW_DRAWS = 500  # flights of each path in the race among the trees' paths
 LAST_LOOK = 1000  # flights for the message if every flight of every path fails

@@ -19,10 +19,10 @@ from pareto_ltl.run.provenance import input_files
 from pareto_ltl.settings import EvaluationConfig, Settings
 from pareto_ltl.studies import cluster
 from pareto_ltl.studies.jobs import KILLED, JobQueue, JobState, StoredJob
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data, remove_dead_drafts, write_json
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
+from pareto_ltl.support.machine import cores
 from pareto_ltl.support.reading import read_json
 
 PARTS_FOLDER = "parts"

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
-from pareto_ltl.support.cores import cores
+from pareto_ltl.support.machine import cores
 from pareto_ltl.wind import gp
 from pareto_ltl.wind.gp import CORRELATIONS, WindPosterior, pairwise_distances, same_places
 from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, TIME

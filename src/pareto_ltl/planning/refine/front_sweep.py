@@ -75,8 +75,8 @@ from pareto_ltl.planning.routes.obligations import completes
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
-from pareto_ltl.support.cores import cores
 from pareto_ltl.support.display import distance_text
+from pareto_ltl.support.machine import cores
 
 Progress = Callable[..., None]
 COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of the settings of a coarse search

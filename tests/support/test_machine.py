@@ -6,48 +6,48 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.support import memory
+from pareto_ltl.support import machine
 from pareto_ltl.support.errors import ConfigError
 
 
 @pytest.fixture
 def gigabyte_free(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "available_memory", lambda: 1e9)
+    monkeypatch.setattr(machine, "available_memory", lambda: 1e9)
 
 
 @pytest.mark.usefixtures("gigabyte_free")
 def test_what_does_not_fit_is_refused_with_the_largest_value_that_does() -> None:
     with pytest.raises(ConfigError) as caught:
-        memory.require_memory(1000.0, "planner.n_max", 10**7, "10 trees", "planner.trees")
+        machine.require_memory(1000.0, "planner.n_max", 10**7, "10 trees", "planner.trees")
     assert str(caught.value) == (
         "planner.n_max=10000000 needs 10 GB of memory for 10 trees, and 1 GB are free: at most 1000000 fits, "
         "or lower planner.trees"
     )
-    memory.require_memory(1000.0, "planner.n_max", 1_000_000, "10 trees")
+    machine.require_memory(1000.0, "planner.n_max", 1_000_000, "10 trees")
 
 
 @pytest.mark.usefixtures("gigabyte_free")
 def test_a_value_of_which_not_even_one_fits_is_refused() -> None:
     with pytest.raises(ConfigError, match="no value fits"):
-        memory.require_memory(2e9, "planner.n_max", 2, "1 tree")
+        machine.require_memory(2e9, "planner.n_max", 2, "1 tree")
 
 
-@pytest.mark.parametrize("names", memory.CGROUPS)
+@pytest.mark.parametrize("names", machine.CGROUPS)
 def test_the_limit_of_a_container_counts(
     names: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(memory, "CGROUP_FOLDER", tmp_path)
+    monkeypatch.setattr(machine, "CGROUP_FOLDER", tmp_path)
     for name, value in zip(names, (50_000_000, 20_000_000), strict=True):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(f"{value}\n")
-    assert memory.available_memory() == 30_000_000
+    assert machine.available_memory() == 30_000_000
 
 
 def test_a_container_without_a_limit_leaves_the_memory_of_the_machine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(memory, "CGROUP_FOLDER", tmp_path)
+    monkeypatch.setattr(machine, "CGROUP_FOLDER", tmp_path)
     (tmp_path / "memory.max").write_text("max\n")
     (tmp_path / "memory.current").write_text("1\n")
-    assert list(memory.container_room()) == []
-    assert memory.available_memory() > 0
+    assert list(machine.container_room()) == []
+    assert machine.available_memory() > 0

@@ -1,12 +1,14 @@
-"""Free memory of this process, and errors for settings that need more, before anything is allocated."""
+"""Cores and memory that this process may use, and errors for settings that need more than is free."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 from pareto_ltl.support.errors import ConfigError
 
+GIVEN = ("OMP_NUM_THREADS", "SLURM_CPUS_PER_TASK")  # set by launchers of sweeps, and by SLURM
 GIGABYTE = 1e9
 SMALL = 2**28  # [bytes] smaller requests are not checked
 CGROUPS = (  # files of the limit and of the memory in use, in version 2 and in version 1 of cgroups
@@ -14,6 +16,15 @@ CGROUPS = (  # files of the limit and of the memory in use, in version 2 and in 
     ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
 )
 CGROUP_FOLDER = Path("/sys/fs/cgroup")
+
+
+def cores() -> int:
+    """Number of cores from the first variable of :data:`GIVEN` that is set, else of this process."""
+    for name in GIVEN:
+        value = os.environ.get(name, "")
+        if value.isdecimal() and int(value) > 0:
+            return int(value)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def available_memory() -> float:
