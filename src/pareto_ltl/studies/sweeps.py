@@ -98,7 +98,7 @@ def read_manifest(place: Path, key: str | None = None) -> SweepManifest:
     if not path.is_file():
         there = ", ".join(sorted(file.stem for file in (place / OLDER_SWEEPS).glob("*.json"))) or "none"
         raise DataError(f"{place} holds no sweep {key!r}; there are: {there}")
-    content = read_document(path, "sweep", SWEEP_FILES, version=MANIFEST_SCHEMA)
+    content = read_document(path, {MANIFEST_SCHEMA: "sweep"}, SWEEP_FILES)
     points = tuple(SweepPoint(point["job"], point["overrides"]) for point in content["points"])
     figure = FigureChoice(**content["figure"])
     return SweepManifest(points, tuple(content["swept"]), tuple(content["fixed"]), figure)

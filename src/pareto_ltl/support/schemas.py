@@ -37,17 +37,14 @@ def schema_text(name: str) -> str:
     return (FOLDER / f"{name}.schema.json").read_text(encoding="utf-8")
 
 
-def read_document(
-    path: Path, name: str | Mapping[str, str], advice: Advice = RESULTS, version: str | None = None
-) -> dict[str, Any]:
+def read_document(path: Path, name: str | Mapping[str, str], advice: Advice = RESULTS) -> dict[str, Any]:
     """Read the JSON file ``path`` and check it against a schema.
 
     Parameters
     ----------
     name : str or mapping of str to str
-        The name of the schema; or, for each allowed value of the file's key ``schema``, that name.
-    version : str, optional
-        The required value of the file's key ``schema``; a file of another version is refused.
+        The name of the schema; or, for each allowed value of the file's key ``schema``, that name. A file of
+        another version is refused.
 
     Raises
     ------
@@ -55,15 +52,14 @@ def read_document(
         If the file does not fit; the message has the place (a JSON pointer), what was expected and the value.
     """
     content = read_json(path, advice)
-    if version is not None or isinstance(name, Mapping):
-        known = name if isinstance(name, Mapping) else {str(version): name}
+    if isinstance(name, Mapping):
         stated = content.get("schema")
-        if not isinstance(stated, str) or stated not in known:
+        if not isinstance(stated, str) or stated not in name:
             raise DataError(
-                f"{path}: expected schema {' or '.join(map(repr, known))}, found {shown_json(stated)}; "
+                f"{path}: expected schema {' or '.join(map(repr, name))}, found {shown_json(stated)}; "
                 "read it with the version of pareto-ltl that wrote it"
             )
-        name = known[stated]
+        name = name[stated]
     check_document(content, name, str(path), advice)
     return content
 

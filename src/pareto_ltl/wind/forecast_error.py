@@ -229,7 +229,7 @@ def _read(section: Mapping[str, Any], rows: Rows) -> dict[str, Any]:
 
 def read_forecast_error(path: Path) -> ForecastError:
     """The law in a file of `pareto-ltl wind-error`; DataError if the file is not valid."""
-    document = read_document(path, "forecast_error", LAW_FILE, FORECAST_ERROR_SCHEMA)
+    document = read_document(path, {FORECAST_ERROR_SCHEMA: "forecast_error"}, LAW_FILE)
     try:
         return forecast_error_of(document)
     except ValueError as error:
