@@ -407,8 +407,7 @@ def test_what_is_typed_is_a_fix_or_an_answer() -> None:
 
 
 def test_a_typed_fix_becomes_a_reading(free_port: int) -> None:
-    typed = Typed(io.StringIO(""), print)
-    typed.take("fix 37.1,-94.5,200")
+    typed = Typed(io.StringIO("fix 37.1,-94.5,200\n"), print)
     link, vehicle = Link(f"udpin:127.0.0.1:{free_port}", None, LinkSettings("now"), typed), Vehicle(free_port)
     vehicle.start()
     found = next(reading for reading in link.readings() if reading.place is not None)

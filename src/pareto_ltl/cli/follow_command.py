@@ -33,7 +33,7 @@ def follow(options: Namespace, output: Output) -> int:
     _check(options)
     results = load_results(options.directory)
     complain = partial(print, file=sys.stderr, flush=True)
-    typed = None if options.connect is None else Typed(sys.stdin, complain)
+    typed = None if options.connect is None or sys.stdin is None else Typed(sys.stdin, complain)
     readings, listener = _source(options, results.scene, typed)
     session = Session(
         results,

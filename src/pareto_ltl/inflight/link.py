@@ -11,7 +11,7 @@ import os
 import sys
 import time as clock
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -65,11 +65,10 @@ def signing_key(path: Path) -> bytes:
         raise DataError(f"{path}: cannot be read as a key ({error})") from None
     if not text:
         raise DataError(f"{path}: the key is empty; give 64 hexadecimal digits or a passphrase")
-    try:
-        key = bytes.fromhex(text)
-    except ValueError:
-        key = b""
-    return key if len(key) == KEY_BYTES else hashlib.sha256(text.encode()).digest()
+    with suppress(ValueError):
+        if len(key := bytes.fromhex(text)) == KEY_BYTES:
+            return key
+    return hashlib.sha256(text.encode()).digest()
 
 
 def logged_readings(path: Path, time_zero: str | None, given: str | None) -> Iterator[Reading]:
@@ -212,6 +211,8 @@ class Link:
 
     def readings(self) -> Iterator[Reading]:
         """The readings of the vehicle; without any for a while, the time alone. Ctrl-C ends them."""
+        if self.typed is not None:
+            self.typed.start()
         quiet = clock.time()
         while True:
             now = clock.time()

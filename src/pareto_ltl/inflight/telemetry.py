@@ -22,6 +22,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import refuse_special
+from pareto_ltl.world.windows import seconds_after
 
 NEEDED = ("time", "heading_true", "airspeed_m_s")
 PLACES = {True: ("lat", "lon"), False: ("x", "y")}  # by whether the map is on Earth
@@ -179,8 +180,6 @@ def read_places(path: Path, time_zero: str | None, *, on_earth: bool) -> tuple[F
 
 def _seconds(text: str, time_zero: str | None) -> float:
     """Seconds after departure, of such a number or of an ISO 8601 time; NaN if ``text`` is neither."""
-    from pareto_ltl.world.windows import seconds_after
-
     with suppress(ValueError):
         return float(text)
     try:
@@ -230,10 +229,9 @@ class Typed:
         self.fixes: deque[tuple[float, float, float]] = deque(maxlen=100)
         self.agreed = threading.Event()
 
-    def start(self) -> Typed:
+    def start(self) -> None:
         """Begin to read."""
         threading.Thread(target=self._read, daemon=True).start()
-        return self
 
     def _read(self) -> None:
         for line in self.stream:
@@ -245,12 +243,10 @@ class Typed:
         if word == "y" and not rest:
             self.agreed.set()
             return
-        try:
+        with suppress(ValueError):
             first, second, sd = map(float, rest.split(","))
-        except ValueError:
-            word = ""
-            first = second = sd = math.nan
-        if word == "fix" and all(map(math.isfinite, (first, second, sd))) and sd > 0.0:
-            self.fixes.append((first, second, sd))
-        elif line.strip():
+            if word == "fix" and all(map(math.isfinite, (first, second, sd))) and sd > 0.0:
+                self.fixes.append((first, second, sd))
+                return
+        if line.strip():
             self.complain(HELP)
