@@ -136,7 +136,7 @@ def exported_plan(
 ) -> ExportedPlan:
     """The data to export of ``plan``; its map must have a place on Earth. ``level``: of the flight."""
     corridor_seed, held_seed = unspawned(seed).spawn(2)
-    lower, upper = cfg.altitude_lower, cfg.altitude_upper
+    lower, upper, motion = cfg.altitude_lower, cfg.altitude_upper, problem.motion
     height = height_of(level) if cfg.altitude is None else Height(cfg.altitude, above_sea=False)
     return ExportedPlan(
         name=name,
@@ -147,7 +147,7 @@ def exported_plan(
         held=None if plan.alarmed else held_course_rate(problem, plan.path, cfg.flights, held_seed),
         height=height,
         band=None if lower is None or upper is None else (lower, upper),
-        feedback=feedback_time(problem),
+        feedback=None if motion.gain == 0.0 else motion.exposed * motion.dt / motion.gain,
         turn=problem.turns.acceleration,
         vehicle=vehicle_of(height, problem),
         medium=medium_of(level),
@@ -178,14 +178,6 @@ def vehicle_of(height: Height, problem: Problem) -> Vehicle:
     if problem.energy is not None and isinstance(problem.energy.curve, Rotor):
         return Vehicle(MULTIROTOR, height.metres > 0.0 and not height.above_sea, hovers=True)
     return Vehicle(FIXED_WING if problem.motion.u_min > 0.0 else GENERIC)
-
-
-def feedback_time(problem: Problem) -> float | None:
-    """``robot.feedback_time`` [s]; None for a robot that does not know its position."""
-    motion = problem.motion
-    if motion.gain == 0.0:
-        return None
-    return motion.exposed * motion.dt / motion.gain
 
 
 def flown_level(settings: Settings) -> str:

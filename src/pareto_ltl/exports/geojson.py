@@ -16,13 +16,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.exports.corridor import Corridor
-from pareto_ltl.exports.degrees import (
-    line_degrees,
-    line_parts,
-    lonlat,
-    outline_degrees,
-    polygon_parts,
-)
+from pareto_ltl.exports.degrees import line_degrees, line_parts, lonlat, outline_degrees, polygon_parts
 from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
@@ -46,8 +40,12 @@ def plan_geojson(exported: ExportedPlan) -> bytes:
 
 def corridor_geojson(exported: ExportedPlan) -> bytes:
     """For each share: one ellipse for each step (``meaning`` at_time), then one area for whole flights."""
-    corridor = exported.corridor
-    return _collection([*_ellipses(exported, corridor), *_tubes(exported, corridor)], exported)
+    corridor, crs = exported.corridor, exported.crs
+    tubes = [
+        _polygon(tube_rings(crs, corridor, size), _about(corridor, "whole_flight", share, size))
+        for share, size in zip(corridor.shares, corridor.whole, strict=True)
+    ]
+    return _collection([*_ellipses(exported, corridor), *tubes], exported)
 
 
 # --- features ---------------------------------------------------------------------------------
@@ -63,7 +61,7 @@ def _position(exported: ExportedPlan, k: int) -> Feature:
     log = exported.log
     about = {"role": "position", "step": k, "time_utc": log.time_utc(k), "t_s": log.t[k], **log.spread(k)}
     about |= {"regions": exported.plan.path.label[k], "fix": k in log.fixes, "wind_law": log.law}
-    return _feature("Point", lonlat(exported.crs, log.x[k]), about)
+    return feature("Point", lonlat(exported.crs, log.x[k]), about)
 
 
 def _map_features(exported: ExportedPlan) -> list[Feature]:
@@ -75,7 +73,7 @@ def _map_features(exported: ExportedPlan) -> list[Feature]:
         )
         for role, name, outlines in named_outlines(scene)
     ]
-    return [*drawn, _feature("Point", lonlat(crs, scene.start), {"role": "start", "name": "start"})]
+    return [*drawn, feature("Point", lonlat(crs, scene.start), {"role": "start", "name": "start"})]
 
 
 def named_outlines(scene: Scene) -> list[tuple[str, str, Sequence[FloatArray]]]:
@@ -122,12 +120,6 @@ def _ellipses(exported: ExportedPlan, corridor: Corridor) -> Iterable[Feature]:
             yield _polygon([np.concatenate([outline, outline[:1]])], about)
 
 
-def _tubes(exported: ExportedPlan, corridor: Corridor) -> Iterable[Feature]:
-    for share, size in zip(corridor.shares, corridor.whole, strict=True):
-        about = _about(corridor, "whole_flight", share, size)
-        yield _polygon(tube_rings(exported.crs, corridor, size), about)
-
-
 def tube_rings(crs: str, corridor: Corridor, size: float) -> list[FloatArray]:
     """The area of all ellipses of ``size`` and of the legs between them: outline, then holes [deg]."""
     import shapely
@@ -172,10 +164,11 @@ def _area(crs: str, outlines: Sequence[FloatArray], about: Mapping[str, Any]) ->
 
 
 def _one_or_several(kind: str, parts: Sequence[Any], about: Mapping[str, Any]) -> Feature:
-    return _feature(kind, parts[0], about) if len(parts) == 1 else _feature(f"Multi{kind}", parts, about)
+    return feature(kind, parts[0], about) if len(parts) == 1 else feature(f"Multi{kind}", parts, about)
 
 
-def _feature(kind: str, coordinates: Any, about: Mapping[str, Any]) -> Feature:
+def feature(kind: str, coordinates: Any, about: Mapping[str, Any]) -> Feature:
+    """A feature of a ``kind``; ``coordinates``: arrays (..., 2) [deg], in lists where there are several."""
     return {
         "type": "Feature",
         "properties": plain_data(about),

@@ -66,15 +66,7 @@ AT_LEGS = [*LEG_COLUMNS][:6]  # numbers of a leg that its position states
 
 def plan_kml(exported: ExportedPlan) -> bytes:
     """The document: the route and the positions at their height, the map and the areas on the ground."""
-    styles = [
-        element(
-            "Style",
-            element("LineStyle", element("color", color), element("width", str(width))),
-            None if fill is None else element("PolyStyle", element("color", fill)),
-            id=name,
-        )
-        for name, (color, width, fill) in STYLES.items()
-    ]
+    styles = [style_of(name, *drawn) for name, drawn in STYLES.items()]
     line = coordinates_text(line_degrees(exported.crs, exported.log.x), _height(exported))
     tube = exported.corridor.whole[exported.corridor.level(TUBE)]
     areas = f"{TUBE * 100:g} % of whole flights, {exported.law_words}"
@@ -95,6 +87,13 @@ def kml_bytes(name: str, description: str, *content: Xml.Element) -> bytes:
     return xml_bytes(
         element("kml", element("Document", *about, *content), xmlns="http://www.opengis.net/kml/2.2")
     )
+
+
+def style_of(name: str, color: str | None, width: int, fill: str | None) -> Xml.Element:
+    """How lines and areas are drawn; None leaves it to the reader."""
+    outline = None if color is None else element("color", color)
+    area = None if fill is None else element("PolyStyle", element("color", fill))
+    return element("Style", element("LineStyle", outline, element("width", str(width))), area, id=name)
 
 
 def placemark(name: str, style: str, shape: Xml.Element, utc: str | None = None) -> Xml.Element:
@@ -180,15 +179,14 @@ def plan_gpx(exported: ExportedPlan) -> bytes:
             "desc": f"95 % of positions within {log.radius[k] / 1e3:.3f} km, {exported.law_words}{above}",
         }
         points.append(element("rtept", *leaves(about), lat=lat, lon=lon))
-    planned = leaves(
-        {"opencpn:planned_departure": departure}
-    )  # OpenCPN sets the departure of its table by it
-    extensions = [element("extensions", *planned)] * bool(planned)
+    planned = None  # OpenCPN sets the departure of its table by it
+    if departure is not None:
+        planned = element("extensions", element("opencpn:planned_departure", departure))
     about = {"name": exported.name, "desc": " ".join(exported.sentences()), "time": departure}
     root = element(
         "gpx",
         element("metadata", *leaves(about)),
-        element("rte", element("name", exported.name), *extensions, *points),
+        element("rte", element("name", exported.name), planned, *points),
         version="1.1", creator="pareto_ltl", xmlns="http://www.topografix.com/GPX/1/1",
         **{"xmlns:opencpn": "http://www.opencpn.org"},
     )  # fmt: skip

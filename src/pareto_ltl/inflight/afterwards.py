@@ -23,7 +23,8 @@ import numpy as np
 from pareto_ltl.exports.corridor import FINEST
 from pareto_ltl.exports.degrees import outline_degrees
 from pareto_ltl.exports.ellipses import ellipse_outlines, ellipse_scale
-from pareto_ltl.exports.xml_files import boundary, coordinates_text, element, kml_bytes, placemark
+from pareto_ltl.exports.geojson import feature
+from pareto_ltl.exports.xml_files import boundary, coordinates_text, element, kml_bytes, placemark, style_of
 from pareto_ltl.inflight.journal import NAME, flows_of, read_journal
 from pareto_ltl.inflight.telemetry import read_places
 from pareto_ltl.inflight.watch import ELLIPSE, Event
@@ -144,30 +145,15 @@ def search_areas(scene: Scene, ahead: Sequence[Event]) -> list[dict[str, Any]]:
         scale = np.full(len(mean), ellipse_scale(share))
         for k, outline in enumerate(ellipse_outlines(mean, cov, scale, CORNERS)):
             about = {"probability": share, "t_s": times[k], "time_utc": None if utc is None else utc[k]}
-            ring = _ring(crs, outline)
-            found.append({
-                "type": "Feature", "properties": about,
-                "geometry": {"type": "Polygon", "coordinates": [ring]},
-            })  # fmt: skip
+            found.append(feature("Polygon", [np.round(outline_degrees(crs, outline), 7)], about))
     return found
-
-
-def _ring(crs: str, outline: FloatArray) -> list[list[float]]:
-    ring = np.round(outline_degrees(crs, outline), 7).tolist()
-    return ring if ring[0] == ring[-1] else [*ring, ring[0]]
 
 
 def _kml(areas: Sequence[dict[str, Any]], text: str) -> bytes:
     def name(share: float) -> str:
         return f"p{100 * share:.0f}"
 
-    styles = [
-        element(
-            "Style", element("LineStyle", element("width", "1")),
-            element("PolyStyle", element("color", fill)), id=name(share),
-        )
-        for share, fill in FILLS.items()
-    ]  # fmt: skip
+    styles = [style_of(name(share), None, 1, fill) for share, fill in FILLS.items()]
     places = []
     for area in reversed(areas):  # the widest first, below the others
         about, (ring,) = area["properties"], area["geometry"]["coordinates"]
