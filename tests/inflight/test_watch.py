@@ -152,7 +152,7 @@ def test_the_sieve_names_every_reading_that_it_refuses() -> None:
 
 def test_readings_within_a_microsecond_are_one() -> None:
     stream = [Reading(0.0, 0.0, 0.0), Reading(2e-309, 0.0, 0.0), *as_planned(every=50.0)]
-    times = [event["time"] for event in new_watch(members=20, every=1200.0).events(stream)]
+    times = [event["time"] for event in new_watch(members=50, every=1200.0).events(stream)]
     assert times == sorted(times)
     sieve = Sieve(20.0)
     assert [r.time for r in sieve.usable([Reading(1.0, 0.0, 5.0), Reading(1.0 + 4e-7, 0.0, 5.0)])] == [1.0]
@@ -167,14 +167,14 @@ def test_two_readings_far_ahead_that_agree_are_believed() -> None:
 
 def test_times_never_go_back_where_parts_of_steps_are_not_round() -> None:
     stream = [Reading(29.0, 0.0, 0.0), *as_planned(every=50.0)]  # 29 / DT * DT is less than 29
-    times = [event["time"] for event in new_watch(members=20, every=1200.0).events(stream)]
+    times = [event["time"] for event in new_watch(members=50, every=1200.0).events(stream)]
     assert times[0] == 29.0
     assert times == sorted(times)
 
 
 def test_a_silence_passes_whatever_the_length_of_a_step() -> None:
     dt = 33.4  # 3 dt % dt is almost dt
-    watch = new_watch(coherent_problem(robot=RobotConfig(dt=dt, u_max=20.0)), members=20, every=1200.0)
+    watch = new_watch(coherent_problem(robot=RobotConfig(dt=dt, u_max=20.0)), members=50, every=1200.0)
     end = dt * len(PATH.u)
     assert list(watch.events([Reading(0.0, 0.0, 5.0), Reading(end)]))[-1]["time"] == pytest.approx(end)
 
@@ -218,8 +218,8 @@ def test_a_killed_watch_continues_as_if_nothing_had_been(cut: int, tmp_path) -> 
     (tmp_path / "follow.jsonl").write_bytes(text[:at])
     again = new_watch(alarm=1.0)
     kept = list(read_journal(tmp_path / "follow.jsonl"))
-    complete = text[:at].count(b"\n")
-    assert again.resume(kept) == complete
+    assert len(kept) == text[:at].count(b"\n")
+    again.resume(kept)
     if not kept or kept[-1]["event"] == "end":
         return
     rest = [r for r in as_planned(fixes=dict(fixes)) if r.time > again.time + 1e-9]

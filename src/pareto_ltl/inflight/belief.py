@@ -228,42 +228,39 @@ class Belief:
         """
         from pareto_ltl.simulation.flights import judge_flights
 
-        rest = _Rest(self)
+        x, theta, seed = self.flown, self.theta, self.seed
+        # One child a step: plans that are compared meet the same winds.
+        rng = np.random.default_rng(SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, self.step)))
         for t in range(self.step, len(u)):
-            rest.fly(t, u[t], mean)
-        x = np.ascontiguousarray(rest.x[:, : len(u) + 1])
+            x = np.concatenate([x, self._flown_on(t, u[t], mean, x[:, -1], theta, rng)[:, None]], axis=1)
+            theta = faded(theta, self.kept(t), rng)
+        x = np.ascontiguousarray(x[:, : len(u) + 1])
         past = judge_flights(self.problem, LAW, np.ascontiguousarray(x[:, : self.step + 1]))
         lost = past.collided | (past.off_map & past.walled)
         alive = ~lost if not lost.all() else np.ones(len(lost), bool)
         outcome = judge_flights(self.problem, LAW, x[alive])
         return x[alive], outcome.failed
 
+    def _flown_on(
+        self, t: int, u: FloatArray, mean: FloatArray, at: FloatArray, theta: FloatArray, rng: Generator
+    ) -> FloatArray:
+        """Positions (n, 2) after step ``t``, which began at ``at`` (n, 2), with the control ``u`` (2,).
 
-class _Rest:
-    """The members on the rest of a plan, from where they are in the current step."""
-
-    def __init__(self, belief: Belief) -> None:
-        self.belief, self.x, self.theta = belief, belief.flown, belief.theta
-        seed = belief.seed  # one child a step: plans that are compared meet the same winds
-        self.rng = np.random.default_rng(SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, belief.step)))
-
-    def fly(self, t: int, u: FloatArray, mean: FloatArray) -> None:
-        """One step with the control ``u`` (2,); what is left of it if ``t`` is the current step."""
-        belief, motion, at = self.belief, self.belief.motion, self.x[:, -1]
-        if t == belief.step:
-            law, white, flown, share = belief.local, belief.white, belief.air, 1.0 - belief.share
+        In the current step, ``u`` is flown for what is left of it.
+        """
+        motion = self.motion
+        if t == self.step:
+            law, white, flown, share = self.local, self.white, self.air, 1.0 - self.share
         else:
-            law, flown, share = local_wind(belief.law, t, at), np.zeros(2), 1.0
-            white = np.sqrt(law.white) * self.rng.standard_normal(at.shape)
-        wind = law.met(self.theta, white)
+            law, flown, share = local_wind(self.law, t, at), np.zeros(2), 1.0
+            white = np.sqrt(law.white) * rng.standard_normal(at.shape)
+        wind = law.met(theta, white)
         flights = np.broadcast_to(u, at.shape)
         if motion.gain > 0.0:
             planned = (mean[t + 1] - motion.a @ mean[t]) / motion.dt - motion.b @ u
             steer = motion.gain / motion.dt * (at - mean[t]) + (1.0 - motion.exposed) * (wind - planned)
             flights = _within_airspeed(u - steer @ motion.b_inv.T, motion.u_min, motion.u_max)
-        there = at @ motion.a.T + flown + motion.dt * (share * flights @ motion.b.T + wind)
-        self.x = np.concatenate([self.x, there[:, None]], axis=1)
-        self.theta = faded(self.theta, belief.kept(t), self.rng)
+        return np.asarray(at @ motion.a.T + flown + motion.dt * (share * flights @ motion.b.T + wind))
 
 
 def faded(theta: FloatArray, kept: FloatArray, rng: Generator) -> FloatArray:

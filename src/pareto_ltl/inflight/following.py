@@ -63,7 +63,6 @@ def follow(
         If the plan, the telemetry or the journal cannot be read.
     """
     cfg = settings or WatchSettings()
-    _check(cfg)
     run = planned_run(planned)
     scene, seed = run.make(SCENE), stage_seeds(run.settings.seed, STREAM)
     wind, medium = run.make(WIND), run.settings.medium
@@ -128,17 +127,6 @@ def _same_flight(begin: Event, earlier: Sequence[Event]) -> None:
         raise ConfigError(
             f"this flight goes on with another plan: pareto-ltl follow {earlier[-1]['directory']} --resume"
         )
-
-
-def _check(cfg: WatchSettings) -> None:
-    if not 1.0 <= cfg.every <= 86_400.0:
-        raise ConfigError(f"--every must be 1 to 86,400 s, got {cfg.every:g}")
-    if not 0.0 < cfg.alarm <= 1.0:
-        raise ConfigError(f"--alarm must be a failure rate above 0 and at most 1, got {cfg.alarm:g}")
-    if not cfg.wind_age > 0.0:
-        raise ConfigError(f"--wind-age must be above 0 h, got {cfg.wind_age / 3600.0:g}")
-    if not 50 <= cfg.members <= 100_000:
-        raise ConfigError(f"--flights must be 50 to 100,000, got {cfg.members}")
 
 
 # --- a flight of several plans ------------------------------------------------------------------

@@ -19,6 +19,7 @@ import numpy as np
 from pareto_ltl.exports import mavlink
 from pareto_ltl.inflight.telemetry import Reading
 from pareto_ltl.inflight.watch import ELLIPSE, Event, Watch
+from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene import Scene
 
 GUIDED = 15  # custom mode of ArduPlane in which it takes headings and airspeeds
@@ -236,15 +237,13 @@ class Sender:
             )
 
 
-def prologue_of(scene: Scene, ground: float, sd: float = mavlink.LEAST_SD) -> tuple[dict[str, Any], ...]:
+def prologue_of(scene: Scene, ground: float) -> tuple[dict[str, Any], ...]:
     """Origin, home and position at the start of ``scene``, ``ground`` [m] above mean sea level."""
-    from pareto_ltl.world.projection import to_geographic
-
     assert scene.crs is not None
     lon, lat = to_geographic(scene.crs, scene.start[None])
     return tuple(
         message | {"z": ground if "z" in message["fill_in"] else None}
-        for message in mavlink.prologue(float(lat[0]), float(lon[0]), sd)
+        for message in mavlink.prologue(float(lat[0]), float(lon[0]), mavlink.LEAST_SD)
     )
 
 
@@ -254,9 +253,16 @@ def prologue_of(scene: Scene, ground: float, sd: float = mavlink.LEAST_SD) -> tu
 def at_status(sends: Sequence[str], event: Event) -> Iterator[tuple[str, dict[str, Any]]]:
     """Text and command of the wind and the position that a status reports."""
     if "wind" in sends:
-        yield _wind(event)
+        speed, sd, come_from = math.hypot(*event["wind"]), event["wind_sd"], event["wind_from"]
+        doubt = min(math.degrees(math.atan2(sd, max(speed, 1e-6))), 180.0)
+        text = f"wind {come_from:03.0f}/{speed:.1f} m/s, sd {sd:.1f} m/s and {doubt:.0f} deg"
+        yield text, {"command": mavlink.WIND_ESTIMATE, "params": [speed, sd, come_from, doubt, 0, 0, 0]}
     if "position" in sends:
-        yield _position(event)
+        sd = math.sqrt(0.5 * (event["major"] ** 2 + event["minor"] ** 2)) / ELLIPSE
+        yield f"position estimate, sd {sd:.0f} m", {
+            "command": mavlink.POSITION_ESTIMATE, "params": [event["time"], 0.0, sd, 0.0],
+            "x": round(event["lat"] * mavlink.DEGREE), "y": round(event["lon"] * mavlink.DEGREE),
+        }  # fmt: skip
 
 
 def at_leg(sends: Sequence[str], watch: Watch) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -276,18 +282,3 @@ def at_leg(sends: Sequence[str], watch: Watch) -> Iterator[tuple[str, dict[str, 
         if math.isfinite(heading):
             params = [mavlink.HEADING, heading, mavlink.TURN, 0, 0, 0, 0]
             yield f"heading {heading:.0f} deg", {"command": mavlink.CHANGE_HEADING, "params": params}
-
-
-def _wind(event: Event) -> tuple[str, dict[str, Any]]:
-    speed, sd, come_from = math.hypot(*event["wind"]), event["wind_sd"], event["wind_from"]
-    doubt = min(math.degrees(math.atan2(sd, max(speed, 1e-6))), 180.0)
-    text = f"wind {come_from:03.0f}/{speed:.1f} m/s, sd {sd:.1f} m/s and {doubt:.0f} deg"
-    return text, {"command": mavlink.WIND_ESTIMATE, "params": [speed, sd, come_from, doubt, 0, 0, 0]}
-
-
-def _position(event: Event) -> tuple[str, dict[str, Any]]:
-    sd = math.sqrt(0.5 * (event["major"] ** 2 + event["minor"] ** 2)) / ELLIPSE
-    return f"position estimate, sd {sd:.0f} m", {
-        "command": mavlink.POSITION_ESTIMATE, "params": [event["time"], 0.0, sd, 0.0],
-        "x": round(event["lat"] * mavlink.DEGREE), "y": round(event["lon"] * mavlink.DEGREE),
-    }  # fmt: skip

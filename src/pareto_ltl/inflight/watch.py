@@ -19,7 +19,9 @@ from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.position_fixes import causes, chance, in_plane, on_map
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
+from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.medium import AIR, Medium
+from pareto_ltl.world.projection import meridian_convergence, to_geographic
 
 Event = dict[str, Any]  # ``event``, its kind, ``time`` [s after departure], and what belongs to its kind
 TICK = 1.0  # [s] at least, between two lines of what was flown
@@ -40,7 +42,7 @@ ELLIPSE = ellipse_scale(0.95)  # standard deviations
 
 @dataclass(frozen=True, slots=True)
 class WatchSettings:
-    """What a watch does.
+    """What a watch does; ConfigError if a value is beyond its limits.
 
     Attributes
     ----------
@@ -61,6 +63,16 @@ class WatchSettings:
     members: int = 1000
     silence: float = 120.0
     wind_age: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.every <= 86_400.0:
+            raise ConfigError(f"--every must be 1 to 86,400 s, got {self.every:g}")
+        if not 0.0 < self.alarm <= 1.0:
+            raise ConfigError(f"--alarm must be a failure rate above 0 and at most 1, got {self.alarm:g}")
+        if not self.wind_age > 0.0:
+            raise ConfigError(f"--wind-age must be above 0 h, got {self.wind_age / 3600.0:g}")
+        if not 50 <= self.members <= 100_000:
+            raise ConfigError(f"--flights must be 50 to 100,000, got {self.members}")
 
 
 def event_of(event: str, time: float, /, **values: Any) -> Event:
@@ -185,8 +197,6 @@ class Watch:
         """Meridian convergence [rad] where this step began, to be added to directions in the plane."""
         scene = self.problem.scene
         if scene.crs is not None and self.turned != self.belief.step:
-            from pareto_ltl.world.projection import meridian_convergence, to_geographic
-
             lon, lat = to_geographic(scene.crs, self.belief.x[None])
             self.turn, self.turned = float(meridian_convergence(scene.crs, lon, lat)[0]), self.belief.step
         return self.turn
@@ -204,11 +214,9 @@ class Watch:
         self.belief.advance(float(event["seconds"]), air)
         self.pending, self.air = 0.0, np.zeros(2)
 
-    def resume(self, events: Iterable[Mapping[str, Any]]) -> int:
-        """Take the events of an earlier watch of the same flight; returns how many."""
-        count = 0
+    def resume(self, events: Iterable[Mapping[str, Any]]) -> None:
+        """Take the events of an earlier watch of the same flight."""
         for event in events:
-            count += 1
             if event["event"] == "flown":
                 self._advance(event)
             elif event["event"] == "fix":
@@ -216,7 +224,6 @@ class Watch:
             elif event["event"] == "status":
                 self.energy, self.due = event["energy"] or 0.0, event["time"] + self.settings.every
         self.sieve.last = self.heard = self.time
-        return count
 
     # --- fixes ---
 
@@ -328,12 +335,13 @@ class Watch:
         self.rest = flown[:DRAWN, self.belief.step :].copy(), failed[:DRAWN]
         fails, flights, promise = int(failed.sum()), len(failed), self.plan.promise
         low, high = clopper_pearson(fails, flights)
+        east, north = now.wind
         return event_of(
             "status", self.time, step=step, **self.placed(now.mean), **self._ellipse(now.cov),
             corridor=float(np.sqrt(gap @ np.linalg.solve(spread, gap))), law=LAW, medium=self.medium.matter,
             failure=fails / flights, low=low, high=high, fails=fails, flights=flights,
             promised=promise and promise.rate.failure,
-            wind=now.wind.tolist(), wind_from=self._wind_from(now.wind),
+            wind=now.wind.tolist(), wind_from=math.degrees(math.atan2(-east, -north) + self._turn()) % 360.0,
             wind_sd=float(np.sqrt(np.trace(now.wind_cov) / 2.0)),
             energy=None if self.problem.energy is None else self.energy,
             energy_needed=self._energy_needed(), heard_wind=self.heard_wind and list(self.heard_wind),
@@ -375,8 +383,6 @@ class Watch:
 
     def placed(self, x: FloatArray) -> Event:
         """``x`` (2,) [m] in the plane and, on a map with a place on Earth, in degrees."""
-        from pareto_ltl.world.projection import to_geographic
-
         placed: Event = {"x": float(x[0]), "y": float(x[1])}
         if self.problem.scene.crs is not None:
             lon, lat = to_geographic(self.problem.scene.crs, x[None])
@@ -388,10 +394,6 @@ class Watch:
         """Half axes [m] of the ellipse that holds 95 %, and the angle of the longer one from +x [rad]."""
         major, minor, azimuth = (float(part[0]) for part in axes_of(cov[None]))
         return {"major": ELLIPSE * major, "minor": ELLIPSE * minor, "angle": 0.5 * math.pi - azimuth}
-
-    def _wind_from(self, wind: FloatArray) -> float:
-        """True direction [deg] that a wind in the plane (2,) blows from."""
-        return math.degrees(math.atan2(-wind[0], -wind[1]) + self._turn()) % 360.0
 
     def _next_goal(self) -> Event:
         """The next labels that change the state of the mission, by the plan, and when [s after departure]."""
