@@ -9,6 +9,7 @@ import hashlib
 import json
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -95,14 +96,11 @@ class DeskFolder:
 
     def read_draft(self) -> dict[str, Any]:
         """``revision`` and ``mission`` as last drawn; revision 0 without a file, or with a damaged one."""
-        try:
+        with suppress(DataError, OSError):
             found = read_json(self.root / DRAFT)
-        except (DataError, OSError):
-            found = {}
-        revision = found.get("revision")
-        if not isinstance(revision, int):
-            return {"revision": 0, "mission": None}
-        return {"revision": revision, "mission": found.get("mission")}
+            if isinstance(found.get("revision"), int):
+                return {"revision": found["revision"], "mission": found.get("mission")}
+        return {"revision": 0, "mission": None}
 
     def write_draft(self, revision: Any, mission: Any) -> dict[str, Any]:
         """Write ``mission`` after the revision that it was made from; RevisionError if that is old."""

@@ -12,14 +12,19 @@ from pareto_ltl.logic.automaton import translate
 from pareto_ltl.logic.formula import parse_formula
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.logic.patterns import formula_of
+from pareto_ltl.report.page.ground import shown_map
 from pareto_ltl.report.page.machine import shown_automaton
 from pareto_ltl.serve.folder import DeskFolder
 from pareto_ltl.settings import MissionConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, ParetoLtlError
+from pareto_ltl.support.errors import ConfigError, DataError, ParetoLtlError
 from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.reading import shown_json
+from pareto_ltl.support.reading import parse_json, shown_json
 from pareto_ltl.support.resources import choice_file, choices
+from pareto_ltl.world.projection import to_geographic
+from pareto_ltl.world.scene_files import SCENE_FILES, SUFFIXES, kml_features
+from pareto_ltl.world.scene_settings import scene_from_settings
+from pareto_ltl.world.scene_sketch import MapFaults
 
 COMMANDS = ("plan", "departure", "wind")
 EXAMPLES = ("hop", "phi1", "phi2")
@@ -75,10 +80,8 @@ def explained_formula(asked: Mapping[str, Any]) -> dict[str, Any]:
         text = formula_of(mission)
         tree = parse_formula(text)
         automaton = translate(text, None, MOST_STATES)
-    except FormulaError as error:
-        return {"formula": text, "error": str(error), "column": error.column}
     except ParetoLtlError as error:
-        return {"formula": text, "error": str(error), "column": None}
+        return {"formula": text, "error": str(error), "column": getattr(error, "column", None)}
     return {
         "formula": text,
         "words": mission_in_words(text),
@@ -92,10 +95,6 @@ def explained_formula(asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def read_map(folder: DeskFolder, name: str, content: bytes) -> dict[str, Any]:
     """The features of a GeoJSON or KML file, with roles, in degrees; DataError if it cannot be read."""
-    from pareto_ltl.support.reading import parse_json
-    from pareto_ltl.world.scene_files import SCENE_FILES, SUFFIXES, kml_features
-    from pareto_ltl.world.scene_sketch import MapFaults
-
     suffix = Path(name).suffix.lower()
     if suffix in SUFFIXES:
         path = folder.inside(folder.keep_map(content, suffix))
@@ -128,10 +127,6 @@ def _noted(group: str, name: str) -> dict[str, str]:
 
 def example_map(name: str) -> dict[str, Any]:
     """A ready map as GeoJSON with roles; DataError if there is no such example."""
-    from pareto_ltl.report.page.ground import shown_map
-    from pareto_ltl.world.projection import to_geographic
-    from pareto_ltl.world.scene_settings import scene_from_settings
-
     if name not in EXAMPLES:
         raise DataError(f"there is no example {shown_value(name)}; there are {', '.join(EXAMPLES)}")
     cfg = section_of("scene", name)

@@ -86,15 +86,13 @@ class Guard:
         length = headers.get("content-length", "0")
         if not length.isdigit() or int(length) > MOST_BYTES or "transfer-encoding" in headers:
             return 413, f"send at most {MOST_BYTES:,} bytes, with their number in Content-Length"
-        if self._needs_token(scope) and not self._has_token(scope, headers):
+        free = str(scope["path"]).startswith("/desk/")
+        if not free and not self._has_token(scope, headers):
             return 401, "the token is missing or wrong: use the address that pareto-ltl serve printed"
         return None
 
     def _hosts(self) -> tuple[str, ...]:
         return tuple(f"{host}:{self.port}" for host in HOSTS)
-
-    def _needs_token(self, scope: Scope) -> bool:
-        return not str(scope["path"]).startswith("/desk/")
 
     def _has_token(self, scope: Scope, headers: Mapping[str, str]) -> bool:
         kind, _, given = headers.get("authorization", "").partition(" ")
