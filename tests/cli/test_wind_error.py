@@ -15,6 +15,7 @@ from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.forecast_error import LAWS_FOLDER, read_forecast_error
+from pareto_ltl.wind.sources import grib_files
 
 
 @pytest.fixture
@@ -30,7 +31,8 @@ def past(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder.mkdir()
     (folder / "made.grib2").write_bytes(b"winds")
     (folder / "notes.txt").write_text("not a wind file")
-    monkeypatch.setattr(command, "_snapshots", lambda *_: history.direct_history(4, cycles=20))
+    made = grib_files.Snapshots(history.direct_history(4, cycles=20), {}, ())
+    monkeypatch.setattr(grib_files, "grib_snapshots_apart", lambda *_: made)
     return folder
 
 

@@ -50,7 +50,8 @@ def run_command_line(argv: Sequence[str]) -> int:
 
 def _run_command(command: Command, words: Sequence[str], output: Output) -> int:
     """Run a command with the other words; its module is imported now."""
-    if isinstance(command, PipelineCommand) or (command.name == "sweep" and _has_setting(words)):
+    has_setting = any("=" in word and not word.startswith("-") for word in words)
+    if isinstance(command, PipelineCommand) or (command.name == "sweep" and has_setting):
         return _run_settings(words, command.name, output)
     assert isinstance(command, ToolCommand)
     options = parsed_options(command, words)
@@ -89,10 +90,6 @@ def parsed_options(command: ToolCommand, words: Sequence[str]) -> argparse.Names
         raise DataError(f"{place}: no such folder; give a results directory")
     options.words = words
     return options
-
-
-def _has_setting(words: Sequence[str]) -> bool:
-    return any("=" in word and not word.startswith("-") for word in words)
 
 
 def _run_settings(argv: Sequence[str], command: str | None, output: Output) -> int:

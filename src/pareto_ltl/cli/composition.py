@@ -10,7 +10,7 @@ import math
 import os
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -285,11 +285,10 @@ def _check_launcher(config: DictConfig) -> None:
     """Raise ConfigError for a launcher that is not installed; the message says what to install."""
     module = str(config.hydra.launcher.get("_target_")).rpartition(".")[0]
     name = config.hydra.runtime.choices.get("hydra/launcher")
-    try:
-        found = find_spec(module) is not None
-    except ModuleNotFoundError:
-        found = False
-    if not found and name in LAUNCHER_EXTRAS:
+    with suppress(ModuleNotFoundError):
+        if find_spec(module) is not None:
+            return
+    if name in LAUNCHER_EXTRAS:
         raise ConfigError(
             f"hydra/launcher={name} is not installed; "
             f"it comes with pip install 'pareto-ltl[{LAUNCHER_EXTRAS[name]}]'"

@@ -44,7 +44,7 @@ MORE = """\
 
 def short_help(groups: Groups) -> str:
     """Usage, commands, and the choices and settings that are used most."""
-    everything = dict(_described(Settings()))
+    everything = {key: entry for part in _sections(Settings()) for key, entry in _described(part)}
     settings = [_entry(key, *everything[key]) for key in COMMON_SETTINGS]
     return _general_help(
         ("Choices used most", _group_lines({name: groups.get(name, []) for name in COMMON_GROUPS})),
@@ -61,10 +61,11 @@ def full_help(settings: Settings, groups: Groups) -> str:
 
 
 def _general_help(*parts: tuple[str, str]) -> str:
+    commands = [f"  {command.name:<14}{command.meaning}" for command in COMMANDS]
     return _page(
         ("", ABOUT),
         ("Usage", "  pareto-ltl [COMMAND] [group=choice ...] [key=value ...] [flags]"),
-        ("Commands (plan, where none is given)", _command_lines()),
+        ("Commands (plan, where none is given)", "\n".join(commands)),
         ("Examples", EXAMPLES),
         *parts,
         ("Flags", FLAGS),
@@ -78,7 +79,7 @@ def command_help(command: PipelineCommand, groups: Groups) -> str:
 
     stages = yaml.safe_load((resource_folder("pipelines") / f"{command.name}.yaml").read_text())["stages"]
     settings = Settings()
-    own = "\n".join(_one_section(getattr(settings, name)) for name in command.sections)
+    own = "\n".join(_section_lines(getattr(settings, name)) for name in command.sections)
     return _page(
         ("", f"pareto-ltl {command.name}: {command.meaning}."),
         ("Usage", f"  pareto-ltl {command.name} [group=choice ...] [key=value ...] [flags]\n"
@@ -116,10 +117,6 @@ def _page(*parts: tuple[str, str]) -> str:
     return "\n\n".join(f"{title}\n{body}" if title else body for title, body in parts if body)
 
 
-def _command_lines() -> str:
-    return "\n".join(f"  {command.name:<14}{command.meaning}" for command in COMMANDS)
-
-
 def _group_lines(groups: Groups, *, plus: bool = True) -> str:
     lines = []
     for group, names in groups.items():
@@ -128,30 +125,29 @@ def _group_lines(groups: Groups, *, plus: bool = True) -> str:
     return "\n".join(lines)
 
 
-def _section_lines(settings: Settings) -> str:
-    sections = [settings, *(getattr(settings, item.name) for item in fields(settings))]
-    return "\n".join(_one_section(section) for section in sections if is_dataclass(section))
-
-
-def _one_section(section: Any) -> str:
+def _section_lines(section: Any) -> str:
     """The help of a section and of the sections inside it."""
-    title = " ".join((type(section).__doc__ or "").split())
-    lines = [f"\n  {section.section or 'the run'}: {title}"] if section.section else [""]
-    lines += [_entry(key, value, declared) for key, (value, declared) in _described(section, inner=False)]
-    for item in fields(section):
-        if section.section and is_dataclass(getattr(section, item.name)):
-            lines.append(_one_section(getattr(section, item.name)))
+    lines = []
+    for part in _sections(section):
+        title = " ".join((type(part).__doc__ or "").split())
+        lines.append(f"\n  {part.section}: {title}" if part.section else "")
+        lines += [_entry(key, *entry) for key, entry in _described(part)]
     return "\n".join(lines)
 
 
-def _described(section: Any, *, inner: bool = True) -> Iterator[tuple[str, tuple[Any, Declaration]]]:
-    """Keys as a user types them, with value and declaration; ``inner``: also of the sections inside."""
+def _sections(section: Any) -> Iterator[Any]:
+    """A section, then the sections inside it."""
+    yield section
+    for item in fields(section):
+        if is_dataclass(value := getattr(section, item.name)):
+            yield from _sections(value)
+
+
+def _described(section: Any) -> Iterator[tuple[str, tuple[Any, Declaration]]]:
+    """Keys of a section as a user types them, each with its value and declaration."""
     prefix = f"{section.section}." if section.section else ""
     for item, declared in declarations(section):
         yield f"{prefix}{item.name}", (getattr(section, item.name), declared)
-    for item in fields(section) if inner else ():
-        if is_dataclass(value := getattr(section, item.name)):
-            yield from _described(value)
 
 
 def _entry(key: str, value: Any, declared: Declaration) -> str:

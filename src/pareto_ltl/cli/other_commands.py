@@ -20,7 +20,6 @@ from pareto_ltl.support.messages import shown_text, shown_value
 if TYPE_CHECKING:
     from pareto_ltl.logic.automaton import Automaton
     from pareto_ltl.logic.formula import Formula
-    from pareto_ltl.run.warmup import Warmed
     from pareto_ltl.studies.promises import Compared, Promises
 
 
@@ -80,15 +79,12 @@ def warmup(options: Namespace) -> Answer:
     with ProgressBar() as bar, bar.stage("compiling"):
         found = list(warm_up_all(names, options.jobs, bar))
     kinds = [{**asdict(warmed), "seconds": round(warmed.seconds, 1)} for warmed in found]
-    document = {"kinds": kinds, "compiled": sum(len(warmed.compiled) for warmed in found)}
-    return Answer(document, list(_warmed_lines(found)))
-
-
-def _warmed_lines(found: Sequence[Warmed]) -> Iterator[str]:
+    lines = []
     for warmed in found:
-        yield f"{warmed.name}: {len(warmed.compiled)} kernels compiled, {warmed.seconds:.0f} s"
+        lines.append(f"{warmed.name}: {len(warmed.compiled)} kernels compiled, {warmed.seconds:.0f} s")
         if not warmed.complete:
-            yield f"{warmed.name}: its small mission found no path, so some kernels may be missing"
+            lines.append(f"{warmed.name}: its small mission found no path, so some kernels may be missing")
+    return Answer({"kinds": kinds, "compiled": sum(len(warmed.compiled) for warmed in found)}, lines)
 
 
 def cache(options: Namespace) -> Answer:

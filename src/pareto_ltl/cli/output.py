@@ -12,7 +12,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass, replace
 from enum import Enum
 from textwrap import wrap
@@ -80,23 +80,15 @@ def output_of(argv: Sequence[str]) -> tuple[Output, list[str]]:
 
 def answered(work: Callable[[], Answer], output: Output) -> int:
     """Do ``work``, print its answer in the form ``output``, and return its exit code."""
-    with _standard_output_kept(output):
+    with ExitStack() as redirected:  # for programs, nothing but the answer is on the standard output
+        if output is Output.JSON:
+            redirected.enter_context(redirect_stdout(sys.stderr))
+        elif output is Output.QUIET:
+            nowhere = redirected.enter_context(open(os.devnull, "w", encoding="utf-8"))
+            redirected.enter_context(redirect_stdout(nowhere))
         answer = work()
     print_answer(answer, output)
     return answer.code
-
-
-@contextmanager
-def _standard_output_kept(output: Output) -> Iterator[None]:
-    """Let only the answer reach the standard output."""
-    if output is Output.JSON:
-        with redirect_stdout(sys.stderr):
-            yield
-    elif output is Output.QUIET:
-        with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere):
-            yield
-    else:
-        yield
 
 
 def print_answer(answer: Answer, output: Output) -> None:
@@ -107,20 +99,13 @@ def print_answer(answer: Answer, output: Output) -> None:
         for path in answer.written:
             print(os.fspath(path))
     else:
-        _print_lines(answer.lines)
+        for line in answer.lines:
+            if isinstance(line, str):
+                print(line)
+            else:
+                from rich.console import Console
 
-
-def _print_lines(lines: Sequence[object]) -> None:
-    console = None
-    for line in lines:
-        if isinstance(line, str):
-            print(line)
-            continue
-        if console is None:
-            from rich.console import Console
-
-            console = Console(highlight=False, markup=False)
-        console.print(line)
+                Console(highlight=False, markup=False).print(line)
 
 
 def print_problem(line: str, output: Output = Output.TEXT) -> None:
@@ -207,7 +192,7 @@ class WarningList(logging.Handler):
         Called with each new line.
     """
 
-    def __init__(self, shown: Callable[[str], object] = lambda _line: None) -> None:
+    def __init__(self, shown: Callable[[str], object]) -> None:
         super().__init__(logging.WARNING)
         self.lines: list[str] = []
         self.shown = shown
@@ -221,16 +206,22 @@ class WarningList(logging.Handler):
 
 
 @contextmanager
-def collected_warnings() -> Iterator[list[str]]:
-    """The warnings of the package and of Python, as they come."""
-    with _heard(WarningList()) as handler:
+def collected_warnings(shown: Callable[[str], object] = lambda _line: None) -> Iterator[list[str]]:
+    """The warnings of the package and of Python, as they come; ``shown`` is called with each."""
+    handler, loggers = WarningList(shown), [logging.getLogger(name) for name in OURS]
+    for logger in loggers:
+        logger.addHandler(handler)
+    try:
         yield handler.lines
+    finally:
+        for logger in loggers:
+            logger.removeHandler(handler)
 
 
 @contextmanager
 def printed_warnings() -> Iterator[None]:
     """In the block, each warning is a line on standard error when it comes, and other packages are quiet."""
-    with _heard(WarningList(lambda line: print(f"Warning: {line}", file=sys.stderr, flush=True))), _quiet():
+    with collected_warnings(lambda line: print(f"Warning: {line}", file=sys.stderr, flush=True)), _quiet():
         yield
 
 
@@ -245,18 +236,6 @@ def answer_with_warnings(work: Callable[[], Answer]) -> Answer:
     document = {**answer.document, "warnings": [*known, *new]}
     lines = [part for line in new for part in wrap(f"Warning: {line}", COLUMNS, break_on_hyphens=False)]
     return replace(answer, document=document, lines=[*lines, *answer.lines])
-
-
-@contextmanager
-def _heard(handler: WarningList) -> Iterator[WarningList]:
-    loggers = [logging.getLogger(name) for name in OURS]
-    for logger in loggers:
-        logger.addHandler(handler)
-    try:
-        yield handler
-    finally:
-        for logger in loggers:
-            logger.removeHandler(handler)
 
 
 @contextmanager

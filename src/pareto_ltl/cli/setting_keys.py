@@ -134,7 +134,7 @@ def _overridden_key(error: HydraException) -> str:
 
 def _explain_value(error: OmegaConfBaseException, place: str) -> str:
     """The error of a value, with the words of the settings if its key is one of them."""
-    key = _full_key(error) or place
+    key = str(getattr(error, "full_key", None) or place)
     _, resolved, refusal = _first_line(error).partition(OF_A_RESOLVER)
     if resolved:
         return f"{key}: {refusal}"
@@ -164,7 +164,3 @@ def _cure_of(override: str) -> str:
 def _first_line(error: BaseException) -> str:
     lines = str(error).strip().splitlines()
     return lines[0].strip() if lines else type(error).__name__
-
-
-def _full_key(error: OmegaConfBaseException) -> str:
-    return str(getattr(error, "full_key", None) or "")

@@ -37,6 +37,8 @@ def run_answer(
 
     ``verbose`` adds the bounds, the simulated flights under every law and the time of each stage.
     """
+    from rich.text import Text
+
     plan = None
     if (directory / "plan.json").is_file():
         from pareto_ltl.planning.plan_files import read_plan
@@ -48,15 +50,16 @@ def run_answer(
         "warnings": warnings, **covers,
     }  # fmt: skip
     *rows, last = summary_rows(metrics, settings.fidelity.law, settings.medium, verbose=verbose)
-    lines = [
+    lines: list[object] = [
         _summary_table(settings.name, [*rows, *limit_rows(plan, settings.medium), last]),
         *warning_paragraphs(warnings, directory),
-        *([] if plan is None else choice_paragraphs(settings, directory)),
-        *([] if plan is None else detour_paragraphs(directory)),
+        *([] if plan is None else plan_paragraphs(settings, directory)),
         *(f"{key.replace('_', ' ').capitalize()}: {text}" for key, text in covers.items()),
-        *study_tables(directory / "tables.md"),
     ]
-    return Answer(document, [*map(_paragraph, lines), f"results in {directory}"], [directory])
+    if (tables := directory / "tables.md").is_file():  # of an evaluation
+        lines += shown_markdown(tables.read_text(encoding="utf-8"), str(tables))
+    shown = [Text(line) if isinstance(line, str) else line for line in lines]  # wrapped between words
+    return Answer(document, [*shown, f"results in {directory}"], [directory])
 
 
 def _summary_table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
@@ -71,13 +74,6 @@ def _summary_table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
     return table
 
 
-def _paragraph(line: object) -> object:
-    """A text as a paragraph, which is wrapped between words."""
-    from rich.text import Text
-
-    return Text(line) if isinstance(line, str) else line
-
-
 def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str]:
     """The first ``warnings``, and how many more the log in ``directory`` has."""
     for warning in warnings[:MOST_WARNINGS]:
@@ -86,18 +82,13 @@ def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str
         yield f"Warning: {len(warnings) - MOST_WARNINGS} more in {directory / 'run.log'}"
 
 
-def choice_paragraphs(settings: Settings, directory: Path) -> Iterator[str]:
-    """Which path of the front is the plan, where flights judge."""
-    if settings.fidelity.judge != "flights":
-        return
+def plan_paragraphs(settings: Settings, directory: Path) -> Iterator[str]:
+    """Which path of the front is the plan, where flights judge; what detours through landmarks would save."""
     from pareto_ltl.planning.selection_rules import selection_rule
 
-    if words := selection_rule(settings.selection).in_words(settings.selection):
+    cfg = settings.selection
+    if settings.fidelity.judge == "flights" and (words := selection_rule(cfg).in_words(cfg)):
         yield f"The plan is {words}; `pareto-ltl choose {directory}` takes another point of the front."
-
-
-def detour_paragraphs(directory: Path) -> Iterator[str]:
-    """How much detours through landmarks reduce the failure rate, for a plan with a front."""
     if not all((directory / name).is_file() for name in ("front.csv", "scene.json")):
         return
     from pareto_ltl.run.results import Results
@@ -145,9 +136,11 @@ def summary_rows(
             bound = metrics[key] + metrics[f"collision_risk_{key[13:]}"]
             yield f"V + R of the controls, {key[13:]} {flows}", probability_text(bound)
         if key.startswith("failure_") and not key.endswith(("_low", "_high")):
-            yield _simulated_row(metrics, key, flows)
-            if (gone := f"off_map_{key.removeprefix('failure_')}") in metrics:
-                yield f"left the map, {key.removeprefix('failure_')} {flows}", probability_text(metrics[gone])
+            flown = key.removeprefix("failure_")
+            rate = rate_text(metrics[key], metrics[f"{key}_low"], metrics[f"{key}_high"])
+            yield f"failed of {metrics[f'runs_{flown}']:,.0f} simulated, {flown} {flows}", rate
+            if (gone := f"off_map_{flown}") in metrics:
+                yield f"left the map, {flown} {flows}", probability_text(metrics[gone])
     if "nodes" in metrics:
         yield "tree vertices", f"{metrics['nodes']:,.0f} ({metrics['nodes_per_second']:,.0f} a second)"
     for key, spent in metrics.items():
@@ -203,23 +196,7 @@ def _promise_row(metrics: Mapping[str, float], law: str) -> tuple[str, str]:
     )
 
 
-def _simulated_row(metrics: Mapping[str, float], key: str, flows: str) -> tuple[str, str]:
-    law = key.removeprefix("failure_")
-    return f"failed of {metrics[f'runs_{law}']:,.0f} simulated, {law} {flows}", _rate_text(metrics, key, key)
-
-
-def _rate_text(metrics: Mapping[str, float], key: str, interval: str) -> str:
-    """A rate with its interval, from the metrics ``INTERVAL_low`` and ``INTERVAL_high``."""
-    return rate_text(metrics[key], metrics[f"{interval}_low"], metrics[f"{interval}_high"])
-
-
 # --- tables of studies -------------------------------------------------------------------------
-
-
-def study_tables(path: Path) -> Iterator[object]:
-    """The tables of an evaluation, if the file ``path`` has them."""
-    if path.is_file():
-        yield from shown_markdown(path.read_text(encoding="utf-8"), str(path))
 
 
 def shown_markdown(text: str, source: str) -> Iterator[object]:

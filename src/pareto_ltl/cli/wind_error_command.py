@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,14 +35,16 @@ def wind_error(options: Namespace) -> Answer:
     import numpy as np
 
     from pareto_ltl.report.wind_error import draw_wind_error
+    from pareto_ltl.settings import WindConfig
     from pareto_ltl.support.files import write_json
     from pareto_ltl.wind.area import box_of
     from pareto_ltl.wind.error_estimate import error_document, estimate_errors, estimated_law
     from pareto_ltl.wind.forecast_error import forecast_error_law
     from pareto_ltl.wind.matched_fields import Resampling
+    from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 
     box = None if area is None else box_of(np.array(area, float))
-    snapshots = _snapshots(files, options.level, box)
+    snapshots = grib_snapshots_apart(files, WindConfig().max_speed, options.level, box).winds
     draws = Resampling(options.seed, options.block)
     estimate = estimate_errors(snapshots, area, draws, HOUR * options.max_lag)
     usual = forecast_error_law("gfs", "gfs")
@@ -74,17 +77,15 @@ def outline_of(text: str | None) -> list[list[float]] | None:
         return [list(corner) for corner in INLAND_OUTLINE]
     if text == EVERYWHERE:
         return None
-    try:
+    with suppress(ValueError):
         corners = [[float(number) for number in corner.split(",")] for corner in text.split()]
-    except ValueError:
-        corners = []
-    if len(corners) < 3 or any(len(corner) != 2 for corner in corners):
-        raise ConfigError(
-            f"--area {shown_value(text)}: expected at least three corners longitude,latitude with spaces "
-            f"between them, for example --area '-100,30 -90,30 -95,40', or {EVERYWHERE}"
-        )
-    check_outline("--area", corners)
-    return corners
+        if len(corners) >= 3 and all(len(corner) == 2 for corner in corners):
+            check_outline("--area", corners)
+            return corners
+    raise ConfigError(
+        f"--area {shown_value(text)}: expected at least three corners longitude,latitude with spaces between "
+        f"them, for example --area '-100,30 -90,30 -95,40', or {EVERYWHERE}"
+    )
 
 
 def _check_out(out: Path, read: Path) -> None:
@@ -105,13 +106,6 @@ def _files_in(folder: Path) -> tuple[Path, ...]:
     if not files:
         raise DataError(f"{folder}: the folder holds no GRIB file; name one with past forecasts and analyses")
     return files
-
-
-def _snapshots(files: tuple[Path, ...], level: str, box: GeoBox | None) -> tuple[Snapshot, ...]:
-    from pareto_ltl.settings import WindConfig
-    from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
-
-    return grib_snapshots_apart(files, WindConfig().max_speed, level, box).winds
 
 
 def _told_by_stations(
