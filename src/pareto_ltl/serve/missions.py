@@ -49,7 +49,8 @@ def command_words(folder: DeskFolder, request: Mapping[str, Any]) -> list[str]:
     if (drawn := request.get("map")) is not None:
         if not isinstance(drawn, dict):
             raise ConfigError(f"map must be a GeoJSON FeatureCollection, got {shown_json(drawn)}")
-        found.append(f"scene.file={folder.keep_map(map_bytes(drawn))}")
+        text = json.dumps(drawn, ensure_ascii=False, sort_keys=True, indent=1) + "\n"  # same map, same bytes
+        found.append(f"scene.file={folder.keep_map(text.encode())}")
     if (formula := request.get("formula")) is not None:
         if not isinstance(formula, str):
             raise ConfigError(f"formula must be a text, got {shown_json(formula)}")
@@ -57,11 +58,6 @@ def command_words(folder: DeskFolder, request: Mapping[str, Any]) -> list[str]:
     if not found:
         raise ConfigError("there is nothing to plan: give overrides, or a map and a formula")
     return [command, *found]
-
-
-def map_bytes(drawn: Mapping[str, Any]) -> bytes:
-    """A drawn map as GeoJSON; the same map gives the same bytes."""
-    return (json.dumps(drawn, ensure_ascii=False, sort_keys=True, indent=1) + "\n").encode()
 
 
 def quoted(text: str) -> str:

@@ -253,26 +253,25 @@ def _check_distinct(key: str, values: list[Any], declared: Declaration) -> None:
         raise ConfigError(f"{key} lists a value twice, got {shown_value(values)}")
 
 
-def are_number_rows(value: Any, width: int) -> bool:
-    """Whether ``value`` is a list of rows of ``width`` finite numbers.
+def are_pairs(value: Any) -> bool:
+    """Whether ``value`` is a list of pairs of finite numbers.
 
     Used for settings of type Any: Hydra refuses the integers ``[1, 0]`` for a list of floats.
     """
     return isinstance(value, list) and all(
-        isinstance(row, list) and len(row) == width and all(is_finite(number) for number in row)
-        for row in value
+        isinstance(pair, list) and len(pair) == 2 and all(map(is_finite, pair)) for pair in value
     )
 
 
 def check_matrix(key: str, value: Any) -> None:
     """Raise :class:`ConfigError` unless ``value`` is a 2 x 2 matrix of finite numbers."""
-    if not are_number_rows(value, 2) or len(value) != 2:
+    if not are_pairs(value) or len(value) != 2:
         raise wrong_value(key, "be a 2 x 2 matrix of numbers", value)
 
 
 def check_outline(key: str, value: Any) -> None:
     """Raise :class:`ConfigError` unless ``value`` is a list of pairs of finite numbers."""
-    if not are_number_rows(value, 2):
+    if not are_pairs(value):
         raise wrong_value(key, "be a list of [longitude, latitude] in degrees", value)
 
 

@@ -5,14 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from pareto_ltl.settings.checks import (
-    SEEDS,
-    CheckedSettings,
-    are_number_rows,
-    check_matrix,
-    check_time,
-    setting,
-)
+from pareto_ltl.settings.checks import SEEDS, CheckedSettings, are_pairs, check_matrix, check_time, setting
 from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value, wrong_value
@@ -159,7 +152,7 @@ class PowerConfig(CheckedSettings, section="robot.power"):
         """Refuse a table that is not two or more points in order, and a capacity without a power curve."""
         if self.kind == "table" and not (
             len(self.points) > 1
-            and are_number_rows(self.points, 2)
+            and are_pairs(self.points)
             and all(v >= 0 and watts >= 0 for v, watts in self.points)
             and all(low[0] < high[0] for low, high in zip(self.points, self.points[1:], strict=False))
         ):

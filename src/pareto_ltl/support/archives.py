@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import RESULTS, Advice, inside, refuse_special, shaped
+from pareto_ltl.support.reading import RESULTS, inside, refuse_special, shaped
 from pareto_ltl.support.schemas import read_document
 
 FREE_BYTES = 256 * 2**20  # unpacked bytes that are allowed for a file of any size
@@ -36,13 +36,13 @@ class _ForeignError(ValueError):
     """An archive that this package cannot have written; the text gives the reason."""
 
 
-def read_npz(path: Path, advice: Advice = RESULTS) -> dict[str, NDArray[Any]]:
+def read_npz(path: Path) -> dict[str, NDArray[Any]]:
     """Read the arrays of the archive ``path``, by name; pickled objects are refused.
 
     DataError if the file cannot be read, is damaged, or unpacks to far more than its size.
     """
     refuse_special(path)
-    with _described_damage(path, advice), path.open("rb") as file, zipfile.ZipFile(file) as archive:
+    with _described_damage(path), path.open("rb") as file, zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
         _check_size(entries, file.seek(0, 2))
         names = [entry.filename.removesuffix(".npy") for entry in entries]
@@ -52,15 +52,15 @@ def read_npz(path: Path, advice: Advice = RESULTS) -> dict[str, NDArray[Any]]:
 
 
 @contextmanager
-def _described_damage(path: Path, advice: Advice) -> Iterator[None]:
+def _described_damage(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
         reason = error.strerror or error
-        raise DataError(f"{path}: cannot be read ({reason}); {advice.missing}") from error
+        raise DataError(f"{path}: cannot be read ({reason}); {RESULTS.missing}") from error
     except DAMAGE as error:
         reason = " ".join(str(error).split())[:200]
-        raise DataError(f"{path}: not an archive of arrays ({reason}); {advice.damaged}") from error
+        raise DataError(f"{path}: not an archive of arrays ({reason}); {RESULTS.damaged}") from error
 
 
 def _check_size(entries: list[zipfile.ZipInfo], size: int) -> None:
