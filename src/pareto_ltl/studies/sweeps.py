@@ -6,13 +6,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from pareto_ltl.studies.jobs import JobState, Metrics, RunJob
-from pareto_ltl.studies.tables import PooledRate, pooled_shares, quartiles_of
+from pareto_ltl.studies.tables import quartiles_of, rate_interval
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_json
 from pareto_ltl.support.fingerprints import text_fingerprint
@@ -242,20 +243,21 @@ def _pooled_rates(answered: Sequence[SweepRow], metrics: Sequence[Metrics]) -> d
     pooled = {}
     if answered:
         plans = sum(row.state.status == "ok" for row in answered)
-        pooled["completed"] = _rate_entry(PooledRate(plans, len(answered)))
+        pooled["completed"] = _rate_entry(plans, len(answered))
     laws = [name.removeprefix("runs_") for name in column_names(metrics) if name.startswith("runs_")]
     for law in laws:
         for name in (f"{rate}_{law}" for rate in POOLED_RATES):
             pairs = [
-                (share, runs)
+                (share * runs, runs)
                 for run in metrics
                 if (share := run.get(name)) is not None and (runs := run.get(f"runs_{law}")) is not None
             ]
             if pairs:
-                pooled[name] = _rate_entry(pooled_shares(pairs))
+                events, runs = (math.fsum(column) for column in zip(*pairs, strict=True))
+                pooled[name] = _rate_entry(round(events), round(runs))
     return pooled
 
 
-def _rate_entry(found: PooledRate) -> dict[str, float]:
-    low, high = found.interval
-    return {"events": found.events, "runs": found.runs, "rate": found.rate, "low": low, "high": high}
+def _rate_entry(events: int, runs: int) -> dict[str, float]:
+    rate, low, high = rate_interval(events, runs)
+    return {"events": events, "runs": runs, "rate": rate, "low": low, "high": high}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -36,32 +35,9 @@ def number_or_nan(value: float | None) -> float:
 # --- statistics ------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class PooledRate:
-    """Rate of ``events`` among ``runs``, as one experiment, with the exact interval of Clopper and Pearson.
-
-    Without runs the rate and its interval are NaN.
-    """
-
-    events: int
-    runs: int
-
-    @property
-    def rate(self) -> float:
-        """Share of the runs with the event, NaN without runs."""
-        return self.events / self.runs if self.runs else math.nan
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Clopper-Pearson interval of the rate, NaN without runs."""
-        return clopper_pearson(self.events, self.runs) if self.runs else (math.nan, math.nan)
-
-
-def pooled_shares(pairs: Iterable[tuple[float, float]]) -> PooledRate:
-    """The rate over all runs of experiments that are given as (share of events, number of runs)."""
-    known = list(pairs)
-    events = math.fsum(share * runs for share, runs in known)
-    return PooledRate(round(events), round(math.fsum(runs for _, runs in known)))
+def rate_interval(events: int, runs: int) -> tuple[float, float, float]:
+    """Share of ``events`` among ``runs``, and its exact interval (Clopper and Pearson); NaN without runs."""
+    return (events / runs, *clopper_pearson(events, runs)) if runs else (math.nan,) * 3
 
 
 def interval_columns(name: str, value: float, low: float, high: float) -> Columns:
@@ -71,8 +47,7 @@ def interval_columns(name: str, value: float, low: float, high: float) -> Column
 
 def rate_columns(name: str, hits: BoolArray) -> Columns:
     """The share of ``hits`` (N,) and its exact interval; NaN if N = 0."""
-    found = PooledRate(int(hits.sum()), len(hits))
-    return interval_columns(name, found.rate, *found.interval)
+    return interval_columns(name, *rate_interval(int(hits.sum()), len(hits)))
 
 
 def mean_chance_columns(name: str, total: float, n: int) -> Columns:
