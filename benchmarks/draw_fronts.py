@@ -19,7 +19,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.random import SeedSequence
 
 from pareto_ltl.report import style
-from pareto_ltl.report.rate_axes import scale_rate_axis
+from pareto_ltl.report.axes import scale_rate_axis
 from pareto_ltl.run.records import FRONT, PROBLEM
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray

@@ -16,7 +16,7 @@ import yaml
 
 import pareto_ltl
 from pareto_ltl.report.components import MODULES, STYLE
-from pareto_ltl.report.page.rendering import SCRIPTS
+from pareto_ltl.report.page.content import SCRIPTS
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
 from pareto_ltl.support import resources, schemas

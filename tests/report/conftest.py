@@ -8,7 +8,7 @@ import pytest
 
 import pareto_ltl
 from exported_plans import SMALL
-from pareto_ltl.report.page.shown_run import ShownRun
+from pareto_ltl.report.records import ShownRun
 from pareto_ltl.run.results import load_results
 from pareto_ltl.run.showing import shown_results
 

@@ -31,11 +31,9 @@ from pareto_ltl.report.limits import (
     small_change,
     speed_change,
 )
-from pareto_ltl.report.page.content import page_content
-from pareto_ltl.report.page.rendering import page_bytes
-from pareto_ltl.report.page.shown_run import ShownRun
+from pareto_ltl.report.page.content import page_bytes, page_content
 from pareto_ltl.report.plan_maps import BARS, limits_figure
-from pareto_ltl.report.records import DrawnRun
+from pareto_ltl.report.records import DrawnRun, ShownRun
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.medium import AIR, WATER, Medium

@@ -387,7 +387,7 @@ def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
 def test_every_study_draws_its_figures(
     cfg: Settings, world: Records, compared: Study, converged: Study, tmp_path: Path
 ) -> None:
-    from pareto_ltl.report.study_axes import save_figures
+    from pareto_ltl.report.axes import save_figures
     from pareto_ltl.report.study_planners import comparison_figures, convergence_figures
 
     asked = replace(cfg.report, formats=["png", "svg"])

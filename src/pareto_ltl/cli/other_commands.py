@@ -20,7 +20,8 @@ from pareto_ltl.support.messages import shown_text, shown_value
 if TYPE_CHECKING:
     from pareto_ltl.logic.automaton import Automaton
     from pareto_ltl.logic.formula import Formula
-    from pareto_ltl.studies.promises import Compared, Promises
+    from pareto_ltl.report.records import Compared
+    from pareto_ltl.studies.promises import Promises
 
 
 def sweep(options: Namespace) -> Answer:
@@ -200,7 +201,7 @@ def scores(options: Namespace) -> Answer:
     """Diagrams and scores of one forecast test, or of two."""
     if options.names and not options.other:
         raise ConfigError("--names names two tests; give OTHER too")
-    from pareto_ltl.report.promises import draw_promises
+    from pareto_ltl.report.study_forecast_test import draw_promises
     from pareto_ltl.studies import promises
 
     promises.require_scores()

@@ -99,8 +99,8 @@ def fix_ranks(folders: Sequence[Path]) -> dict[str, Any]:
 
 def draw_watch(results: Results, folder: Path) -> Path | None:
     """Draw the journal of ``folder`` on the map of ``results``; None without a status."""
+    from pareto_ltl.report.axes import save_figures
     from pareto_ltl.report.plan_maps import watch_figure
-    from pareto_ltl.report.study_axes import save_figures
 
     events = list(read_journal(folder / NAME))
     if not any(event["event"] in ("status", "end") for event in events):

@@ -9,11 +9,11 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from pareto_ltl.report.axes import Figures, save_figures
 from pareto_ltl.report.front import front_figure
 from pareto_ltl.report.map import plan_figure
 from pareto_ltl.report.plan_maps import limits_figure
 from pareto_ltl.report.records import DrawnRun
-from pareto_ltl.report.study_axes import Figures, save_figures
 from pareto_ltl.report.wind import wind_figure
 from pareto_ltl.settings import ReportConfig
 

@@ -14,9 +14,8 @@ from matplotlib.ticker import MaxNLocator
 
 from pareto_ltl.planning.records import FLIGHTS, FailureRate, Forest, Front, Objectives, Plan
 from pareto_ltl.report import style
+from pareto_ltl.report.axes import hide_frame, scale_rate_axis, set_rate_ticks
 from pareto_ltl.report.map_layers import length_unit
-from pareto_ltl.report.rate_axes import scale_rate_axis, set_rate_ticks
-from pareto_ltl.report.study_axes import hide_frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl.world.scene import Scene

@@ -18,6 +18,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from pareto_ltl.planning.costs import SegmentLimits
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report import map_layers, style
+from pareto_ltl.report.axes import hide_frame, scale_rate_axis
 from pareto_ltl.report.limits import PlanLimits, PriceRow, points_text, priced_obstacles
 from pareto_ltl.report.map import (
     LEFT,
@@ -32,9 +33,7 @@ from pareto_ltl.report.map import (
 )
 from pareto_ltl.report.map_labels import area_on_map, label_half_size, label_position
 from pareto_ltl.report.map_layers import MapAxes, draw_lines, draw_text
-from pareto_ltl.report.rate_axes import scale_rate_axis
 from pareto_ltl.report.records import DrawnRun
-from pareto_ltl.report.study_axes import hide_frame
 from pareto_ltl.simulation.beacons import BeaconMap
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray

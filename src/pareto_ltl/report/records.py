@@ -1,4 +1,4 @@
-"""The records from which figures are drawn: of a run, or of a study."""
+"""The records from which figures are drawn, of a run or of a study, and from which a page is made."""
 
 from __future__ import annotations
 
@@ -6,12 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.support.medium import Medium, medium_of
+from pareto_ltl.support.medium import WATER, Medium, medium_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from numpy.random import SeedSequence
+
+    from pareto_ltl.exports.exported import Height
+    from pareto_ltl.logic import Automaton
     from pareto_ltl.planning.evaluate import Forecast
+    from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest, Front, Plan
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.support.arrays import FloatArray
@@ -52,6 +57,60 @@ class DrawnRun:
 
 
 @dataclass(frozen=True, slots=True)
+class Origin:
+    """The origin of a result, from ``run.json`` and ``config_resolved.yaml``.
+
+    Attributes
+    ----------
+    command : str
+        The command line as typed; empty for a run from Python.
+    facts : mapping of str to str
+        Seed, versions, fingerprints.
+    inputs : mapping of str to str
+        SHA-256 of each file that was read, by its name without folders.
+    settings : str
+        All settings as YAML.
+    """
+
+    command: str
+    facts: Mapping[str, str]
+    inputs: Mapping[str, str]
+    settings: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownRun(DrawnRun):
+    """The records of a run that its page shows; None for a record that the run did not make.
+
+    Attributes
+    ----------
+    height : Height
+        Height of the flight in exported files.
+    why : str
+        Why there is no plan; empty if there is one.
+    runs : int
+        Number of simulated flights of each point of the front, for the times of failures.
+    seeds : SeedSequence
+        Seeds of the flights of the stage ``deployment``, so that all points meet the same winds.
+    """
+
+    wind: WindField
+    name: str
+    seeds: SeedSequence
+    origin: Origin
+    height: Height
+    runs: int
+    why: str
+    automaton: Automaton | None
+    problem: Problem | None
+
+    @property
+    def medium(self) -> Medium:
+        """What the robot moves in: water if it is at a depth, or the wind is a current."""
+        return WATER if self.height.metres < 0.0 else medium_of(self.wind.level)
+
+
+@dataclass(frozen=True, slots=True)
 class Study:
     """The result of a study.
 
@@ -85,6 +144,42 @@ def write_study(directory: Path, study: Study) -> None:
 
 
 @dataclass(frozen=True, slots=True)
+class Compared:
+    """Scores of promises minus scores of others for the same missions; below 0, the promises are better.
+
+    Attributes
+    ----------
+    name : str
+        Of the others.
+    missions, situations : int
+        Numbers of missions that both have, and of their weather situations.
+    brier : float
+        Brier score of the others.
+    mean, low, high, p_value : float
+        Difference of the Brier scores with its 95 % interval and two-sided p value (Diebold and Mariano);
+        NaN if the scores never differ.
+    situation_low, situation_high : float
+        95 % interval with a situation as one trial; infinite for one situation.
+    curve, curve_low, curve_high : (T,) float
+        Difference of the elementary scores at the thresholds of the diagrams, with 95 % intervals for each.
+    """
+
+    name: str
+    missions: int
+    situations: int
+    brier: float
+    mean: float
+    low: float
+    high: float
+    p_value: float
+    situation_low: float
+    situation_high: float
+    curve: FloatArray
+    curve_low: FloatArray
+    curve_high: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class PromiseDiagrams:
     """The promises of a forecast test against what came, as ``pareto-ltl scores`` draws them.
 
@@ -102,10 +197,8 @@ class PromiseDiagrams:
         Probabilities above which somebody decides not to fly.
     curves : mapping of name to (T,) float
         Mean elementary scores: of the promises, of simple ones, of another test.
-    other : str
-        What the promises are compared with.
-    difference, difference_low, difference_high : (T,) float
-        Elementary scores minus the scores of ``other``, with 95 % intervals; NaN where the scores are equal.
+    difference : Compared
+        The comparison that is drawn.
     """
 
     fidelity: str
@@ -117,7 +210,4 @@ class PromiseDiagrams:
     parts: Mapping[str, float]
     thresholds: FloatArray
     curves: Mapping[str, FloatArray]
-    other: str
-    difference: FloatArray
-    difference_low: FloatArray
-    difference_high: FloatArray
+    difference: Compared

@@ -16,10 +16,17 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import NullLocator
 
 from pareto_ltl.report import map_layers, style
+from pareto_ltl.report.axes import (
+    GRID_COLOUR,
+    LOWEST_RATE,
+    FigureRow,
+    Figures,
+    column_values,
+    hide_frame,
+    set_rate_ticks,
+)
 from pareto_ltl.report.map_labels import dense_path
-from pareto_ltl.report.rate_axes import GRID_COLOUR, set_rate_ticks
 from pareto_ltl.report.records import Study
-from pareto_ltl.report.study_axes import LOWEST_RATE, FigureRow, Figures, column_values, hide_frame
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.cells import Decomposition

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pareto_ltl.report import map_layers, style
-from pareto_ltl.report.rate_axes import GRID_COLOUR
+from pareto_ltl.report.axes import GRID_COLOUR, FigureRow, Figures, column_values, hide_frame
 from pareto_ltl.report.records import Study
-from pareto_ltl.report.study_axes import FigureRow, Figures, column_values, hide_frame
 from pareto_ltl.settings import Settings
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene

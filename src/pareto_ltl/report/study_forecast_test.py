@@ -1,27 +1,29 @@
-"""The figures of ``pipelines=forecast_test`` (reliability, regions, sharpness) and of ``hindcast``."""
+"""The figures of ``pipelines=forecast_test``, ``hindcast`` and ``pareto-ltl scores``: promises of plans."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from pareto_ltl.report import style
-from pareto_ltl.report.rate_axes import GRID_COLOUR, scale_rate_axis
-from pareto_ltl.report.records import Study
-from pareto_ltl.report.study_axes import (
+from pareto_ltl.report.axes import (
     BOUND_COLOUR,
+    GRID_COLOUR,
     FigureRow,
     Figures,
     column_values,
     hide_frame,
     panel_row,
+    scale_rate_axis,
+    set_percent_axis,
 )
+from pareto_ltl.report.records import PromiseDiagrams, Study
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.support.arrays import FloatArray
 
@@ -125,11 +127,7 @@ def _draw_broken_side(ax: Axes, rates: FloatArray, word: str) -> None:
 def _scale(ax: Axes, axis: str) -> None:
     """A square-root axis of rates, on which both small and large ones can be read."""
     getattr(ax, f"set_{axis}scale")("function", functions=(_root, np.square))
-    getattr(ax, f"set_{axis}lim")(0.0, 1.0)
-    side = ax.xaxis if axis == "x" else ax.yaxis
-    side.set_major_locator(FixedLocator(TICKS))
-    side.set_minor_locator(NullLocator())
-    side.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.3g}"))
+    set_percent_axis(ax, axis, TICKS)
 
 
 def _root(values: FloatArray) -> FloatArray:
@@ -217,3 +215,101 @@ def _draw_reliability(
     scale_rate_axis(ax, "x", low)
     scale_rate_axis(ax, "y", low)
     hide_frame(ax)
+
+
+# --- promises of a finished test ---------------------------------------------------------------
+
+NOTES = (
+    "line: isotonic rates; grey: 90 % range if exact",
+    "the area below a curve is the Brier score",
+    "with 95 % intervals for each threshold",
+)
+BAR = 0.17  # height of the histogram of promises, as a share of panel (a)
+OTHER_LOOKS: tuple[dict[str, Any], ...] = (  # best constant, persistence, another test
+    {"color": style.STONE, "ls": (0, (4, 2)), "lw": 1.0},
+    {"color": style.GREEN, "ls": (0, (1, 1.2)), "lw": 1.0},
+    {"color": style.BLUE, "ls": (0, (5, 1, 1, 1)), "lw": 1.2},
+)
+DPI = 300
+QUARTERS = (0.0, 0.25, 0.5, 0.75, 1.0)
+
+
+def draw_promises(folder: Path, shown: PromiseDiagrams) -> tuple[Path, ...]:
+    """Write ``scores_F.png`` and ``.svg``, F the fidelity, into ``folder``; return the paths."""
+    with style.report_style():
+        return style.save_figure(promises_figure(shown), folder, f"scores_{shown.fidelity}", DPI)
+
+
+def promises_figure(shown: PromiseDiagrams) -> Figure:
+    """Three panels: reliability without bins, elementary scores, differences of them."""
+    titles = (
+        "(a) reliability",
+        "(b) Murphy diagram",
+        f"(c) {next(iter(shown.curves))} minus {shown.difference.name}",
+    )
+    width, gap = 1.82, 0.52
+    figure, axes = panel_row(
+        [
+            f"{style.fitted_lines(title, width + gap / 2, 7.0, most=1)[0]}\n{note}"
+            for title, note in zip(titles, NOTES, strict=True)
+        ],
+        height=2.62, width=width, west=0.5, gap=gap, base=0.4, top=0.42, above=0.2,
+    )  # fmt: skip
+    _draw_isotonic(axes[0], shown)
+    _draw_murphy(axes[1], shown)
+    _draw_difference(axes[2], shown)
+    return figure
+
+
+def _draw_isotonic(ax: Axes, shown: PromiseDiagrams) -> None:
+    """The isotonic rates over the range of exact promises, each plan, and a histogram of the promises."""
+    law = preset(shown.fidelity).law
+    colour = style.law_colour(law)
+    p = shown.promised
+    ax.fill_between(p, shown.low, shown.high, color=style.MIST, alpha=0.45, lw=0)
+    ax.plot([0, 1], [0, 1], color=style.STONE, lw=0.8, ls=(0, (3, 2)))
+    ax.plot(p, shown.realised, ".", ms=3.0, color=style.STONE, mew=0, clip_on=False, zorder=3)
+    ax.plot(p, shown.isotonic, color=colour, lw=1.4, zorder=4)
+    counts, edges = np.histogram(p, np.linspace(0.0, 1.0, 21))
+    heights = BAR * counts / max(1, counts.max())
+    ax.bar(edges[:-1], heights, np.diff(edges), align="edge", color=colour, alpha=0.3, lw=0, zorder=1)
+    ax.text(
+        0.04, 0.97, "\n".join(f"{name} {value:.3f}" for name, value in shown.parts.items()),
+        transform=ax.transAxes, va="top", fontsize=6.0, linespacing=1.25,
+        path_effects=style.white_halo(1.6), zorder=6,
+    )  # fmt: skip
+    ax.set_xlabel(f"promised, {law} winds [%]")
+    ax.set_ylabel("failed in the later full fields [%]")
+    set_percent_axis(ax, "x", QUARTERS)
+    set_percent_axis(ax, "y", QUARTERS)
+
+
+def _draw_murphy(ax: Axes, shown: PromiseDiagrams) -> None:
+    """Mean elementary scores; the area below a curve is the Brier score."""
+    own = {"color": style.law_colour(preset(shown.fidelity).law), "lw": 1.4, "zorder": 4}
+    for (name, curve), look in zip(shown.curves.items(), (own, *OTHER_LOOKS), strict=False):
+        ax.plot(shown.thresholds, curve, label=name if len(name) <= 24 else f"{name[:21]}...", **look)
+    ax.set_xlabel("threshold of a decision [%]")
+    ax.set_ylabel("mean elementary score")
+    set_percent_axis(ax, "x", QUARTERS)
+    ax.set_ylim(0.0, 1.45 * max(float(curve.max()) for curve in shown.curves.values()))
+    ax.legend(loc="upper left", handlelength=1.8, borderaxespad=0.2, labelspacing=0.3)
+
+
+def _draw_difference(ax: Axes, shown: PromiseDiagrams) -> None:
+    """Differences of the elementary scores with their 95 % intervals, threshold by threshold."""
+    colour = style.law_colour(preset(shown.fidelity).law)
+    low, high = (np.nan_to_num(ends) for ends in (shown.difference.curve_low, shown.difference.curve_high))
+    ax.fill_between(shown.thresholds, low, high, color=colour, alpha=0.25, lw=0)
+    ax.axhline(0.0, color=style.STONE, lw=0.8, ls=(0, (3, 2)))
+    ax.plot(shown.thresholds, shown.difference.curve, color=colour, lw=1.2)
+    end = 1.3 * max(1e-3, float(np.abs([low, high]).max()))
+    ax.set_ylim(-end, end)
+    for place, text, va in ((0.97, "worse", "top"), (0.03, "better", "bottom")):
+        ax.text(
+            0.04, place, text, transform=ax.transAxes, va=va, fontsize=6.0, color=BOUND_COLOUR,
+            path_effects=style.white_halo(1.6),
+        )  # fmt: skip
+    ax.set_xlabel("threshold of a decision [%]")
+    ax.set_ylabel("difference of elementary scores")
+    set_percent_axis(ax, "x", QUARTERS)

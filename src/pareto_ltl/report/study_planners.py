@@ -15,14 +15,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
-from pareto_ltl.report import study_axes as shared
+from pareto_ltl.report import axes as shared
 from pareto_ltl.report import style
+from pareto_ltl.report.axes import GRID_COLOUR, FigureRow, Figures, column_values, scale_rate_axis
 from pareto_ltl.report.map import ground_keys
 from pareto_ltl.report.map_labels import dense_path
 from pareto_ltl.report.map_layers import MapAxes, draw_flights, draw_ground, map_axes, name_regions
-from pareto_ltl.report.rate_axes import GRID_COLOUR, scale_rate_axis
 from pareto_ltl.report.records import Study
-from pareto_ltl.report.study_axes import FigureRow, Figures, column_values
 from pareto_ltl.report.wind import draw_wind_arrows
 from pareto_ltl.settings import ReportConfig, Settings
 from pareto_ltl.settings.studies import FACTOR_TITLES

@@ -12,8 +12,8 @@ from matplotlib.ticker import LogLocator
 
 from pareto_ltl.planning.costs import cost_in_column
 from pareto_ltl.report import style
+from pareto_ltl.report.axes import hide_frame
 from pareto_ltl.report.metric_names import is_probability, metric_label
-from pareto_ltl.report.study_axes import hide_frame
 from pareto_ltl.support.arrays import FloatArray
 
 SERIES_COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY, style.INK)

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pareto_ltl.report import style
-from pareto_ltl.report.study_axes import panel_row
+from pareto_ltl.report.axes import panel_row
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.error_estimate import ASYMMETRY, MIXED, ErrorEstimate, ErrorTable, LengthFit
 from pareto_ltl.wind.forecast_error import ForecastError

@@ -126,8 +126,8 @@ def place_text(scene: Scene, places: BeaconPlaces, number: int) -> str:
 
 def write_beacons(run: Run, found: BeaconMap, folder: Path) -> None:
     """Write ``beacons.csv``, ``beacons.png`` and, with the summary, ``beacons.txt`` into ``folder``."""
+    from pareto_ltl.report.axes import save_figures
     from pareto_ltl.report.plan_maps import beacons_figure
-    from pareto_ltl.report.study_axes import save_figures
 
     folder.mkdir(parents=True, exist_ok=True)
     places, law = found.places, found.without.law

@@ -18,7 +18,7 @@ from pareto_ltl.support.reading import read_json, read_text
 if TYPE_CHECKING:
     from numpy.random import SeedSequence
 
-    from pareto_ltl.report.page.shown_run import Origin, ShownRun
+    from pareto_ltl.report.records import Origin, ShownRun
     from pareto_ltl.run.records import Records
 
 LOG = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ def make_page(inputs: StageInputs) -> tuple[Path, ...]:
     settings = inputs.settings
     if not settings.report.page:
         return ()
-    from pareto_ltl.report.page.shown_run import Origin
+    from pareto_ltl.report.records import Origin
 
     place, hashes = inputs.directory, provenance.input_hashes(settings)
     begun = (place / "run.json").is_file()  # only a pipeline writes it, before its first stage
@@ -43,8 +43,7 @@ def make_page(inputs: StageInputs) -> tuple[Path, ...]:
 
 def write_page(path: Path, shown: ShownRun) -> Path:
     """Write the page of ``shown`` as ``path``; return it."""
-    from pareto_ltl.report.page.content import page_content
-    from pareto_ltl.report.page.rendering import page_bytes
+    from pareto_ltl.report.page.content import page_bytes, page_content
 
     write_bytes(path, page_bytes(page_content(shown)))
     return path
@@ -55,13 +54,11 @@ def shown_run(
 ) -> ShownRun:
     """The records for the page, selected from ``records``; ``seeds`` are the seeds of the deployment."""
     from pareto_ltl.exports.exported import Height, flown_level, height_of
-    from pareto_ltl.report.page.shown_run import ShownRun
+    from pareto_ltl.report.records import ShownRun
 
     altitude = settings.exports.altitude
     return ShownRun(
         name=settings.name,
-        scene=records[keys.SCENE],
-        wind=records[keys.WIND],
         seeds=seeds,
         origin=origin,
         height=height_of(flown_level(settings)) if altitude is None else Height(altitude, above_sea=False),
@@ -69,12 +66,21 @@ def shown_run(
         why=why,
         automaton=records.get(keys.AUTOMATON),
         problem=records.get(keys.PROBLEM),
-        forest=records.get(keys.FOREST),
-        front=records.get(keys.FRONT),
-        plan=records.get(keys.PLAN),
-        deployments=records.get(keys.DEPLOYMENTS) or {},
-        forecasts=records.get(keys.FORECASTS) or {},
+        **drawn_records(records),
     )
+
+
+def drawn_records(records: Records) -> dict[str, Any]:
+    """The records that figures and page show, as arguments of their ``DrawnRun``; None if not made."""
+    return {
+        "scene": records[keys.SCENE],
+        "wind": records[keys.WIND],
+        "forest": records.get(keys.FOREST),
+        "front": records.get(keys.FRONT),
+        "plan": records.get(keys.PLAN),
+        "deployments": records.get(keys.DEPLOYMENTS) or {},
+        "forecasts": records.get(keys.FORECASTS) or {},
+    }
 
 
 # --- where a result comes from -----------------------------------------------------------------
@@ -94,7 +100,7 @@ def origin_of(directory: Path, record: Mapping[str, Any], inputs: Mapping[str, s
 def _origin(record: Mapping[str, Any], inputs: Mapping[str, str], settings: str) -> Origin:
     import shlex
 
-    from pareto_ltl.report.page.shown_run import Origin
+    from pareto_ltl.report.records import Origin
 
     argv = [str(word) for word in record.get("argv", ())]
     facts = {key.replace("_", " "): str(record[key]) for key in SHOWN_FACTS if record.get(key) is not None}

@@ -32,7 +32,7 @@ from pareto_ltl.support.run_status import ending_text
 from pareto_ltl.world.windows import clock_windows
 
 if TYPE_CHECKING:
-    from pareto_ltl.report.page.shown_run import ShownRun
+    from pareto_ltl.report.records import ShownRun
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")  # a browser can open if one of them is set
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run import records as keys
 from pareto_ltl.run.front_stage import FOREST_STREAM, make_front
-from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, make_page
+from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, drawn_records, make_page
 from pareto_ltl.run.provenance import wanted_wind
 from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, named_child
 from pareto_ltl.settings import ReportConfig, RobotConfig, WindConfig
@@ -189,7 +189,7 @@ def _import_report(cfg: ReportConfig) -> None:
         if cfg.figures:
             import_module("pareto_ltl.report.figures")
         if cfg.page:
-            import_module("pareto_ltl.report.page.rendering").page_template()
+            import_module("pareto_ltl.report.page.content").page_template()
 
 
 def make_plan(inputs: StageInputs) -> Plan:
@@ -295,16 +295,7 @@ def make_report(inputs: StageInputs) -> tuple[Path, ...]:
     from pareto_ltl.report.figures import draw_run_figures
     from pareto_ltl.report.records import DrawnRun
 
-    run = DrawnRun(
-        scene=inputs[keys.SCENE],
-        decomposition=inputs[keys.DECOMPOSITION],
-        wind=inputs[keys.WIND],
-        forest=inputs.get(keys.FOREST),
-        front=inputs.get(keys.FRONT),
-        plan=inputs.get(keys.PLAN),
-        deployments=inputs.get(keys.DEPLOYMENTS) or {},
-        forecasts=inputs.get(keys.FORECASTS) or {},
-    )
+    run = DrawnRun(decomposition=inputs[keys.DECOMPOSITION], **drawn_records(inputs.records))
     return draw_run_figures(inputs.directory / "figures", inputs.settings.report, run)
 
 

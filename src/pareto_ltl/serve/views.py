@@ -19,7 +19,7 @@ from pareto_ltl.planning.records import Front
 from pareto_ltl.report.limits import PlanLimits, chosen_number
 from pareto_ltl.report.page.ground import map_places, rounded, shown_wind
 from pareto_ltl.report.page.points import flown_path, shown_flights, shown_path, shown_points
-from pareto_ltl.report.page.shown_run import ShownRun
+from pareto_ltl.report.records import ShownRun
 from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.interface import export
 from pareto_ltl.run.records import PLAN, SCENE, WIND

@@ -104,9 +104,14 @@ def _group(name: str, rows: Rows) -> Columns:
 # --- scores ----------------------------------------------------------------------------------
 
 
+def brier_scores(promised: FloatArray, realised: FloatArray) -> FloatArray:
+    """f (1 - p)² + (1 - f) p² for each promise p and realised rate f."""
+    return np.asarray(realised * (1 - promised) ** 2 + (1 - realised) * promised**2, float)
+
+
 def brier_score(promised: FloatArray, realised: FloatArray) -> float:
-    """Mean of f (1 - p)² + (1 - f) p² for promises p and realised rates f."""
-    return float((realised * (1 - promised) ** 2 + (1 - realised) * promised**2).mean())
+    """The mean of :func:`brier_scores`."""
+    return float(brier_scores(promised, realised).mean())
 
 
 def isotonic_rates(promised: FloatArray, realised: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.report.records import PromiseDiagrams
+from pareto_ltl.report.records import Compared, PromiseDiagrams
 from pareto_ltl.settings import PRESETS, preset
 from pareto_ltl.studies import calibration
 from pareto_ltl.support.arrays import FloatArray
@@ -71,8 +71,7 @@ class Promises:
 
     def brier(self) -> FloatArray:
         """The Brier score of each promise, (N,)."""
-        p, f = self.promised, self.realised
-        return np.asarray(f * (1 - p) ** 2 + (1 - f) * p**2, float)
+        return calibration.brier_scores(self.promised, self.realised)
 
     def only(self, rows: Sequence[int]) -> Promises:
         """The plans in ``rows``."""
@@ -81,42 +80,6 @@ class Promises:
             self, missions=tuple(self.missions[k] for k in rows), promised=self.promised[kept],
             situations=tuple(self.situations[k] for k in rows), realised=self.realised[kept],
         )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Compared:
-    """Scores of promises minus scores of others for the same missions; below 0, the promises are better.
-
-    Attributes
-    ----------
-    name : str
-        Of the others.
-    missions, situations : int
-        Numbers of missions that both have, and of their weather situations.
-    brier : float
-        Brier score of the others.
-    mean, low, high, p_value : float
-        Difference of the Brier scores with its 95 % interval and two-sided p value (Diebold and Mariano);
-        NaN if the scores never differ.
-    situation_low, situation_high : float
-        95 % interval with a situation as one trial; infinite for one situation.
-    curve, curve_low, curve_high : (T,) float
-        Difference of the elementary scores at ``THETAS``, with 95 % intervals for each threshold.
-    """
-
-    name: str
-    missions: int
-    situations: int
-    brier: float
-    mean: float
-    low: float
-    high: float
-    p_value: float
-    situation_low: float
-    situation_high: float
-    curve: FloatArray
-    curve_low: FloatArray
-    curve_high: FloatArray
 
 
 # --- reading ---------------------------------------------------------------------------------
@@ -191,17 +154,16 @@ def diagrams(promises: Promises, others: Sequence[Promises], difference: Compare
     order = np.argsort(promises.promised, kind="stable")
     p, f = promises.promised[order], promises.realised[order]
     low, high = consistency_band(p)
-    return PromiseDiagrams(
-        promises.fidelity, p, f, calibration.isotonic_rates(p, f), low, high, score_parts(promises), THETAS,
-        {each.name: murphy_curve(each) for each in (promises, *others)}, difference.name,
-        difference.curve, difference.curve_low, difference.curve_high,
-    )  # fmt: skip
+    curves = {each.name: murphy_curve(each) for each in (promises, *others)}
+    rates = calibration.isotonic_rates(p, f)
+    parts = score_parts(promises)
+    return PromiseDiagrams(promises.fidelity, p, f, rates, low, high, parts, THETAS, curves, difference)
 
 
 def score_parts(promises: Promises) -> dict[str, float]:
     """The Brier score and its parts, by name."""
-    p, f = promises.promised, promises.realised
-    return {"Brier score": calibration.brier_score(p, f), **calibration.brier_parts(p, f)}
+    parts = calibration.brier_parts(promises.promised, promises.realised)
+    return {"Brier score": float(promises.brier().mean()), **parts}
 
 
 def consistency_band(

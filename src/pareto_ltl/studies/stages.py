@@ -61,7 +61,7 @@ class StudyKind:
         cfg = inputs.settings.report
         if not cfg.figures:
             return ()
-        from pareto_ltl.report.study_axes import save_figures
+        from pareto_ltl.report.axes import save_figures
 
         figures = getattr(import_module(f"pareto_ltl.report.{self.drawing}"), f"{self.name}{FIGURES}")
         made = figures(inputs.settings, inputs[self.key], *(inputs[key] for key in self.drawn_on))

@@ -1,10 +1,17 @@
-"""The content of the page: texts for the template, and numbers for its script."""
+"""The page as one HTML file: texts for its template, numbers for its script, and both in the template.
+
+Style and scripts of this folder and of the components, and the data, are in the file: it loads nothing else,
+and a policy in its head forbids loading.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
-from typing import Any
+from functools import lru_cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +19,7 @@ from pareto_ltl.exports.exported import vehicle_of
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, Plan, counted_rate
+from pareto_ltl.report.components import MODULES, STYLE, bundled, component
 from pareto_ltl.report.limits import PlanLimits, chosen_number, priced_obstacles
 from pareto_ltl.report.page.ground import map_places, shown_map, shown_trees, shown_wind
 from pareto_ltl.report.page.machine import shown_automaton
@@ -22,13 +30,21 @@ from pareto_ltl.report.page.points import (
     shown_points,
     told_points,
 )
-from pareto_ltl.report.page.shown_run import ShownRun
+from pareto_ltl.report.records import ShownRun
 from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
 from pareto_ltl.world.projection import utc_times
 
+if TYPE_CHECKING:
+    from jinja2 import Template
+
 SCHEMA = "pareto_ltl.page/2"
+FOLDER = "pareto_ltl.report.page"
+SCRIPTS = ("basics.js", "layers.js", "files.js", "main.js")
+MARKUP = str.maketrans(
+    {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
+)
 NO_PLAN_HOURS = 24.0  # of wind that are shown if there is no plan
 
 
@@ -224,3 +240,34 @@ def _causes(flown: Deployment) -> str:
         f"{int(flown.off_map.sum()):,} left the map" + ("" if flown.walled else " (allowed)"),
     ]
     return ", ".join(causes)
+
+
+# --- the file ----------------------------------------------------------------------------------
+
+
+def page_bytes(content: Content) -> bytes:
+    """The file; the same content gives the same bytes."""
+    template = page_template()
+    return template.render(**content.texts, data=json_for_script(content.data)).encode()
+
+
+def json_for_script(data: dict[str, Any]) -> str:
+    """``data`` as JSON for a script element: markup characters are escaped, so that no text can end it."""
+    return json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=False).translate(MARKUP)
+
+
+@lru_cache(maxsize=1)
+def page_template() -> Template:
+    """The template, with style and scripts of this folder inserted; it escapes everything else."""
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    folder = files(FOLDER)
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    own = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", *SCRIPTS)}
+    environment.globals["style"] = Markup(component(STYLE) + own["page.css"])
+    parts = [*map(component, MODULES), *(own[name] for name in SCRIPTS)]
+    environment.globals["script"] = Markup(bundled(parts))
+    return environment.from_string(folder.joinpath("page.html").read_text(encoding="utf-8"))

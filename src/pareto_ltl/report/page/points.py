@@ -12,7 +12,7 @@ from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.report.page.ground import DEGREES, map_places, metre_digits, north_turn, rounded
-from pareto_ltl.report.page.shown_run import ShownRun
+from pareto_ltl.report.records import ShownRun
 from pareto_ltl.simulation.flights import CAUSES, DRAWS, failure_times, simulate_flights, unspawned
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.counts import clopper_pearson
