@@ -26,7 +26,7 @@ from pareto_ltl.settings import (
     Settings,
 )
 from pareto_ltl.settings.studies import METHODS, MODEL_FACTORS
-from pareto_ltl.studies import compare, convergence, planning
+from pareto_ltl.studies import compare, convergence, planning, tables
 from pareto_ltl.studies.planning import fly_seeded, still, study_run, unsmoothed
 from pareto_ltl.support.errors import ConfigError
 
@@ -247,13 +247,10 @@ def test_a_size_without_a_plan_has_no_volume_and_no_rate(converged: Study) -> No
 
 
 def test_a_bound_counts_as_broken_only_beyond_chance() -> None:
-    def look(missed: int) -> dict[str, Any]:
-        flown = "1" * (500 - missed) + "0" * missed
-        return {"mission_bound": 0.02, "laws": {"independent": {"accepted": flown}}}
-
-    assert not convergence.bound_is_broken(look(10), "independent")  # 2 %, as promised
-    assert not convergence.bound_is_broken(look(15), "independent")
-    assert convergence.bound_is_broken(look(30), "independent")  # 6 %: 4.1 % at least
+    flights = np.arange(500)
+    assert not tables.exceeds(flights < 10, 0.02)  # 2 %, as promised
+    assert not tables.exceeds(flights < 15, 0.02)
+    assert tables.exceeds(flights < 30, 0.02)  # 6 %: 4.1 % at least
 
 
 def test_the_first_answer_needs_no_more_than_the_largest_trees(converged: Study) -> None:

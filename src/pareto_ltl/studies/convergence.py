@@ -190,18 +190,17 @@ def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArr
     """Median and quartiles over the seeds that have a plan at this size."""
     planned = planning.with_plan(looks)
     missed = [1.0 - flags(look, law, "accepted").mean() for look in planned]
+    bounds = [number_or_nan(look["mission_bound"]) for look in planned]
+    broken = (
+        tables.exceeds(~flags(look, law, "accepted"), most)
+        for look, most in zip(planned, bounds, strict=True)
+    )
     row: Columns = {"size": n, "law": law, "seeds": len(looks)} | planning.failure_columns(looks, law)
-    row |= quartile_columns("mission_bound", [number_or_nan(look["mission_bound"]) for look in planned])
+    row |= quartile_columns("mission_bound", bounds)
     row |= quartile_columns("bound", [planning.bound(look) for look in planned])
     row |= quartile_columns("missed_of_a_plan", missed)
-    row |= {"bounds_broken": sum(bound_is_broken(look, law) for look in planned)}
+    row |= {"bounds_broken": sum(broken)}
     return row | quartile_columns("hypervolume", volumes)
-
-
-def bound_is_broken(look: Mapping[str, Any], law: str) -> bool:
-    """Whether significantly more flights missed the mission than its bound allows (95 %)."""
-    missed = rate_columns("missed", ~flags(look, law, "accepted"))["missed_low"]
-    return bool(missed > number_or_nan(look["mission_bound"]))
 
 
 def _seed_row(seed: int, law: str, look: Mapping[str, Any], volume: float) -> Columns:

@@ -42,7 +42,8 @@ from pareto_ltl.wind.observations import FIT_RADIUS
 from pareto_ltl.wind.snapshots import Snapshot, latest_readings
 from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 
-REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}  # eastern ends [deg]
+# Of the contiguous United States, with their eastern ends [deg].
+REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}
 REGION_KEYS = ("fidelity", "region")
 LEAD_KEYS = ("fidelity", "season", "lead")
 SEASONS = ("Dec to Feb", "Mar to May", "Jun to Aug", "Sep to Nov")
@@ -215,11 +216,6 @@ def reality(known: KnownWinds, run: Run) -> Problem:
 # --- all missions ----------------------------------------------------------------------------
 
 
-def region_of(longitude: float) -> str:
-    """The region of the contiguous United States that a mission belongs to."""
-    return next(name for name, end in REGIONS.items() if longitude < end)
-
-
 def season_of(departure: str) -> str:
     """The season of a departure, as its months: ``2018-10-09T12:00:00Z`` is in ``Sep to Nov``."""
     return SEASONS[int(departure[5:7]) % 12 // 3]
@@ -243,9 +239,10 @@ def plan_rows(cfg: ForecastTestConfig, results: Sequence[Mapping[str, Any]]) -> 
     unknown = dict.fromkeys(sorted({n for r in results for p in r["plans"] for n in p["promised"]}), math.nan)
     rows = []
     for k, result in enumerate(results):
+        region = next(name for name, end in REGIONS.items() if result["longitude"] < end)
         for plan in result["plans"]:
             row: Columns = {"mission": k, "readings": "every node" if cfg.points is None else cfg.points}
-            row |= {name: result.get(name, "") for name in PLACE} | {"region": region_of(result["longitude"])}
+            row |= {name: result.get(name, "") for name in PLACE} | {"region": region}
             row |= {name: plan[name] for name in ("kind", "fidelity")}
             row |= {name: result[name] for name in KNOWN if name in result} | {"steps": plan["steps"]}
             if cfg.known == "departure":

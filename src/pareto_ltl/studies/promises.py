@@ -192,7 +192,6 @@ def elementary_scores(promises: Promises) -> FloatArray:
 
     With the score S(p, y) of an outcome y they are 4 (f S(p, 1) + (1 - f) S(p, 0)).
     """
-    require_scores()
     import xarray as xr
     from scores.probability import murphy_score
 
@@ -244,7 +243,6 @@ def diebold_mariano(differences: FloatArray) -> tuple[FloatArray, FloatArray, Fl
     series, so that missions that depart close together are not counted as independent. NaN for a series of
     zeros.
     """
-    require_scores()
     import xarray as xr
     from scores.stats.statistical_tests import diebold_mariano as test
 

@@ -27,7 +27,7 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.report.records import Study
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
-from pareto_ltl.run.replanning import Replanned, replanned
+from pareto_ltl.run.replanning import replanned
 from pareto_ltl.run.rest_of_flight import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES, NewWind
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import ReplanningConfig, Settings
@@ -195,12 +195,23 @@ def replanned_controls(
 ) -> tuple[FloatArray, FloatArray, int]:
     """Controls (T, 2) [m/s], means (T+1, 2) [m] and the number of new plans taken, for one flight."""
     run, since, taken = context.run, 0, 0
+    settings, sd = run.settings, run.settings.replanning.fix_sd
     u, x = way.path.u, way.path.x
     for step in way.steps:
         if step >= len(u):
             break
-        done = _new_plan(context, way, (wind, number), run, (step, since), way.pilot(wind, u, x)[0, step])
-        if done is None or done.advice == "old" or done.run is None:
+        there = way.pilot(wind, u, x)[0, step]
+        error = sd * stream_at(settings, FIXES, number, step).standard_normal(2)
+        fixes = (Fix(there + error, sd, step - since),) if step in way.fixes else ()
+        newer = context.cycles(context.run, wind, number, step) if step in way.forecasts else None
+        try:
+            done = replanned(run, run[PROBLEM].motion.dt * (step - since), fixes, wind=newer)
+        except (ConfigError, InfeasibleError):  # complete, failed, or no new plan: the plan continues
+            continue
+        except DataError as fault:
+            LOG.warning("flight %d flies on without the forecast of step %d: %s", number, step, fault)
+            continue
+        if done.advice == "old" or done.run is None:
             continue
         new = done.plan.path
         if step + len(new.u) > wind.problem.horizon:
@@ -208,27 +219,6 @@ def replanned_controls(
         run, since, taken = done.run, step, taken + 1
         u, x = np.concatenate([u[:step], new.u]), np.concatenate([x[:step], new.x])
     return u, x, taken
-
-
-def _new_plan(
-    context: ReplanningContext, way: Way, flight: tuple[DrawnFlights, int], run: Run,
-    steps: tuple[int, int], there: FloatArray,
-) -> Replanned | None:  # fmt: skip
-    """The plan made now; None if the flight is over, or has no other plan.
-
-    ``steps`` are the present one, and the one at which the plan of ``run`` began.
-    """
-    settings, (wind, number), (now, since) = context.run.settings, flight, steps
-    sd, rng = settings.replanning.fix_sd, stream_at(settings, FIXES, number, now)
-    fixes = (Fix(there + sd * rng.standard_normal(2), sd, now - since),) if now in way.fixes else ()
-    newer = context.cycles(context.run, wind, number, now) if now in way.forecasts else None
-    try:
-        return replanned(run, run[PROBLEM].motion.dt * (now - since), fixes, wind=newer)
-    except (ConfigError, InfeasibleError):  # complete, failed, or no new plan: the plan continues
-        return None
-    except DataError as error:
-        LOG.warning("flight %d flies on without the forecast of step %d: %s", number, now, error)
-        return None
 
 
 def stream_at(settings: Settings, stream: str, number: int, step: int) -> Generator:

@@ -7,7 +7,7 @@ with errors, a wind that changes with the position within a step, the ellipsoid 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +103,10 @@ def fly_both(
         block = flights.draw_block(problem, law, rows.stop - rows.start, len(u), child)
         flights.fly_block(problem, block, pilot, ours[rows])
         for i in range(rows.stop - rows.start):
-            begun = _started_at(problem, orders, block.start[i])
+            lon, lat = to_geographic(str(problem.scene.crs), block.start[i : i + 1])
+            begun = replace(
+                orders, start=np.concatenate([lat, lon])
+            )  # starts may differ from flight to flight
             track = jsbsim.fly_orders(begun, flight_air(problem, block.draws, i, len(u)), height, cfg.rate)
             theirs[rows.start + i] = to_plane(str(problem.scene.crs), track.lon, track.lat)
             tracks.append(track)
@@ -111,12 +114,6 @@ def fly_both(
                 progress(len(tracks), cfg.flights)
     aircraft, steps = (flights.judge_flights(problem, law, x) for x in (theirs, ours))
     return SitlFlights(orders, aircraft, steps, tuple(tracks))
-
-
-def _started_at(problem: Problem, orders: Orders, start: FloatArray) -> Orders:
-    """The same orders from a place in the plane [m]: starts may differ from flight to flight."""
-    lon, lat = to_geographic(str(problem.scene.crs), start[None])
-    return Orders(orders.heading, orders.airspeed, orders.duration, np.array([lat[0], lon[0]]))
 
 
 def flight_air(problem: Problem, draws: Any, i: int, steps: int) -> Air:

@@ -50,6 +50,11 @@ def rate_columns(name: str, hits: BoolArray) -> Columns:
     return interval_columns(name, *rate_interval(int(hits.sum()), len(hits)))
 
 
+def exceeds(hits: BoolArray, promised: float) -> bool:
+    """Whether the share of ``hits`` (N,) is significantly larger than ``promised`` (95 %)."""
+    return rate_interval(int(hits.sum()), len(hits))[1] > promised
+
+
 def mean_chance_columns(name: str, total: float, n: int) -> Columns:
     """The mean of ``n`` probabilities that sum to ``total``, with a conservative 95 % interval.
 
@@ -101,21 +106,17 @@ def mean_interval(values: FloatArray) -> tuple[float, float]:
 # --- values on a page ------------------------------------------------------------------------
 
 
-def rate_cell(row: Mapping[str, Any], name: str) -> str:
+def rate_cell(row: Mapping[str, Any], name: str, ends: tuple[str, str] = ("low", "high")) -> str:
     """A rate of ``row`` with its interval: ``1.2 % (0.9 to 1.5 %)``."""
-    return _cell_with_ends(row, name, "low", "high")
-
-
-def quartiles_cell(row: Mapping[str, Any], name: str) -> str:
-    """A median of ``row`` with its quartiles: ``1.2 % (0.9 to 1.5 %)``."""
-    return _cell_with_ends(row, name, "q25", "q75")
-
-
-def _cell_with_ends(row: Mapping[str, Any], name: str, *ends: str) -> str:
     if not math.isfinite(row[name]):
         return "-"
     low, high = (row[f"{name}_{end}"] for end in ends)
     return f"{probability_text(row[name])} ({interval_text(low, high)})"
+
+
+def quartiles_cell(row: Mapping[str, Any], name: str) -> str:
+    """A median of ``row`` with its quartiles: ``1.2 % (0.9 to 1.5 %)``."""
+    return rate_cell(row, name, ("q25", "q75"))
 
 
 def length_cell(row: Mapping[str, Any]) -> str:
