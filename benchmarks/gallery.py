@@ -18,7 +18,7 @@ from typing import Any
 from PIL import Image
 
 import pareto_ltl
-from pareto_ltl.report.notebook import Drawing
+from pareto_ltl.report.figures import Drawing
 from pareto_ltl.run.results import PlanningResult
 from pareto_ltl.support.files import write_bytes, write_text
 from pareto_ltl.support.resources import choice_file
@@ -83,7 +83,7 @@ class Missions:
 
 def flown_map(missions: Missions, name: str) -> Drawing:
     """The plan of a mission on its map, with trees, wind and flights."""
-    from pareto_ltl.report.notebook import mission_drawing
+    from pareto_ltl.report.figures import mission_drawing
 
     made = missions[name]
     flights = {"coherent": pareto_ltl.simulate(made, FLIGHTS)}

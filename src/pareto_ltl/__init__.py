@@ -103,7 +103,7 @@ _EXPORTS = {
 
 
 def _draw(record: Displayed, **options: Any) -> Any:
-    return import_module("pareto_ltl.report.notebook").draw_record(record, **options)
+    return import_module("pareto_ltl.report.figures").draw_record(record, **options)
 
 
 Displayed.drawn = _draw

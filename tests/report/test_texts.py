@@ -28,9 +28,10 @@ from pareto_ltl.planning.evaluate import Forecast
 from pareto_ltl.planning.records import Promise, counted_rate
 from pareto_ltl.report import style
 from pareto_ltl.report.axes import rate_tick_text, rate_ticks
+from pareto_ltl.report.figures import draw_record
 from pareto_ltl.report.front import front_figure
 from pareto_ltl.report.map import plan_figure, shown_probability
-from pareto_ltl.report.map_labels import (
+from pareto_ltl.report.map_layers import (
     area_on_map,
     covering_points,
     dense_path,
@@ -38,7 +39,6 @@ from pareto_ltl.report.map_labels import (
     places_inside,
 )
 from pareto_ltl.report.metric_names import LAW_NAMES, METRIC_LABELS, is_probability, metric_label
-from pareto_ltl.report.notebook import draw_record
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.report.study_forecast_test import reliability_figure
 from pareto_ltl.report.study_planners import (

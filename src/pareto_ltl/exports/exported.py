@@ -15,7 +15,7 @@ from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.planning.pack import with_feedback
 from pareto_ltl.planning.power import Rotor
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath, counted_rate
+from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath
 from pareto_ltl.settings import ExportsConfig, Settings
 from pareto_ltl.simulation.flights import fly_pilot, unspawned
 from pareto_ltl.support.display import rate_text
@@ -168,7 +168,7 @@ def held_course_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedS
     pilot = Autopilot(path.u, np.ascontiguousarray(path.x))
     law = problem.fidelity.law
     flown = fly_pilot(held_problem(problem), lambda _noise: pilot, len(path.u), runs, law, seed)
-    return counted_rate(law, int(flown.failed.sum()), runs)
+    return flown.rate
 
 
 def vehicle_of(height: Height, problem: Problem) -> Vehicle:

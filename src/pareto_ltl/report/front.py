@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from pareto_ltl.planning.records import FLIGHTS, FailureRate, Forest, Front, Objectives, Plan
+from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.report import style
 from pareto_ltl.report.axes import hide_frame, scale_rate_axis, set_rate_ticks
 from pareto_ltl.report.map_layers import length_unit
@@ -46,7 +47,8 @@ def front_figure(
         return flown_front_figure(front, plan, (unit, per_metre), medium)
     after = _front_rows([path.objectives for path in front.paths]) * [per_metre, 1.0, 1.0]
     before = _front_rows(front.raw) * [per_metre, 1.0, 1.0]
-    cloud = accepted_vertices(forest, forest.mission_columns if forest is not None else 0) * [per_metre, 1.0]
+    vertices = np.empty((0, 2)) if forest is None else accepted_rows(forest)
+    cloud = vertices[:, [-1, 0]] * [per_metre, 1.0]  # length and mission risk
     figure = style.blank_figure(style.COLUMN_WIDTH, FRONT_HEIGHT)
     ax = style.axes_at(figure, 0.58, 0.38, 2.22, 1.82)
     low, hidden = style.log_axis_end(np.concatenate([after[:, 1], before[:, 1], cloud[:, 1]]))
@@ -101,21 +103,6 @@ def _front_rows(objectives: Sequence[Objectives]) -> FloatArray:
     return np.array(rows, float).reshape(-1, 3)
 
 
-def accepted_vertices(forest: Forest | None, columns: int) -> FloatArray:
-    """Length [m] and mission risk of every accepted vertex, shape (A, 2).
-
-    The mission risk is the sum of the first ``columns`` columns of ``Tree.risk``, at most 1.
-    """
-    if forest is None or not len(forest.accepted):
-        return np.empty((0, 2))
-    rows = []
-    for tree_number in np.unique(forest.accepted[:, 0]):
-        tree, vertices = forest.trees[tree_number], forest.accepted[forest.accepted[:, 0] == tree_number, 1]
-        risk = tree.risk[vertices, :columns].sum(axis=1)
-        rows.append(np.column_stack([tree.length[vertices], np.minimum(1.0, risk)]))
-    return np.concatenate(rows)
-
-
 # --- failure rates --------------------------------------------------------------------------------
 
 LEFT, BOTTOM, WIDTH, TALL = 0.62, 0.38, 2.76, 1.8  # of the axes [in]
@@ -157,7 +144,9 @@ def flown_front_figure(
     line = [k for k in order if after[k, 0] < after[lengths < lengths[k], 0].min(initial=np.inf)]
     ax.plot(lengths[line], np.maximum(after[line, 0], low), color=style.STONE, lw=0.8, zorder=3)
     for k in order:
-        _draw_point(ax, lengths[k], after[k], looks[front.paths[k].order], low)
+        (colour, mark), (rate, least, upper) = looks[front.paths[k].order], np.maximum(after[k], low)
+        ax.plot([lengths[k]] * 2, [least, upper], color=colour, lw=0.9, zorder=4, clip_on=False)
+        ax.plot(lengths[k], rate, mark, ms=3.8, mfc=colour, mec="white", mew=0.4, zorder=5, clip_on=False)
     if plan is not None:
         _mark_plan(ax, front, plan, per_metre, low)
     scale_rate_axis(ax, "y", low, high, hidden=hidden)
@@ -198,14 +187,6 @@ def order_looks(orders: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Colour and mark of each mission order, in the order of their first path."""
     different = list(dict.fromkeys(orders))
     return {order: LOOKS[k] if k < len(LOOKS) else OTHERS for k, order in enumerate(different)}
-
-
-def _draw_point(ax: Axes, x: float, row: FloatArray, look: tuple[str, str], low: float) -> None:
-    """A rate with its interval; values below ``low`` are drawn at ``low``."""
-    colour, mark = look
-    rate, least, upper = np.maximum(row, low)
-    ax.plot([x, x], [least, upper], color=colour, lw=0.9, zorder=4, clip_on=False)
-    ax.plot(x, rate, mark, ms=3.8, mfc=colour, mec="white", mew=0.4, zorder=5, clip_on=False)
 
 
 def _mark_plan(ax: Axes, front: Front, plan: Plan, per_metre: float, low: float) -> None:

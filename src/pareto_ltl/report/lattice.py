@@ -1,9 +1,10 @@
-"""The wind lattice in time and in space, as figures and pages show it."""
+"""The wind lattice in time and in space, and the search trees, as figures and pages show them."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from pareto_ltl.planning.records import Forest
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.wind.records import WindField
 
@@ -42,6 +43,14 @@ def wind_deviation(wind: WindField, t: float) -> FloatArray:
     gust = interpolate_slots(wind.times, wind.gust_var, t)
     between = float(wind.time_variance(np.array([t]))[0])
     return np.asarray(np.sqrt((latent + gust).mean(axis=-1) + between), float)
+
+
+def oldest_edges(forest: Forest, most: int) -> FloatArray:
+    """Ends (n, 2, 2) [m] of the edges to the oldest ``most / trees`` vertices of each tree."""
+    share = max(2, most // max(1, len(forest.trees)))
+    pieces = [np.empty((0, 2, 2))]
+    pieces += [np.stack([tree.x[tree.parent[1:share]], tree.x[1:share]], axis=1) for tree in forest.trees]
+    return np.concatenate(pieces)
 
 
 def spaced_nodes(nodes: FloatArray, low: float, high: float, gap: float) -> IntArray:

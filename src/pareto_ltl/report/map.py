@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -13,8 +14,7 @@ from matplotlib.patches import Patch
 
 from pareto_ltl.planning.records import NO_PROMISE, Forest, Plan, Promise
 from pareto_ltl.report import map_layers, style
-from pareto_ltl.report.map_labels import dense_path
-from pareto_ltl.report.map_layers import DRAWN_VERTICES, MapAxes, timed_obstacles, visited_outlines
+from pareto_ltl.report.map_layers import DRAWN_VERTICES, dense_path, timed_obstacles, visited_outlines
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.report.wind import draw_wind_arrows, flight_midpoint
 from pareto_ltl.settings import ReportConfig
@@ -51,7 +51,7 @@ def plan_figure(cfg: ReportConfig, run: DrawnRun, heading: Sequence[str] | None 
     return figure
 
 
-def column_map(scene: Scene, heading: Sequence[str], below: float) -> tuple[Figure, MapAxes]:
+def column_map(scene: Scene, heading: Sequence[str], below: float) -> tuple[Figure, Axes]:
     """A figure of the width of a column: a map with ``heading`` above it, and ``below`` [in] below it."""
     width, size = (style.COLUMN_WIDTH - 2 * LEFT) / HINTED, float(style.RC_SETTINGS["font.size"])
     lines = [line for text in heading for line in style.fitted_lines(text, width, size)]
@@ -65,9 +65,9 @@ def column_map(scene: Scene, heading: Sequence[str], below: float) -> tuple[Figu
     return figure, chart
 
 
-def _draw_layers(chart: MapAxes, cfg: ReportConfig, run: DrawnRun) -> None:
+def _draw_layers(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
     map_layers.draw_ground(chart, run.scene, run.decomposition)
-    map_layers.number_obstacles(chart, run.scene, "white")
+    map_layers.number_obstacles(chart, run.scene)
     if (forest := _shown_forest(cfg, run)) is not None:
         map_layers.draw_trees(chart, forest)
     if run.plan is not None:
@@ -85,7 +85,7 @@ def _shown_forest(cfg: ReportConfig, run: DrawnRun) -> Forest | None:
     return run.forest if cfg.trees or run.plan is None else None
 
 
-def draw_route(chart: MapAxes, scene: Scene, plan: Plan) -> None:
+def draw_route(chart: Axes, scene: Scene, plan: Plan) -> None:
     """Ground, the path with its ends, and the names of the regions beside them."""
     map_layers.draw_ground(chart, scene, None)
     map_layers.draw_mean_path(chart, plan.path.x)
@@ -93,11 +93,11 @@ def draw_route(chart: MapAxes, scene: Scene, plan: Plan) -> None:
     map_layers.name_regions(chart, scene, taken_points(scene, plan))
 
 
-def draw_scale(chart: MapAxes, layer: ScalarMappable, ticks: Mapping[float, str], label: str) -> None:
+def draw_scale(chart: Axes, layer: ScalarMappable, ticks: Mapping[float, str], label: str) -> None:
     """The scale of the colours of ``layer`` with its axis, below a map with ``SCALE_BELOW``."""
-    figure = chart.ax.figure
+    figure = chart.figure
     assert isinstance(figure, Figure)
-    box = chart.ax.get_position(original=True)
+    box = chart.get_position(original=True)
     width, height = figure.get_size_inches()
     place = style.axes_at(figure, WEST, box.y0 * height - 0.50, box.width * width, 0.08)
     bar = figure.colorbar(layer, cax=place, orientation="horizontal")

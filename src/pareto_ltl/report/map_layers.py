@@ -1,14 +1,14 @@
-"""Layers of a map figure: scene, cells, trees, paths, flights. The axes of a map are in metres."""
+"""Layers of a map figure: scene, cells, trees, paths, flights, names. The axes of a map are in metres."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -17,16 +17,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from pareto_ltl.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl.planning.records import Forest, Plan
 from pareto_ltl.report import style
-from pareto_ltl.report.map_labels import (
-    LEADING,
-    Lines,
-    area_on_map,
-    covering_points,
-    label_half_size,
-    label_position,
-    line_height,
-    places_inside,
-)
+from pareto_ltl.report.lattice import oldest_edges
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import in_kilometres
@@ -46,18 +37,14 @@ LANDMARK_LOOK: dict[str, Any] = {"fc": "none", "ec": style.PURPLE, "lw": 0.9, "l
 START_LOOK: dict[str, Any] = {"marker": "o", "ls": "", "ms": 4, "mfc": "white", "mec": "black", "mew": 0.9}
 END_LOOK = START_LOOK | {"marker": "s"}
 
+Lines = Sequence[tuple[str, float]]  # texts and their font sizes [pt]
 
-@dataclass(frozen=True, slots=True)
-class MapAxes:
-    """Axes of a map in metres with equal scales."""
 
-    ax: Axes
-
-    def inches_per_metre(self) -> float:
-        """Size of a metre of the map in the figure."""
-        figure, (west, east) = self.ax.figure, self.ax.get_xlim()
-        assert isinstance(figure, Figure)
-        return self.ax.get_position().width * float(figure.get_size_inches()[0]) / (east - west)
+def inches_per_metre(chart: Axes) -> float:
+    """Size in the figure of a metre of a map."""
+    figure, (west, east) = chart.figure, chart.get_xlim()
+    assert isinstance(figure, Figure)
+    return chart.get_position().width * float(figure.get_size_inches()[0]) / (east - west)
 
 
 def length_unit(scene: Scene) -> tuple[str, float]:
@@ -65,7 +52,7 @@ def length_unit(scene: Scene) -> tuple[str, float]:
     return ("km", 1e-3) if in_kilometres(float(np.ptp(scene.bounds, axis=0).max())) else ("m", 1.0)
 
 
-def map_axes(scene: Scene, ax: Axes) -> MapAxes:
+def map_axes(scene: Scene, ax: Axes) -> Axes:
     """Set limits, labels and ticks of ``ax`` for the bounds of ``scene``."""
     unit, per_metre = length_unit(scene)
     (west, south), (east, north) = scene.bounds
@@ -76,10 +63,10 @@ def map_axes(scene: Scene, ax: Axes) -> MapAxes:
         axis.set_major_formatter(
             FuncFormatter(lambda x, _: f"{x * per_metre:.6g}".replace("-", "\N{MINUS SIGN}"))
         )
-    return MapAxes(ax)
+    return ax
 
 
-def draw_graticule(chart: MapAxes, scene: Scene) -> None:
+def draw_graticule(chart: Axes, scene: Scene) -> None:
     """Ticks of longitude on the northern edge and of latitude on the eastern edge, for a scene with a CRS."""
     if scene.crs is None:
         return
@@ -90,8 +77,8 @@ def draw_graticule(chart: MapAxes, scene: Scene) -> None:
     lon = np.unwrap(to_geographic(scene.crs, np.column_stack([x, np.full_like(x, north)]))[0], period=360.0)
     lat = to_geographic(scene.crs, np.column_stack([np.full_like(y, east), y]))[1]
     for axis, along, degrees, signs in (
-        (chart.ax.secondary_xaxis("top").xaxis, x, lon, ("E", "W")),
-        (chart.ax.secondary_yaxis("right").yaxis, y, lat, ("N", "S")),
+        (chart.secondary_xaxis("top").xaxis, x, lon, ("E", "W")),
+        (chart.secondary_yaxis("right").yaxis, y, lat, ("N", "S")),
     ):
         order, (low, high) = np.argsort(degrees), (degrees.min(), degrees.max())
         ticks = MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high) if high > low else np.empty(0)
@@ -107,24 +94,24 @@ def _degree_text(value: float, signs: tuple[str, str]) -> str:
     return f"{abs(value):g}°{side}"
 
 
-def draw_polygons(chart: MapAxes, polygons: Iterable[FloatArray], **look: Any) -> None:
+def draw_polygons(chart: Axes, polygons: Iterable[FloatArray], **look: Any) -> None:
     """``polygons`` (n, 2) [m] each, with the properties ``look`` of a PolyCollection."""
-    chart.ax.add_collection(PolyCollection(list(polygons), **look), autolim=False)
+    chart.add_collection(PolyCollection(list(polygons), **look), autolim=False)
 
 
-def draw_lines(chart: MapAxes, lines: Iterable[FloatArray], **look: Any) -> None:
+def draw_lines(chart: Axes, lines: Iterable[FloatArray], **look: Any) -> None:
     """``lines`` (n, 2) [m] each, as pixels in vector files, with the properties ``look``."""
-    chart.ax.add_collection(LineCollection(list(lines), rasterized=True, **look), autolim=False)
+    chart.add_collection(LineCollection(list(lines), rasterized=True, **look), autolim=False)
 
 
-def draw_text(chart: MapAxes, place: FloatArray, text: str, **look: Any) -> None:
+def draw_text(chart: Axes, place: FloatArray, text: str, **look: Any) -> None:
     """``text`` centred at ``place`` (2,) [m]."""
     plain: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 9, "parse_math": False}
     x, y = place.tolist()
-    chart.ax.text(x, y, text, **(plain | look))
+    chart.text(x, y, text, **(plain | look))
 
 
-def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition | None) -> None:
+def draw_ground(chart: Axes, scene: Scene, decomposition: Decomposition | None) -> None:
     """Cells dotted, obstacles filled (hatched if for a time), landmarks dashed, regions outlined."""
     cells = () if decomposition is None else decomposition.cells
     draw_polygons(chart, cells, fc="none", ec=style.MIST, lw=0.35, ls=":", zorder=1.5)
@@ -134,9 +121,9 @@ def draw_ground(chart: MapAxes, scene: Scene, decomposition: Decomposition | Non
     draw_polygons(chart, visited_outlines(scene), **REGION_LOOK, zorder=2.5)
 
 
-def number_obstacles(chart: MapAxes, scene: Scene, colour: str) -> None:
+def number_obstacles(chart: Axes, scene: Scene) -> None:
     """The name of each obstacle in which it fits, or else its number, by which texts name it too."""
-    scale = 1.0 / chart.inches_per_metre()
+    scale = 1.0 / inches_per_metre(chart)
     names = scene.obstacle_names or ("",) * len(scene.obstacles)
     for number, (outline, name) in enumerate(zip(scene.obstacles, names, strict=True), 1):
         area = area_on_map([outline], scene.bounds)
@@ -144,18 +131,16 @@ def number_obstacles(chart: MapAxes, scene: Scene, colour: str) -> None:
             half = label_half_size([(text, TIME_SIZE)], scale)
             if len(places_inside(area, half)):
                 place = label_position(area, half, scene.bounds)
-                draw_text(chart, place, text, color=colour, fontsize=TIME_SIZE, zorder=3.1, clip_on=True)
+                draw_text(chart, place, text, color="white", fontsize=TIME_SIZE, zorder=3.1, clip_on=True)
                 break
 
 
-def name_regions(
-    chart: MapAxes, scene: Scene, taken: FloatArray | None = None, *, times: bool = True
-) -> None:
+def name_regions(chart: Axes, scene: Scene, taken: FloatArray | None = None, *, times: bool = True) -> None:
     """Names and times of the regions, at places that do not cover the points ``taken`` (n, 2) [m].
 
     Without ``times`` only the names are drawn, for a map of several departures.
     """
-    scale = 1.0 / chart.inches_per_metre()
+    scale = 1.0 / inches_per_metre(chart)
     smallest = label_half_size([("a", TIME_SIZE)], scale)
     blocked = [
         covering_points(outline, smallest)
@@ -188,43 +173,38 @@ def _short_lines(scene: Scene, name: str) -> list[str]:
     return [part for line in time_lines(scene, name) for part in FORBIDDEN.split(line, maxsplit=1)]
 
 
-def _write_lines(chart: MapAxes, place: FloatArray, lines: Lines, colour: str) -> None:
+def _write_lines(chart: Axes, place: FloatArray, lines: Lines, colour: str) -> None:
     """``lines`` centred at ``place`` (2,) [m], the first of them bold."""
     sizes = [size for _, size in lines]
     for k, (text, size) in enumerate(lines):
         above = line_height(sizes) / 2 - LEADING * sum(sizes[:k]) / 72.0 - 0.375 * size / 72.0
-        there = place + np.array([0.0, above / chart.inches_per_metre()])
+        there = place + np.array([0.0, above / inches_per_metre(chart)])
         look = {"fontsize": size, "fontweight": "normal" if k else "bold", "color": colour}
         draw_text(chart, there, text, path_effects=style.white_halo(1.4 if k else 2.0), **look)
 
 
-def draw_trees(chart: MapAxes, forest: Forest, limit: int = DRAWN_VERTICES) -> None:
-    """Edges of all trees, of each the oldest ``limit / trees`` vertices; the more, the more transparent.
+def draw_trees(chart: Axes, forest: Forest) -> None:
+    """Edges to the oldest ``DRAWN_VERTICES`` vertices of all trees; the more, the more transparent.
 
     25,000 of them take 0.1 s.
     """
-    share = max(1, limit // max(1, len(forest.trees)))
-    pieces = [np.empty((0, 2, 2))]
-    for tree in forest.trees:
-        child = np.flatnonzero(tree.parent[:share] >= 0)
-        pieces.append(np.stack([tree.x[tree.parent[child]], tree.x[child]], axis=1))
-    lines = np.concatenate(pieces)
+    lines = oldest_edges(forest, DRAWN_VERTICES)
     alpha = float(np.clip(2500.0 / max(1, len(lines)), 0.10, 0.5))
     draw_lines(chart, lines, colors=style.STONE, linewidths=0.3, alpha=alpha, zorder=1.0)
 
 
-def draw_covariances(chart: MapAxes, x: FloatArray, cov: FloatArray) -> None:
+def draw_covariances(chart: Axes, x: FloatArray, cov: FloatArray) -> None:
     """95 % ellipses of about ``DRAWN_ELLIPSES`` steps, the last one included."""
     stride = max(1, -(-(len(x) - 1) // DRAWN_ELLIPSES))
     rows = np.arange(len(x) - 1, 0, -stride)
     major, minor, azimuth = axes_of(cov[rows])
     scale, turns = 2.0 * ellipse_scale(0.95), 90.0 - np.rad2deg(azimuth)
     look: dict[str, Any] = {"fc": style.INK + "10", "ec": style.INK, "lw": 0.5, "zorder": 5}
-    look |= {"units": "xy", "offsets": x[rows], "offset_transform": chart.ax.transData}
-    chart.ax.add_collection(EllipseCollection(scale * major, scale * minor, turns, **look), autolim=False)
+    look |= {"units": "xy", "offsets": x[rows], "offset_transform": chart.transData}
+    chart.add_collection(EllipseCollection(scale * major, scale * minor, turns, **look), autolim=False)
 
 
-def draw_flights(chart: MapAxes, deployment: Deployment, count: int) -> None:
+def draw_flights(chart: Axes, deployment: Deployment, count: int) -> None:
     """The first ``count`` flights in the colour and dashes of their law; failed ones dark, with a cross.
 
     The flights are not selected: the share of failed ones in the figure estimates the failure rate.
@@ -234,20 +214,20 @@ def draw_flights(chart: MapAxes, deployment: Deployment, count: int) -> None:
     colour = style.law_colour(law)
     draw_lines(chart, flights[~failed], **dashes, colors=colour, linewidths=0.45, alpha=0.6, zorder=4.5)
     draw_lines(chart, flights[failed], **dashes, colors=style.FAILED, linewidths=0.5, alpha=0.7, zorder=4.6)
-    chart.ax.plot(*flights[failed][:, -1].T, "x", color=style.FAILED, ms=3.2, mew=0.7, zorder=6.5)
+    chart.plot(*flights[failed][:, -1].T, "x", color=style.FAILED, ms=3.2, mew=0.7, zorder=6.5)
 
 
-def draw_mean_path(chart: MapAxes, x: FloatArray) -> None:
+def draw_mean_path(chart: Axes, x: FloatArray) -> None:
     """The expected positions ``x`` (T+1, 2) [m] as a line."""
     look: dict[str, Any] = {"path_effects": style.white_halo(2.2), "solid_joinstyle": "round"}
-    chart.ax.plot(*x.T, color=style.BLACK, lw=1.3, zorder=6, **look)
+    chart.plot(*x.T, color=style.BLACK, lw=1.3, zorder=6, **look)
 
 
-def draw_endpoints(chart: MapAxes, scene: Scene, plan: Plan | None) -> None:
+def draw_endpoints(chart: Axes, scene: Scene, plan: Plan | None) -> None:
     """A circle at the start, and a square at the last expected position of ``plan``."""
-    chart.ax.plot(*scene.start, **START_LOOK, zorder=9.5, clip_on=False)
+    chart.plot(*scene.start, **START_LOOK, zorder=9.5, clip_on=False)
     if plan is not None:
-        chart.ax.plot(*plan.path.x[-1], **END_LOOK, zorder=9.5, clip_on=False)
+        chart.plot(*plan.path.x[-1], **END_LOOK, zorder=9.5, clip_on=False)
 
 
 # --- regions and obstacles that are active for a limited time ------------------------------------
@@ -290,3 +270,129 @@ def short_span(window: Window) -> str:
     first, last = hours_text(window.begin), hours_text(window.end)
     unit = last.rpartition(" ")[2]
     return f"{first.removesuffix(f' {unit}')} to {last}"
+
+
+# --- places of names: inside their area, away from the path; beside an area that is too small -----
+
+PLACES = 30  # places tried along each side of a grid
+PAD = 0.03  # space around a name and around the marks at the ends of a path [in]
+LEADING = 1.15  # distance of lines, in font sizes
+SPACE = 0.3  # around a name beside its area, in half heights of the name
+COVERED = 4.0  # weight of covering a point, beside missing space
+NEARNESS = 0.06  # space that is given up for each unit of length nearer to the area
+SIDES = np.array([(0, 1), (0, -1), (1, 1), (1, -1), (1, 0), (-1, 1), (-1, -1), (-1, 0)], float)  # of a box
+MOST_POINTS = 40  # of a polygon along a side, at most
+
+
+def label_half_size(lines: Lines, metres_per_inch: float) -> FloatArray:
+    """Half of width and height (2,) [m] of ``lines``, with some space."""
+    width = max(style.text_width(text, size) for text, size in lines) * 1.08
+    height = line_height([size for _, size in lines])
+    return np.array([width / 2 + PAD, height / 2 + PAD]) * metres_per_inch
+
+
+def line_height(sizes: Sequence[float]) -> float:
+    """Height [in] of lines of letters of ``sizes`` [pt]; the last one has no space below."""
+    return (LEADING * sum(sizes[:-1]) + 0.75 * sizes[-1]) / 72.0 if sizes else 0.0
+
+
+def area_on_map(
+    outlines: Sequence[FloatArray], bounds: FloatArray, obstacles: Sequence[FloatArray] = ()
+) -> Any:
+    """The largest shapely polygon of the union of ``outlines``, (n, 2) [m] each, that lies on the map.
+
+    Where there is some place beside the ``obstacles``, without them. It is empty if nothing lies within the
+    ``bounds`` (2, 2) [m].
+    """
+    union, barred = (
+        shapely.union_all([shapely.Polygon(outline).buffer(0.0) for outline in some])
+        for some in (outlines, obstacles)
+    )
+    seen = union.intersection(shapely.box(*bounds.ravel()))
+    free = seen.difference(barred)
+    parts = shapely.get_parts(seen if free.is_empty else free)
+    return max(parts, key=shapely.area, default=shapely.Polygon())
+
+
+def places_inside(area: Any, half: FloatArray) -> FloatArray:
+    """Places (n, 2) at which a name of ``half`` (2,) [m] lies in ``area``; the centre of the area first."""
+    if area.is_empty:
+        return np.empty((0, 2))
+    shapely.prepare(area)
+    low, high = np.array(area.bounds).reshape(2, 2)
+    places = np.vstack([shapely.get_coordinates(area.centroid), _grid(low, high, PLACES)])
+    return np.asarray(places[shapely.contains(area, _boxes(places, half))], float)
+
+
+def label_position(
+    area: Any,
+    half: FloatArray,
+    bounds: FloatArray,
+    taken: FloatArray | None = None,
+    blocked: FloatArray | None = None,
+) -> FloatArray:
+    """Centre (2,) [m] of a name in ``area``, or beside it if it does not fit.
+
+    Parameters
+    ----------
+    half : (2,) float
+        Half of width and height of the name [m].
+    bounds : (2, 2) float
+        Corners of the map, which a name beside its area does not cross [m].
+    taken : (n, 2) float, optional
+        Points that the name should not cover [m].
+    blocked : (m, 2) float, optional
+        Further points that a name beside its area should not cover, as other places and names [m].
+    """
+    places, wide, near = places_inside(area, half), half.min(), 1e-3
+    if len(places):
+        blocked = None
+    else:
+        places, wide, near = _places_around(area, half, bounds), SPACE * half.min(), NEARNESS
+    points = np.vstack([np.empty((0, 2)), *(some for some in (taken, blocked) if some is not None)])
+    away = np.linalg.norm(places - shapely.get_coordinates(area.centroid), axis=1)
+    gap = (np.abs(places[:, None] - points) - half).max(axis=2).min(axis=1, initial=np.inf)
+    score = np.minimum(gap, wide) + COVERED * np.minimum(gap, 0.0) - near * away
+    return np.asarray(places[np.argmax(score)], float)
+
+
+def _places_around(area: Any, half: FloatArray, bounds: FloatArray) -> FloatArray:
+    """Places (n, 2) beside ``area``, as near as :data:`SPACE`; those inside of ``bounds``, if there are any.
+
+    Without such a place, the middles of the sides and the corners of its rectangle.
+    """
+    space, (low, high) = SPACE * half.min(), np.array(area.bounds).reshape(2, 2)
+    places = _grid(low - half - space, high + half + space, PLACES + 1)
+    away = shapely.distance(_boxes(places, half), area)
+    touching = SIDES * ((high - low) / 2 + half) + (low + high) / 2
+    for some in (places[(away > 0.0) & (away <= 1.001 * space)], touching):
+        within = ((some - half >= bounds[0]) & (some + half <= bounds[1])).all(axis=1)
+        if within.any():
+            return np.asarray(some[within], float)
+    return np.asarray(touching, float)
+
+
+def _grid(low: FloatArray, high: FloatArray, *counts: int) -> FloatArray:
+    """Points (n, 2) of a regular grid from ``low`` to ``high`` (2,), with ``counts`` along the sides."""
+    sides = [np.linspace(low[i], high[i], counts[i % len(counts)]) for i in (0, 1)]
+    return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+
+
+def _boxes(places: FloatArray, half: FloatArray) -> Any:
+    return shapely.box(*(places - half).T, *(places + half).T)
+
+
+def covering_points(outline: FloatArray, half: FloatArray) -> FloatArray:
+    """Points (n, 2) of the polygon ``outline`` (m, 2), so dense that a name of ``half`` covers one."""
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    counts = np.clip(np.ceil((high - low) / half), 1, MOST_POINTS).astype(int) + 1
+    lattice = _grid(low, high, *counts)
+    edge = dense_path(np.vstack([outline, outline[:1]]))
+    return np.vstack([edge, lattice[shapely.contains_xy(shapely.Polygon(outline), lattice)]])
+
+
+def dense_path(x: FloatArray, pieces: int = 8) -> FloatArray:
+    """Points (n, 2) along the segments between the positions ``x`` (T+1, 2) [m]."""
+    share = np.arange(pieces)[:, None, None] / pieces
+    between = (1.0 - share) * x[:-1] + share * x[1:]
+    return np.vstack([between.reshape(-1, 2), x[-1:]])

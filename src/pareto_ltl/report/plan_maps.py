@@ -31,8 +31,7 @@ from pareto_ltl.report.map import (
     shown_probability,
     taken_points,
 )
-from pareto_ltl.report.map_labels import area_on_map, label_half_size, label_position
-from pareto_ltl.report.map_layers import MapAxes, draw_lines, draw_text
+from pareto_ltl.report.map_layers import draw_lines, draw_text, inches_per_metre
 from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.simulation.beacons import BeaconMap
 from pareto_ltl.simulation.records import Deployment
@@ -73,21 +72,21 @@ def limits_figure(run: DrawnRun, plan: Plan) -> Figure:
     return figure
 
 
-def _number_priced(chart: MapAxes, scene: Scene, plan: Plan) -> None:
+def _number_priced(chart: Axes, scene: Scene, plan: Plan) -> None:
     """The numbers of the obstacles that have a price, inside of them, away from the path."""
     look: dict[str, Any] = {
         "color": "white", "fontweight": "bold", "fontsize": NUMBER_SIZE, "clip_on": True,
         "path_effects": [withStroke(linewidth=1.6, foreground=style.INK)],
     }  # fmt: skip
     for number in priced_obstacles(plan):
-        half = label_half_size([(str(number), NUMBER_SIZE)], 1.0 / chart.inches_per_metre())
-        area = area_on_map([scene.obstacles[number - 1]], scene.bounds)
+        half = map_layers.label_half_size([(str(number), NUMBER_SIZE)], 1.0 / inches_per_metre(chart))
+        area = map_layers.area_on_map([scene.obstacles[number - 1]], scene.bounds)
         if not area.is_empty:
-            place = label_position(area, half, scene.bounds, taken_points(scene, plan))
+            place = map_layers.label_position(area, half, scene.bounds, taken_points(scene, plan))
             draw_text(chart, place, str(number), **look)
 
 
-def _colour_path(chart: MapAxes, plan: Plan, limits: SegmentLimits, law: str) -> None:
+def _colour_path(chart: Axes, plan: Plan, limits: SegmentLimits, law: str) -> None:
     """Segments in the colour of their collision probability, from ``DECADES`` below epsilon to epsilon."""
     limit = min(plan.epsilon, 1.0)
     ticks = [limit * 10.0**-k for k in range(DECADES, -1, -1)]
@@ -99,7 +98,7 @@ def _colour_path(chart: MapAxes, plan: Plan, limits: SegmentLimits, law: str) ->
     )
     segments.set_array(np.clip(limits.probability[order], ticks[0], limit))
     for layer in (casing, segments):
-        chart.ax.add_collection(layer, autolim=False)
+        chart.add_collection(layer, autolim=False)
     first, *middle, last = (f"{100.0 * tick:.3g}" for tick in ticks)
     above = bool((limits.probability > limit * 1.0001).any())
     texts = [f"≤ {first}", *middle, "≥ " * above + last + " (limit)" * (plan.epsilon < 1.0)]
@@ -161,12 +160,12 @@ def beacons_figure(scene: Scene, plan: Plan, found: BeaconMap, medium: Medium = 
     order = np.argsort(-percent, kind="stable")  # the best on top
     look: dict[str, Any] = {"linewidths": 0.4, "edgecolors": "white", "zorder": 6.5, "cmap": "viridis_r"}
     x, y = found.places.at[order].T
-    dots = chart.ax.scatter(x, y, 16.0, percent[order], norm=norm, **look)
+    dots = chart.scatter(x, y, 16.0, percent[order], norm=norm, **look)
     for count, site in enumerate(found.sites, 1):
         x, y = found.places.at[site.number]
         ring: dict[str, Any] = {"fill": False, "edgecolor": style.BLACK, "linewidth": 1.2, "zorder": 6.8}
-        chart.ax.add_patch(Circle((x, y), found.radius, **ring))
-        chart.ax.annotate(
+        chart.add_patch(Circle((x, y), found.radius, **ring))
+        chart.annotate(
             str(count), (x, y), (8.0, 6.0), textcoords="offset points", fontweight="bold", zorder=9,
             path_effects=style.white_halo(2.0),
         )  # fmt: skip
@@ -197,25 +196,25 @@ def watch_figure(scene: Scene, plan: Plan, events: Sequence[Event], medium: Medi
     figure, chart = column_map(scene, heading, FOOT + CHART + BETWEEN)
     draw_route(chart, scene, plan)
     _draw_track(chart, events, status)
-    inner = chart.ax.get_position(original=True).width * style.COLUMN_WIDTH
+    inner = chart.get_position(original=True).width * style.COLUMN_WIDTH
     _draw_promise(style.axes_at(figure, WEST + 0.1, FOOT, inner - 0.1, CHART), events, status, promised)
     return figure
 
 
-def _draw_track(chart: MapAxes, events: Sequence[Event], status: Sequence[Event]) -> None:
+def _draw_track(chart: Axes, events: Sequence[Event], status: Sequence[Event]) -> None:
     """The believed positions with ellipses of 95 %, and the position fixes."""
     track = np.array([[event["x"], event["y"]] for event in status])
-    chart.ax.plot(*track.T, color=style.ORANGE, linewidth=1.4, zorder=7, label="believed")
+    chart.plot(*track.T, color=style.ORANGE, linewidth=1.4, zorder=7, label="believed")
     area: dict[str, Any] = {"facecolor": style.ORANGE, "alpha": 0.25, "linewidth": 0, "zorder": 6.6}
     for event in status[:: -(-len(status) // MOST)]:
         middle, axes = (event["x"], event["y"]), (2.0 * event["major"], 2.0 * event["minor"])
-        chart.ax.add_patch(Ellipse(middle, *axes, angle=np.degrees(event["angle"]), **area))
+        chart.add_patch(Ellipse(middle, *axes, angle=np.degrees(event["angle"]), **area))
     look: dict[str, Any] = {"edgecolors": "white", "linewidths": 0.5, "zorder": 8}
     for refused, marker, colour in ((False, "P", style.GREEN), (True, "X", style.VERMILLION)):
         fixes = [e["place"] for e in events if e["event"] == "fix" and (e["use"] == "refused") == refused]
         if fixes:
             x, y = np.array(fixes).T
-            chart.ax.scatter(x, y, 24.0, color=colour, marker=marker, **look)
+            chart.scatter(x, y, 24.0, color=colour, marker=marker, **look)
 
 
 def _draw_promise(ax: Axes, events: Sequence[Event], status: Sequence[Event], promised: float | None) -> None:
@@ -259,7 +258,7 @@ def frames_figure(scene: Scene, deployment: Deployment, times: FloatArray, frame
     for k, step in enumerate(steps):
         left = EDGE + k * (inner + GAP)
         chart = map_layers.map_axes(scene, style.axes_at(figure, left, BOTTOM, inner, height))
-        chart.ax.set(xlabel="", ylabel="", xticks=[], yticks=[])
+        chart.set(xlabel="", ylabel="", xticks=[], yticks=[])
         map_layers.draw_ground(chart, scene, None)
         map_layers.name_regions(chart, scene, times=False)
         _draw_moment(chart, deployment, int(step), count)
@@ -282,7 +281,7 @@ def frames_figure(scene: Scene, deployment: Deployment, times: FloatArray, frame
     return figure
 
 
-def _draw_moment(chart: MapAxes, deployment: Deployment, step: int, count: int) -> None:
+def _draw_moment(chart: Axes, deployment: Deployment, step: int, count: int) -> None:
     """Tails and positions of the flights at ``step``; failing flights are dark, with a cross."""
     x, failed = deployment.x[:count, : step + 1], deployment.failed[:count]
     for lost, colour, mark, size in (
@@ -292,4 +291,4 @@ def _draw_moment(chart: MapAxes, deployment: Deployment, step: int, count: int) 
         flights = x[failed == lost]
         draw_lines(chart, flights, colors=colour, linewidths=0.25, alpha=0.25, zorder=4)
         draw_lines(chart, flights[:, -TAIL:], colors=colour, linewidths=0.4, alpha=0.7, zorder=4.5)
-        chart.ax.plot(*flights[:, -1].T, mark, color=colour, ms=size, mew=0.6, zorder=6 + lost)
+        chart.plot(*flights[:, -1].T, mark, color=colour, ms=size, mew=0.6, zorder=6 + lost)

@@ -25,7 +25,6 @@ from pareto_ltl.report.axes import (
     hide_frame,
     set_rate_ticks,
 )
-from pareto_ltl.report.map_labels import dense_path
 from pareto_ltl.report.records import Study
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.arrays import FloatArray
@@ -173,13 +172,13 @@ def _draw_routes(
     chart = map_layers.map_axes(scene, style.axes_at(figure, left, bottom, MAP, height))
     map_layers.draw_graticule(chart, scene)
     map_layers.draw_ground(chart, scene, decomposition)
-    map_layers.number_obstacles(chart, scene, "white")
+    map_layers.number_obstacles(chart, scene)
     shades = matplotlib.colormaps["viridis"](np.linspace(0.92, 0.08, max(len(routes), 1)))
     best = next(row["time"] for row in rows if row["recommended"])
     keys = []
     for shade, (time, x) in zip(shades, sorted(routes.items()), strict=True):
         wide = time == best
-        chart.ax.plot(
+        chart.plot(
             *x.T, color=shade, lw=2.2 if wide else 1.0, zorder=7 if wide else 6,
             path_effects=style.white_halo(3.4 if wide else 1.8), solid_joinstyle="round",
         )  # fmt: skip
@@ -187,7 +186,7 @@ def _draw_routes(
         label, width = (f"{name} best", 2.2) if wide else (name, 1.2)
         keys.append(Line2D([], [], color=shade, lw=width, label=label))
     map_layers.draw_endpoints(chart, scene, None)
-    taken = np.concatenate([dense_path(x) for x in routes.values()])
+    taken = np.concatenate([map_layers.dense_path(x) for x in routes.values()])
     map_layers.name_regions(chart, scene, taken, times=False)
     w, h = figure.get_size_inches()
     figure.legend(

@@ -1,4 +1,8 @@
-"""The figures of ``pipelines=compare``, ``convergence`` and ``ablation``: planners by rates and bounds."""
+"""The figures of studies that fly plans, except forecast tests and departures.
+
+``compare``, ``convergence`` and ``ablation`` show planners by rates and bounds, ``replanning`` and
+``replan_test`` ways to fly, ``sitl`` tracks and distances of two aircraft.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +20,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
 from pareto_ltl.report import axes as shared
-from pareto_ltl.report import style
+from pareto_ltl.report import map_layers, style
 from pareto_ltl.report.axes import GRID_COLOUR, FigureRow, Figures, column_values, scale_rate_axis
 from pareto_ltl.report.map import ground_keys
-from pareto_ltl.report.map_labels import dense_path
-from pareto_ltl.report.map_layers import MapAxes, draw_flights, draw_ground, map_axes, name_regions
+from pareto_ltl.report.map_layers import dense_path, draw_flights, draw_ground, map_axes, name_regions
 from pareto_ltl.report.records import Study
 from pareto_ltl.report.wind import draw_wind_arrows
 from pareto_ltl.settings import ReportConfig, Settings
@@ -71,11 +74,11 @@ def comparison_figure(
         chart = map_axes(scene, style.axes_at(figure, left, bottom, inner, height))
         last = k + columns >= len(panels)
         _draw_panel(chart, cfg, scene, decomposition, panel)
-        chart.ax.set(
-            xlabel=chart.ax.get_xlabel() if last else "",
-            ylabel=chart.ax.get_ylabel() if k % columns == 0 else "",
+        chart.set(
+            xlabel=chart.get_xlabel() if last else "",
+            ylabel=chart.get_ylabel() if k % columns == 0 else "",
         )
-        chart.ax.tick_params(labelbottom=last, labelleft=k % columns == 0)
+        chart.tick_params(labelbottom=last, labelleft=k % columns == 0)
         if wind is not None:
             key = (west, 0.30 + second) if k == 0 else (-9.0, -9.0)  # one key for all
             draw_wind_arrows(chart, scene, wind, 0.0, "expected wind at departure", *key)
@@ -88,7 +91,7 @@ def comparison_figure(
 
 
 def _draw_panel(
-    chart: MapAxes, cfg: ReportConfig, scene: Scene, decomposition: Decomposition, panel: FigureRow
+    chart: Axes, cfg: ReportConfig, scene: Scene, decomposition: Decomposition, panel: FigureRow
 ) -> None:
     """The map of one method: its planned path and flights of the first wind law."""
     draw_ground(chart, scene, decomposition)
@@ -97,9 +100,9 @@ def _draw_panel(
         flights = next(iter(panel["flights"].values()))  # flights of two laws would cover each other
         draw_flights(chart, flights, cfg.paths)
         halo = style.white_halo(1.8)
-        chart.ax.plot(*panel["x"].T, **PLANNED, zorder=6, path_effects=halo)
+        chart.plot(*panel["x"].T, **PLANNED, zorder=6, path_effects=halo)
     start: dict[str, Any] = {"marker": "o", "ms": 4, "mfc": "white", "mec": "black", "mew": 0.9, "zorder": 8}
-    chart.ax.plot(*scene.start, **start)
+    chart.plot(*scene.start, **start)
 
 
 def _panel_caption(panel: FigureRow) -> list[str]:
@@ -325,3 +328,78 @@ def _draw_factor(ax: Axes, rows: Sequence[FigureRow], factor: str, low: float, h
     scale_rate_axis(ax, "y", low, high)
     ax.set_xlabel(FACTOR_LABELS[factor])
     shared.hide_frame(ax)
+
+
+# --- replanning --------------------------------------------------------------------------------
+
+LEFT, BASE, ROW, TOP, RIGHT = 1.2, 0.45, 0.28, 0.12, 0.22  # of the figure of replanning [in]
+
+
+def replanning_figures(_: Settings, study: Study) -> Figures:
+    """``replanning``."""
+    return {"replanning": partial(replanning_figure, study.tables["replanning"])}
+
+
+replan_test_figures = replanning_figures
+
+
+def replanning_figure(rows: Sequence[FigureRow]) -> Figure:
+    """One line for each way to fly, from the first at the top: failure rate and 95 % interval."""
+    tall = ROW * len(rows)
+    figure = style.blank_figure(style.COLUMN_WIDTH, BASE + tall + TOP)
+    ax = style.axes_at(figure, LEFT, BASE, style.COLUMN_WIDTH - LEFT - RIGHT, tall)
+    law = str(rows[0]["law"])
+    rate, low, high = (100.0 * column_values(rows, f"failure{end}") for end in ("", "_low", "_high"))
+    y = -np.arange(len(rows), dtype=float)
+    ax.hlines(y, low, high, color=style.law_colour(law), lw=2.0, alpha=0.5)
+    ax.plot(rate, y, ls="none", marker=style.law_mark(law), ms=4.5, color=style.law_colour(law))
+    ax.set_yticks(y, [str(row["way"]).replace(", ", ",\n") for row in rows])
+    ax.set_ylim(-len(rows) + 0.5, 0.5)
+    ax.set_xlim(0.0, 100.0 if high.max() > 50.0 else max(1.0, 1.15 * float(high.max())))
+    ax.set_xlabel(f"failed in {rows[0]['flights']} {law} winds [%]")
+    ax.grid(axis="x", color=GRID_COLOUR, lw=0.4)
+    shared.hide_frame(ax)
+    return figure
+
+
+# --- sitl --------------------------------------------------------------------------------------
+
+
+def sitl_figures(settings: Settings, study: Study, scene: Scene, decomposition: Decomposition) -> Figures:
+    """The figure ``sitl``."""
+    return {"sitl": lambda: sitl_figure((scene, decomposition), study, settings.sitl.drawn)}
+
+
+def sitl_figure(world: tuple[Scene, Decomposition], study: Study, drawn: int) -> Figure:
+    """The map with ``drawn`` tracks of each, and the distance between both at the end of every leg."""
+    flown, numbers = study.pictures["flights"], study.numbers
+    scene, decomposition = world
+    figure = style.blank_figure(style.PAGE_WIDTH, 3.1)
+    chart = map_axes(scene, style.axes_at(figure, 0.55, 0.45, 2.9, 2.3))
+    map_layers.draw_graticule(chart, scene)
+    draw_ground(chart, scene, decomposition)
+    keys: list[Artist] = []
+    for k, (flights, colour, words, name) in enumerate((
+        (flown.steps, style.BLUE, "our steps", "sitl_steps"),
+        (flown.aircraft, style.VERMILLION, "JSBSim, c172x", "sitl"),
+    )):  # fmt: skip
+        look: dict[str, Any] = {"colors": colour, "linewidths": 0.6, "alpha": 0.55, "zorder": 4 + k}
+        map_layers.draw_lines(chart, flights.x[:drawn], **look)
+        label = f"{words}: {100 * numbers[f'{name}_failure']:.1f} % fail"
+        keys.insert(0, Line2D([], [], color=colour, label=label))
+    map_layers.draw_endpoints(chart, scene, None)
+    name_regions(chart, scene, flown.steps.x.mean(axis=0))
+    figure.legend(handles=keys, loc="upper left", bbox_to_anchor=(0.06, 1.0), ncol=2, frameon=False)
+    law = flown.aircraft.law
+    figure.text(0.63, 0.955, f"{len(flown.tracks)} pairs of flights, {law} winds", fontsize=7)
+    ax, minutes = style.axes_at(figure, 4.25, 0.45, 2.3, 2.3), np.cumsum(flown.orders.duration) / 60.0
+    for row in flown.apart:
+        ax.plot(minutes, row / 1e3, color=style.MIST, lw=0.4, zorder=1)
+    for share, line, label in ((0.5, "-", "median"), (0.95, "--", "95 % of flights")):
+        apart = np.quantile(flown.apart, share, axis=0) / 1e3
+        ax.plot(minutes, apart, color="black", lw=1.2, ls=line, label=label)
+    ax.set(xlabel="time of flight [min]", ylabel="JSBSim and our steps apart [km]")
+    ax.set_xlim(0.0, float(minutes[-1]))
+    ax.set_ylim(bottom=0.0)
+    ax.legend(loc="upper left", frameon=False)
+    return figure

@@ -6,28 +6,14 @@ from datetime import datetime, timedelta
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 
 from pareto_ltl.exports.geojson import border_corners
 from pareto_ltl.planning.records import Plan
-from pareto_ltl.report import style
-from pareto_ltl.report.lattice import (
-    ARROWS_ALONG,
-    arrow_nodes,
-    interpolate_slots,
-    lattice_nodes,
-    wind_deviation,
-)
-from pareto_ltl.report.map_layers import (
-    MapAxes,
-    draw_mean_path,
-    draw_polygons,
-    draw_text,
-    map_axes,
-    number_obstacles,
-)
+from pareto_ltl.report import lattice, map_layers, style
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.wind.records import WindField
@@ -57,15 +43,15 @@ def utc_text(scene: Scene, t: float) -> str:
 
 
 def draw_wind_arrows(
-    chart: MapAxes, scene: Scene, wind: WindField, t: float, text: str, left: float, bottom: float
+    chart: Axes, scene: Scene, wind: WindField, t: float, text: str, left: float, bottom: float
 ) -> None:
     """Expected wind at ``t`` [s] as arrows on lattice nodes; a scale arrow at ``left``, ``bottom`` [in].
 
     Calm wind gives a text instead.
     """
-    figure = chart.ax.figure
+    figure = chart.figure
     assert isinstance(figure, Figure)
-    mean = interpolate_slots(wind.times, wind.mean, t)
+    mean = lattice.interpolate_slots(wind.times, wind.mean, t)
     quiver = _draw_arrows(chart, wind, mean, scene.bounds, color=style.SKY, width=0.009, zorder=2.8)
     if quiver is None:
         style.text_at(figure, left, bottom, f"{text}: calm", va="center", fontsize=6.5)
@@ -74,24 +60,24 @@ def draw_wind_arrows(
     scale = float(quiver.scale or 1.0)
     unit = style.round_below(float(np.hypot(quiver.U, quiver.V).max()))
     middle = (left + unit / scale / 2) / w
-    chart.ax.quiverkey(quiver, middle, bottom / h, unit, "", coordinates="figure", color=style.SKY)
+    chart.quiverkey(quiver, middle, bottom / h, unit, "", coordinates="figure", color=style.SKY)
     beside = left + unit / scale + 0.06
     style.text_at(figure, beside, bottom, f"{unit:g} m/s, {text}", va="center", fontsize=6.5)
 
 
 def _draw_arrows(
-    chart: MapAxes, wind: WindField, mean: FloatArray, bounds: FloatArray, **look: Any
+    chart: Axes, wind: WindField, mean: FloatArray, bounds: FloatArray, **look: Any
 ) -> Quiver | None:
     """``mean`` (NX, NY, 2) [m/s] as arrows on lattice nodes within ``bounds`` (2, 2); None if it is calm."""
-    x, y = lattice_nodes(wind)
-    i, j = arrow_nodes(wind, bounds)
+    x, y = lattice.lattice_nodes(wind)
+    i, j = lattice.arrow_nodes(wind, bounds)
     field = mean[np.ix_(i, j)]
     top = float(np.hypot(field[..., 0], field[..., 1]).max(initial=0.0))
     if top == 0.0:
         return None
-    gap = float(np.ptp(bounds, axis=0).max()) / ARROWS_ALONG * chart.inches_per_metre()
+    gap = float(np.ptp(bounds, axis=0).max()) / lattice.ARROWS_ALONG * map_layers.inches_per_metre(chart)
     nodes = np.meshgrid(x[i], y[j], indexing="ij")
-    return chart.ax.quiver(*nodes, *np.moveaxis(field, -1, 0), scale=top / (LONGEST * gap), **ARROWS, **look)
+    return chart.quiver(*nodes, *np.moveaxis(field, -1, 0), scale=top / (LONGEST * gap), **ARROWS, **look)
 
 
 def wind_figure(scene: Scene, wind: WindField, plan: Plan | None) -> Figure:
@@ -106,29 +92,29 @@ def wind_panels(
 
     Both on the whole lattice, with the planned ``route`` (T+1, 2) [m]; ``moment`` says when that is.
     """
-    mean = interpolate_slots(wind.times, wind.mean, t)
-    x, y = lattice_nodes(wind)
+    mean = lattice.interpolate_slots(wind.times, wind.mean, t)
+    x, y = lattice.lattice_nodes(wind)
     inner, west = 2.35, 0.48
     height = inner * float(np.clip(np.ptp(y) / max(np.ptp(x), 1.0), 0.35, 1.6))
     figure = style.blank_figure(style.PAGE_WIDTH, height + 0.85)
-    speed, sd = np.hypot(mean[..., 0], mean[..., 1]), wind_deviation(wind, t)
+    speed, sd = np.hypot(mean[..., 0], mean[..., 1]), lattice.wind_deviation(wind, t)
     panels = (
         (f"(a) Expected {medium_of(wind.level).flow}", "speed [m/s]", speed, "viridis"),
         ("(b) Standard deviation, least at readings", "standard deviation [m/s]", sd, "cividis"),
     )
     for n, (title, label, values, cmap) in enumerate(panels):
         left = west + n * style.PAGE_WIDTH / 2
-        chart = map_axes(scene, style.axes_at(figure, left, 0.42, inner, height))
+        chart = map_layers.map_axes(scene, style.axes_at(figure, left, 0.42, inner, height))
         _draw_surface(chart, wind, values, cmap)
         _draw_outlines(chart, scene)
-        number_obstacles(chart, scene, "white")
+        map_layers.number_obstacles(chart, scene)
         if n == 0:
-            lattice = np.array([[x[0], y[0]], [x[-1], y[-1]]])
-            _draw_arrows(chart, wind, mean, lattice, color="white", width=0.011, zorder=4)
+            whole = np.array([[x[0], y[0]], [x[-1], y[-1]]])
+            _draw_arrows(chart, wind, mean, whole, color="white", width=0.011, zorder=4)
         if route is not None:
-            draw_mean_path(chart, route)
+            map_layers.draw_mean_path(chart, route)
         scale = style.axes_at(figure, left + inner + 0.08, 0.42, 0.09, height)
-        bar = figure.colorbar(chart.ax.images[0], cax=scale, label=label)
+        bar = figure.colorbar(chart.images[0], cax=scale, label=label)
         bar.outline.set_linewidth(0.5)
         style.text_at(figure, left, 0.42 + height + 0.05, title, va="bottom", fontweight="bold")
     when = ", ".join(text for text in (utc_text(scene, t), moment, _origin_text(wind)) if text)
@@ -146,26 +132,26 @@ def _origin_text(wind: WindField) -> str:
     return f"{medium_of(wind.level).flow} at {wind.level}{law}, source: {first}{more}"
 
 
-def _draw_surface(chart: MapAxes, wind: WindField, values: FloatArray, cmap: str) -> None:
+def _draw_surface(chart: Axes, wind: WindField, values: FloatArray, cmap: str) -> None:
     """``values`` (NX, NY) as colour, interpolated bilinearly, on the extent of the lattice."""
-    x, y = lattice_nodes(wind)
+    x, y = lattice.lattice_nodes(wind)
     half = wind.spacing / 2.0
     extent = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
     low, high = float(values.min()), float(values.max())
     if high - low < 1e-3:  # a constant field gets a colour scale of finite width
         low, high = low - 0.5 if low >= 0.5 else 0.0, high + 0.5
     look: dict[str, Any] = {"norm": Normalize(low, high), "interpolation": "bilinear", "zorder": 0}
-    chart.ax.imshow(values.T, origin="lower", extent=extent, cmap=cmap, **look)
-    chart.ax.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+    chart.imshow(values.T, origin="lower", extent=extent, cmap=cmap, **look)
+    chart.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
 
 
-def _draw_outlines(chart: MapAxes, scene: Scene) -> None:
+def _draw_outlines(chart: Axes, scene: Scene) -> None:
     """Bounds, obstacles and regions as thin lines, with the names of the regions."""
     outlines = [*scene.obstacles, *scene.region_outlines]
-    draw_polygons(chart, [border_corners(scene.bounds)], fc="none", ec="black", lw=0.9, zorder=3)
-    draw_polygons(chart, outlines, fc="none", ec="black", lw=0.5, zorder=3)
+    map_layers.draw_polygons(chart, [border_corners(scene.bounds)], fc="none", ec="black", lw=0.9, zorder=3)
+    map_layers.draw_polygons(chart, outlines, fc="none", ec="black", lw=0.5, zorder=3)
     for name, there in scene.regions.items():
         if there:
             largest = max(there, key=lambda outline: float(np.ptp(outline, axis=0).prod()))
             halo = style.white_halo(1.6)
-            draw_text(chart, largest.mean(axis=0), name, fontweight="bold", path_effects=halo)
+            map_layers.draw_text(chart, largest.mean(axis=0), name, fontweight="bold", path_effects=halo)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.conditioning import Fix
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import FailureRate, Front, Plan, PlannedPath
-    from pareto_ltl.report.notebook import Drawing
+    from pareto_ltl.report.figures import Drawing
     from pareto_ltl.support.arrays import BoolArray
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField
@@ -125,7 +125,7 @@ class Replanned(Displayed):
 
     def plot(self, **options: Any) -> Drawing:
         """The map with the new plan, and the rest of the old one dashed."""
-        from pareto_ltl.report.notebook import replanned_drawing
+        from pareto_ltl.report.figures import replanned_drawing
 
         scene = None if self.run is None else self.run.make(keys.SCENE)
         return replanned_drawing(self.plan, self.rest, scene=scene, **options)

@@ -25,7 +25,7 @@ from pareto_ltl.support.schemas import read_document
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.report.notebook import Drawing
+    from pareto_ltl.report.figures import Drawing
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -127,7 +127,7 @@ class Results(RecordView):
 
 
 def _mission_drawing(view: RecordView, **options: Any) -> Drawing:
-    from pareto_ltl.report.notebook import mission_drawing
+    from pareto_ltl.report.figures import mission_drawing
 
     return mission_drawing(view.scene, view.decomposition, view.wind, view.forest, view.plan, **options)
 

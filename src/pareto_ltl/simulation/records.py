@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pareto_ltl.planning.records import counted_rate
+from pareto_ltl.planning.records import FailureRate, counted_rate
 from pareto_ltl.support.archives import stored
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.display import Displayed
@@ -46,13 +46,17 @@ class Deployment(Displayed):
         failed: BoolArray = ~self.accepted | self.collided
         return failed | self.off_map if self.walled else failed
 
+    @property
+    def rate(self) -> FailureRate:
+        """Share of the flights that fail, with its interval."""
+        return counted_rate(self.law, int(self.failed.sum()), len(self.x))
+
     def facts(self) -> Mapping[str, str]:
         """Number of flights, failure rate with its interval, and why flights fail."""
-        runs, gone = len(self.x), int(self.off_map.sum())
-        rate = counted_rate(self.law, int(self.failed.sum()), runs)
+        gone = int(self.off_map.sum())
         return {
-            "flights": f"{runs:,}",
-            "fail": str(rate),
+            "flights": f"{len(self.x):,}",
+            "fail": str(self.rate),
             "miss the mission": f"{int((~self.accepted).sum()):,}",
             "meet an obstacle": f"{int(self.collided.sum()):,}",
             "leave the map": f"{gone:,}" + ("" if self.walled or not gone else ", which is no failure"),

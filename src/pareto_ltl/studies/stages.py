@@ -100,10 +100,10 @@ STUDIES = (
         ("departures.csv", "departure_lengths.csv", "departures.json"),
         needs=(records.READINGS, *MAP, records.AUTOMATON), drawn_on=MAP,
     ),
-    StudyKind("replanning", "replanning", "study_flights", FLIGHT_TABLES),
-    StudyKind("replan_test", "replanning", "study_flights", FLIGHT_TABLES, needs=()),
+    StudyKind("replanning", "replanning", "study_planners", FLIGHT_TABLES),
+    StudyKind("replan_test", "replanning", "study_planners", FLIGHT_TABLES, needs=()),
     StudyKind(
-        "sitl", "sitl", "study_flights", ("sitl.csv",),
+        "sitl", "sitl", "study_planners", ("sitl.csv",),
         needs=(records.PROBLEM, records.PLAN, records.EXPORTS), drawn_on=MAP,
     ),
 )  # fmt: skip

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+from pareto_ltl.report.components import page_environment
 from pareto_ltl.report.metric_names import is_probability, metric_label
 from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.studies import sweeps
@@ -200,35 +201,34 @@ def check_figure(figure: FigureChoice, swept: Sequence[str]) -> None:
 
 def render_page(summary: SweepSummary, picture: str | None, way: str = "") -> str:
     """The page as HTML; ``way`` leads from it to the directories of the jobs."""
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )  # fmt: skip
     template = files("pareto_ltl.studies").joinpath("summary.html").read_text(encoding="utf-8")
     swept, groups, rows = list(summary.manifest.swept), summary.groups, summary.rows
     results = column_names(row.results for row in rows)
     laws = [name for name in results if name.startswith("failure_") and not name.endswith(("_low", "_high"))]
-    return environment.from_string(template).render(
-        name=summary.place.resolve().name,
-        line=summary.line(),
-        fixed=summary.manifest.fixed,
-        picture=picture,
-        way=way,
-        groups=groups,
-        rows=rows,
-        swept=swept,
-        varied=[key for key in swept if not is_seed(key)],
-        rates=column_names(group.rates for group in groups),
-        medians=[name for name in SHOWN_METRICS if any(name in group.quartiles for group in groups)],
-        shown=[*(name for name in (*laws, *SHOWN_METRICS) if name in results), "run_seconds"],
-        failed=any(row.state.error for row in rows),
-        label=metric_label,
-        text=metric_text,
-        interval=interval_text,
-        broken=_broken_name,
-        quote=partial(quote, safe=""),
+    return (
+        page_environment()
+        .overlay(keep_trailing_newline=True)
+        .from_string(template)
+        .render(
+            name=summary.place.resolve().name,
+            line=summary.line(),
+            fixed=summary.manifest.fixed,
+            picture=picture,
+            way=way,
+            groups=groups,
+            rows=rows,
+            swept=swept,
+            varied=[key for key in swept if not is_seed(key)],
+            rates=column_names(group.rates for group in groups),
+            medians=[name for name in SHOWN_METRICS if any(name in group.quartiles for group in groups)],
+            shown=[*(name for name in (*laws, *SHOWN_METRICS) if name in results), "run_seconds"],
+            failed=any(row.state.error for row in rows),
+            label=metric_label,
+            text=metric_text,
+            interval=interval_text,
+            broken=_broken_name,
+            quote=partial(quote, safe=""),
+        )
     )
 
 

@@ -8,6 +8,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from importlib.resources import files
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 FOLDER = "pareto_ltl.report.components"
 STYLE = "components.css"
@@ -22,6 +26,13 @@ EXPORT = re.compile(r"^export (?=(async )?(const|function|class) )", re.MULTILIN
 def component(name: str) -> str:
     """The text of one of ``MODULES`` or of ``STYLE``."""
     return files(FOLDER).joinpath(name).read_text(encoding="utf-8")
+
+
+def page_environment() -> Environment:
+    """For templates of pages: it escapes each text, and refuses names that have no value."""
+    from jinja2 import Environment, StrictUndefined
+
+    return Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
 
 
 def bundled(modules: Iterable[str]) -> str:

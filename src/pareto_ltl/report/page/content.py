@@ -18,18 +18,12 @@ import numpy as np
 from pareto_ltl.exports.exported import vehicle_of
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, Plan, counted_rate
-from pareto_ltl.report.components import MODULES, STYLE, bundled, component
+from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, Plan
+from pareto_ltl.report.components import MODULES, STYLE, bundled, component, page_environment
 from pareto_ltl.report.limits import PlanLimits, chosen_number, priced_obstacles
+from pareto_ltl.report.page import points
 from pareto_ltl.report.page.ground import map_places, shown_map, shown_trees, shown_wind
 from pareto_ltl.report.page.machine import shown_automaton
-from pareto_ltl.report.page.points import (
-    MOST_PLAIN_LEGS,
-    shown_flights,
-    shown_path,
-    shown_points,
-    told_points,
-)
 from pareto_ltl.report.records import ShownRun
 from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.simulation.records import Deployment
@@ -88,7 +82,7 @@ def page_content(run: ShownRun) -> Content:
         "wind": shown_wind(run.scene, run.wind, last),
         "trees": [] if paths or alone else shown_trees(run.scene, run.forest),
         "judge": "flights" if front is not None and front.rates else "bound",
-        "points": [] if front is None else shown_points(front),
+        "points": [] if front is None else points.shown_points(front),
         "chosen": chosen,
         "paths": paths,
         "flights": flights,
@@ -142,11 +136,11 @@ def _paths(
     given = run.deployments.get(run.problem.fidelity.law)
     paths = {}
     if front is not None:
-        logged = set(told_points(front, chosen))
-        for k in told_points(front, chosen, MOST_PLAIN_LEGS):
+        logged = set(points.told_points(front, chosen))
+        for k in points.told_points(front, chosen, points.MOST_PLAIN_LEGS):
             flown = given if k == chosen else None
-            paths[str(k)] = shown_path(run, run.problem, front.paths[k], flown, logged=k in logged)
-    flights = None if given is None or chosen is None else shown_flights(run.scene, run.problem, given)
+            paths[str(k)] = points.shown_path(run, run.problem, front.paths[k], flown, logged=k in logged)
+    flights = None if given is None or chosen is None else points.shown_flights(run.scene, run.problem, given)
     return paths, flights
 
 
@@ -169,7 +163,7 @@ def _headline(run: ShownRun, plan: Plan, chosen: int | None) -> Iterator[dict[st
         note = f"upper bound of failures of the mission and collisions, under {plan.models.law} {flows}"
         yield fact("fails", _at_most(min(1.0, cost.mission_risk + cost.collision_risk)), note)
     if promise is None and run.deployments:  # under the law with the most failures: a bound holds for one law
-        rates = [_rate_of(flown) for _, flown in sorted(run.deployments.items())]
+        rates = [flown.rate for _, flown in sorted(run.deployments.items())]
         worst = max(rates, key=lambda rate: rate.failure)
         yield fact("simulated to fail", probability_text(worst.failure), _interval_note(worst, flows))
     minutes = round((path.t[-1] - path.t[0]) / 60.0)
@@ -190,10 +184,6 @@ def _interval_note(rate: FailureRate, flows: str) -> str:
     return f"{interval_text(rate.low, rate.high)} (95 %), under {rate.law} {flows}, {rate.sample}"
 
 
-def _rate_of(flown: Deployment) -> FailureRate:
-    return counted_rate(flown.law, int(flown.failed.sum()), len(flown.x))
-
-
 def _at_most(bound: float) -> str:
     """``≤ 2.9 %``, or ``< 1e-7 %``."""
     text = probability_text(bound)
@@ -208,8 +198,9 @@ def _verdicts(run: ShownRun, plan: Plan) -> Iterator[dict[str, str]]:
         yield _row("promised: fresh flights of the plan", promise.rate, f"{promise.rate.sample}; {stands}")
         yield _row("claimed when the front was judged", promise.claimed, promise.claimed.sample)
     for law in _laws(run.deployments, plan.models.law):
-        rate = _rate_of(run.deployments[law])
-        yield _row("simulated flights of the plan", rate, f"{rate.sample}: {_causes(run.deployments[law])}")
+        flown = run.deployments[law]
+        source = f"{flown.rate.sample}: {_causes(flown)}"
+        yield _row("simulated flights of the plan", flown.rate, source)
     for law in _laws(run.forecasts, plan.models.law):
         seen = run.forecasts[law]
         bound = min(1.0, seen.mission_risk + seen.collision_risk)
@@ -259,13 +250,9 @@ def json_for_script(data: dict[str, Any]) -> str:
 @lru_cache(maxsize=1)
 def page_template() -> Template:
     """The template, with style and scripts of this folder inserted; it escapes everything else."""
-    from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    folder = files(FOLDER)
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    folder, environment = files(FOLDER), page_environment()
     own = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", *SCRIPTS)}
     environment.globals["style"] = Markup(component(STYLE) + own["page.css"])
     parts = [*map(component, MODULES), *(own[name] for name in SCRIPTS)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from pareto_ltl.exports.degrees import crosses, lonlat, outline_degrees
 from pareto_ltl.exports.formats import holds_pole
 from pareto_ltl.exports.geojson import titled_outlines
 from pareto_ltl.planning.records import Forest
-from pareto_ltl.report.lattice import arrow_nodes, interpolate_slots, lattice_nodes, wind_deviation
+from pareto_ltl.report import lattice
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, utc_times
@@ -90,12 +89,12 @@ def shown_map(scene: Scene) -> dict[str, Any]:
 
 def shown_wind(scene: Scene, wind: WindField, last: float) -> dict[str, Any]:
     """Expected wind and standard deviation on a lattice at up to ``MOST_TIMES`` times until ``last`` [s]."""
-    i, j = arrow_nodes(wind, scene.bounds)
-    x, y = lattice_nodes(wind)
+    i, j = lattice.arrow_nodes(wind, scene.bounds)
+    x, y = lattice.lattice_nodes(wind)
     nodes = np.stack(np.meshgrid(x[i], y[j], indexing="ij"), axis=-1).reshape(-1, 2)
     times = np.linspace(0.0, last, MOST_TIMES) if last > 0.0 and len(wind.times) > 1 else np.zeros(1)
-    mean = np.array([interpolate_slots(wind.times, wind.mean, t)[np.ix_(i, j)] for t in times])
-    doubt = np.array([wind_deviation(wind, t)[np.ix_(i, j)] for t in times])
+    mean = np.array([lattice.interpolate_slots(wind.times, wind.mean, t)[np.ix_(i, j)] for t in times])
+    doubt = np.array([lattice.wind_deviation(wind, t)[np.ix_(i, j)] for t in times])
     speed, bearing = np.hypot(mean[..., 0], mean[..., 1]), np.arctan2(mean[..., 0], mean[..., 1])
     bearing = bearing + north_turn(scene, nodes).reshape(len(i), len(j))
     north = np.stack([speed * np.sin(bearing), speed * np.cos(bearing)], axis=-1)
@@ -112,10 +111,4 @@ def shown_wind(scene: Scene, wind: WindField, last: float) -> dict[str, Any]:
 
 def shown_trees(scene: Scene, forest: Forest | None) -> list[Any]:
     """The oldest edges of the trees, two places each, for a map without a plan."""
-    if forest is None or not forest.trees:
-        return []
-    share = max(2, MOST_EDGES // len(forest.trees))
-    edges: Iterable[FloatArray] = (
-        np.stack([tree.x[tree.parent[1:share]], tree.x[1:share]], axis=1) for tree in forest.trees
-    )
-    return map_places(scene, np.concatenate(list(edges)))
+    return [] if forest is None else map_places(scene, lattice.oldest_edges(forest, MOST_EDGES))
