@@ -356,7 +356,7 @@ def _summarize(summary: Any, sweep: Path) -> None:
     made = summary.SweepSummary(sweep, manifest, rows, seed_groups(rows))
     summary.summary_content(made)
     if figure := summary.chosen_figure(made):
-        summary.figure_series(made, figure)
+        summary.figure_series(made, *figure)
 
 
 TARGETS = (

@@ -673,7 +673,7 @@ def test_only_fingerprints_name_the_jobs_of_a_sweep(tmp_path: Path, job: str) ->
 def test_the_figure_is_chosen_among_the_columns(tmp_path: Path) -> None:
     made(tmp_path)
     found = summary.write_summary(tmp_path, figure=FigureChoice("seed", "length_m", "planner.n_max"))
-    drawn = summary.figure_series(found, FigureChoice("seed", "length_m", "planner.n_max"))
+    drawn = summary.figure_series(found, "seed", "length_m", "planner.n_max")
     assert {name: len(points) for name, points in drawn.items()} == {"100": 5, "1000": 4}
     assert (tmp_path / "figures" / "length_m_over_seed.svg").exists()
     with pytest.raises(ConfigError, match=r"sweep\.y=colour is not among the columns; there are completed"):

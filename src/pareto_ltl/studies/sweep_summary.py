@@ -146,12 +146,11 @@ def _draw_figure(summary: SweepSummary, out: Path) -> str | None:
 
     folder = out / "figures"
     folder.mkdir(exist_ok=True)
-    series = figure_series(summary, figure)
-    return draw_sweep_figure(folder, figure.x or "", figure.y or "", figure.by, series)
+    return draw_sweep_figure(folder, *figure, figure_series(summary, *figure))
 
 
-def chosen_figure(summary: SweepSummary) -> FigureChoice | None:
-    """The figure with its defaults: the first swept setting that is no seed, the promised failure rate.
+def chosen_figure(summary: SweepSummary) -> tuple[str, str, str | None] | None:
+    """x, y and by of the figure; by default the first swept setting that is no seed, and the promised rate.
 
     The promise is in the winds of planning, which `fidelity` may vary from job to job.
     """
@@ -171,19 +170,19 @@ def chosen_figure(summary: SweepSummary) -> FigureChoice | None:
         if name is not None and name not in known:
             there = ", ".join(known)
             raise ConfigError(f"sweep.{role}={shown_text(name)} is not among the columns; there are {there}")
-    return FigureChoice(x, y, by)
+    return x, y, by
 
 
-def figure_series(summary: SweepSummary, figure: FigureChoice) -> dict[str, list[tuple[str, float]]]:
-    """Values (x as text, y) of every job that has both, by the value of ``figure.by``."""
+def figure_series(
+    summary: SweepSummary, x: str, y: str, by: str | None
+) -> dict[str, list[tuple[str, float]]]:
+    """Values (x as text, y) of every job that has both, by the value of the setting ``by``."""
     series: dict[str, list[tuple[str, float]]] = {}
     for row in summary.rows:
-        across = row.overrides.get(figure.x or "", row.state.metrics.get(figure.x or ""))
-        up = row.state.metrics.get(figure.y or "")
-        if up is None or (across is None and figure.x != "job"):
-            continue
-        name = row.overrides.get(figure.by, "") if figure.by else ""
-        series.setdefault(name, []).append((row.job if figure.x == "job" else str(across), float(up)))
+        across = row.job if x == "job" else row.overrides.get(x, row.state.metrics.get(x))
+        if across is not None and (up := row.state.metrics.get(y)) is not None:
+            name = row.overrides.get(by, "") if by else ""
+            series.setdefault(name, []).append((str(across), float(up)))
     return series
 
 
