@@ -131,7 +131,7 @@ def test_the_front_shows_the_judged_risk_under_its_name_without_a_plan_too(
     changes = {"front": front, "plan": None, "deployments": {}}
     words = text_of(drawn(tmp_path, records, **changes)["front.svg"])
     assert label in words
-    figure = front_figure(scene, None, front, None)
+    figure = front_figure(DrawnRun(scene), front)
     axes = figure.axes[0]
     assert axes.get_ylabel() == label
     np.testing.assert_allclose(axes.collections[-1].get_offsets()[:, 1], risks)

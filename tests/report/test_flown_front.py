@@ -15,9 +15,9 @@ from figure_texts import texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.records import Front, Plan, Promise, counted_rate
 from pareto_ltl.report import style
 from pareto_ltl.report.front import flown_front_figure, order_looks, rate_ends
+from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.settings import preset
 
-KM = ("km", 1e-3)
 COUNTS, ORDERS = (40, 80, 160, 320), ("a>b>c", "a>b>c", "a>d>c", "b>a>c")
 
 
@@ -46,7 +46,7 @@ def plan_on(front: Front, k: int) -> Plan:
 
 def drawn(front: Front, plan: Plan | None = None):
     with style.report_style():
-        figure = flown_front_figure(front, plan, KM)
+        figure = flown_front_figure(DrawnRun(scene_of(), plan=plan), front)
         figure.canvas.draw()
     return figure
 

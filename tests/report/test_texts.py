@@ -119,7 +119,7 @@ def test_every_text_of_a_run_names_its_law_and_stays_on_the_page(name: str) -> N
     with style.report_style():
         figures = [plan_figure(ReportConfig(), run), wind_figure(run.scene, run.wind, run.plan)]
         if run.front is not None:
-            figures.append(front_figure(run.scene, run.forest, run.front, run.plan))
+            figures.append(front_figure(run, run.front))
         for figure in [*figures, *notebook]:
             assert wrong_texts(texts_of(figure)) == []
             assert texts_outside(figure) == []

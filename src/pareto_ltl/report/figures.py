@@ -57,7 +57,7 @@ def draw_run_figures(folder: Path, cfg: ReportConfig, run: DrawnRun) -> tuple[Pa
     if run.wind is not None:
         made["wind"] = partial(wind_figure, run.scene, run.wind, run.plan)
     if run.front is not None and len(run.front.paths) > 0:
-        made["front"] = partial(front_figure, run.scene, run.forest, run.front, run.plan, run.medium)
+        made["front"] = partial(front_figure, run, run.front)
     if run.plan is not None and (run.plan.limits is not None or run.plan.prices):
         made["limits"] = partial(limits_figure, run, run.plan)
     return save_figures(folder, cfg, made)
@@ -167,7 +167,7 @@ def _path_chart(path: PlannedPath, scene: Scene | None) -> Figure:
 
 def _front_chart(front: Front, scene: Scene | None, plan: Plan | None = None) -> Figure:
     ground = scene or _ground_around(*(path.x for path in front.paths))
-    return front_figure(ground, None, front, plan)
+    return front_figure(DrawnRun(ground, plan=plan), front)
 
 
 def _forest_chart(forest: Forest, scene: Scene | None) -> Figure:

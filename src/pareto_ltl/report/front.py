@@ -12,14 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from pareto_ltl.planning.records import FLIGHTS, FailureRate, Forest, Front, Objectives, Plan
+from pareto_ltl.planning.records import FLIGHTS, FailureRate, Front, Objectives, Plan
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.report import style
 from pareto_ltl.report.axes import hide_frame, scale_rate_axis, set_rate_ticks
 from pareto_ltl.report.map_layers import length_unit
+from pareto_ltl.report.records import DrawnRun
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.medium import AIR, Medium
-from pareto_ltl.world.scene import Scene
 
 FRONT_HEIGHT = 2.75  # height of the figure of risks [in]
 RING: dict[str, Any] = {
@@ -28,33 +27,25 @@ RING: dict[str, Any] = {
 CHOSEN = style.mark_key("chosen plan", "o", 7.0, "none", style.VERMILLION, 1.3)
 
 
-def front_figure(
-    scene: Scene, forest: Forest | None, front: Front, plan: Plan | None, medium: Medium = AIR
-) -> Figure:
+def front_figure(run: DrawnRun, front: Front) -> Figure:
     """Mission risk against path length, collision risk as colour, before and after smoothing.
 
-    A front of failure rates has another figure (:func:`flown_front_figure`).
-
-    Parameters
-    ----------
-    forest : Forest or None
-        Its accepted vertices are drawn as a cloud of dots.
-    plan : Plan or None
-        The selected path is marked with a ring.
+    A front of failure rates has another figure (:func:`flown_front_figure`). Accepted vertices of the trees
+    are a cloud of dots, and the path of the plan is marked with a ring.
     """
-    unit, per_metre = length_unit(scene)
     if front.rates:
-        return flown_front_figure(front, plan, (unit, per_metre), medium)
+        return flown_front_figure(run, front)
+    plan, (unit, per_metre) = run.plan, length_unit(run.scene)
     after = _front_rows([path.objectives for path in front.paths]) * [per_metre, 1.0, 1.0]
     before = _front_rows(front.raw) * [per_metre, 1.0, 1.0]
-    vertices = np.empty((0, 2)) if forest is None else accepted_rows(forest)
+    vertices = np.empty((0, 2)) if run.forest is None else accepted_rows(run.forest)
     cloud = vertices[:, [-1, 0]] * [per_metre, 1.0]  # length and mission risk
     figure = style.blank_figure(style.COLUMN_WIDTH, FRONT_HEIGHT)
     ax = style.axes_at(figure, 0.58, 0.38, 2.22, 1.82)
     low, hidden = style.log_axis_end(np.concatenate([after[:, 1], before[:, 1], cloud[:, 1]]))
     up = np.maximum(cloud[:, 1], low)
     ax.scatter(cloud[:, 0], up, s=2.0, c=style.MIST, alpha=0.5, lw=0, rasterized=True, zorder=1)
-    law = f"{front.models.law} {medium.flows} [%]"
+    law = f"{front.models.law} {run.medium.flows} [%]"
     _scatter_risks(figure, ax, (before, after), low, f"collision risk R, {law}")
     if plan is not None:
         cost = plan.path.objectives
@@ -117,19 +108,12 @@ LEAST = 1e-6  # lower rates cannot be distinguished from 0 with the flights of a
 NARROWEST = 3.0  # least ratio of the ends of the axis of rates
 
 
-def flown_front_figure(
-    front: Front, plan: Plan | None, unit: tuple[str, float], medium: Medium = AIR
-) -> Figure:
+def flown_front_figure(run: DrawnRun, front: Front) -> Figure:
     """Failure rate against path length of every path, with 95 % intervals, the mission order as colour.
 
-    Parameters
-    ----------
-    plan : Plan or None
-        The selected path is marked with a ring, its fresh flights with a bar.
-    unit : (str, float)
-        Unit of lengths, and its size per metre.
+    The path of the plan is marked with a ring, its fresh flights with a bar.
     """
-    name, per_metre = unit
+    plan, (unit, per_metre) = run.plan, length_unit(run.scene)
     lengths = per_metre * np.array([path.objectives.length for path in front.paths])
     order = np.argsort(lengths, kind="stable")
     looks = order_looks([front.paths[k].order for k in order])
@@ -150,7 +134,8 @@ def flown_front_figure(
     if plan is not None:
         _mark_plan(ax, front, plan, per_metre, low)
     scale_rate_axis(ax, "y", low, high, hidden=hidden)
-    ax.set(xlabel=f"path length [{name}]", ylabel=f"failed flights, {front.rates[0].law} {medium.flows} [%]")
+    law = f"{front.rates[0].law} {run.medium.flows}"
+    ax.set(xlabel=f"path length [{unit}]", ylabel=f"failed flights, {law} [%]")
     ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.set_xlim(*_length_ends(lengths))
     hide_frame(ax)
