@@ -6,11 +6,14 @@ without the tests that ``make test`` has just run in the same way.
 
 from __future__ import annotations
 
+import ast
 import os
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
+
+from hypothesis import settings
 
 LEVEL = os.environ.get("PARETO_LTL_TESTS", "all")
 if LEVEL not in ("day", "all", "night"):
@@ -99,13 +102,50 @@ def left_out(path: Path) -> bool:
 
 
 def same_by_day(test: object, path: Path) -> bool:
-    """Whether ``test`` of the module ``path`` is the same by day: no Hypothesis, no sizes by level."""
-    return not getattr(test, "is_hypothesis_test", False) and _module_same_by_day(path)
+    """Whether ``test`` of the module ``path`` is the same by day: a number of Hypothesis examples by level or
+    something else of that module by level would make it another one.
+    """
+    if _listed(path, NOT_BY_DAY) or _examples_by_level(test):
+        return False
+    name = getattr(test, "__qualname__", "").partition(".")[0]  # of a function or of its class
+    return name not in names_by_level(path.read_text(encoding="utf-8"))
+
+
+def _examples_by_level(test: object) -> bool:
+    """Whether a Hypothesis test has the number of examples of the level, and none of its own."""
+    own = getattr(test, "_hypothesis_internal_use_settings", settings.default)
+    assert settings.default is not None
+    usual = own is None or own.max_examples == settings.default.max_examples
+    return getattr(test, "is_hypothesis_test", False) and usual
 
 
 @cache
-def _module_same_by_day(path: Path) -> bool:
-    return not _listed(path, NOT_BY_DAY) and "BY_DAY" not in path.read_text(encoding="utf-8")
+def names_by_level(source: str) -> frozenset[str]:
+    """What a module defines with ``BY_DAY``: names whose definitions use it, or use such a name.
+
+    Everything, if the definition of ``pytestmark`` or of a fixture that every test uses does.
+    """
+    uses: dict[str, set[str]] = {}
+    autouse = {"pytestmark"}
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            continue
+        inner = list(ast.walk(node))
+        used = {one.id for one in inner if isinstance(one, ast.Name)}
+        used |= {one.arg for one in inner if isinstance(one, ast.arg)}  # fixtures
+        defined = {one.id for one in inner if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)}
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            defined = {node.name}
+            if any(isinstance(one, ast.keyword) and one.arg == "autouse" for one in inner):
+                autouse.add(node.name)
+        for name in defined:
+            uses.setdefault(name, set()).update(used)
+    found, more = {"BY_DAY"}, True
+    while more:
+        new = {name for name, used in uses.items() if used & found} - found
+        found |= new
+        more = bool(new)
+    return frozenset(uses if found & autouse else found)
 
 
 def _listed(path: Path, names: Iterable[str]) -> bool:
