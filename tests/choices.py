@@ -27,6 +27,8 @@ from pareto_ltl.support.arrays import FloatArray
 from problems import box, make_problem, make_scene, smooth_wind
 
 CHOICES = list(product(LAWS, MISSION_BOUNDS, COLLISION_BOUNDS, PARENT_RULES))
+# Models of both presets. Tests that need such a combination compiled take this one, so that it compiles once.
+COMPILED = ("coherent", "ordered", "step", "mixed")
 SCENE = make_scene(
     {"a": box(4, 2, 7, 5), "b": box(2, 6, 5, 9)}, [box(1, 4, 3.5, 5.5)], start=(2.0, 3.0), side=10
 )

@@ -191,21 +191,12 @@ def test_what_cannot_be_used_is_one_line(
 def test_a_killed_process_is_resumed(made: Path, telemetry: Path, tmp_path: Path) -> None:
     """The same end as without the kill, from the same telemetry heard a second time."""
     whole, killed = tmp_path / "whole", tmp_path / "killed"
-    words = [
-        sys.executable,
-        "-m",
-        "pareto_ltl",
-        "follow",
-        str(made),
-        "--log",
-        str(telemetry),
-        "--every",
-        "60",
-    ]
-    subprocess.run([*words, "--out", str(whole)], check=True, capture_output=True)
+    words = ["follow", str(made), "--log", str(telemetry), "--every", "60"]
+    assert run_command_line([*words, "--out", str(whole)]) == 0
     process = subprocess.Popen(
-        [*words, "--out", str(killed)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
+        [sys.executable, "-m", "pareto_ltl", *words, "--out", str(killed)],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
     journal, end = killed / "follow.jsonl", time.monotonic() + 60.0
     while time.monotonic() < end and (not journal.exists() or journal.stat().st_size < 5000):
         time.sleep(0.005)
@@ -213,7 +204,7 @@ def test_a_killed_process_is_resumed(made: Path, telemetry: Path, tmp_path: Path
     process.wait()
     before = list(read_journal(journal))
     assert before[-1]["event"] != "end"
-    subprocess.run([*words, "--out", str(killed), "--resume"], check=True, capture_output=True)
+    assert run_command_line([*words, "--out", str(killed), "--resume"]) == 0
     one, other = (list(read_journal(place / "follow.jsonl"))[-1] for place in (whole, killed))
     assert list(read_journal(journal))[: len(before)] == before
     assert other["time"] == pytest.approx(one["time"])

@@ -11,9 +11,11 @@ import pytest
 from numba import config
 
 import choices
+from levels import AT_NIGHT
 from unmeasured import untraced
 
 TESTS = Path(choices.__file__).parent
+TYPES = [choice for choice in choices.CHOICES if choice[-1] in ("dominance", "mixed")]
 
 
 def test_every_combination_of_models_prices_its_vertices_exactly(tmp_path):
@@ -32,6 +34,7 @@ def test_every_combination_of_models_prices_its_vertices_exactly(tmp_path):
 
 @pytest.mark.no_cover  # coverage slows the compiler down, and other tests run the same lines
 @pytest.mark.skipif(config.DISABLE_JIT, reason="the test above covers it")
-@pytest.mark.parametrize("choice", [("coherent", "theorem2", "path", "dominance")])
+@pytest.mark.parametrize("choice", TYPES if AT_NIGHT else [choices.COMPILED], ids=" ".join)
 def test_a_combination_of_both_presets_compiles(choice):
+    """At night, all with kernels of their own; ``scaled`` and ``tchebycheff`` have those of ``mixed``."""
     assert "accepted" in choices.check_choice(choices.tiny_problem(*choice))

@@ -24,13 +24,14 @@ from pareto_ltl.settings import (
     ConvergenceConfig,
     EvaluationConfig,
     Settings,
+    preset,
 )
 from pareto_ltl.settings.studies import METHODS, MODEL_FACTORS
 from pareto_ltl.studies import compare, convergence, planning, tables
 from pareto_ltl.studies.planning import fly_seeded, still, study_run, unsmoothed
 from pareto_ltl.support.errors import ConfigError
 
-DEFAULT_MODELS = (("parents", "dominance"), ("collision_bound", "step"), ("refine", "none"))
+DEFAULT_MODELS = (("parents", "mixed"), ("collision_bound", "path"), ("refine", "none"))
 
 
 @pytest.fixture(scope="module")
@@ -314,14 +315,18 @@ def test_models_are_not_changed_unless_asked_for() -> None:
 
 @pytest.mark.no_cover  # coverage slows the compiler down, and other tests run the same lines
 def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records, tmp_path: Path) -> None:
-    """Parts of the default are shared; the flights of a level fly its plan in the run's world."""
+    """Parts of the default are shared; the flights of a level fly its plan in the run's world.
+
+    Only the level ``step`` has kernels of its own, those of ``choices.COMPILED``.
+    """
     wanted = AblationConfig(
-        factors=["parents", "collision_bound", "refine"], parents=["dominance", "tchebycheff"]
+        factors=["parents", "collision_bound", "refine"], parents=["mixed", "tchebycheff"]
     )
     one_seed = EvaluationConfig(seeds=[0], jobs=1, laws=["independent", "coherent"])
-    few = replace(cfg, ablation=wanted, evaluation=one_seed)
+    models = replace(preset("full"), judge="bound")
+    few = replace(cfg, fidelity=models, ablation=wanted, evaluation=one_seed)
     study = compare.run_ablation(few, world, tmp_path)
-    assert len(list((tmp_path / "parts").iterdir())) == 5  # default, tchebycheff, path, convex, sampled
+    assert len(list((tmp_path / "parts").iterdir())) == 5  # default, tchebycheff, step, convex, sampled
     rows = {(row["factor"], row["level"], row["law"]): row for row in study.tables["ablation"]}
     assert len(rows) == 14
     truth = planning.truth(few, world)
