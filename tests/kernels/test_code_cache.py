@@ -23,14 +23,19 @@ from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, source_
 from pareto_ltl.kernels.parents import improves
 from unmeasured import untraced
 
+# One square cell. Each process of these tests imports again, so little is imported. One test renames Cells.
 PROGRAM = """
 import numpy as np
+from pareto_ltl.kernels import data
 from pareto_ltl.kernels.geometry import locate_cells
-from problems import paper_problem
-world = paper_problem("phi1").world
-print(locate_cells(world.mission.cells, np.array([[1e9, 1e9], [1e5, 1e5]])).tolist())
+normals = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+square = data.Faces(np.array([0, 4]), normals, np.ones(4))
+kind = data.Cells if hasattr(data, "Cells") else data.CellTable
+cells = kind(-1.0, -1.0, 1.0, 1.0, 1, np.array([0, 1]), np.array([0]), square)
+print(locate_cells(cells, np.array([[1e9, 1e9], [0.5, 0.5]])).tolist())
 print(sum(locate_cells.stats.cache_hits.values()), sum(locate_cells.stats.cache_misses.values()))
 """
+LOCATED = "[-1, 0]"  # what it prints first
 
 
 FACTS = """
@@ -129,10 +134,9 @@ class Program:
 
     def run(self, program: str = PROGRAM, **changes: str) -> str:
         """The output of ``program``; ``said`` is what it writes to the error stream."""
-        tests = Path(__file__).parents[1]
         surroundings = untraced(
-            PYTHONPATH=os.pathsep.join(map(str, (self.kernels.parents[1], tests))), NUMBA_DISABLE_JIT="0",
-            NUMBA_CACHE_DIR=str(self.code), PYTHONDONTWRITEBYTECODE="1", **changes,
+            PYTHONPATH=str(self.kernels.parents[1]), NUMBA_DISABLE_JIT="0", NUMBA_CACHE_DIR=str(self.code),
+            PYTHONDONTWRITEBYTECODE="1", **changes,
         )  # fmt: skip
         done = subprocess.run(
             [sys.executable, "-c", program], env=surroundings, capture_output=True, text=True, check=False
@@ -144,11 +148,19 @@ class Program:
     def __call__(self, **changes: str) -> str:
         """Whether the code was on disk: ``reused`` or ``compiled``."""
         found, counts = self.run(**changes).splitlines()
-        assert found == "[-1, 18]"
+        assert found == LOCATED
         return {"1 0": "reused", "0 1": "compiled"}[counts]
 
     def files(self) -> list[Path]:
         return sorted(self.code.rglob("*locate_cells*.nbc"))
+
+    @property
+    def list_of_code(self) -> Path:
+        return self.kernels / "machine_code" / shipped_code.MANIFEST
+
+    def change_list(self, **values: object) -> None:
+        """Change values of the list of the code in the package."""
+        self.list_of_code.write_text(json.dumps(json.loads(self.list_of_code.read_text()) | values))
 
     def ship(self) -> None:
         """Put the code of PROGRAM for the baseline into the package, as a wheel has it."""
@@ -160,7 +172,7 @@ class Program:
             file.rename(place / file.name)
         facts = json.loads(self.run(FACTS, **named))
         files = {file.name: sha256(file.read_bytes()).hexdigest() for file in place.iterdir()}
-        (place / "manifest.json").write_text(json.dumps(facts | {"files": files}))
+        self.list_of_code.write_text(json.dumps(facts | {"files": files}))
 
 
 def copied(folder: Path) -> Program:
@@ -222,11 +234,7 @@ def replace_by_pipe(file: Path) -> None:
     os.mkfifo(file)
 
 
-@pytest.mark.parametrize(
-    ("harm", "reason"),
-    [(damage, "it is damaged"), (cut, "it is damaged"), (open_to_others, "others may write it (mode 666)"),
-     (replace_by_pipe, "it is no file")],
-)  # fmt: skip
+@pytest.mark.parametrize(("harm", "reason"), [(damage, "it is damaged"), (replace_by_pipe, "it is no file")])
 def test_a_damaged_or_foreign_file_is_not_executed_and_one_line_says_so(program, harm, reason):
     assert program() == "compiled"
     (file,) = program.files()
@@ -237,6 +245,23 @@ def test_a_damaged_or_foreign_file_is_not_executed_and_one_line_says_so(program,
     assert f"{file} is not used: {reason}" in program.said
     if harm is not replace_by_pipe:  # which nothing replaces
         assert program() == "reused"
+
+
+@pytest.mark.parametrize(
+    ("harm", "reason"),
+    [(damage, "it is damaged"), (cut, "it is damaged"), (open_to_others, "others may write it (mode 666)"),
+     (replace_by_pipe, "it is no file")],
+)  # fmt: skip
+def test_a_damaged_or_foreign_file_has_no_content_and_one_line_says_so(tmp_path, caplog, harm, reason):
+    file, source, content = tmp_path / "kernel.nbc", KERNELS / "geometry.py", bytes(range(256))
+    code_files.write_code(file, content)
+    assert code_files.read_code(file, source) == content
+    assert not caplog.messages
+    harm(file)
+    for _ in range(2):
+        assert code_files.read_code(file, source) is None
+    (line,) = caplog.messages
+    assert f"{file} is not used: {reason}" in line
 
 
 def test_a_file_of_numba_itself_is_not_read(program):
@@ -264,7 +289,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 
 def test_a_full_disk_is_one_warning_and_leaves_nothing(program):
     output = program.run(LIMITED)
-    assert output.splitlines() == ["[-1, 18]", "0 1"]
+    assert output.splitlines() == [LOCATED, "0 1"]
     assert program.said.count("machine code cannot be kept") == 1
     assert not [file for file in program.code.rglob("*") if file.is_file()]
     assert program() == "compiled"
@@ -337,27 +362,56 @@ def test_code_in_the_package_for_another_source_is_compiled(shipped):
     assert shipped() == "compiled"
 
 
+def test_code_in_the_package_for_something_else_is_compiled_and_one_line_says_so(shipped):
+    shipped.change_list(numba="0.1.2")
+    assert shipped() == "compiled"
+    assert "it is for numba 0.1.2" in shipped.said
+    assert len(shipped.said.strip().splitlines()) == 1
+    assert shipped() == "reused"
+    assert shipped.said == ""
+
+
+def test_a_list_that_cannot_be_read_is_one_line(shipped):
+    shipped.list_of_code.write_text("[]")
+    assert shipped() == "compiled"
+    assert shipped.said.count("the machine code of this installation is not used") == 1
+
+
+UNUSED = "the machine code of this installation is not used: "
+
+
+@pytest.fixture
+def list_in(wheel, tmp_path, monkeypatch):
+    """The manifest of a copy of the code that a wheel would bring, which this process looks for."""
+    shutil.copytree(wheel.list_of_code.parent, tmp_path / "machine_code")
+    monkeypatch.setattr(shipped_code, "FOLDER", tmp_path / "machine_code")
+    shipped_code._shipped.cache_clear()  # noqa: SLF001 - it reads the list once per process
+    yield tmp_path / "machine_code" / shipped_code.MANIFEST
+    shipped_code._shipped.cache_clear()  # noqa: SLF001
+
+
+def test_code_for_this_installation_is_used(list_in):
+    assert shipped_code.shipped_code() is not None
+    assert shipped_code.unusable_reason() == ""
+
+
 @pytest.mark.parametrize(
     ("key", "value", "reason"),
     [("numba", "0.1.2", "it is for numba 0.1.2"), ("python", "cpython-27", "it is for Python cpython-27"),
      ("target", ["x", "i386", ""], "it is for i386"), ("format", "x/9", "its format is x/9"),
      ("files", None, "its list cannot be read")],
 )  # fmt: skip
-def test_code_in_the_package_for_something_else_is_compiled_and_one_line_says_so(shipped, key, value, reason):
-    manifest = shipped.kernels / "machine_code" / "manifest.json"
-    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {key: value}))
-    assert shipped() == "compiled"
-    assert reason in shipped.said
-    assert len(shipped.said.strip().splitlines()) == 1
-    assert shipped() == "reused"
-    assert shipped.said == ""
+def test_code_for_something_else_is_not_used_for_a_reason(list_in, key, value, reason):
+    list_in.write_text(json.dumps(json.loads(list_in.read_text()) | {key: value}))
+    assert shipped_code.shipped_code() is None
+    assert shipped_code.unusable_reason().startswith(UNUSED + reason)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", "[" * 100_000, '{"numba": 3}'])
-def test_a_list_that_cannot_be_read_is_one_line(shipped, text):
-    (shipped.kernels / "machine_code" / "manifest.json").write_text(text)
-    assert shipped() == "compiled"
-    assert shipped.said.count("the machine code of this installation is not used") == 1
+def test_code_with_a_list_that_cannot_be_read_is_not_used(list_in, text):
+    list_in.write_text(text)
+    assert shipped_code.shipped_code() is None
+    assert shipped_code.unusable_reason().startswith(UNUSED)
 
 
 def test_a_user_who_names_a_processor_gets_code_for_it(shipped):
