@@ -22,7 +22,7 @@ from quick_wind import wind_words
 
 SEEDS = {  # of the missions that are planned here: a small search finds their paths
     "plain": 1, "crowded": 2, "nearly a rectangle": 15, "deadline": 2, "forbidden": 6, "timed": 2,
-    "five regions": 2, "coast": 2, "180 degrees": 2, "elsewhere": 2, "current": 1, "ensemble": 2,
+    "five regions": 2, "coast": 2, "180 degrees": 6, "elsewhere": 2, "current": 1, "ensemble": 2,
 }  # fmt: skip
 SMALL = (
     "planner.trees=4", "planner.n_max=1500", "refine.points=3", "refine.flights=100",
