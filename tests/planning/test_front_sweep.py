@@ -72,15 +72,25 @@ def task(law: str = "coherent", border: str = "open", formula: str = "F(a & F b)
     return make_problem(formula, scene, wind, robot, PLANNER, fidelity=models)
 
 
-@pytest.fixture(scope="module")
-def grown():
-    problem = task()
+@cache
+def grown_in(law: str = "coherent", border: str = "open"):
+    problem = task(law, border)
     return problem, grow_forest(PLANNER, problem, SeedSequence(3))
 
 
-def refined(problem, forest, seed=5):
-    flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(seed))
+@pytest.fixture(scope="module")
+def grown():
+    return grown_in()
+
+
+def refined(problem, forest):
+    flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
     return sampled_paths(REFINE, problem, forest, flights)
+
+
+@cache
+def refined_in(law: str = "coherent", border: str = "open"):
+    return refined(*grown_in(law, border))
 
 
 def test_a_search_has_for_every_path_of_the_coarse_one_a_path_as_good(grown):
@@ -278,9 +288,8 @@ def test_a_path_between_two_plateaus_has_a_point():
     ("law", "border"), [("coherent", "open"), ("coherent", "wall"), ("independent", "open")]
 )
 def test_refined_paths_fail_less_on_fresh_flights_than_those_of_the_trees(law, border):
-    problem = task(law, border)
-    forest = grow_forest(PLANNER, problem, SeedSequence(3))
-    paths = refined(problem, forest)
+    problem, forest = grown_in(law, border)
+    paths = refined_in(law, border)
 
     def failures(x):
         flown = simulate_flights(problem, propagate(problem, x).u, FRESH, law, SeedSequence(77), x)
@@ -292,9 +301,9 @@ def test_refined_paths_fail_less_on_fresh_flights_than_those_of_the_trees(law, b
     assert fisher_exact(table, alternative="less").pvalue < RARE
 
 
-def test_lengths_fall_along_the_front_and_every_path_can_be_flown(grown):
-    problem, forest = grown
-    paths = refined(problem, forest)
+def test_lengths_fall_along_the_front_and_every_path_can_be_flown():
+    problem, _ = grown_in()
+    paths = refined_in()
     lengths = [path.objectives.length for path in paths]
     assert len(paths) >= 3
     assert lengths == sorted(lengths)
@@ -303,11 +312,10 @@ def test_lengths_fall_along_the_front_and_every_path_can_be_flown(grown):
         assert problem.automaton.distance[path.q[-1]] == 0.0
 
 
-def test_the_same_seed_gives_the_same_paths_on_one_core_and_on_two(grown, monkeypatch):
-    problem, forest = grown
-    first = refined(problem, forest)
+def test_the_same_seed_gives_the_same_paths_on_one_core_and_on_two(monkeypatch):
+    first = refined_in()
     monkeypatch.setattr(front_sweep, "cores", lambda: 1)
-    again = refined(problem, forest)
+    again = refined(*grown_in())
     assert [path.x.tobytes() for path in first] == [path.x.tobytes() for path in again]
 
 
