@@ -53,6 +53,9 @@ PLAN_SCHEMAS = {
     "pareto_ltl.plan/1": "plan_1",
 }  # identifier in the file: name of the schema file
 TABLE_HEADER = ("step", "t_s", "x_m", "y_m", "u_x_m_s", "u_y_m_s", "cov_xx", "cov_xy", "cov_yy", "q", "label")
+AS_STORED = (  # values of a plan that the file has as they are
+    "formula", "dt", "u_min", "u_max", "capacity", "epsilon", "fidelity", "covered", "not_covered",
+)  # fmt: skip
 LIMIT_KEYS = tuple(field.name for field in fields(SegmentLimits))  # of each segment
 NAVIGATION_KEYS = tuple(field.name for field in fields(Navigation))
 EXTRA_FILE = "extra_paths.npz"
@@ -293,9 +296,9 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "origin": path.origin,
         "order": path.order,
         "fixes": path.fixes,
-        **_limits_document(plan.limits),
+        **({} if plan.limits is None else {"segments": _segments(plan.limits)}),
         "prices": [asdict(price) for price in plan.prices],
-        **_navigation_document(plan.navigation),
+        **{key: getattr(plan.navigation, key, None) for key in NAVIGATION_KEYS},
         "t": path.t,
         "x": path.x,
         "cov": path.cov,
@@ -314,11 +317,9 @@ def promise_document(promise: Promise) -> dict[str, Any]:
     return rate | document
 
 
-def _limits_document(limits: SegmentLimits | None) -> dict[str, Any]:
-    if limits is None:
-        return {}
+def _segments(limits: SegmentLimits) -> list[dict[str, Any]]:
     columns = (getattr(limits, key) for key in LIMIT_KEYS)
-    return {"segments": [dict(zip(LIMIT_KEYS, row, strict=True)) for row in zip(*columns, strict=True)]}
+    return [dict(zip(LIMIT_KEYS, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def _limits(content: Mapping[str, Any]) -> SegmentLimits | None:
@@ -329,10 +330,6 @@ def _limits(content: Mapping[str, Any]) -> SegmentLimits | None:
         raise ValueError(f"segments must have {len(content['u'])} entries, got {len(rows)}")
     nearest, *numbers = ([row.get(key, 0.0) for row in rows] for key in LIMIT_KEYS)  # without price: earlier
     return SegmentLimits(tuple(nearest), *(np.array(column, float) for column in numbers))
-
-
-def _navigation_document(navigation: Navigation | None) -> dict[str, Any]:
-    return {key: None if navigation is None else getattr(navigation, key) for key in NAVIGATION_KEYS}
 
 
 def _plan_row(path: PlannedPath, step: int) -> tuple[Any, ...]:
@@ -351,14 +348,8 @@ def read_plan(place: Path | str) -> Plan:
         selection = dict(content["selection"])
         return Plan(
             path=_flight(content),
-            formula=content["formula"],
+            **{name: content[name] for name in AS_STORED if name in content},  # earlier files lack some
             atoms=tuple(content["atoms"]),
-            dt=content["dt"],
-            u_min=content.get("u_min", 0.0),  # missing in files of earlier versions
-            u_max=content["u_max"],
-            capacity=content.get("capacity"),
-            epsilon=content["epsilon"],
-            fidelity=content["fidelity"],
             rule=selection.pop("rule"),
             weights=tuple(selection.pop("weights")),
             rule_settings=selection,
@@ -366,8 +357,6 @@ def read_plan(place: Path | str) -> Plan:
             navigation=_navigation(content),
             limits=_limits(content),
             prices=tuple(Price(**price) for price in content.get("prices", ())),
-            covered=content.get("covered", ""),
-            not_covered=content.get("not_covered", ""),
         )
 
 
@@ -384,24 +373,13 @@ def _promise(content: Mapping[str, Any] | None) -> Promise | None:
 def _navigation(content: Mapping[str, Any]) -> Navigation | None:
     if content.get("airspeed") is None:
         return None
-    steps, times = len(content["u"]), content["time_utc"]
-    sizes = {"lat": steps + 1, "lon": steps + 1, "heading_true": steps}
-    return Navigation(
-        airspeed=_numbers(content, "airspeed", steps),
-        time_utc=None if times is None else tuple(times),
-        crs=content["crs"],
-        **{
-            key: None if content[key] is None else _numbers(content, key, size) for key, size in sizes.items()
-        },
-    )
-
-
-def _numbers(content: Mapping[str, Any], key: str, size: int) -> FloatArray:
-    """The numbers of ``key``, null as NaN."""
-    values = np.array([_number(value) for value in content[key]], float)
-    if len(values) != size:
-        raise ValueError(f"{key} must have {size} entries, got {len(values)}")
-    return values
+    steps, times, columns = len(content["u"]), content["time_utc"], dict[str, FloatArray]()
+    for key, size in (("airspeed", steps), ("lat", steps + 1), ("lon", steps + 1), ("heading_true", steps)):
+        if content[key] is not None:
+            columns[key] = np.array([_number(value) for value in content[key]], float)
+            if len(columns[key]) != size:
+                raise ValueError(f"{key} must have {size} entries, got {len(columns[key])}")
+    return Navigation(**columns, time_utc=None if times is None else tuple(times), crs=content["crs"])
 
 
 def _number(value: float | None) -> float:
