@@ -19,7 +19,7 @@ from pareto_ltl.kernels import margin as kernel
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.pack import build_problem
-from pareto_ltl.planning.refine.programme import programme, programmes_of
+from pareto_ltl.planning.refine.programme import programme, programme_for
 from pareto_ltl.planning.refine.sampled import Polish, Refiner, resampled_means
 from pareto_ltl.planning.refine.starts import line_starts
 from pareto_ltl.planning.refine.sweep import COARSE
@@ -98,7 +98,7 @@ def test_one_cone_programme_of_50_steps(benchmark, task):
 def test_one_convex_programme_of_50_steps(benchmark, task):
     """In cvxpy and Clarabel, with the chance constraint of every segment; 2 of 10 ms are Clarabel's."""
     refiner, x, flights, longest = task
-    flight, stated = refiner.flown(x), programmes_of(refiner.problem).of(STEPS)
+    flight, stated = refiner.flown(x), programme_for(refiner.problem, STEPS)
     descent = descent_of(refiner, flight, flights)
     stated.descend(flight, descent, 0.5, longest)  # states it
     benchmark.extra_info["budget"] = 0.03

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.front_sweep import refine_front
+from pareto_ltl.planning.refine.front_sweep import searched
+from pareto_ltl.planning.refine.levels import looks
 from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
 from pareto_ltl.planning.refine.sweep import WARM, new_sweep
@@ -88,8 +89,8 @@ def wide_search(name: str, border: str, minutes: float) -> list[dict[str, float]
         starts |= first_starts(problem, benchmark_run(name, border, seed).make(FOREST))
     law = problem.fidelity.law
     flights = draw_flights(problem, law, WIDE.flights, SeedSequence(8))
-    found = refine_front(WIDE, problem, starts, flights)
     sweep = new_sweep(WIDE, problem, flights)
+    found = searched(sweep, looks(sweep, starts))
     half = flights.only(np.arange(WIDE.flights // 2))
     best = Best(np.exp(np.arange(np.log(found[0].length), np.log(1.1 * found[-1].length), STEP)))
     for k in found:

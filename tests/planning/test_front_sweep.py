@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -23,7 +22,6 @@ from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine import (
     MORE_FLIGHTS,
-    first_looks,
     front_sweep,
     last_polish,
     levels,
@@ -51,6 +49,7 @@ from pareto_ltl.simulation.judging import judge_front
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.machine import GIVEN
 from problems import KM, box, make_problem, make_scene, smooth_wind, steady_wind
 
 PLANNER = PlannerConfig(trees=3, n_max=600, epsilon=0.5)
@@ -78,13 +77,14 @@ def grown_in(law: str = "coherent", border: str = "open"):
     return problem, grow_forest(PLANNER, problem, SeedSequence(3))
 
 
-@pytest.fixture(scope="module")
-def grown():
-    return grown_in()
+def searched(problem, starts, flights, *limits):
+    """What one search finds; ``limits``: a budget, and who hears of its progress."""
+    begun = front_sweep.new_sweep(REFINE, problem, flights, *limits)
+    return front_sweep.searched(begun, levels.looks(begun, starts))
 
 
-def refined(problem, forest):
-    flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
+def refined(problem, forest, seed=5):
+    flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(seed))
     return sampled_paths(REFINE, problem, forest, flights)
 
 
@@ -312,10 +312,11 @@ def test_lengths_fall_along_the_front_and_every_path_can_be_flown():
         assert problem.automaton.distance[path.q[-1]] == 0.0
 
 
-def test_the_same_seed_gives_the_same_paths_on_one_core_and_on_two(monkeypatch):
-    first = refined_in()
-    monkeypatch.setattr(front_sweep, "cores", lambda: 1)
-    again = refined(*grown_in())
+def test_the_same_seed_gives_the_same_paths_on_one_core_and_on_two(grown, monkeypatch):
+    problem, forest = grown
+    first = refined(problem, forest)
+    monkeypatch.setenv(GIVEN[0], "1")
+    again = refined(problem, forest)
     assert [path.x.tobytes() for path in first] == [path.x.tobytes() for path in again]
 
 
@@ -338,10 +339,10 @@ def test_where_no_start_can_be_flown_the_message_names_the_best_and_its_fault():
     line = np.linspace(problem.scene.start, [3500.0, 10000.0], 12)
     starts = {(path_class(problem, line), 0): Start(line, "a line")}
     flights = draw_flights(problem, "coherent", 100, SeedSequence(1))
-    found = front_sweep.refine_front(REFINE, problem, starts, flights)
+    found = searched(problem, starts, flights)
     best = r"none of the refined paths can be flown; the best of them \(a line, \S+ km, \d+ steps, fails 1"
     with pytest.raises(InfeasibleError, match=best):
-        front_sweep.planned_paths(problem, found)
+        last_polish.planned_paths(problem, found)
 
 
 def test_a_path_that_cannot_be_flown_is_repaired_or_named(caplog):
@@ -350,12 +351,12 @@ def test_a_path_that_cannot_be_flown_is_repaired_or_named(caplog):
     x = resampled_means(problem, line, len(line) + 8)
     short = Candidate(propagate(problem, x[:-4]), path_length(x[:-4]), 0.2, 0.125, "too short")
     good = Candidate(propagate(problem, x), path_length(x), 0.1, 0.1, "a line")
-    paths = front_sweep.planned_paths(problem, [good, short])
+    paths = last_polish.planned_paths(problem, [good, short])
     assert [path.origin for path in paths] == ["a line, refined"]
     assert "1 of 2 refined paths cannot be flown; the best of them (too short" in caplog.text
     assert "fails 12 %): the expected path does not complete the mission" in caplog.text
     caplog.clear()
-    assert len(front_sweep.planned_paths(problem, [good, short], lambda _: [short, good])) == 2
+    assert len(last_polish.planned_paths(problem, [good, short], lambda _: [short, good])) == 2
     assert not caplog.text
 
 
@@ -398,7 +399,7 @@ def front_within(grown, budget, progress=None):
     problem, forest = grown
     flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
     starts = first_starts(problem, forest)
-    return front_sweep.refine_front(REFINE, problem, starts, flights, progress, budget)
+    return searched(problem, starts, flights, budget, progress)
 
 
 def test_without_time_one_start_is_looked_at_and_makes_the_front(grown):
@@ -420,8 +421,7 @@ def test_what_is_left_of_a_budget_betters_the_front(grown):
     flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
     sweep = front_sweep.new_sweep(REFINE, problem, flights, CountedBudget(150))
     begun = front_within(grown, UNLIMITED)[::3]
-    with ThreadPoolExecutor(2) as pool:
-        fronts = [begun, *front_sweep.improved_fronts(sweep, pool, begun)]
+    fronts = [begun, *front_sweep.improved_fronts(sweep, begun)]
     reference = np.array([1.0, 2.0 * begun[-1].length])
     volumes = [hypervolume(np.array([[k.smoothed, k.length] for k in f]), reference) for f in fronts]
     assert volumes == sorted(volumes)
@@ -432,7 +432,7 @@ def test_without_a_budget_nothing_is_varied(grown):
     problem, _ = grown
     flights = draw_flights(problem, problem.fidelity.law, 20, SeedSequence(5))
     sweep = front_sweep.new_sweep(REFINE, problem, flights)
-    assert list(front_sweep.improved_fronts(sweep, None, front_within(grown, CountedBudget(5)))) == []
+    assert list(front_sweep.improved_fronts(sweep, front_within(grown, CountedBudget(5)))) == []
 
 
 def test_progress_tells_how_many_paths_there_are_and_how_the_safest_fails(grown):
@@ -459,8 +459,7 @@ def looked(grown):
     problem, forest = grown
     flights = draw_flights(problem, "coherent", MORE_FLIGHTS * REFINE.flights, SeedSequence(5))
     begun = sweep.new_sweep(REFINE, problem, flights)
-    with ThreadPoolExecutor(1) as pool:
-        return begun, first_looks.looks(begun, pool, first_starts(problem, forest))
+    return begun, levels.looks(begun, first_starts(problem, forest))
 
 
 def test_a_longer_class_that_few_flights_rate_no_better_is_tried_on_all(looked):
@@ -469,15 +468,14 @@ def test_a_longer_class_that_few_flights_rate_no_better_is_tried_on_all(looked):
     best = {sweep.class_of(begun.problem, k): k for k in sorted(seen, key=sweep.smoothed, reverse=True)}
     assert len(best) >= 2
     tried = 0
-    with ThreadPoolExecutor(1) as pool:
-        for own, safest in best.items():
-            rivals = last_polish.rival_points(begun, pool, seen, [safest])
-            tried += len(rivals)
-            for k in rivals:
-                assert sweep.class_of(begun.problem, k) != own
-                assert k.length > safest.length * (1.0 - 1e-9)
-                assert k.smoothed < levels.WORTH * safest.smoothed
-        assert last_polish.rival_points(begun, pool, seen, []) == []
+    for own, safest in best.items():
+        rivals = last_polish.rival_points(begun, seen, [safest])
+        tried += len(rivals)
+        for k in rivals:
+            assert sweep.class_of(begun.problem, k) != own
+            assert k.length > safest.length * (1.0 - 1e-9)
+            assert k.smoothed < levels.WORTH * safest.smoothed
+    assert last_polish.rival_points(begun, seen, []) == []
     assert tried
 
 

@@ -14,7 +14,7 @@ from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.records import objective_row
 from pareto_ltl.planning.refine import smooth_paths
-from pareto_ltl.planning.routes.orders import possible_orders
+from pareto_ltl.planning.routes.obligations import possible_orders
 from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, SmoothingConfig
 from pareto_ltl.support.errors import ConfigError
 from problems import box, make_problem, make_scene, smooth_wind, three_columns

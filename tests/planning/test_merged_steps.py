@@ -12,10 +12,10 @@ from pareto_ltl.kernels.geometry import locate_cells
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem, with_merged_steps
-from pareto_ltl.planning.refine import merged_steps, sampled_paths
-from pareto_ltl.planning.refine.epsilon import keeps_epsilon
-from pareto_ltl.planning.refine.merged_steps import steps_to_merge
+from pareto_ltl.planning.refine import front_sweep, sampled_paths
+from pareto_ltl.planning.refine.front_sweep import steps_to_merge
 from pareto_ltl.planning.refine.sampled import divided
+from pareto_ltl.planning.refine.separation import keeps_epsilon
 from pareto_ltl.planning.refine.starts import Start, first_starts
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights
@@ -85,14 +85,14 @@ def test_only_long_paths_in_the_coherent_law_without_windows_are_merged(
 ) -> None:
     long = [Start(np.repeat(LINE, 3, axis=0), "long")]
     problem = task()
-    assert steps_to_merge(problem, long) == round((len(long[0].x) - 1) / merged_steps.LEGS)
+    assert steps_to_merge(problem, long) == round((len(long[0].x) - 1) / front_sweep.LEGS)
     assert steps_to_merge(problem, [*long, Start(LINE, "short")]) == 1
     assert steps_to_merge(problem, []) == 1
     assert steps_to_merge(task(law="independent"), long) == 1
     assert steps_to_merge(task(windows=True), long) == 1
-    monkeypatch.setattr(merged_steps, "LEGS", 10)
+    monkeypatch.setattr(front_sweep, "LEGS", 10)
     run = steps_to_merge(task(side=1.0), long) * task().reach
-    assert run <= merged_steps.SHARE_OF_PLACE * 1000.0 < run + task().reach  # of the region, 1 km wide
+    assert run <= front_sweep.SHARE_OF_PLACE * 1000.0 < run + task().reach  # of the region, 1 km wide
 
 
 def test_paths_in_merged_steps_are_flown_in_all_steps() -> None:
@@ -102,7 +102,7 @@ def test_paths_in_merged_steps_are_flown_in_all_steps() -> None:
     found = sampled_paths(REFINE, problem, forest, flights)
     assert found
     for path in found:
-        assert len(path.u) > merged_steps.MANY
+        assert len(path.u) > front_sweep.MANY
         assert problem.logic.distance[path.q[-1]] == 0.0
         assert (np.linalg.norm(path.u, axis=1) <= problem.motion.u_max).all()
         assert (locate_cells(problem.cells, np.ascontiguousarray(path.x)) >= 0).all()

@@ -7,7 +7,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from pareto_ltl.planning.routes import orders
+from pareto_ltl.planning.routes import obligations
 from problems import box, make_problem, make_scene
 
 SPOTS = [(4 * k + 2.0, 4.0 * j + 2.0) for k, j in product(range(1, 5), range(3))]
@@ -21,7 +21,7 @@ def visits(count: int):
 
 
 def words(problem, most):
-    return ["".join(*zip(*order.labels, strict=True)) for order in orders.possible_orders(problem, most)]
+    return ["".join(*zip(*order.labels, strict=True)) for order in obligations.possible_orders(problem, most)]
 
 
 def test_few_regions_have_all_their_orders():
@@ -48,9 +48,9 @@ def test_of_many_orders_those_of_a_short_way_are_found(most):
 
 
 def test_states_before_the_labels_are_those_of_the_automaton(monkeypatch):
-    monkeypatch.setattr(orders, "BEGUN", 3)
+    monkeypatch.setattr(obligations, "BEGUN", 3)
     problem, _ = visits(5)
-    for order in orders.possible_orders(problem, 24):
+    for order in obligations.possible_orders(problem, 24):
         q = problem.automaton.initial
         for label, state in zip(order.labels, order.states, strict=True):
             assert state == q

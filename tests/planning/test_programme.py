@@ -15,10 +15,9 @@ from pareto_ltl.planning.evaluate import evaluate_path, propagate, square_matric
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.refine import programme, sampled_paths
-from pareto_ltl.planning.refine.epsilon import barrier_names, within_limits
 from pareto_ltl.planning.refine.prices import segment_limits
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Polish, Refiner
-from pareto_ltl.planning.refine.separation import separation
+from pareto_ltl.planning.refine.separation import barrier_names, separation, within_limits
 from pareto_ltl.planning.refine.starts import first_starts
 from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
@@ -102,7 +101,7 @@ def test_both_solvers_of_a_step_find_the_same_value(grown, lines):
         flight = refiner.flown(x)
         model = some_descent(rng, flight.x, problem)
         longest = 1.02 * float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
-        one = programme.programmes_of(problem).of(len(flight.u)).descend(flight, model, 0.3, longest)
+        one = programme.programme_for(problem, len(flight.u)).descend(flight, model, 0.3, longest)
         other = next_means(problem, flight, model, 0.3, longest)
         values = [model_value(problem, model, flight.x, y) for y in (one.x, other)]
         gaps.append(abs(values[0] - values[1]) / (1.0 + abs(values[1])))
@@ -158,7 +157,7 @@ def test_a_polish_brings_the_risk_of_every_segment_below_epsilon(grown, lines):
     assert len(risky) >= 6
     assert sum(one <= 1.0 for one in after) >= len(risky) // 2
     assert np.median(after) <= 1.05
-    assert programme.programmes_of(problem).solves >= len(risky)
+    assert sum(one.solves for one in programme.programmes_of(problem).values()) >= len(risky)
 
 
 def test_every_refined_path_ends_in_the_programme_and_keeps_epsilon(grown, monkeypatch):

@@ -11,8 +11,7 @@ import shapely
 from large_maps import MEGABYTE, SIDE, Waiting, many_discs, rough_disc
 from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate, square_matrices
 from pareto_ltl.planning.refine import separation, smoothing
-from pareto_ltl.planning.routes.obligations import path_obligations
-from pareto_ltl.planning.routes.orders import possible_orders
+from pareto_ltl.planning.routes.obligations import path_obligations, possible_orders
 from pareto_ltl.planning.routes.taut_lines import taut_line, walk_line
 from pareto_ltl.settings import SmoothingConfig
 from problems import KM, box, make_problem, make_scene, rough_wind
@@ -29,7 +28,7 @@ def flown(problem, z):
     order = possible_orders(problem, 1)[0]
     wait = np.repeat(problem.scene.start[None], 80, axis=0)
     cov = square_matrices(propagate(problem, wait).cov)
-    x = walk_line(problem, taut_line(problem, order, Waiting(wait[:1], cov), 1.0, z))
+    x = walk_line(problem, taut_line(problem, order, *Waiting(wait[:1], cov), 1.0, z))
     return evaluate_path(problem, x, "by hand", tight=False)
 
 

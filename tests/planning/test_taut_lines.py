@@ -13,8 +13,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from large_maps import MEGABYTE, SIDE, Waiting, many_discs, rough_disc
 from pareto_ltl.planning.pack import pack_faces
-from pareto_ltl.planning.routes.bends import gap_places
-from pareto_ltl.planning.routes.orders import possible_orders
+from pareto_ltl.planning.routes.course import gap_places
+from pareto_ltl.planning.routes.obligations import possible_orders
 from pareto_ltl.planning.routes.taut_lines import taut_line
 from pareto_ltl.settings import RobotConfig
 from problems import KM, box, make_problem, make_scene, paper_problem, polygon_faces, steady_wind
@@ -88,7 +88,7 @@ def test_a_line_is_as_short_as_an_exact_visibility_graph_allows(seed, apart):
     obstacles = many_discs(25, seed, (0.3, 0.9))
     problem = two_region_problem(obstacles, robot=SHORT_STEPS)
     (order,) = possible_orders(problem, 9)
-    line = taut_line(problem, order, waiting(problem, [apart]), 1.0, 1.0)
+    line = taut_line(problem, order, *waiting(problem, [apart]), 1.0, 1.0)
     exact = exact_length(stops_of(problem, "ab"), obstacles, apart)
     assert 1.0 <= length(line) / exact <= 1.002
 
@@ -99,7 +99,7 @@ def test_a_line_whose_distances_grow_is_between_one_without_and_one_with_the_lar
     problem = paper_problem(name)
     growing = 300.0 * np.arange(70)
     for order in possible_orders(problem, 9):
-        line = taut_line(problem, order, waiting(problem, growing), 1.0, z)
+        line = taut_line(problem, order, *waiting(problem, growing), 1.0, z)
         stops = stops_of(problem, ["".join(label) for label in order.labels])
         obstacles = problem.decomposition.obstacles
         low, high = (exact_length(stops, obstacles, apart) for apart in (0.0, z * growing.max()))
@@ -114,7 +114,7 @@ def test_corners_are_where_the_distance_on_arrival_puts_them():
     problem = two_region_problem([obstacle], "F a", robot=RobotConfig(dt=100.0, u_max=10.0))
     (order,) = possible_orders(problem, 9)
     growing = 10.0 * np.arange(60)
-    line = taut_line(problem, order, waiting(problem, growing), 1.0, 2.0)
+    line = taut_line(problem, order, *waiting(problem, growing), 1.0, 2.0)
     assert shortfall(problem, line, growing, 2.0) < 0.1
     corner = line[1]
     keep = 2.0 * 10.0 * math.dist(line[0], corner) / problem.reach
@@ -124,8 +124,8 @@ def test_corners_are_where_the_distance_on_arrival_puts_them():
 def test_a_line_that_cannot_keep_its_distance_is_none():
     problem = two_region_problem([box(-1, 8, 10, 9), box(10.2, 8, 21, 9)], "F a")
     (order,) = possible_orders(problem, 9)
-    assert taut_line(problem, order, waiting(problem, [40.0]), 1.0, 2.0) is not None
-    assert taut_line(problem, order, waiting(problem, [60.0]), 1.0, 2.0) is None
+    assert taut_line(problem, order, *waiting(problem, [40.0]), 1.0, 2.0) is not None
+    assert taut_line(problem, order, *waiting(problem, [60.0]), 1.0, 2.0) is None
 
 
 def test_regions_visited_before_do_not_hide_those_that_come_next():
@@ -135,7 +135,7 @@ def test_regions_visited_before_do_not_hide_those_that_come_next():
     problem = make_problem("(!b U a) & F (a & F (b & F c))", scene, steady_wind(scene, gust=(0.0, 0.0)))
     (order,) = possible_orders(problem, 9)
     assert [set(label) for label in order.labels] == [{"a"}, {"b"}, {"c"}]
-    line = taut_line(problem, order, waiting(problem, [0.0]), 1.0, 1.0)
+    line = taut_line(problem, order, *waiting(problem, [0.0]), 1.0, 1.0)
     around = exact_length(stops_of(problem, "a"), [regions["b"]], 2.0)
     onwards = length(stops_of(problem, "abc")[1:])
     assert length(line) == pytest.approx(around + onwards, rel=1e-3)
@@ -151,10 +151,10 @@ def crowded():
 
 def traced(problem, path, depth, z):
     """A line past all obstacles, and the largest memory [MB] that its search took, kernels compiled."""
-    taut_line(two_region_problem([box(5, 5, 6, 6)]), possible_orders(problem, 9)[0], path, depth, z)
+    taut_line(two_region_problem([box(5, 5, 6, 6)]), possible_orders(problem, 9)[0], *path, depth, z)
     tracemalloc.start()
     try:
-        line = taut_line(problem, possible_orders(problem, 9)[0], path, depth, z)
+        line = taut_line(problem, possible_orders(problem, 9)[0], *path, depth, z)
         return line, tracemalloc.get_traced_memory()[1] / MEGABYTE
     finally:
         tracemalloc.stop()

@@ -373,7 +373,7 @@ def test_paths_that_all_break_epsilon_are_the_cause_that_is_named(monkeypatch: p
         raise InfeasibleError("no path keeps planner.epsilon")
 
     monkeypatch.setitem(front_stage.REFINERS, "sampled", lambda *_: (object(),))
-    monkeypatch.setattr("pareto_ltl.planning.refine.epsilon.within_limits", too_close)
+    monkeypatch.setattr("pareto_ltl.run.front_stage.within_limits", too_close)
     settings = Settings(
         scene=phi1(), mission=MissionConfig(formula="F a"), planner=PlannerConfig(trees=1, n_max=2)
     )

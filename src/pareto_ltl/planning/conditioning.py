@@ -20,7 +20,7 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.evaluate import cross_covariance, propagate, square_matrices
 from pareto_ltl.planning.problem import Problem, unaided
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray
 
 if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight
@@ -197,8 +197,3 @@ def likely_histories(x: FloatArray, fixes: Sequence[Fix], noise: FloatArray) -> 
     S = off_there.T @ off_there / max(len(x) - 1, 1) + np.diag(sd**2)
     gap = np.concatenate([fix.place for fix in fixes]) + sd * noise - there
     return np.asarray(x + np.einsum("tij,nj->nti", cross, np.linalg.solve(S, gap.T).T), float)
-
-
-def states_reached(problem: Problem, x: FloatArray) -> IntArray:
-    """Automaton state of each flight ``x`` (n, k+1, 2) after its last step, (n,)."""
-    return np.array([problem.states(flight)[-1] for flight in x], np.int64)

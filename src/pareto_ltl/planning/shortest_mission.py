@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import partial
 from itertools import pairwise
@@ -25,8 +25,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.starts import line_starts
-from pareto_ltl.planning.routes.obligations import completes
-from pareto_ltl.planning.routes.orders import MissionOrder, possible_orders
+from pareto_ltl.planning.routes.obligations import MissionOrder, completes, possible_orders
 from pareto_ltl.planning.routes.taut_lines import CAP, longest_share, taut_line, walk_line
 from pareto_ltl.planning.wind_lookup import interpolate
 from pareto_ltl.settings import RobotConfig
@@ -43,14 +42,6 @@ TIMES_LONGER = 2  # that many times the steps tell whether the time is too short
 LONGER = 32  # a flight this many times as long as the wind is known counts as stopped by the wind
 FASTEST = 16.0  # largest factor of robot.u_max that is tried
 CLOSE = 1.01  # ratio of airspeeds at which the search of the smallest one ends
-
-
-@dataclass(frozen=True, slots=True)
-class _AtStart:
-    """A robot that waits at the start, without deviations."""
-
-    x: FloatArray
-    cov: FloatArray = field(default_factory=lambda: np.zeros((1, 2, 2)))
 
 
 def mission_fault(problem: Problem) -> str:
@@ -128,7 +119,8 @@ def _mission_lines(problem: Problem) -> list[FloatArray]:
 
 
 def _line(problem: Problem, order: MissionOrder) -> FloatArray | None:
-    return taut_line(problem, order, _AtStart(problem.scene.start[None]), 0.0, 0.0)
+    at_start, certain = problem.scene.start[None], np.zeros((1, 2, 2))
+    return taut_line(problem, order, at_start, certain, 0.0, 0.0)
 
 
 def _least_time(problem: Problem, lines: Sequence[FloatArray]) -> float:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
 
+from pareto_ltl.planning import no_path, selection
+from pareto_ltl.planning.costs import cost_named
+from pareto_ltl.planning.evaluate import completing_path
+from pareto_ltl.planning.plan_files import read_extra_paths
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Front, PlannedPath
+from pareto_ltl.planning.refine import MORE_FLIGHTS, flown_lines, sampled_paths, smooth_paths
+from pareto_ltl.planning.refine.separation import keeps_epsilon, within_limits
 from pareto_ltl.run.records import CANDIDATES, FOREST, PROBLEM
-from pareto_ltl.run.stage_table import StageInputs, named_child, stage_seeds
+from pareto_ltl.run.stage_table import FOREST_STREAM, StageInputs, named_child, stage_seeds
+from pareto_ltl.simulation.common_flights import draw_flights, is_certain
+from pareto_ltl.simulation.judging import judge_front
 from pareto_ltl.support.errors import InfeasibleError
 
-if TYPE_CHECKING:
-    from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.planning.records import Front, PlannedPath
-
 LOG = logging.getLogger(__name__)
-FOREST_STREAM = "forest"  # stream of the random numbers of growth
 JUDGING = "judging"  # child of the front's stream that refinement does not use
 NO_TREE_PATH = (
     "no path of the trees keeps planner.epsilon in every segment: set fidelity.refine=sampled, which looks "
@@ -35,8 +39,6 @@ def make_front(inputs: StageInputs) -> Front:
 
 def equal_costs(names: Iterable[str], front: Front) -> Iterator[str]:
     """Which of the costs ``names`` are equal on all paths of ``front``, and decide nothing."""
-    from pareto_ltl.planning.costs import cost_named
-
     for name in names:
         values = {path.objectives.costs.get(name) for path in front.paths}
         if len(front.paths) > 1 and len(values) == 1 and (value := values.pop()) is not None:
@@ -46,8 +48,6 @@ def equal_costs(names: Iterable[str], front: Front) -> Iterator[str]:
 
 def _bounded_front(inputs: StageInputs) -> Front:
     """The front by mission risk, collision risk and length, as published."""
-    from pareto_ltl.planning import no_path, selection
-
     settings, problem = inputs.settings, inputs[PROBLEM]
     if not len(inputs[FOREST].accepted):
         raise InfeasibleError(_no_path(inputs))
@@ -63,10 +63,6 @@ def _bounded_front(inputs: StageInputs) -> Front:
 
 def _flown_front(inputs: StageInputs) -> Front:
     """The front by failure rate and length, in flights that refinement has not used."""
-    from pareto_ltl.planning import no_path, selection
-    from pareto_ltl.planning.refine.epsilon import keeps_epsilon
-    from pareto_ltl.simulation.judging import judge_front
-
     settings, problem = inputs.settings, inputs[PROBLEM]
     raw = selection.unlike_paths(problem, inputs[FOREST])
     refined, fault = _refined_paths(inputs, raw)
@@ -81,8 +77,6 @@ def _flown_front(inputs: StageInputs) -> Front:
 
 def _no_path(inputs: StageInputs) -> str:
     """Text with the reason why the trees have no path that completes the mission."""
-    from pareto_ltl.planning import no_path
-
     settings = inputs.settings
     grown_from = stage_seeds(settings.seed, FOREST_STREAM)
     return no_path.explain_no_path(settings.planner, inputs[PROBLEM], inputs[FOREST], grown_from)
@@ -93,8 +87,6 @@ FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_fro
 
 def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
     """Refined paths, with the paths of ``selection.extra_paths`` and ``CANDIDATES``; why none is refined."""
-    from pareto_ltl.planning.refine.epsilon import keeps_epsilon, within_limits
-
     problem, fault = inputs[PROBLEM], ""
     extra = extra_paths(inputs.settings.selection.extra_paths, problem) + (inputs.get(CANDIDATES) or ())
     refined: tuple[PlannedPath, ...] = ()
@@ -113,9 +105,6 @@ def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tup
 
 def extra_paths(place: str | None, problem: Problem) -> tuple[PlannedPath, ...]:
     """The paths of the file ``place`` that can be flown in ``problem``; a WARNING names the others."""
-    from pareto_ltl.planning.evaluate import completing_path
-    from pareto_ltl.planning.plan_files import read_extra_paths
-
     able = []
     for origin, x in [] if place is None else read_extra_paths(place):
         try:
@@ -133,9 +122,6 @@ def _convex_refinement(
     inputs: StageInputs, raw: Sequence[PlannedPath], lines: Sequence[PlannedPath] = ()
 ) -> tuple[PlannedPath, ...]:
     """Convex smoothing of the front, of one path of each mission order, and of ``lines``."""
-    from pareto_ltl.planning import selection
-    from pareto_ltl.planning.refine import smooth_paths
-
     problem = inputs[PROBLEM]
     candidates = (*raw, *selection.order_representatives(problem, inputs[FOREST]), *lines)
     return smooth_paths(inputs.settings.smoothing, problem, candidates, inputs.progress)
@@ -143,9 +129,6 @@ def _convex_refinement(
 
 def _sampled_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
     """Sampled refinement; without uncertainty all flights are the same, and only the length counts."""
-    from pareto_ltl.planning.refine import MORE_FLIGHTS, flown_lines, sampled_paths
-    from pareto_ltl.simulation.common_flights import draw_flights, is_certain
-
     problem = inputs[PROBLEM]
     if is_certain(problem):
         return _convex_refinement(inputs, raw, flown_lines(problem))
@@ -154,7 +137,7 @@ def _sampled_refinement(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tupl
     return sampled_paths(cfg, problem, inputs[FOREST], flights, inputs.progress, inputs.budget)
 
 
-Refiner = Callable[[StageInputs, Sequence["PlannedPath"]], tuple["PlannedPath", ...]]
+Refiner = Callable[[StageInputs, Sequence[PlannedPath]], tuple[PlannedPath, ...]]
 REFINERS: dict[str, Refiner] = {
     "none": _no_refinement,
     "convex": _convex_refinement,

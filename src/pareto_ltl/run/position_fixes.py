@@ -12,30 +12,23 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.conditioning import (
-    Fix,
-    Learnt,
-    expected_at,
-    learn_at,
-    likely_histories,
-    states_reached,
-)
+from pareto_ltl.planning.conditioning import Fix, Learnt, expected_at, learn_at, likely_histories
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Plan, PlannedPath
+from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import PLAN, PROBLEM
 from pareto_ltl.run.stage_table import stage_seeds
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import Advice, read_text
-
-if TYPE_CHECKING:
-    from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.planning.records import Plan, PlannedPath
-    from pareto_ltl.run.pipeline import Run
-    from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.world.projection import to_geographic, to_plane
+from pareto_ltl.world.windows import duration_seconds, seconds_after
 
 LOG = logging.getLogger(__name__)
 UNLIKELY = 1e-4  # probability under the law below which a fix or a field is an alarm
@@ -55,8 +48,6 @@ COLUMNS = {True: ("time", "lat", "lon", "sd_m"), False: ("time", "x", "y", "sd_m
 
 def seconds_of(problem: Problem, what: str, time: float | str) -> float:
     """A time after departure [s]; ConfigError if ``time`` is none."""
-    from pareto_ltl.world.windows import duration_seconds, seconds_after
-
     asked = time
     if isinstance(time, str) and (short := duration_seconds(time, "s")) is not None:
         asked = short
@@ -124,8 +115,6 @@ def place_of(problem: Problem, numbers: Sequence[float], what: str = "fix") -> F
 
 def in_plane(problem: Problem, a: float, b: float) -> FloatArray | None:
     """Latitude and longitude [deg], or x and y [m], as a position (2,) [m]; None if it is not a latitude."""
-    from pareto_ltl.world.projection import to_plane
-
     if problem.scene.crs is None:
         return np.array([a, b])
     if abs(a) > 90.0:
@@ -244,8 +233,6 @@ def _distances(path: PlannedPath, place: FloatArray, sd: float) -> FloatArray:
 
 def _swapped(problem: Problem, fix: Fix) -> FloatArray | None:
     """The place of ``fix`` with its two coordinates swapped."""
-    from pareto_ltl.world.projection import to_geographic
-
     if problem.scene.crs is None:
         return fix.place[::-1]
     lon, lat = (float(value[0]) for value in to_geographic(problem.scene.crs, fix.place[None]))
@@ -373,8 +360,7 @@ def likely_state(
     if fixes:
         noise = np.random.default_rng(seeds).standard_normal((HISTORIES, 2 * len(fixes)))
         x = likely_histories(x, fixes, noise)
-    reached = states_reached(problem, x)
-    states, counts = np.unique(reached, return_counts=True)
+    states, counts = np.unique([problem.states(flight)[-1] for flight in x], return_counts=True)
     shares = counts / counts.sum()
     best = int(np.argmax(shares))
     if shares[best] < 0.5:

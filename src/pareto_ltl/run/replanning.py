@@ -20,7 +20,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.planning.records import NO_PROMISE, counted_rate
+from pareto_ltl.planning.conditioning import Fix
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, Plan, PlannedPath, counted_rate
 from pareto_ltl.run import records as keys
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Run, carry_out
@@ -29,18 +31,16 @@ from pareto_ltl.run.records import Records
 from pareto_ltl.run.rest_of_flight import AUTOMATON_FILE, NewWind, remaining_path, run_of_the_rest, scene_from
 from pareto_ltl.run.results import Planned, place_of, planned_run
 from pareto_ltl.run.stage_table import stage_seeds
+from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import Displayed, distance_text, probability_text
 from pareto_ltl.support.files import write_json
+from pareto_ltl.wind.readings import Readings
+from pareto_ltl.wind.records import WindField
+from pareto_ltl.world.projection import navigate
 
 if TYPE_CHECKING:
-    from pareto_ltl.planning.conditioning import Fix
-    from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.planning.records import FailureRate, Front, Plan, PlannedPath
     from pareto_ltl.report.figures import Drawing
-    from pareto_ltl.support.arrays import BoolArray
-    from pareto_ltl.wind.readings import Readings
-    from pareto_ltl.wind.records import WindField
 
 LOG = logging.getLogger(__name__)
 STREAM = "replan"  # stream of the compared flights
@@ -285,7 +285,6 @@ def _carried_on(
 ) -> Replanned:
     """The result without a fix: the rest of the old plan, with the failure rate of the whole plan."""
     from pareto_ltl.simulation.judging import which_fail
-    from pareto_ltl.world.projection import navigate
 
     runs = run.settings.selection.runs
     failed = which_fail(problem, plan.path, runs, stage_seeds(run.settings.seed, STREAM))

@@ -11,29 +11,33 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from pareto_ltl.logic.timed import later_windows, remaining_automaton
+from pareto_ltl.planning.conditioning import Learnt
 from pareto_ltl.planning.costs import path_costs
+from pareto_ltl.planning.evaluate import completing_path, propagate_controls, square_matrices
+from pareto_ltl.planning.problem import Problem, unaided
+from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.position_fixes import FAR, chance
+from pareto_ltl.run.position_fixes import FAR, Situation, chance
+from pareto_ltl.run.provenance import wanted_wind
 from pareto_ltl.run.records import AUTOMATON, CANDIDATES, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
-from pareto_ltl.settings import MissionConfig
+from pareto_ltl.settings import MissionConfig, PowerConfig, SelectionConfig, Settings, WindConfig
 from pareto_ltl.settings.wind import STATED, WIND_SOURCES, usual_level
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-
-if TYPE_CHECKING:
-    from pareto_ltl.planning.conditioning import Learnt
-    from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.planning.records import PlannedPath
-    from pareto_ltl.run.position_fixes import Situation
-    from pareto_ltl.settings import PowerConfig, SelectionConfig, Settings, WindConfig
-    from pareto_ltl.support.arrays import FloatArray
-    from pareto_ltl.wind.readings import Readings
-    from pareto_ltl.wind.records import WindField
-    from pareto_ltl.world.scene import Scene
+from pareto_ltl.wind.conditioned import conditioned_field, field_from
+from pareto_ltl.wind.field import fit_wind_field
+from pareto_ltl.wind.observations import place_readings
+from pareto_ltl.wind.readings import Readings, check_all_readings
+from pareto_ltl.wind.records import WindField
+from pareto_ltl.wind.sources import read_readings, source_of_file
+from pareto_ltl.world.projection import utc_times
+from pareto_ltl.world.scene import Scene
 
 LOG = logging.getLogger(__name__)
 HOUR = 3600.0
@@ -89,8 +93,7 @@ def run_of_the_rest(
 
 def candidates_of(problem: Problem, rest: PlannedPath) -> tuple[PlannedPath, ...]:
     """The rest of the old plan with its controls, and a way back to its positions, if they can be flown."""
-    from pareto_ltl.planning.evaluate import completing_path, propagate_controls
-    from pareto_ltl.planning.refine.epsilon import keeps_epsilon
+    from pareto_ltl.planning.refine.separation import keeps_epsilon
 
     known = len(problem.wind.slot)
     if len(rest.u) > known:
@@ -125,8 +128,6 @@ def _ways_back(problem: Problem, rest: PlannedPath) -> list[tuple[str, FloatArra
 
 def conditioned_run(run: Run, situation: Situation, *, quick: bool) -> Run:
     """A run that starts at the fix, in the conditioned wind, with the remaining mission."""
-    from pareto_ltl.logic.timed import remaining_automaton
-
     learnt = situation.learnt
     assert learnt is not None
     scene = scene_from(run.make(SCENE), learnt.mean, situation.time)
@@ -189,9 +190,6 @@ def rule_of_the_rest(cfg: SelectionConfig, path: PlannedPath, step: int) -> Sele
 
 def scene_from(scene: Scene, start: FloatArray, moment: float) -> Scene:
     """``scene`` with a departure ``moment`` [s] later from ``start``."""
-    from pareto_ltl.logic.timed import later_windows
-    from pareto_ltl.world.projection import utc_times
-
     inside = (scene.bounds[0] <= start) & (start <= scene.bounds[1])
     if not inside.all():
         raise ConfigError(
@@ -206,8 +204,6 @@ def scene_from(scene: Scene, start: FloatArray, moment: float) -> Scene:
 
 def wind_from(field: WindField, learnt: Learnt, moment: float, law: str) -> WindField:
     """The wind from ``moment`` [s] on; under the coherent law conditioned on fixes."""
-    from pareto_ltl.wind.conditioned import conditioned_field, field_from
-
     later = field_from(field, moment)
     if law == "independent" or not len(learnt.told):
         return later
@@ -225,10 +221,6 @@ def newer_field(settings: Settings, wind: NewWind, scene: Scene, steps: int) -> 
     DataError
         If the forecast cannot be read, or does not cover the time or the map.
     """
-    from pareto_ltl.wind.field import fit_wind_field
-    from pareto_ltl.wind.observations import place_readings
-    from pareto_ltl.wind.records import WindField
-
     cfg = newer_settings(settings.wind, wind)
     if isinstance(wind, WindField):
         return cfg, wind
@@ -247,8 +239,6 @@ def newer_field(settings: Settings, wind: NewWind, scene: Scene, steps: int) -> 
 
 def newer_settings(cfg: WindConfig, wind: NewWind) -> WindConfig:
     """The settings of the wind with the path or source of ``wind``; the reader stays if it reads files."""
-    from pareto_ltl.wind.sources import source_of_file
-
     if isinstance(wind, Mapping):
         return _restated(cfg, replace(cfg, **{"path": None, **wind}), "level" in wind)
     if not isinstance(wind, str | Path):
@@ -276,9 +266,6 @@ def _restated(before: WindConfig, cfg: WindConfig, stated: bool) -> WindConfig:
 
 
 def _readings(settings: Settings, cfg: WindConfig, wind: NewWind, scene: Scene) -> Readings:
-    from pareto_ltl.run.provenance import wanted_wind
-    from pareto_ltl.wind.readings import Readings, check_all_readings
-    from pareto_ltl.wind.sources import read_readings
 
     if isinstance(wind, Readings):
         check_all_readings(wind, cfg.max_speed)
@@ -324,9 +311,6 @@ def field_alarms(old: Problem, new: Problem, rest: PlannedPath) -> list[str]:
     The controls of the rest of the old plan are flown in both winds, from the same start. Half-way and at the
     end, the difference of the two places is Gaussian under the law, with at most the sum of both covariances.
     """
-    from pareto_ltl.planning.evaluate import propagate_controls, square_matrices
-    from pareto_ltl.planning.problem import unaided
-
     flown = min(len(rest.u), len(old.wind.slot), len(new.wind.slot))
     u = np.ascontiguousarray(rest.u[:flown])
     known = [replace(problem, start_variance=0.0) for problem in (old, new)]  # both start at one place

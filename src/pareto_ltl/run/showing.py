@@ -8,17 +8,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.run import page_stage
 from pareto_ltl.run import records as keys
 from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.interface import simulate
-from pareto_ltl.run.page_stage import (
-    DEPLOYMENT_STREAM,
-    MOST_RUNS,
-    origin_in_memory,
-    origin_of,
-    shown_run,
-    write_page,
-)
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import RecordKey
 from pareto_ltl.run.results import Planned, PlanningResult, Results, load_results, place_of, planned_run
@@ -63,22 +56,23 @@ def page(planned: Planned, path: str | Path) -> Path:
     DataError
         If there is no finished run of a plan.
     """
-    if isinstance(planned, PlanningResult):
-        run = planned.run
-        needed: tuple[RecordKey[Any], ...] = (keys.PROBLEM, keys.FRONT, keys.PLAN, keys.FORECASTS)
-        for key in needed:
-            run.make(key)
-        origin, seeds = origin_in_memory(run.settings), stage_seeds(run.settings.seed, DEPLOYMENT_STREAM)
-        return write_page(Path(path), shown_run(run.settings, run.records, origin, seeds))
-    return write_page(Path(path), shown_results(load_results(planned)))
+    if not isinstance(planned, PlanningResult):
+        return page_stage.write_page(Path(path), shown_results(load_results(planned)))
+    run = planned.run
+    needed: tuple[RecordKey[Any], ...] = (keys.PROBLEM, keys.FRONT, keys.PLAN, keys.FORECASTS)
+    for key in needed:
+        run.make(key)
+    origin = page_stage.origin_in_memory(run.settings)
+    seeds = stage_seeds(run.settings.seed, page_stage.DEPLOYMENT_STREAM)
+    return page_stage.write_page(Path(path), page_stage.shown_run(run.settings, run.records, origin, seeds))
 
 
 def shown_results(results: Results, *, unfinished: bool = False) -> ShownRun:
     """The records for the page of a results directory; ``unfinished``: also of a run that still works."""
     record, run = results.run, _run_of_records(results, unfinished)
-    origin = origin_of(results.directory, record, record.get("inputs") or {})
-    seeds = stage_seeds(run.settings.seed, DEPLOYMENT_STREAM)
-    return shown_run(run.settings, run.records, origin, seeds, record.get("error") or "")
+    origin = page_stage.origin_of(results.directory, record, record.get("inputs") or {})
+    seeds = stage_seeds(run.settings.seed, page_stage.DEPLOYMENT_STREAM)
+    return page_stage.shown_run(run.settings, run.records, origin, seeds, record.get("error") or "")
 
 
 def _run_of_records(results: Results, unfinished: bool) -> Run:
@@ -188,7 +182,7 @@ def explanation(
             "prices": [asdict(row) for row in told.prices()],
         }
         return Explanation(list(told.lines()), document)
-    runs = min(run.settings.deployment.runs, MOST_RUNS)
+    runs = min(run.settings.deployment.runs, page_stage.MOST_RUNS)
     flown = simulate(PlanningResult(run), runs, problem.fidelity.law)
     legs = plan_legs(problem, plan, flown)
     front = run.records.get(keys.FRONT)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from pareto_ltl.run.pipeline import Run
 
+FOREST_STREAM = "forest"  # stream of the random numbers of growth
 FIGURES = "_figures"  # end of the names of stages that draw a study
 
 Progress = Callable[..., None]  # called with (done, total), and with a text on the result so far

@@ -16,10 +16,9 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run import records as keys
-from pareto_ltl.run.front_stage import FOREST_STREAM, make_front
 from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, drawn_records, make_page
 from pareto_ltl.run.provenance import wanted_wind
-from pareto_ltl.run.stage_table import Stage, StageInputs, StageTable, named_child
+from pareto_ltl.run.stage_table import FOREST_STREAM, Stage, StageInputs, StageTable, named_child
 from pareto_ltl.settings import ReportConfig, RobotConfig, WindConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
 from pareto_ltl.support.errors import ConfigError
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from pareto_ltl.logic import Automaton
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.planning.records import Forest, Plan
+    from pareto_ltl.planning.records import Forest, Front, Plan
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField, WindObservations
@@ -190,6 +189,13 @@ def _import_report(cfg: ReportConfig) -> None:
             import_module("pareto_ltl.report.figures")
         if cfg.page:
             import_module("pareto_ltl.report.page.content").page_template()
+
+
+def make_front(inputs: StageInputs) -> Front:
+    """The non-dominated paths, refined and judged as set in ``fidelity``."""
+    from pareto_ltl.run import front_stage
+
+    return front_stage.make_front(inputs)
 
 
 def make_plan(inputs: StageInputs) -> Plan:

@@ -9,7 +9,6 @@ Further beacons are placed one after the other, each with those before it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +22,7 @@ from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import paired_difference
-from pareto_ltl.support.machine import cores
+from pareto_ltl.support.machine import on_all_cores
 
 ALONG = 48  # places along the path
 ASIDE = (0.0, -0.8, 0.8, -1.6, 1.6)  # standard deviations to the left of the path of the places at a step
@@ -172,5 +171,4 @@ def tried(
         own = replace(drawn, problem=whole)
         return own.failed(own.flown(path.u, path.x))
 
-    with ThreadPoolExecutor(cores()) as pool:
-        return np.array([rows.mean() for rows in pool.map(failed, places)])
+    return np.array([rows.mean() for rows in on_all_cores(failed, places)])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,7 +18,7 @@ from pareto_ltl.planning.problem import Problem, merged_draws
 from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.machine import cores
+from pareto_ltl.support.machine import on_all_cores
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,8 +163,7 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
     def drawn_block(rows: slice, child: SeedSequence) -> Any:
         return sim.DRAWS[law](problem, rows.stop - rows.start, problem.horizon, np.random.default_rng(child))
 
-    with ThreadPoolExecutor(cores()) as pool:
-        parts = list(pool.map(drawn_block, blocks, wind.spawn(len(blocks))))
+    parts = on_all_cores(drawn_block, blocks, wind.spawn(len(blocks)))
     drawn = {
         name: np.concatenate([getattr(part, name) for part in parts], axis=1) for name in parts[0]._fields[1:]
     }

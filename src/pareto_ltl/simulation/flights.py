@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,7 +29,7 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.machine import cores, require_memory
+from pareto_ltl.support.machine import on_all_cores, require_memory
 
 NO_FAILURE = -1
 CAUSES = ("met an obstacle", "left the map", "broke the mission", "did not complete the mission")
@@ -147,8 +146,7 @@ def fly_pilot(
         return judge_flights(problem, law, x[rows])
 
     blocks = block_rows(runs)
-    with ThreadPoolExecutor(cores()) as pool:
-        found = list(pool.map(one, blocks, unspawned(seed).spawn(len(blocks))))
+    found = on_all_cores(one, blocks, unspawned(seed).spawn(len(blocks)))
     accepted, collided, off_map = (np.concatenate([getattr(part, name) for part in found]) for name in FLAGS)
     return Deployment(law, x, accepted, collided, off_map, problem.scene.walled)
 

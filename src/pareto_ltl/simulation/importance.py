@@ -26,7 +26,6 @@ half-spaces only decide how many draws are needed.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -48,7 +47,7 @@ from pareto_ltl.simulation.failure_modes import (
     linked_fields,
 )
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.machine import cores
+from pareto_ltl.support.machine import on_all_cores
 
 SPARE = 2.0  # the upper end of an interval allows for one more weight, this many times the largest one drawn
 
@@ -197,8 +196,7 @@ def weighted_flights(proposal: Proposal, draws: int, seed: SeedSequence) -> tupl
         failed[rows] = plan.fly(z, theta)[1]
 
     blocks = sim.block_rows(draws)
-    with ThreadPoolExecutor(cores()) as pool:
-        list(pool.map(one, blocks, sim.unspawned(seed).spawn(len(blocks))))
+    on_all_cores(one, blocks, sim.unspawned(seed).spawn(len(blocks)))
     return weights, failed
 
 

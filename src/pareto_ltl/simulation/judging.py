@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise, repeat
 
@@ -21,13 +20,13 @@ from numpy.random import SeedSequence
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, counted_rate
-from pareto_ltl.planning.refine.epsilon import keeps_epsilon
+from pareto_ltl.planning.refine.separation import keeps_epsilon
 from pareto_ltl.planning.selection import box_above, chance_of_failures, hypervolume, non_dominated
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.machine import cores, require_memory
+from pareto_ltl.support.machine import on_all_cores, require_memory
 
 RAW_DRAWS = 500  # flights of each path in the race among the trees' paths
 LAST_LOOK = 1000  # flights for the message if every flight of every path fails
@@ -210,14 +209,13 @@ def fly_race(
     race = race_of(problem, paths, draws, seed)
     costs = np.array([list(path.objectives.costs.values()) for path in paths])
     running, failed = np.arange(len(paths)), np.zeros((len(paths), draws), bool)
-    with ThreadPoolExecutor(cores()) as pool:
-        for numbers in looks(len(race.blocks)):
-            flown = pool.map(race.failures, numbers, repeat(running.tolist()))
-            for number, found in zip(numbers, flown, strict=True):
-                failed[running, race.blocks[number]] = found
-            seen = failed[running, : race.blocks[numbers[-1]].stop]
-            left = ~certainly_beaten(seen, costs[running])
-            running = running[left][outermost(seen[left].mean(axis=1), costs[running[left]], crowd)]
+    for numbers in looks(len(race.blocks)):
+        flown = on_all_cores(race.failures, numbers, repeat(running.tolist()))
+        for number, found in zip(numbers, flown, strict=True):
+            failed[running, race.blocks[number]] = found
+        seen = failed[running, : race.blocks[numbers[-1]].stop]
+        left = ~certainly_beaten(seen, costs[running])
+        running = running[left][outermost(seen[left].mean(axis=1), costs[running[left]], crowd)]
     return [Flown(paths[k], failed[k]) for k in running.tolist()]
 
 
@@ -236,8 +234,7 @@ def which_fail_each(
 ) -> BoolArray:
     """:func:`which_fail` of several ``paths`` in the same winds, (P, runs)."""
     race, numbers = race_of(problem, paths, runs, seed), range(len(paths))
-    with ThreadPoolExecutor(cores()) as pool:
-        found = list(pool.map(race.failures, range(len(race.blocks)), repeat(numbers)))
+    found = on_all_cores(race.failures, range(len(race.blocks)), repeat(numbers))
     return np.concatenate(found, axis=1)
 
 

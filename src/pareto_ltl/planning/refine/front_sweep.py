@@ -15,51 +15,62 @@ varied and polished again until it is spent.
 
 Coarser searches (:func:`coarse`), each on other flights, come first: their paths are starts of the search,
 and stay on the front.
-Paths of many steps are searched for in fewer and longer ones (:mod:`~.merged_steps`).
+
+The time of a search is proportional to the number of steps. A path of more than :data:`MANY` steps is
+therefore refined in runs of several steps with one control each: in about :data:`LEGS` runs, none longer than
+the share ``SHARE_OF_PLACE`` of the narrowest place, so that no flight passes a region between two of its
+positions. The wind of a run is the wind of its middle, its gust the mean of the gusts of its steps: the
+flights are the same. The paths are then polished once more, checked and judged in all steps. Steps are merged
+in the coherent law only, whose gusts are averaged over time, and for missions without time windows, which are
+read at the steps.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain, count
 
 import numpy as np
 
+from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.records import Forest, PlannedPath
-from pareto_ltl.planning.refine.first_looks import FLIPPED, first_look, hopeless_above, looks
-from pareto_ltl.planning.refine.last_polish import (
-    closed,
-    finished_points,
-    lengthened_points,
-    planned_paths,
-    repaired,
-    rival_points,
-    slower_points,
+from pareto_ltl.planning.refine import last_polish
+from pareto_ltl.planning.refine.levels import (
+    FLIPPED,
+    filled_gaps,
+    first_look,
+    hopeless_above,
+    looks,
+    swept_down,
+    swept_up,
 )
-from pareto_ltl.planning.refine.levels import filled_gaps, swept_down, swept_up
-from pareto_ltl.planning.refine.merged_steps import (
-    in_all_steps,
-    slower_runs,
-    starts_in_merged_steps,
-    steps_to_merge,
-)
-from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights
+from pareto_ltl.planning.refine.pacing import retimed_means
+from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights, divided, path_length
 from pareto_ltl.planning.refine.starts import (
     Start,
     StartKind,
     first_starts,
     flipped_starts,
     led_starts,
+    line_starts,
+    roadmap_starts,
+    tree_starts,
     unlike_starts,
 )
 from pareto_ltl.planning.refine.sweep import (
+    ALL_STEPS,
+    COARSE_SHARES,
+    FINE,
     MORE_FLIGHTS,
+    SEARCH_STEPS,
     WIDE,
     WITHIN_REACH,
+    Progress,
     Sweep,
     excess,
     first_of,
@@ -76,20 +87,20 @@ from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.display import distance_text
-from pareto_ltl.support.machine import cores
+from pareto_ltl.support.machine import cores, on_all_cores
+from pareto_ltl.world.time_step import SHARE_OF_PLACE, narrowest_place
 
-Progress = Callable[..., None]
 COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of the settings of a coarse search
-COARSE_SHARES = (0.4, 0.5)  # of a time budget, after which each of the coarse searches ends
 HARD = 0.3  # failure above which a mission with landmarks has one coarse search: it takes minutes there
-SEARCH_STEPS = 4  # that are reported of each search
-ALL_STEPS = SEARCH_STEPS * (len(COARSE_SHARES) + 1)
 LONG = 1e5  # [m] lengths above have no decimals in messages
 ROUND = 4  # points of a front that are varied between two reports
 # Where no path keeps epsilon: rounds, paths that are varied in each, and variants that are closed.
 ROUNDS, NEAREST, VARIED = 3, 4, 12
 MORE = (0, 1, 2, 3, 5, 8)  # numbers of steps beyond the fewest
 FITTED = 0.95  # failures of a path in the flights that it is polished on, relative to those in other ones
+MANY = 200  # steps of the shortest start, above which steps are merged
+LEGS = 100  # runs of steps that it then has, about
+SOLVES = 4  # of the last polish in all steps
 BUMP = 0.03  # standard deviation of a random bend, as a share of the map's size
 
 
@@ -106,47 +117,45 @@ def sampled_paths(
     """
     with ThreadPoolExecutor(cores()) as pool:
         found = pool.submit(first_starts, problem, forest)
-        sweep = new_sweep(cfg, problem, flights, budget)
+        sweep = new_sweep(cfg, problem, flights, budget, progress)
         starts = found.result()
-        times = steps_to_merge(problem, starts.values())
-        if times > 1:
-            merged = with_merged_steps(problem, times)
-            if runs := starts_in_merged_steps(problem, merged, forest, times):  # else the wind ends too soon
-                long = new_sweep(cfg, merged, flights.merged(merged, times), budget)
-                return _in_merged_steps(sweep, long, pool, runs, times, progress)
-        ended = _searches(sweep, pool, starts, progress)
-    return _paths_of(sweep, ended, partial(repaired, sweep))
+    times = steps_to_merge(problem, starts.values())
+    if times > 1:
+        merged = with_merged_steps(problem, times)
+        if runs := starts_in_merged_steps(problem, merged, forest, times):  # else the wind ends too soon
+            long = new_sweep(cfg, merged, flights.merged(merged, times), budget, progress)
+            ended = on_all_cores(partial(in_all_steps, sweep, times), _searches(long, runs))
+            return _paths_of(sweep, ended, partial(slower_runs, sweep, times))
+    return _paths_of(sweep, _searches(sweep, starts), partial(last_polish.repaired, sweep))
 
 
-def _searches(
-    sweep: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start], progress: Progress | None
-) -> list[tuple[Candidate, Candidate]]:  # fmt: skip
+def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Candidate, Candidate]]:
     """What the coarse searches and the search find, each before and after its last solve (``closed``).
 
     Where no path keeps epsilon, one more searches among paths that are near it: in an order or on a side of
     an obstacle where flights fail more often. At last the paths nearest to epsilon are varied.
     """
-    known, seen = list[Candidate](), looks(sweep, pool, starts)
+    known, seen = list[Candidate](), looks(sweep, starts)
     for number, rough in enumerate(coarse_sweeps(sweep)):
         if number and sweep.problem.landmarks and min(map(smoothed, known), default=1.0) > HARD:
             break
-        own = seen if number == 0 else looks(rough, pool, starts)
-        known += searched(rough, pool, own, progress, SEARCH_STEPS * number)
+        own = seen if number == 0 else looks(rough, starts)
+        known += searched(rough, own)
     # By all flights: each coarse search has fitted its paths to some of them.
-    again = list(pool.map(partial(reassessed, sweep, sweep.flights), known))
-    found = _with_slower(sweep, pool, searched(sweep, pool, [*seen, *again], progress))
+    again = on_all_cores(partial(reassessed, sweep, sweep.flights), known)
+    found = _with_slower(sweep, searched(sweep, [*seen, *again]))
     # One whose expected path does not complete the mission may become no path at all.
     rivals = [k for k in found if completes(sweep.problem, k.flight.x)]
     found += [k for k in again if not any(beats(other, k) for other in rivals)]
-    ended = _ended(sweep, pool, found)
+    ended = _ended(sweep, found)
     if not _keep_epsilon(sweep, ended):
         near = replace(sweep, excess=WITHIN_REACH)
-        found = _with_slower(near, pool, searched(near, pool, near_epsilon(near, seen), progress))
-        ended += _ended(sweep, pool, found)
+        found = _with_slower(near, searched(near, near_epsilon(near, seen)))
+        ended += _ended(sweep, found)
     for _ in range(ROUNDS):
         if sweep.budget.over() or _keep_epsilon(sweep, ended):
             break
-        ended += _ended(sweep, pool, _beside(sweep, pool, [end for _, end in ended]))
+        ended += _ended(sweep, _beside(sweep, [end for _, end in ended]))
     return ended
 
 
@@ -155,7 +164,7 @@ def _keep_epsilon(sweep: Sweep, ended: Iterable[tuple[Candidate, Candidate]]) ->
     return any(excess(sweep, end.flight) == 0.0 for _, end in ended)
 
 
-def _beside(sweep: Sweep, pool: ThreadPoolExecutor, ended: Iterable[Candidate]) -> list[Candidate]:
+def _beside(sweep: Sweep, ended: Iterable[Candidate]) -> list[Candidate]:
     """The paths nearest to epsilon, led past an obstacle on its other side or through a landmark.
 
     Each is polished cheaply; those nearest to epsilon are returned.
@@ -169,7 +178,7 @@ def _beside(sweep: Sweep, pool: ThreadPoolExecutor, ended: Iterable[Candidate]) 
     led = [start for k in best for start in led_starts(problem, k.flight, k.origin)]
     led += [start for k in best for start in flipped_starts(problem, k.flight.x, k.origin)]
     starts = unlike_starts(problem, led).values()
-    made = in_time(pool, sweep.budget.over, partial(first_look, sweep), starts)
+    made = in_time(sweep, partial(first_look, sweep), starts, share=1.0)
     return sorted(made, key=nearest)[:VARIED]
 
 
@@ -189,29 +198,19 @@ def coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
             for n in (cfg.sweep_flights, cfg.flights)
         )
         budget = sweep.budget.until(share)
-        yield replace(sweep, cfg=cfg, few=few, flights=usual, many=many, budget=budget)
+        yield replace(
+            sweep, cfg=cfg, few=few, flights=usual, many=many, budget=budget, before=SEARCH_STEPS * number
+        )
 
 
-def _with_slower(sweep: Sweep, pool: ThreadPoolExecutor, found: list[Candidate]) -> list[Candidate]:
+def _with_slower(sweep: Sweep, found: list[Candidate]) -> list[Candidate]:
     """Those ``found``, and with a power curve slower ones that take less energy."""
-    return [*found, *slower_points(sweep, pool, found)]
+    return [*found, *last_polish.slower_points(sweep, found)]
 
 
-def _ended(
-    sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]
-) -> list[tuple[Candidate, Candidate]]:
+def _ended(sweep: Sweep, found: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
     """Those ``found``, each before and after its last solve."""
-    return list(zip(found, pool.map(partial(closed, sweep), found), strict=True))
-
-
-def _in_merged_steps(
-    sweep: Sweep, long: Sweep, pool: ThreadPoolExecutor, starts: Mapping[StartKind, Start], times: int,
-    progress: Progress | None,
-) -> tuple[PlannedPath, ...]:  # fmt: skip
-    """The paths of all searches in the ``long`` steps, then polished in the steps of the problem."""
-    ended = _searches(long, pool, starts, progress)
-    every = list(pool.map(partial(in_all_steps, sweep, times), ended))
-    return _paths_of(sweep, every, partial(slower_runs, sweep, times))
+    return list(zip(found, on_all_cores(partial(last_polish.closed, sweep), found), strict=True))
 
 
 def _paths_of(
@@ -225,7 +224,7 @@ def _paths_of(
         yield begun[id(k)]  # the last solves may have left a region that hardly any flight reaches
         yield from mended(k)
 
-    return planned_paths(sweep.problem, [end for _, end in ended], repairs)
+    return last_polish.planned_paths(sweep.problem, [end for _, end in ended], repairs)
 
 
 def coarse(cfg: RefineConfig) -> RefineConfig:
@@ -233,41 +232,29 @@ def coarse(cfg: RefineConfig) -> RefineConfig:
     return replace(cfg, **{name: min(getattr(cfg, name), limit) for name, limit in COARSE_EFFORT.items()})
 
 
-def refine_front(
-    cfg: RefineConfig, problem: Problem, starts: Mapping[StartKind, Start], flights: CommonFlights,
-    progress: Progress | None = None, budget: Budget = UNLIMITED,
-) -> list[Candidate]:  # fmt: skip
-    """The result of one search from ``starts``: looks, :func:`searched`, then slower points."""
-    sweep = new_sweep(cfg, problem, flights, budget)
-    with ThreadPoolExecutor(cores()) as pool:
-        return _with_slower(sweep, pool, searched(sweep, pool, looks(sweep, pool, starts), progress))
-
-
-def searched(
-    sweep: Sweep, pool: ThreadPoolExecutor, seen: Iterable[Candidate], progress: Progress | None = None,
-    before: int = ALL_STEPS - SEARCH_STEPS,
-) -> list[Candidate]:  # fmt: skip
+def searched(sweep: Sweep, seen: Iterable[Candidate]) -> list[Candidate]:
     """Non-dominated candidates in length and smoothed failure, shortest first, from those ``seen``.
 
-    ``progress`` is called after each of the :data:`SEARCH_STEPS` steps, the ``before`` earlier ones counted.
+    Progress is reported after each of the :data:`SEARCH_STEPS` steps.
     """
-    seen, report = sorted(seen, key=smoothed), _Reporter(progress, before)
+    seen = sorted(seen, key=smoothed)
     sweep = replace(sweep, hopeless=hopeless_above(seen))
+    report = partial(_report, sweep)
     report(1, seen)
-    levels = swept_down(sweep, pool, seen)
+    levels = swept_down(sweep, seen)
     report(2, [*seen, *chain(*levels)])
-    levels += swept_up(sweep, pool, levels)
-    levels += filled_gaps(sweep, pool, levels)
+    levels += swept_up(sweep, levels)
+    levels += filled_gaps(sweep, levels)
     front = front_of(chain(*levels)) or seen[:1]
     report(3, front)
-    for better in improved_fronts(sweep, pool, front):
+    for better in improved_fronts(sweep, front):
         front = better
         report(3, front)
-    found = front_of(finished_points(sweep, pool, front))
-    found = front_of([*found, *lengthened_points(sweep, pool, found)])
-    if rivals := rival_points(sweep, pool, [*seen, *chain(*levels)], found):
+    found = front_of(last_polish.finished_points(sweep, front))
+    found = front_of([*found, *last_polish.lengthened_points(sweep, found)])
+    if rivals := last_polish.rival_points(sweep, [*seen, *chain(*levels)], found):
         found = front_of([*found, *rivals])
-        found = front_of([*found, *lengthened_points(sweep, pool, found)])
+        found = front_of([*found, *last_polish.lengthened_points(sweep, found)])
     report(4, found)
     return found
 
@@ -275,9 +262,7 @@ def searched(
 # --- what is left of a time budget ---------------------------------------------------------------
 
 
-def improved_fronts(
-    sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate]
-) -> Iterator[list[Candidate]]:
+def improved_fronts(sweep: Sweep, front: Sequence[Candidate]) -> Iterator[list[Candidate]]:
     """Improved fronts, one after another, until most of the budget is spent; none without a time budget.
 
     An iteration takes random points of the front. Each is polished again at its length, from its neighbours,
@@ -290,13 +275,11 @@ def improved_fronts(
             return
         rng = np.random.default_rng(number)
         for at in rng.permutation(len(kept))[:ROUND].tolist():
-            kept = front_of([*kept, *_varied(sweep, pool, kept, min(at, len(kept) - 1), rng)])
+            kept = front_of([*kept, *_varied(sweep, kept, min(at, len(kept) - 1), rng)])
         yield kept
 
 
-def _varied(
-    sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate], at: int, rng: np.random.Generator
-) -> list[Candidate]:
+def _varied(sweep: Sweep, front: Sequence[Candidate], at: int, rng: np.random.Generator) -> list[Candidate]:
     """Random variations of one point, polished at the same length."""
     k, problem = front[at], sweep.problem
     near = [front[i] for i in (at - 1, at + 1) if 0 <= i < len(front)]
@@ -304,7 +287,7 @@ def _varied(
     lines += [(k.flight.x, more, k.origin) for more in rng.choice(MORE, 2, replace=False).tolist()]
     lines += [(start.x, 1, start.origin) for start in flipped_starts(problem, k.flight.x, k.origin)[:FLIPPED]]
     lines += [(_bent(sweep, k.flight.x, rng), 1, k.origin)]
-    return held_within(sweep, pool, lines, sweep.polish_of(WIDE, 3), k.length)
+    return held_within(sweep, lines, sweep.polish_of(WIDE, 3), k.length)
 
 
 def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -321,22 +304,71 @@ def beats(one: Candidate, other: Candidate) -> bool:
     return one.length <= other.length and one.failed <= FITTED * other.failed
 
 
-@dataclass(frozen=True, slots=True)
-class _Reporter:
-    """Reports the progress of a front in all searches, the ``before`` steps of earlier ones counted."""
+def _report(sweep: Sweep, done: int, found: Iterable[Candidate]) -> None:
+    """Report the front of a search after its first ``done`` steps."""
+    front = front_of(found)
+    if sweep.progress is None or not front:
+        return
+    shortest, safest = (distance_text(k.length, 0 if k.length > LONG else 1) for k in (front[0], front[-1]))
+    fails = f"the safest fails {100 * front[-1].failed:.2g} % at {safest}"
+    state = f"{len(front)} paths of at least {shortest}; {fails}"
+    sweep.progress(sweep.before + done, ALL_STEPS, state, [(k.failed, k.flight.x) for k in front])
 
-    progress: Progress | None
-    before: int
 
-    def __call__(self, done: int, found: Iterable[Candidate]) -> None:
-        front = front_of(found)
-        if self.progress is None or not front:
-            return
-        shortest, safest = (
-            distance_text(k.length, 0 if k.length > LONG else 1) for k in (front[0], front[-1])
-        )
-        state = (
-            f"{len(front)} paths of at least {shortest}; the safest fails {100 * front[-1].failed:.2g} % "
-            f"at {safest}"
-        )
-        self.progress(self.before + done, ALL_STEPS, state, [(k.failed, k.flight.x) for k in front])
+# --- long paths -----------------------------------------------------------------------------------
+
+
+def steps_to_merge(problem: Problem, starts: Iterable[Start]) -> int:
+    """How many steps of ``problem`` are one step of the search from ``starts``; 1 if they are not merged."""
+    fewest = min((len(start.x) - 1 for start in starts), default=0)
+    law = problem.world.law
+    still = bool((problem.motion.a == np.eye(2)).all())
+    if fewest <= MANY or isinstance(law, kd.IndependentLaw) or len(problem.logic.delta) > 1 or not still:
+        return 1
+    marks = (
+        [2.0 * float(radius) for radius in law.landmarks.disc[:, 2]]
+        if isinstance(law, kd.LandmarkLaw)
+        else []
+    )
+    width = min([narrowest_place(problem.scene).width, *marks])
+    return max(1, min(round(fewest / LEGS), int(SHARE_OF_PLACE * width / problem.reach)))
+
+
+def starts_in_merged_steps(
+    problem: Problem, merged: Problem, forest: Forest, times: int
+) -> dict[StartKind, Start]:
+    """The starts of ``merged``: its lines, and tree paths at every ``times``-th step and at the last one."""
+    grown = [
+        replace(start, x=np.vstack([start.x[:-1:times], start.x[-1:]]))
+        for start in tree_starts(problem, forest)
+    ]
+    return unlike_starts(merged, [*line_starts(merged), *roadmap_starts(merged), *grown])
+
+
+def in_all_steps(sweep: Sweep, times: int, ended: tuple[Candidate, Candidate]) -> tuple[Candidate, Candidate]:
+    """A path before and after its last solve in all steps: straight runs, the last one polished.
+
+    The polish is left out if a segment then breaks epsilon.
+    """
+    begun, end = (_divided(sweep, times, k) for k in ended)
+    how = sweep.polish_of(FINE[-1:], SOLVES)
+    flight = sweep.refiner.polished(end.flight.x, sweep.flights, how, end.length)
+    if sweep.closing.penalty(flight, math.inf) <= 0.0:
+        end = replace(end, flight=flight, length=path_length(flight.x))
+    return begun, end
+
+
+def slower_runs(sweep: Sweep, times: int, k: Candidate) -> Iterator[Candidate]:
+    """``k`` in all steps, polished with one run of steps more and with two; without its chance constraints.
+
+    The convex programme of :func:`~.last_polish.closed` needs 8 GiB for 1,300 steps.
+    """
+    for more in (times, 2 * times):
+        x = retimed_means(sweep.problem, k.flight.x, min(k.steps + more, sweep.problem.horizon))
+        flight = sweep.refiner.polished(x, sweep.flights, sweep.polish_of(FINE[-1:], SOLVES), k.length)
+        yield replace(k, flight=flight, length=path_length(flight.x))
+
+
+def _divided(sweep: Sweep, times: int, k: Candidate) -> Candidate:
+    flight = sweep.refiner.flown(divided(k.flight.x, times))
+    return replace(k, flight=flight, length=path_length(flight.x), kind=None)

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 
 from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine.first_looks import hopeless_above
-from pareto_ltl.planning.refine.levels import WORTH
+from pareto_ltl.planning.refine.levels import WORTH, hopeless_above
 from pareto_ltl.planning.refine.pacing import retimed_means
 from pareto_ltl.planning.refine.sampled import Candidate, path_length
 from pareto_ltl.planning.refine.sweep import (
@@ -30,6 +29,7 @@ from pareto_ltl.planning.refine.sweep import (
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.machine import on_all_cores
 
 LOG = logging.getLogger(__name__)
 
@@ -42,19 +42,17 @@ CLOSING_SOLVES = 12  # for each of them
 ECONOMIC = 8  # points of a front, at most, that are tried at lower airspeeds
 
 
-def finished_points(sweep: Sweep, pool: ThreadPoolExecutor, front: Sequence[Candidate]) -> list[Candidate]:
+def finished_points(sweep: Sweep, front: Sequence[Candidate]) -> list[Candidate]:
     """Points along the front polished on all flights; when time is up, the rest unchanged."""
     points = spread_points(front, sweep.cfg.points)
 
     def one(point: tuple[Candidate, float]) -> Candidate:
         return point[0] if sweep.budget.over() else _finished(sweep, *point)
 
-    return list(pool.map(one, [*points[::2], *points[1::2]]))  # with little time, every other one
+    return on_all_cores(one, [*points[::2], *points[1::2]])  # with little time, every other one
 
 
-def rival_points(
-    sweep: Sweep, pool: ThreadPoolExecutor, known: Iterable[Candidate], found: Sequence[Candidate]
-) -> list[Candidate]:
+def rival_points(sweep: Sweep, known: Iterable[Candidate], found: Sequence[Candidate]) -> list[Candidate]:
     """Longer paths of other classes than the safest one ``found`` that fail less, polished on all flights.
 
     Few flights cannot tell which class is safer if hardly any of them fail. The best path of each class is
@@ -67,11 +65,11 @@ def rival_points(
     best = best_of_classes(sweep.problem, [safest, *longer], sweep.cfg.classes + 1)
     own = class_of(sweep.problem, safest)
     rivals = [k for k in best if class_of(sweep.problem, k) != own]
-    made = pool.map(lambda k: k if sweep.budget.over() else _finished(sweep, k, k.length), rivals)
+    made = on_all_cores(lambda k: k if sweep.budget.over() else _finished(sweep, k, k.length), rivals)
     return [k for k in made if k.smoothed < WORTH * safest.smoothed]
 
 
-def lengthened_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]) -> list[Candidate]:
+def lengthened_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     """The safest of the finished points lengthened, until two lengths in a row do not reduce the failure.
 
     The sweeps end at a length where few flights show no gain; here all of them decide.
@@ -79,7 +77,7 @@ def lengthened_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Ca
     made, best = list[Candidate](), found[-1] if found else None
     while best is not None and best.failed * len(sweep.flights) >= FEW and not sweep.budget.over():
         caps = (LENGTHENED * best.length, LENGTHENED**2 * best.length)
-        pair = list(pool.map(partial(_finished, sweep, best), caps))
+        pair = on_all_cores(partial(_finished, sweep, best), caps)
         limit = WORTH * best.smoothed
         best = next((k for k in pair if k.smoothed < limit), None)
         made += pair
@@ -135,7 +133,7 @@ def _fitting(problem: Problem, k: Candidate, cap: float) -> FloatArray:
     return k.flight.x if steps == k.steps else retimed_means(problem, k.flight.x, steps)
 
 
-def slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candidate]) -> list[Candidate]:
+def slower_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     """Points along the front polished in more steps, if they then take less energy.
 
     The list is empty without a power curve.
@@ -155,7 +153,7 @@ def slower_points(sweep: Sweep, pool: ThreadPoolExecutor, found: Sequence[Candid
         return made if energy.of(made.flight.u, dt) < energy.of(k.flight.u, dt) else None
 
     chosen = found[:: -(-len(found) // ECONOMIC)]
-    made, hopeless = pool.map(slower, [(k, times) for k in chosen for times in SLOWER]), hopeless_above(found)
+    made, hopeless = on_all_cores(slower, product(chosen, SLOWER)), hopeless_above(found)
     return [k for k in made if k is not None and k.smoothed < hopeless]
 
 

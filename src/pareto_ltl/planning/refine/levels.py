@@ -1,13 +1,21 @@
-"""Sweeps of the length cap: the best classes of paths at falling and at rising caps."""
+"""First looks at the starts, and sweeps of the length cap.
+
+The looks tell which starts are promising, and what a cheap polish makes of them. The sweeps polish the best
+classes of paths at falling and at rising caps.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from itertools import chain, pairwise
 
-from pareto_ltl.planning.refine.sampled import Candidate, steps_needed
+import numpy as np
+
+from pareto_ltl.planning.refine.sampled import Candidate, path_length, steps_needed
+from pareto_ltl.planning.refine.starts import Start, StartKind, led_starts, returning_starts, unlike_starts
 from pareto_ltl.planning.refine.sweep import (
+    COARSE,
     KEPT,
     SPACING,
     WARM,
@@ -18,10 +26,13 @@ from pareto_ltl.planning.refine.sweep import (
     fewest_steps,
     front_of,
     held_within,
+    in_time,
     on_other_sides,
     smoothed,
+    timed_means,
 )
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.machine import on_all_cores
 
 SPARE = (0, 1, 3)  # numbers of steps tried, beyond the fewest, besides the number of the path itself
 SLOWER = 0.1  # of the fewest steps: a longer path is also tried in so many more
@@ -31,21 +42,122 @@ SHORTEN = 1.3  # paths up to this many times as long as the cap are shortened to
 PAYS = 0.95  # a longer path is worth it if its failure is below this share of a shorter one's
 WORTH = 0.95  # a sweep ends after two consecutive levels above this share of the failure before
 RISING = 2  # classes of a level that the rising sweep continues
+LOOSE = 1.1  # factor by which the first polish may lengthen a start
+LINES, GROWN, LONGEST = 12, 16, 4  # starts that are polished: the best lines and tree paths, and the longest
+FLIPPED = 2  # candidates that are tried on the other side of obstacles
+LED_ROUNDS = 2  # of leading the safest candidates through one landmark more
+LED, LED_LOOKS = 4, 6  # candidates that are led in a round, and copies that are polished
+HOPELESS = 0.3  # share of the success of the best start below which candidates are dropped
 
 
-def swept_down(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]) -> list[list[Candidate]]:
+# --- first looks ------------------------------------------------------------------------------------
+
+
+def looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candidate]:
+    """What cheap polishes make of the most promising starts, the hopeful ones polished twice; best first."""
+    seen = first_looks(sweep, starts)
+    hopeful = [k for k in seen if k.smoothed < hopeless_above(seen)]
+    return sorted([*seen, *second_looks(sweep, hopeful)], key=smoothed)
+
+
+def second_looks(sweep: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
+    """The paths polished again at their own lengths, to find the length cap to begin with."""
+    how = sweep.polish_of(WARM, 3)
+
+    def again(k: Candidate) -> Candidate:
+        return k if sweep.over else sweep.refiner.polish(k.flight.x, sweep.few, how, k.length, k.origin)
+
+    return on_all_cores(again, seen)
+
+
+def first_looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candidate]:
+    """The most promising starts polished cheaply, the best also on the other side of obstacles.
+
+    The first start is polished even if the time budget is spent.
+    """
+    chosen = _promising(sweep, list(starts.values()))
+
+    look = partial(first_look, sweep)
+    found = in_time(sweep, look, chosen) or [look(start) for start in chosen[:1]]
+    known, tried = {kind for kind, _ in starts}, set[StartKind]()
+    best = _safest(found, FLIPPED)
+    again = [start for k in best for start in returning_starts(sweep.problem, k.flight, k.origin)]
+    found += in_time(sweep, look, [*on_other_sides(sweep.problem, best, known), *again])
+    for _ in range(LED_ROUNDS):
+        led = [start for k in _safest(found, LED) for start in led_starts(sweep.problem, k.flight, k.origin)]
+        if unlike := {kind: s for kind, s in unlike_starts(sweep.problem, led).items() if kind not in tried}:
+            tried |= unlike.keys()
+            new = list(unlike.values())
+            found += in_time(sweep, look, (new[k] for k in _by_fronts(_flown_once(sweep, new))[:LED_LOOKS]))
+    return sorted(found, key=smoothed)
+
+
+def _safest(found: Iterable[Candidate], most: int) -> list[Candidate]:
+    """Non-dominated candidates, the safest first."""
+    return sorted(front_of(found), key=smoothed)[:most]
+
+
+def _promising(sweep: Sweep, starts: Sequence[Start]) -> list[Start]:
+    """The best lines and the best tree paths in one simulation, and the longest starts.
+
+    The best are taken by whole fronts of failure and length. Lines do not compete with tree paths: every seed
+    has the same ones.
+    """
+    if not starts:
+        return []
+    rows, grown = _flown_once(sweep, starts), np.array([start.grown for start in starts])
+    order = _by_fronts(rows)
+    lines, trees = order[~grown[order]][:LINES], order[grown[order]][:GROWN]
+    longest = np.argsort(-rows[:, 1], kind="stable")[:LONGEST]
+    return [starts[k] for k in dict.fromkeys([*lines.tolist(), *trees.tolist(), *longest.tolist()])]
+
+
+def _flown_once(sweep: Sweep, starts: Sequence[Start]) -> FloatArray:
+    """Smoothed failure and length [m] of each start in one simulation, (n, 2)."""
+    width = sweep.polish_of(COARSE, 1).widths[0]
+
+    def row(start: Start) -> tuple[float, float]:
+        flight = sweep.refiner.flown(timed_means(sweep.problem, start.x, 1))
+        k = sweep.refiner.assessed(flight, sweep.few, width)
+        return k.smoothed, k.length
+
+    return np.array(on_all_cores(row, starts))
+
+
+def _by_fronts(rows: FloatArray) -> IntArray:
+    """The order of rows (failure, length) by whole fronts, the safest of a front first."""
+    import moocore
+
+    return np.lexsort((rows[:, 0], moocore.pareto_rank(rows)))
+
+
+def first_look(sweep: Sweep, start: Start) -> Candidate:
+    """A start polished with few flights, at about its own length."""
+    x, how = timed_means(sweep.problem, start.x, 1), sweep.polish_of(COARSE, 4)
+    return sweep.refiner.polish(x, sweep.few, how, LOOSE * path_length(x), start.origin)
+
+
+def hopeless_above(seen: Sequence[Candidate]) -> float:
+    """The smoothed failure above which paths are dropped: they succeed far more rarely than the best seen."""
+    return 1.0 - HOPELESS * (1.0 - min((k.smoothed for k in seen), default=0.0))
+
+
+# --- length caps ------------------------------------------------------------------------------------
+
+
+def swept_down(sweep: Sweep, seen: Sequence[Candidate]) -> list[list[Candidate]]:
     """The best classes at falling caps, from the longest length that pays."""
     seen = [k for k in seen if k.smoothed < sweep.hopeless]
     if not seen:
         return []
-    cap, levels = _longer_levels(sweep, pool, seen, _longest_worth(seen))
+    cap, levels = _longer_levels(sweep, seen, _longest_worth(seen))
     cap, beam, number = KEPT * cap, list[Candidate](), 0
     known, shortest = [*seen, *chain(*levels)], min(k.length for k in seen)
     while (beam or cap >= shortest) and not sweep.over:
         entering = [k for k in known if cap / SPACING < k.length <= cap]
-        made = _polished_at(sweep, pool, [*beam, *entering], cap, SPARE[:2])
+        made = _polished_at(sweep, [*beam, *entering], cap, SPARE[:2])
         if number % FLIP_EVERY == 0:
-            made += _other_sides(sweep, pool, made, cap)
+            made += _other_sides(sweep, made, cap)
         beam = best_of_classes(sweep.problem, made, sweep.cfg.classes)
         levels.append(beam)
         cap, number = cap / SPACING, number + 1
@@ -53,7 +165,7 @@ def swept_down(sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate]
 
 
 def _longer_levels(
-    sweep: Sweep, pool: ThreadPoolExecutor, seen: Sequence[Candidate], longest: float
+    sweep: Sweep, seen: Sequence[Candidate], longest: float
 ) -> tuple[float, list[list[Candidate]]]:
     """Levels above ``longest`` [m], the longest first, until two in a row fail no less.
 
@@ -67,7 +179,7 @@ def _longer_levels(
         longer = [k for k in known if cap < k.length <= SHORTEN * cap]
         groups = (best_of_classes(sweep.problem, some, sweep.cfg.classes) for some in (shorter, longer))
         lines = [line for k in chain(*groups) for line in timed_lines(sweep, k, SPARE[1:2])]
-        made = held_within(sweep, pool, lines, sweep.polish_of(WIDE, 3), cap)
+        made = held_within(sweep, lines, sweep.polish_of(WIDE, 3), cap)
         known += made
         levels.insert(0, best_of_classes(sweep.problem, made, sweep.cfg.classes))
         best = min((*made, *seen[:1]), key=smoothed)
@@ -87,9 +199,7 @@ def _longest_worth(seen: Iterable[Candidate]) -> float:
     return longest.length
 
 
-def swept_up(
-    sweep: Sweep, pool: ThreadPoolExecutor, below: Sequence[Sequence[Candidate]]
-) -> list[list[Candidate]]:
+def swept_up(sweep: Sweep, below: Sequence[Sequence[Candidate]]) -> list[list[Candidate]]:
     """The best classes at rising caps: the levels ``below``, then until longer paths do not fail less."""
     kept = sorted((list(level) for level in below if level), key=_longest)
     if not kept:
@@ -99,7 +209,7 @@ def swept_up(
     while (k < len(kept) or vain < 2) and not sweep.over:
         known = kept[k] if k < len(kept) else []
         cap = _longest(known) if known else cap * SPACING
-        made = _polished_at(sweep, pool, beam[:RISING], cap, SPARE[1:], SLOWER)
+        made = _polished_at(sweep, beam[:RISING], cap, SPARE[1:], SLOWER)
         least = beam[0].smoothed
         beam = best_of_classes(sweep.problem, [*made, *known, *beam], sweep.cfg.classes)
         vain = 0 if beam[0].smoothed < WORTH * least else vain + 1
@@ -112,9 +222,7 @@ def _longest(level: Sequence[Candidate]) -> float:
     return max(k.length for k in level)
 
 
-def filled_gaps(
-    sweep: Sweep, pool: ThreadPoolExecutor, levels: Sequence[Sequence[Candidate]]
-) -> list[list[Candidate]]:
+def filled_gaps(sweep: Sweep, levels: Sequence[Sequence[Candidate]]) -> list[list[Candidate]]:
     """Levels in the gaps of the front: the path above a gap at falling caps, while it is better.
 
     A class that only the rising sweep has found is not known at shorter lengths.
@@ -123,19 +231,18 @@ def filled_gaps(
     for below, above in pairwise(front):
         best = [above]
         while best and not sweep.over and best[0].length > SPACING**2 * below.length:
-            best = _polished_at(sweep, pool, best[:1], best[0].length / SPACING, SPARE[:2])
+            best = _polished_at(sweep, best[:1], best[0].length / SPACING, SPARE[:2])
             best = sorted((k for k in best if k.smoothed < below.smoothed), key=smoothed)
             made.append(best)
     return made
 
 
 def _polished_at(
-    sweep: Sweep, pool: ThreadPoolExecutor, begun: Sequence[Candidate], cap: float, spare: Sequence[int],
-    slower: float | None = None,
-) -> list[Candidate]:  # fmt: skip
+    sweep: Sweep, begun: Sequence[Candidate], cap: float, spare: Sequence[int], slower: float | None = None
+) -> list[Candidate]:
     """``begun`` polished at a length cap in several numbers of steps; those within the cap are returned."""
     lines = [line for k in begun for line in timed_lines(sweep, k, spare, slower)]
-    return held_within(sweep, pool, lines, sweep.polish_of(WARM, 3), cap)
+    return held_within(sweep, lines, sweep.polish_of(WARM, 3), cap)
 
 
 def timed_lines(
@@ -152,11 +259,9 @@ def timed_lines(
     return [(k.flight.x, steps, k.origin) for steps in dict.fromkeys([*spare, own, *more])]
 
 
-def _other_sides(
-    sweep: Sweep, pool: ThreadPoolExecutor, made: Sequence[Candidate], cap: float
-) -> list[Candidate]:
+def _other_sides(sweep: Sweep, made: Sequence[Candidate], cap: float) -> list[Candidate]:
     """The best of ``made`` bent to the other side of every near obstacle, in classes not among ``made``."""
     best = sorted(made, key=smoothed)[:1]
     new = on_other_sides(sweep.problem, best, {class_of(sweep.problem, k) for k in made})
     lines = [(start.x, 1, start.origin) for start in new]
-    return held_within(sweep, pool, lines, sweep.polish_of(WIDE, 3), cap)
+    return held_within(sweep, lines, sweep.polish_of(WIDE, 3), cap)

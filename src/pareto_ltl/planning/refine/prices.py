@@ -33,9 +33,9 @@ from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch, shown_letters
 from pareto_ltl.planning.problem import Problem, barrier_outlines, barrier_polygons, lines_of
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine.epsilon import barrier_names
-from pareto_ltl.planning.refine.programme import Solution, programmes_of
+from pareto_ltl.planning.refine.programme import Solution, programme_for
 from pareto_ltl.planning.refine.sampled import deviations_from
+from pareto_ltl.planning.refine.separation import barrier_names
 from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
@@ -127,7 +127,7 @@ def _solution(problem: Problem, path: PlannedPath, model: Descent) -> Solution |
     if len(path.u) > MOST_STEPS or problem.fidelity.judge != "flights" or problem.fidelity.refine == "none":
         return None
     length = path.objectives.length
-    return programmes_of(problem).of(len(path.u)).descend(propagate(problem, path.x), model, TRUST, length)
+    return programme_for(problem, len(path.u)).descend(propagate(problem, path.x), model, TRUST, length)
 
 
 def _uses_all_airspeed(problem: Problem, path: PlannedPath) -> bool:

@@ -298,31 +298,17 @@ def programme(problem: Problem, steps: int, witnesses: int = 0, faces: int = 0) 
     return Programme(problem, Shape(steps, witnesses, faces, b_inv, motion.u_min > 0.0))
 
 
-@dataclass(slots=True)
-class Programmes:
-    """The programmes of one problem by size, each stated at first use.
+@lru_cache(maxsize=2)
+def programmes_of(problem: Problem) -> dict[int, Programme]:  # noqa: ARG001 - the key of the cache
+    """The programmes of ``problem`` by size, kept for the last two problems: stating one takes 0.2 s."""
+    return {}
+
+
+def programme_for(problem: Problem, steps: int) -> Programme:
+    """The programme for a path of ``steps`` steps: the next size on a ladder of ratios up to 3/2.
 
     The size depends on the number of steps alone, so that results do not depend on the order of the solves.
     """
-
-    problem: Problem
-    _of: dict[int, Programme] = field(default_factory=dict)
-    _lock: Lock = field(default_factory=Lock)
-
-    def of(self, steps: int) -> Programme:
-        """The programme for a path of ``steps`` steps: the next size on a ladder of ratios up to 3/2."""
-        block = 1 << max(steps.bit_length() - 2, 0)
-        size = -(-steps // block) * block
-        with self._lock:
-            return self._of.setdefault(size, programme(self.problem, size))
-
-    @property
-    def solves(self) -> int:
-        """How many programmes have been solved."""
-        return sum(one.solves for one in self._of.values())
-
-
-@lru_cache(maxsize=2)
-def programmes_of(problem: Problem) -> Programmes:
-    """The programmes of ``problem``, kept for the last two problems: stating one takes 0.2 s."""
-    return Programmes(problem)
+    block = 1 << max(steps.bit_length() - 2, 0)
+    size = -(-steps // block) * block
+    return programmes_of(problem).setdefault(size, programme(problem, size))

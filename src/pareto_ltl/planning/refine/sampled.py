@@ -22,15 +22,6 @@ from pareto_ltl.kernels import descent as kd
 from pareto_ltl.kernels import margin as km
 from pareto_ltl.kernels.attraction import NEAREST, add_attraction
 from pareto_ltl.kernels.data import LandmarkLaw
-from pareto_ltl.kernels.descent import (
-    INNER_GAIN,
-    LEAST_VALUE,
-    NARROWER,
-    NARROWEST,
-    OVERLONG,
-    SHORTENED,
-    WIDER,
-)
 from pareto_ltl.kernels.margin_events import MarginModel
 from pareto_ltl.kernels.pacing import fill_leg_times
 from pareto_ltl.kernels.path import Flight
@@ -43,7 +34,7 @@ from pareto_ltl.planning.evaluate import (
 )
 from pareto_ltl.planning.margin_model import margin_scratch, model_of_order, nearest_order, ordered
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.programme import programmes_of
+from pareto_ltl.planning.refine.programme import programme_for
 from pareto_ltl.planning.refine.separation import ROUNDING, allowed_risk, separation
 from pareto_ltl.planning.refine.step_programme import Descent, path_limits, step_memory, step_model
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
@@ -177,7 +168,7 @@ class Refiner:
         scratch = margin_scratch(model, off.shape[2], len(x))
         share = off.shape[2] / runs
         value = share * float(km.smoothed_failure(model, x, off, width, slope, scratch))
-        descent = Descent(share * slope.gradient, share * slope.hessian, max(value, LEAST_VALUE))
+        descent = Descent(share * slope.gradient, share * slope.hessian, max(value, kd.LEAST_VALUE))
         return descent, scratch.margins
 
     # --- polishing ---
@@ -266,28 +257,28 @@ class ConstrainedRefiner(Refiner):
         here = self.with_lure(here, flight, sample)
         value = here.value + self.penalty(flight, solves.longest)
         for _ in range(solves.number):
-            cap = max(solves.longest, SHORTENED * path_length(flight.x))
+            cap = max(solves.longest, kd.SHORTENED * path_length(flight.x))
             x = self.next_means(flight, here, trust, cap)
             if x is None:
-                trust *= NARROWER
+                trust *= kd.NARROWER
                 continue
             other = self.flown(x)
             there = self.objective(other, sample)
             now = there.value + self.penalty(other, solves.longest)
             if now < value:
                 gain = (value - now) / value
-                flight, here, value, trust = other, there, now, min(WIDER * trust, 1.0)
-                if gain < INNER_GAIN:
+                flight, here, value, trust = other, there, now, min(kd.WIDER * trust, 1.0)
+                if gain < kd.INNER_GAIN:
                     break
             else:
-                trust *= NARROWER
-                if trust < NARROWEST:
+                trust *= kd.NARROWER
+                if trust < kd.NARROWEST:
                     break
         return flight
 
     def next_means(self, flight: Flight, here: Descent, trust: float, cap: float) -> FloatArray | None:
         """Means (T+1, 2) [m] that lower the model ``here`` of ``flight``; None if there are none."""
-        solution = programmes_of(self.problem).of(len(flight.u)).descend(flight, here, trust, cap)
+        solution = programme_for(self.problem, len(flight.u)).descend(flight, here, trust, cap)
         return None if solution is None else solution.x
 
     def objective(self, flight: Flight, sample: kd.Sample) -> Descent:
@@ -311,7 +302,7 @@ class ConstrainedRefiner(Refiner):
         """
         risk, limit = separation(self.problem, flight).risk, allowed_risk(self.problem)
         above = np.maximum(risk / limit - 1.0 - ROUNDING, 0.0).sum()
-        return OVERLONG * max(0.0, path_length(flight.x) / longest - 1.0) + EXCESS * float(above)
+        return kd.OVERLONG * max(0.0, path_length(flight.x) / longest - 1.0) + EXCESS * float(above)
 
 
 def divided(x: FloatArray, parts: int) -> FloatArray:

@@ -15,14 +15,12 @@ from pareto_ltl.kernels.descent import SLOWEST
 from pareto_ltl.planning.evaluate import completing_path, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
-from pareto_ltl.planning.refine.epsilon import within_limits
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.programme import Programme, programme
 from pareto_ltl.planning.refine.sampled import path_length
-from pareto_ltl.planning.refine.separation import kept_deviations
+from pareto_ltl.planning.refine.separation import kept_deviations, within_limits
 from pareto_ltl.planning.refine.starts import line_starts, roadmap_starts, unlike_starts
-from pareto_ltl.planning.routes.obligations import completes, path_obligations
-from pareto_ltl.planning.routes.orders import MissionOrder, mission_order
+from pareto_ltl.planning.routes.obligations import MissionOrder, completes, mission_order, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.planning.routes.taut_lines import CAP, pull_taut, taut_line, walk_line
 from pareto_ltl.settings import SmoothingConfig
@@ -182,7 +180,7 @@ def taut_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[PlannedP
         if plan is not None:
             firsts.setdefault(plan, path)
     for plan, path in firsts.items():
-        line = taut_line(problem, plan, path, depth, kept_deviations(problem))
+        line = taut_line(problem, plan, path.x, path.cov, depth, kept_deviations(problem))
         x = None if line is None else walk_line(problem, line)
         x = None if x is None else paced_line(problem, x)
         if x is not None and completes(problem, x):

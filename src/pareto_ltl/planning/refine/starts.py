@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise, product
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath, Tree
 from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.sampled import path_length
-from pareto_ltl.planning.routes.orders import possible_orders
+from pareto_ltl.planning.routes.obligations import possible_orders
 from pareto_ltl.planning.routes.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
 from pareto_ltl.planning.routes.roadmap import led_lines, roadmap_lines
 from pareto_ltl.planning.routes.search_map import blocked_area, meets, sights
@@ -49,11 +49,6 @@ class Start:
     x: FloatArray
     origin: str
     grown: bool = False
-
-
-class _Waiting(NamedTuple):
-    x: FloatArray
-    cov: FloatArray
 
 
 def unlike_starts(problem: Problem, starts: Iterable[Start]) -> dict[StartKind, Start]:
@@ -129,11 +124,11 @@ def line_starts(problem: Problem) -> list[Start]:
     far into them.
     """
     waits = np.repeat(problem.scene.start[None], problem.horizon + 1, axis=0)
-    waiting = _Waiting(waits[:1], square_matrices(propagate(problem, waits).cov))
+    cov = square_matrices(propagate(problem, waits).cov)
     orders, found = possible_orders(problem, ORDERS), list[Start]()
     for depth in DEPTHS:
         for plan, z in product(orders, DISTANCES):
-            line = taut_line(problem, plan, waiting, depth, z)
+            line = taut_line(problem, plan, waits[:1], cov, depth, z)
             if line is not None:
                 found += _walked(problem, line, f"taut line, {z:g} deviations from obstacles")
         if found:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -27,8 +26,10 @@ from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
+from pareto_ltl.support.machine import on_all_cores
 
 Item = TypeVar("Item")
+Progress = Callable[..., None]
 
 COARSE = (0.020, 0.007)  # widths τ of the first polish of a start, as shares of the map's size
 WARM = (0.008, 0.004)  # widths τ in a sweep
@@ -40,6 +41,9 @@ SWEEP_SHARE = 0.75  # share of a budget after which only the last polish is left
 SPACING = 1.03  # ratio of neighbouring length caps
 PLATEAU = 1.5  # a gap of more levels than this between two paths of a front is a plateau
 WITHIN_REACH = 20.0  # excess of a path above which it is not made to keep epsilon: a segment at 3 epsilon
+COARSE_SHARES = (0.4, 0.5)  # of a time budget, after which each of the coarse searches ends
+SEARCH_STEPS = 4  # that are reported of each search
+ALL_STEPS = SEARCH_STEPS * (len(COARSE_SHARES) + 1)
 KEPT = 1.002  # a path may exceed its cap by this factor
 
 
@@ -49,6 +53,8 @@ class Sweep:
 
     The common flights, the time ``budget``, the smoothed failure above which paths are ``hopeless``, and the
     largest ``excess`` of a path that is searched for.
+
+    ``progress`` is called with the steps of the search, the ``before`` steps of earlier ones counted.
 
     The last polish is made by ``closing``, within the chance constraints.
 
@@ -64,6 +70,8 @@ class Sweep:
     flights: CommonFlights
     many: CommonFlights
     budget: Budget = UNLIMITED
+    progress: Progress | None = None
+    before: int = ALL_STEPS - SEARCH_STEPS
     hopeless: float = 1.0
     excess: float = math.inf
 
@@ -79,13 +87,14 @@ class Sweep:
 
 
 def new_sweep(
-    cfg: RefineConfig, problem: Problem, flights: CommonFlights, budget: Budget = UNLIMITED
-) -> Sweep:
+    cfg: RefineConfig, problem: Problem, flights: CommonFlights, budget: Budget = UNLIMITED,
+    progress: Progress | None = None,
+) -> Sweep:  # fmt: skip
     """A sweep with the first of ``flights``; ``cfg`` says how many."""
     model, usual, flights = margin_model(problem), cfg.flights, flights.linear()
     few, some, many = (first_of(flights, n) for n in (cfg.sweep_flights, usual, MORE_FLIGHTS * usual))
     closing = ConstrainedRefiner(problem, model)
-    return Sweep(cfg, problem, Refiner(problem, model), closing, few, some, many, budget)
+    return Sweep(cfg, problem, Refiner(problem, model), closing, few, some, many, budget, progress)
 
 
 def first_of(flights: CommonFlights, runs: int) -> CommonFlights:
@@ -105,25 +114,23 @@ def fewest_steps(needed: FloatArray) -> int:
 
 
 def held_within(
-    sweep: Sweep, pool: ThreadPoolExecutor, lines: Sequence[tuple[FloatArray, int, str]], how: Polish,
-    cap: float,
-) -> list[Candidate]:  # fmt: skip
+    sweep: Sweep, lines: Sequence[tuple[FloatArray, int, str]], how: Polish, cap: float
+) -> list[Candidate]:
     """Lines (means, steps beyond the fewest, origin) polished at a length cap; returns those within it."""
 
     def one(line: tuple[FloatArray, int, str]) -> Candidate:
         x, more, origin = line
         return sweep.refiner.polish(timed_means(sweep.problem, x, more), sweep.few, how, cap, origin)
 
-    made = in_time(pool, lambda: sweep.over, one, lines)
+    made = in_time(sweep, one, lines)
     return near_epsilon(sweep, (k for k in made if k.length <= KEPT * cap and k.smoothed < sweep.hopeless))
 
 
 def in_time(
-    pool: ThreadPoolExecutor, over: Callable[[], bool], make: Callable[[Item], Candidate],
-    items: Iterable[Item],
-) -> list[Candidate]:  # fmt: skip
-    """What ``make`` makes of ``items``, but for those whose turn comes when time is ``over``."""
-    made = pool.map(lambda item: None if over() else make(item), items)
+    sweep: Sweep, make: Callable[[Item], Candidate], items: Iterable[Item], share: float = SWEEP_SHARE
+) -> list[Candidate]:
+    """What ``make`` makes of ``items``, but for those whose turn comes when ``share`` of the time is over."""
+    made = on_all_cores(lambda item: None if sweep.budget.over(share) else make(item), items)
     return [k for k in made if k is not None]
 
 

@@ -18,16 +18,9 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.pack import pack_barriers, pack_faces
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.world import scene_simplify as outline
 from pareto_ltl.world.cells import convex_obstacles, convex_pieces
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_simplify import (
-    CLOSED,
-    Room,
-    corner_count,
-    narrowed_polygon,
-    widened_polygon,
-    without_pools,
-)
 
 if TYPE_CHECKING:
     import shapely
@@ -134,9 +127,9 @@ def _covering_parts(problem: Problem, tally: _Simplifier) -> tuple[FloatArray, .
     import shapely
 
     scene, outlines = problem.scene, []
-    for outline in scene.obstacles:
-        polygon = shapely.Polygon(outline)
-        found = tally.simpler(polygon, widened_polygon) if len(outline) > MANY_CORNERS else polygon
+    for corners in scene.obstacles:
+        polygon = shapely.Polygon(corners)
+        found = tally.simpler(polygon, outline.widened_polygon) if len(corners) > MANY_CORNERS else polygon
         outlines.append(found)
     if not tally.before:
         return problem.decomposition.obstacles
@@ -157,7 +150,7 @@ class _Simplifier:
     """Simplifies polygons of one map, and counts their corners ``before`` and ``after``."""
 
     scene: Scene
-    room: Room
+    room: outline.Room
     before: int = 0
     after: int = 0
     farthest: float = 0.0
@@ -168,7 +161,7 @@ class _Simplifier:
 
         outlines = [shapely.Polygon(p) for p in (*scene.obstacles, *scene.region_outlines)]
         size = float(np.ptp(scene.bounds, axis=0).max())
-        return cls(scene, Room.of([*outlines, shapely.Point(scene.start)], size))
+        return cls(scene, outline.Room.of([*outlines, shapely.Point(scene.start)], size))
 
     @property
     def size(self) -> float:
@@ -179,7 +172,7 @@ class _Simplifier:
         """``shape`` after ``change``, or ``shape`` itself if that does not reduce its corners."""
         tolerance = self.room.tolerance(shape, MAP_SHARE * self.size)
         found = change(shape, tolerance)
-        before, after = corner_count(shape), corner_count(found)
+        before, after = outline.corner_count(shape), outline.corner_count(found)
         if after >= before:
             return shape
         self.before, self.after = self.before + before, self.after + after
@@ -194,10 +187,13 @@ class _Simplifier:
         if sum(map(len, cells)) <= MANY_CELLS:
             return ShownCells(np.array(numbers), cells, cells, united=False)
         union = shapely.union_all([shapely.Polygon(cell) for cell in cells], grid_size=UNION_GRID * self.size)
-        parts = [without_pools(part, CLOSED * self.size) for part in shapely.get_parts(union).tolist()]
+        parts = [
+            outline.without_pools(part, outline.CLOSED * self.size)
+            for part in shapely.get_parts(union).tolist()
+        ]
         within, around = (
             convex_pieces(self.scene, [self.simpler(part, change) for part in parts])
-            for change in (narrowed_polygon, widened_polygon)
+            for change in (outline.narrowed_polygon, outline.widened_polygon)
         )
         return ShownCells(np.array(numbers), within, around, united=True)
 
@@ -207,7 +203,7 @@ class _Simplifier:
 
         if len(part) <= MANY_CORNERS:
             return part
-        found = self.simpler(shapely.Polygon(part), narrowed_polygon)
+        found = self.simpler(shapely.Polygon(part), outline.narrowed_polygon)
         return shapely.get_coordinates(shapely.orient_polygons(found))[:-1]
 
 

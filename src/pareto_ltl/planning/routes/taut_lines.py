@@ -6,17 +6,14 @@ import heapq
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.visibility import TOUCH, Distances, Places, arrivals, seen_places
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.routes.bends import bend_places, gap_places
-from pareto_ltl.planning.routes.course import FACE_MARGIN, Course, mission_course
-from pareto_ltl.planning.routes.obligations import face_deviations
-from pareto_ltl.planning.routes.orders import MissionOrder
+from pareto_ltl.planning.routes.course import FACE_MARGIN, Course, bend_places, gap_places, mission_course
+from pareto_ltl.planning.routes.obligations import MissionOrder, face_deviations
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.planning.wind_lookup import interpolate
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
@@ -53,37 +50,26 @@ def longest_share(motion: kd.Motion, x: FloatArray, goal: FloatArray, wind: Floa
     return 0.0 if disc < 0.0 else min(1.0, (math.sqrt(disc) - bb) / aa)
 
 
-class Spread(Protocol):
-    """Places (T+1, 2) [m] where a line may bend, and the covariance (T+1, 2, 2) [m²] at each step."""
-
-    @property
-    def x(self) -> FloatArray:
-        """Positions (T+1, 2) [m]."""
-
-    @property
-    def cov(self) -> FloatArray:
-        """Covariances (T+1, 2, 2) [m²]."""
-
-
 def taut_line(
-    problem: Problem, plan: MissionOrder, path: Spread, depth: float, z: float
+    problem: Problem, plan: MissionOrder, x: FloatArray, cov: FloatArray, depth: float, z: float
 ) -> FloatArray | None:
     """The shortest line (n, 2) that visits in the given order and keeps z σ from every obstacle.
 
     Two places of the line see each other if, flown from one to the other in full steps of still air, every
     step has one face of every obstacle that is cleared at both its ends, as in (M39). The line bends at
-    vertices of ``path``, at corners of obstacles that grow with the time of arrival (σ of the path at that
-    step), and in regions. ``depth`` in [0, 1] says how deep into a region a visit goes: 0 the rim, 1 the
-    middle. Polygons with many corners are simplified (:mod:`~pareto_ltl.planning.routes.search_map`).
+    places ``x`` (n, 2) [m], at corners of obstacles that grow with the time of arrival (σ of ``cov``
+    (T+1, 2, 2) [m²] at that step), and in regions. ``depth`` in [0, 1] says how deep into a region a visit
+    goes: 0 the rim, 1 the middle. Polygons with many corners are simplified
+    (:mod:`~pareto_ltl.planning.routes.search_map`).
 
     The search is A* over the places of all transitions; its heuristic is the way left without walls (Hart,
     Nilsson and Raphael, 1968, doi:10.1109/TSSC.1968.300136). None if there is no line.
     """
     drawn = search_map(problem)
-    sd = np.sqrt(np.maximum(np.linalg.eigvalsh(path.cov)[:, -1], 0.0))
+    sd = np.sqrt(np.maximum(np.linalg.eigvalsh(cov)[:, -1], 0.0))
     corners, out = bend_places(drawn.obstacles)
     gaps, wider = gap_places(drawn.obstacles, drawn.barriers, z * float(sd.max()))
-    bends = np.vstack([corners, gaps, path.x]), np.vstack([out, wider, np.zeros_like(path.x)])
+    bends = np.vstack([corners, gaps, x]), np.vstack([out, wider, np.zeros_like(x)])
     course = mission_course(problem, drawn, plan, bends, depth)
     bounds = problem.scene.bounds + np.array([[FACE_MARGIN], [-FACE_MARGIN]])
     search = _LineSearch.of(course, bounds, Distances(problem.reach, z * sd + FACE_MARGIN))
