@@ -77,6 +77,11 @@ def grown_in(law: str = "coherent", border: str = "open"):
     return problem, grow_forest(PLANNER, problem, SeedSequence(3))
 
 
+@pytest.fixture(scope="module")
+def grown():
+    return grown_in()
+
+
 def searched(problem, starts, flights, *limits):
     """What one search finds; ``limits``: a budget, and who hears of its progress."""
     begun = front_sweep.new_sweep(REFINE, problem, flights, *limits)

@@ -211,15 +211,11 @@ def test_a_path_is_dropped_where_a_shorter_one_is_safer_beyond_chance():
     ]
 
 
-class SlowlySafer:
+def slowly_safer(_problem, paths, runs, _seed):
     """A race of many paths: path k is k + 1 long, and its flights fail with probability 0.02 / (k + 1)."""
-
-    def __init__(self, paths, runs):
-        self.blocks = block_rows(runs)
-        self.chance = np.random.default_rng(4).random((runs, 1)) < 0.02 / (1.0 + np.arange(len(paths)))
-
-    def failures(self, number, running):
-        return self.chance[self.blocks[number]][:, running].T
+    blocks = block_rows(runs)
+    failed = np.random.default_rng(4).random((runs, 1)) < 0.02 / (1.0 + np.arange(len(paths)))
+    return blocks, lambda number, running: failed[blocks[number]][:, running].T
 
 
 def test_refined_paths_that_rarely_fail_stay_among_many(monkeypatch, task, given_paths):
@@ -228,7 +224,7 @@ def test_refined_paths_that_rarely_fail_stay_among_many(monkeypatch, task, given
         replace(given_paths[1][0], objectives=replace(COSTS, costs={"length": 1.0 + k}))
         for k in range(4 * judging.CROWD)
     ]
-    monkeypatch.setattr(judging, "race_of", lambda _problem, paths, runs, _seed: SlowlySafer(paths, runs))
+    monkeypatch.setattr(judging, "race_of", slowly_safer)
     flown = fly_race(task, paths, 20_000, SeedSequence(8))
     assert [one.path.objectives.length for one in flown] == [1.0 + k for k in range(len(paths))]
     assert len(fly_race(task, paths, 20_000, SeedSequence(8), judging.CROWD)) < len(paths)

@@ -20,8 +20,8 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import SHARES, Autopilot, Beliefs, FilterLaw, Moves, Navigator, Pilot
+from pareto_ltl.planning.costs import EnergyModel
 from pareto_ltl.planning.evaluate import propagate
-from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
@@ -370,7 +370,8 @@ def failure_times(problem: Problem, flown: Deployment) -> FailureTimes:
             met = np.flatnonzero(getattr(flown, flag))
             note(met, _first_steps(problem, flown.law, flown.x[met], flag), why)
     missed = np.flatnonzero(~flown.accepted)
-    broken = np.array([_broken_step(problem, flown.x[flight]) for flight in missed], np.int64)
+    trapped = [np.isinf(problem.automaton.distance[problem.states(flown.x[flight])]) for flight in missed]
+    broken = np.array([row.argmax() if row.any() else steps + 1 for row in trapped], np.int64)
     note(missed, broken, BROKEN)
     note(missed, np.full(len(missed), steps), MISSED)
     return FailureTimes(steps, np.where(cause >= 0, step, NO_FAILURE), cause)
@@ -394,9 +395,3 @@ def _first_steps(problem: Problem, law: str, x: FloatArray, flag: str) -> IntArr
         )
         stack += [(flights[seen], low, middle), (flights[~seen], middle, high)]
     return found
-
-
-def _broken_step(problem: Problem, x: FloatArray) -> int:
-    """The first step of a flight ``x`` (T+1, 2) in the trap of the automaton; T + 1 if there is none."""
-    lost = np.flatnonzero(np.isinf(problem.automaton.distance[problem.states(x)]))
-    return int(lost[0]) if len(lost) else len(x)

@@ -10,7 +10,7 @@ rarely fail look like shorter ones until thousands of flights are flown.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, repeat
 
@@ -151,52 +151,34 @@ def unbeaten(paths: Sequence[Flown]) -> list[Flown]:
 # --- the race ---------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Race:
-    """Pilots and seeds of the flights of all paths.
+Failures = Callable[[int, Sequence[int]], BoolArray]
 
-    Attributes
-    ----------
-    pilots : sequence of callable
-        Maker of the pilot of each path.
-    sizes : sequence of int
-        Steps of each path.
-    blocks : sequence of slice, seeds : sequence of SeedSequence
-        The flights of each block, and its seed.
+
+def race_of(
+    problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: SeedSequence
+) -> tuple[list[slice], Failures]:
+    """The blocks of ``runs`` flights, as in ``simulate_flights`` with the same seed, and who fails in them.
+
+    The function tells, for the number of a block and those of some of the ``paths``, which flights of the
+    block fail on each of these, (R, n).
     """
+    for path in paths:
+        sim.require_known_wind(problem, path.u, path.x)
+    law, blocks, longest = problem.fidelity.law, sim.block_rows(runs), max(len(path.u) for path in paths)
+    seeds = sim.unspawned(seed).spawn(len(blocks))
+    pilots = [sim.pilot_maker(problem, path.u, path.x, law) for path in paths]
 
-    problem: Problem
-    pilots: Sequence[sim.PilotMaker]
-    sizes: Sequence[int]
-    blocks: Sequence[slice]
-    seeds: Sequence[SeedSequence]
-
-    def failures(self, number: int, running: Sequence[int]) -> BoolArray:
-        """Which flights of block ``number`` fail, for each of the paths ``running``, (R, n)."""
-        problem, law = self.problem, self.problem.fidelity.law
-        rows = self.blocks[number]
-        block = sim.draw_block(problem, law, rows.stop - rows.start, max(self.sizes), self.seeds[number])
-        n = len(block.start)
+    def failures(number: int, running: Sequence[int]) -> BoolArray:
+        n = blocks[number].stop - blocks[number].start
+        block = sim.draw_block(problem, law, n, longest, seeds[number])
         failed = np.empty((len(running), n), bool)
         for row, k in enumerate(running):
-            x = np.empty((n, self.sizes[k] + 1, 2))
-            sim.fly_block(problem, block, self.pilots[k], x)
+            x = np.empty((n, len(paths[k].x), 2))
+            sim.fly_block(problem, block, pilots[k], x)
             failed[row] = sim.judge_flights(problem, law, x).failed
         return failed
 
-
-def race_of(problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: SeedSequence) -> Race:
-    """The race of ``paths`` through ``runs`` flights, as in ``simulate_flights`` with the same seed."""
-    for path in paths:
-        sim.require_known_wind(problem, path.u, path.x)
-    blocks = sim.block_rows(runs)
-    return Race(
-        problem,
-        [sim.pilot_maker(problem, path.u, path.x, problem.fidelity.law) for path in paths],
-        [len(path.u) for path in paths],
-        blocks,
-        sim.unspawned(seed).spawn(len(blocks)),
-    )
+    return blocks, failures
 
 
 def fly_race(
@@ -206,14 +188,14 @@ def fly_race(
     if not paths:
         return []
     require_memory(2.0 * len(paths), "selection.draws", draws, "flights that judge the front")
-    race = race_of(problem, paths, draws, seed)
+    blocks, failures = race_of(problem, paths, draws, seed)
     costs = np.array([list(path.objectives.costs.values()) for path in paths])
     running, failed = np.arange(len(paths)), np.zeros((len(paths), draws), bool)
-    for numbers in looks(len(race.blocks)):
-        flown = on_all_cores(race.failures, numbers, repeat(running.tolist()))
+    for numbers in looks(len(blocks)):
+        flown = on_all_cores(failures, numbers, repeat(running.tolist()))
         for number, found in zip(numbers, flown, strict=True):
-            failed[running, race.blocks[number]] = found
-        seen = failed[running, : race.blocks[numbers[-1]].stop]
+            failed[running, blocks[number]] = found
+        seen = failed[running, : blocks[numbers[-1]].stop]
         left = ~certainly_beaten(seen, costs[running])
         running = running[left][outermost(seen[left].mean(axis=1), costs[running[left]], crowd)]
     return [Flown(paths[k], failed[k]) for k in running.tolist()]
@@ -233,9 +215,8 @@ def which_fail_each(
     problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: SeedSequence
 ) -> BoolArray:
     """:func:`which_fail` of several ``paths`` in the same winds, (P, runs)."""
-    race, numbers = race_of(problem, paths, runs, seed), range(len(paths))
-    found = on_all_cores(race.failures, range(len(race.blocks)), repeat(numbers))
-    return np.concatenate(found, axis=1)
+    blocks, failures = race_of(problem, paths, runs, seed)
+    return np.concatenate(on_all_cores(failures, range(len(blocks)), repeat(range(len(paths)))), axis=1)
 
 
 def looks(blocks: int) -> list[range]:
