@@ -69,7 +69,7 @@ def long():
     task, paths = planned("phi2", DT, 5.0, 1.5)
     x = smoothing.shortened_path(task, paths[0].x)
     assert 95 <= len(x) - 1 <= 110, f"the budgets speak of 100 steps, this line has {len(x) - 1}: change DT"
-    start = smoothing.Start(x, None, "")
+    start = smoothing.Start(x, "")
     model = smoothing.fitting_programme(task, [start])
     shared = smoothing.SmoothingTask(SmoothingConfig(), model, task, paths[0].objectives.length)
     smoothing.iterate(shared, x, 10.0)

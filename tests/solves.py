@@ -10,7 +10,7 @@ from pareto_ltl.kernels.margin import Slope
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.step_programme import Descent, path_limits, step_memory, step_model
+from pareto_ltl.planning.refine.programme import Descent, path_limits, step_memory
 from pareto_ltl.support.arrays import FloatArray
 
 
@@ -18,9 +18,9 @@ def next_means(
     problem: Problem, flight: Flight, descent: Descent, trust: float, longest: float
 ) -> FloatArray | None:
     """Means (T+1, 2) [m] that minimise the model about those of ``flight``; None: the solver has none."""
-    model, y = step_model(problem, len(flight.u)), np.empty_like(flight.x)
+    y = np.empty_like(flight.x)
     scratch = margin_scratch(margin_model(problem), 1, len(y))
-    memory = kernel.Memory(model, step_memory(model), scratch, np.empty(NEAREST, np.int64))
+    memory = kernel.Memory(*step_memory(problem, len(flight.u)), scratch, np.empty(NEAREST, np.int64))
     here = kernel.Guess(flight, Slope(descent.gradient, descent.hessian))
     law, limits = problem.world.law, path_limits(problem)
     solved = kernel.next_means(law, limits, here, descent.value, trust, longest, memory, y)

@@ -18,7 +18,7 @@ from levels import AT_NIGHT
 from pareto_ltl.inflight.journal import Journal, event_line, read_journal
 from pareto_ltl.inflight.telemetry import Reading, Sieve
 from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
-from pareto_ltl.planning.power import Body, EnergyModel
+from pareto_ltl.planning.costs import Body, EnergyModel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.errors import DataError

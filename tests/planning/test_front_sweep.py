@@ -470,14 +470,14 @@ def looked(grown):
 def test_a_longer_class_that_few_flights_rate_no_better_is_tried_on_all(looked):
     """Its path is on the front only if it fails less, and has another class than the safest point."""
     begun, seen = looked
-    best = {sweep.class_of(begun.problem, k): k for k in sorted(seen, key=sweep.smoothed, reverse=True)}
+    best = {begun.class_of(k): k for k in sorted(seen, key=sweep.smoothed, reverse=True)}
     assert len(best) >= 2
     tried = 0
     for own, safest in best.items():
         rivals = last_polish.rival_points(begun, seen, [safest])
         tried += len(rivals)
         for k in rivals:
-            assert sweep.class_of(begun.problem, k) != own
+            assert begun.class_of(k) != own
             assert k.length > safest.length * (1.0 - 1e-9)
             assert k.smoothed < levels.WORTH * safest.smoothed
     assert last_polish.rival_points(begun, seen, []) == []

@@ -16,10 +16,10 @@ from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.refine import programme, sampled_paths
 from pareto_ltl.planning.refine.prices import segment_limits
+from pareto_ltl.planning.refine.programme import Descent
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Polish, Refiner
 from pareto_ltl.planning.refine.separation import barrier_names, separation, within_limits
 from pareto_ltl.planning.refine.starts import first_starts
-from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.support.errors import ConfigError, InfeasibleError

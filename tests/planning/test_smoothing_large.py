@@ -86,7 +86,7 @@ def test_a_programme_has_few_faces_though_the_region_has_2000():
     problem = make_problem("F a", scene, breezy(scene, 0.05))
     assert np.diff(problem.theorem2.faces.ptr).max() == 2000
     path = flown(problem, 4.0)
-    model = smoothing.fitting_programme(problem, [smoothing.Start(path.x, None, "")])
+    model = smoothing.fitting_programme(problem, [smoothing.Start(path.x, "")])
     assert model.shape.faces <= 40
     (best,) = smoothing.smooth_paths(SmoothingConfig(candidates=1, rounds=2, weights=[10.0]), problem, [path])
     witness = best.x[

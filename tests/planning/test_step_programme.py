@@ -14,10 +14,9 @@ from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.programme import Descent
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Refiner
-from pareto_ltl.planning.refine.step_programme import Descent
-from pareto_ltl.planning.routes.course import FACE_MARGIN
-from pareto_ltl.planning.routes.taut_lines import CAP
+from pareto_ltl.planning.routes.taut_lines import CAP, FACE_MARGIN
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.common_flights import draw_flights

@@ -13,9 +13,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from large_maps import MEGABYTE, SIDE, Waiting, many_discs, rough_disc
 from pareto_ltl.planning.pack import pack_faces
-from pareto_ltl.planning.routes.course import gap_places
 from pareto_ltl.planning.routes.obligations import possible_orders
-from pareto_ltl.planning.routes.taut_lines import taut_line
+from pareto_ltl.planning.routes.taut_lines import gap_places, taut_line
 from pareto_ltl.settings import RobotConfig
 from problems import KM, box, make_problem, make_scene, paper_problem, polygon_faces, steady_wind
 

@@ -12,8 +12,8 @@ from numpy.random import SeedSequence
 from pareto_ltl.exports.corridor import Corridor, flown_corridor
 from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
 from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.planning.costs import Rotor
 from pareto_ltl.planning.pack import with_feedback
-from pareto_ltl.planning.power import Rotor
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath
 from pareto_ltl.settings import ExportsConfig, Settings

@@ -121,13 +121,6 @@ def empty_flight(law: kd.Law, n: int) -> Flight:
     )  # fmt: skip
 
 
-def fix_steps(flight: Flight) -> tuple[int, ...]:
-    """Steps of a path before whose end the robot more probably than not measures its position anew."""
-    if not isinstance(flight.memory, kd.LandmarkMemory):
-        return ()
-    return tuple(int(t) for t in np.flatnonzero(flight.memory.chance[: len(flight.u)] >= EXPECTED))
-
-
 def takes_fixes(flight: Flight) -> bool:
     """Whether a fix, however unlikely, changes the covariance of a path."""
     return isinstance(flight.memory, kd.LandmarkMemory) and bool(flight.memory.used[0])
@@ -174,7 +167,11 @@ def evaluate_path(
             f"the path may collide with a probability of {probability_text(collision)} in "
             f"{problem.fidelity.law} winds, above planner.delta = {allowed:g}"
         )
-    steps = len(x)
+    memory, steps = flight.memory, len(x)
+    chance = memory.chance[: steps - 1] if isinstance(memory, kd.LandmarkMemory) else np.zeros(0)
+    fixes = np.flatnonzero(
+        chance >= EXPECTED
+    )  # steps before whose end the robot measures more often than not
     return PlannedPath(
         t=problem.motion.dt * np.arange(steps, dtype=float),
         x=x,
@@ -184,7 +181,7 @@ def evaluate_path(
         u=flight.u,
         objectives=_objectives(problem, flight, cell, collision),
         origin=origin,
-        fixes=fix_steps(flight),
+        fixes=tuple(fixes.tolist()),
         order=mission_order_text(problem, q, cell),
     )
 

@@ -16,9 +16,8 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.planning.costs import ALWAYS, Cost
+from pareto_ltl.planning.costs import ALWAYS, Cost, EnergyModel
 from pareto_ltl.planning.pack_logic import Reading, pack_corners
-from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.turns import Turns, TurnsOnTheSpot
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray

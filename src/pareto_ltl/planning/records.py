@@ -139,10 +139,6 @@ class Objectives:
         risks = {name: getattr(self, name) for name in RISKS}
         return {"length": self.length} | risks | self.further_costs
 
-    def without_risks(self) -> Objectives:
-        """The costs alone: all probabilities are NaN."""
-        return Objectives(self.costs, **dict.fromkeys(RISKS, math.nan))
-
 
 RISKS = tuple(part.name for part in fields(Objectives) if part.name != "costs")
 
@@ -396,8 +392,10 @@ class Plan(Displayed):
 
     def without_promise(self) -> Plan:
         """The plan without any probability, for a flight whose wind is outside the law."""
-        path = replace(self.path, objectives=self.path.objectives.without_risks())
-        return replace(self, path=path, promise=None, limits=None, prices=())
+        costs_alone = Objectives(self.path.objectives.costs, **dict.fromkeys(RISKS, math.nan))
+        return replace(
+            self, path=replace(self.path, objectives=costs_alone), promise=None, limits=None, prices=()
+        )
 
     def facts(self) -> Mapping[str, str]:
         """Formula, length, steps, further costs and what the plan promises."""

@@ -76,7 +76,10 @@ def selection_rule(cfg: SelectionConfig) -> SelectionRule:
     ConfigError
         If a rule of another package cannot be loaded, or reads a setting that does not exist.
     """
-    found = known_kind(extensions.SELECTION_RULE_GROUP, RULES, cfg.rule, _may_be_a_rule)
+    group = extensions.SELECTION_RULE_GROUP
+    found = known_kind(
+        group, RULES, cfg.rule, lambda loaded: isinstance(loaded, SelectionRule) or callable(loaded)
+    )
     rule = found if isinstance(found, SelectionRule) else SelectionRule(found, reads=("options",))
     if unknown := [name for name in rule.reads if not hasattr(cfg, name)]:
         raise ConfigError(
@@ -84,10 +87,6 @@ def selection_rule(cfg: SelectionConfig) -> SelectionRule:
             f"expected some of {', '.join(field.name for field in fields(cfg))}"
         )
     return rule
-
-
-def _may_be_a_rule(loaded: object) -> bool:
-    return isinstance(loaded, SelectionRule) or callable(loaded)
 
 
 def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:

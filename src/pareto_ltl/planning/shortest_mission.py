@@ -20,11 +20,10 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.planning.power import EnergyModel, energy_model
+from pareto_ltl.planning.costs import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front
-from pareto_ltl.planning.refine.pacing import paced_line
-from pareto_ltl.planning.refine.starts import line_starts
+from pareto_ltl.planning.refine.starts import line_starts, paced_line
 from pareto_ltl.planning.routes.obligations import MissionOrder, completes, possible_orders
 from pareto_ltl.planning.routes.taut_lines import CAP, longest_share, taut_line, walk_line
 from pareto_ltl.planning.wind_lookup import interpolate

@@ -11,7 +11,7 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -50,20 +50,6 @@ class OrderedLegs(NamedTuple):
     swing: float
 
 
-class Turns(Protocol):
-    """How a robot turns from one heading to the next."""
-
-    @property
-    def acceleration(self) -> float | None:
-        """Centripetal acceleration of a turn [m/s²]; None for turns on the spot."""
-
-    def ordered(self, t: FloatArray, x: FloatArray, u: FloatArray, wind: FloatArray) -> OrderedLegs:
-        """Orders that lead through the planned positions.
-
-        ``t`` (T+1,) [s], ``x`` (T+1, 2) [m], ``u`` (T, 2) and the expected ``wind`` of each leg (T, 2) [m/s].
-        """
-
-
 @dataclass(frozen=True, slots=True)
 class TurnsOnTheSpot:
     """Turns need no time and no distance: the orders are the controls of the plan."""
@@ -73,7 +59,7 @@ class TurnsOnTheSpot:
         """None: turns on the spot have no radius."""
 
     def ordered(self, t: FloatArray, x: FloatArray, u: FloatArray, wind: FloatArray) -> OrderedLegs:  # noqa: ARG002
-        """The controls of the plan, unchanged."""
+        """The controls of the plan, unchanged; arguments as of :meth:`BankedTurns.ordered`."""
         return OrderedLegs(t, x, u, 0.0, 0.0)
 
 
@@ -103,6 +89,8 @@ class BankedTurns:
 
     def ordered(self, t: FloatArray, x: FloatArray, u: FloatArray, wind: FloatArray) -> OrderedLegs:
         """Orders whose expected flight is at ``x`` at the end of each leg.
+
+        ``t`` (T+1,) [s], ``x`` (T+1, 2) [m], ``u`` (T, 2) and the expected ``wind`` of each leg (T, 2) [m/s].
 
         A leg that would turn by more than 170° turns by that, as far along as planned, and ends to the side.
         A leg that is too short for its turn keeps the order of the plan. Its end is then where the turn has
@@ -253,6 +241,9 @@ def _complex(pairs: FloatArray) -> list[complex]:
 
 def _pairs(values: list[complex]) -> FloatArray:
     return np.array([[value.real, value.imag] for value in values]).reshape(-1, 2)
+
+
+Turns = TurnsOnTheSpot | BankedTurns  # how a robot turns from one heading to the next
 
 
 def turns_of(robot: RobotConfig) -> Turns:

@@ -215,10 +215,6 @@ class Run:
             LOG.info("%s done in %.3f s", stage.name, self.seconds[stage.name])
         return record
 
-    def has_all(self, keys: Sequence[RecordKey[Any]]) -> bool:
-        """Whether there is a record for each of ``keys``."""
-        return all(key in self.records for key in keys)
-
     def with_seed(self, seed: int) -> Run:
         """A run of the same records with another seed, which applies to records not made yet."""
         return Run(replace(self.settings, seed=seed), self.table, self.records.copy())
@@ -245,7 +241,7 @@ def make_all(run: Run, stages: Sequence[Stage[Any]]) -> None:
 
 def _make_rest(run: Run, stages: Sequence[Stage[Any]]) -> None:
     for stage in stages:
-        if run.has_all(stage.needs):
+        if all(key in run.records for key in stage.needs):
             try:
                 run.perform(stage)
             except Exception:

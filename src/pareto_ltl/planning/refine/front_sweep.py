@@ -49,7 +49,6 @@ from pareto_ltl.planning.refine.levels import (
     swept_down,
     swept_up,
 )
-from pareto_ltl.planning.refine.pacing import retimed_means
 from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights, divided, path_length
 from pareto_ltl.planning.refine.starts import (
     Start,
@@ -57,8 +56,7 @@ from pareto_ltl.planning.refine.starts import (
     first_starts,
     flipped_starts,
     led_starts,
-    line_starts,
-    roadmap_starts,
+    retimed_means,
     tree_starts,
     unlike_starts,
 )
@@ -72,14 +70,9 @@ from pareto_ltl.planning.refine.sweep import (
     WITHIN_REACH,
     Progress,
     Sweep,
-    excess,
     first_of,
     front_of,
-    held_within,
-    in_time,
-    near_epsilon,
     new_sweep,
-    reassessed,
     smoothed,
 )
 from pareto_ltl.planning.routes.obligations import completes
@@ -142,15 +135,15 @@ def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Can
         own = seen if number == 0 else looks(rough, starts)
         known += searched(rough, own)
     # By all flights: each coarse search has fitted its paths to some of them.
-    again = on_all_cores(partial(reassessed, sweep, sweep.flights), known)
+    again = on_all_cores(sweep.reassessed, known)
     found = _with_slower(sweep, searched(sweep, [*seen, *again]))
     # One whose expected path does not complete the mission may become no path at all.
     rivals = [k for k in found if completes(sweep.problem, k.flight.x)]
     found += [k for k in again if not any(beats(other, k) for other in rivals)]
     ended = _ended(sweep, found)
     if not _keep_epsilon(sweep, ended):
-        near = replace(sweep, excess=WITHIN_REACH)
-        found = _with_slower(near, searched(near, near_epsilon(near, seen)))
+        near = replace(sweep, most_excess=WITHIN_REACH)
+        found = _with_slower(near, searched(near, near.near_epsilon(seen)))
         ended += _ended(sweep, found)
     for _ in range(ROUNDS):
         if sweep.budget.over() or _keep_epsilon(sweep, ended):
@@ -161,7 +154,7 @@ def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Can
 
 def _keep_epsilon(sweep: Sweep, ended: Iterable[tuple[Candidate, Candidate]]) -> bool:
     """Whether a path keeps epsilon in every segment after its last solve."""
-    return any(excess(sweep, end.flight) == 0.0 for _, end in ended)
+    return any(sweep.excess(end.flight) == 0.0 for _, end in ended)
 
 
 def _beside(sweep: Sweep, ended: Iterable[Candidate]) -> list[Candidate]:
@@ -172,13 +165,13 @@ def _beside(sweep: Sweep, ended: Iterable[Candidate]) -> list[Candidate]:
     problem = sweep.problem
 
     def nearest(k: Candidate) -> float:
-        return excess(sweep, k.flight)
+        return sweep.excess(k.flight)
 
     best = sorted(ended, key=nearest)[:NEAREST]
     led = [start for k in best for start in led_starts(problem, k.flight, k.origin)]
     led += [start for k in best for start in flipped_starts(problem, k.flight.x, k.origin)]
     starts = unlike_starts(problem, led).values()
-    made = in_time(sweep, partial(first_look, sweep), starts, share=1.0)
+    made = sweep.in_time(partial(first_look, sweep), starts, share=1.0)
     return sorted(made, key=nearest)[:VARIED]
 
 
@@ -287,7 +280,7 @@ def _varied(sweep: Sweep, front: Sequence[Candidate], at: int, rng: np.random.Ge
     lines += [(k.flight.x, more, k.origin) for more in rng.choice(MORE, 2, replace=False).tolist()]
     lines += [(start.x, 1, start.origin) for start in flipped_starts(problem, k.flight.x, k.origin)[:FLIPPED]]
     lines += [(_bent(sweep, k.flight.x, rng), 1, k.origin)]
-    return held_within(sweep, lines, sweep.polish_of(WIDE, 3), k.length)
+    return sweep.held_within(lines, sweep.polish_of(WIDE, 3), k.length)
 
 
 def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -342,7 +335,7 @@ def starts_in_merged_steps(
         replace(start, x=np.vstack([start.x[:-1:times], start.x[-1:]]))
         for start in tree_starts(problem, forest)
     ]
-    return unlike_starts(merged, [*line_starts(merged), *roadmap_starts(merged), *grown])
+    return unlike_starts(merged, [*first_starts(merged).values(), *grown])
 
 
 def in_all_steps(sweep: Sweep, times: int, ended: tuple[Candidate, Candidate]) -> tuple[Candidate, Candidate]:

@@ -14,18 +14,9 @@ from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.levels import WORTH, hopeless_above
-from pareto_ltl.planning.refine.pacing import retimed_means
 from pareto_ltl.planning.refine.sampled import Candidate, path_length
-from pareto_ltl.planning.refine.sweep import (
-    FINE,
-    WITHIN_REACH,
-    Sweep,
-    best_of_classes,
-    class_of,
-    excess,
-    smoothed,
-    spread_points,
-)
+from pareto_ltl.planning.refine.starts import retimed_means
+from pareto_ltl.planning.refine.sweep import FINE, WITHIN_REACH, Sweep, smoothed, spread_points
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
@@ -62,9 +53,9 @@ def rival_points(sweep: Sweep, known: Iterable[Candidate], found: Sequence[Candi
         return []
     safest = found[-1]
     longer = [k for k in known if k.length > safest.length]
-    best = best_of_classes(sweep.problem, [safest, *longer], sweep.cfg.classes + 1)
-    own = class_of(sweep.problem, safest)
-    rivals = [k for k in best if class_of(sweep.problem, k) != own]
+    best = sweep.best_of_classes([safest, *longer], more=1)
+    own = sweep.class_of(safest)
+    rivals = [k for k in best if sweep.class_of(k) != own]
     made = on_all_cores(lambda k: k if sweep.budget.over() else _finished(sweep, k, k.length), rivals)
     return [k for k in made if k.smoothed < WORTH * safest.smoothed]
 
@@ -114,7 +105,7 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
     last, more = (sweep.polish_of(FINE[-1:], solves) for solves in (1, CLOSING_SOLVES))
     end = closing.polished(k.flight.x, flights, last, k.length)
     for longer in CLOSING:
-        if not 0.0 < excess(sweep, end) <= WITHIN_REACH:
+        if not 0.0 < sweep.excess(end) <= WITHIN_REACH:
             break
         near = closing.polished(end.x, sweep.few, more, longer * path_length(end.x))
         end = closing.polished(near.x, flights, last, path_length(near.x))

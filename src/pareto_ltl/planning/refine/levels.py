@@ -12,25 +12,9 @@ from itertools import chain, pairwise
 
 import numpy as np
 
-from pareto_ltl.planning.refine.sampled import Candidate, path_length, steps_needed
+from pareto_ltl.planning.refine.sampled import Candidate, fewest_steps, path_length, steps_needed
 from pareto_ltl.planning.refine.starts import Start, StartKind, led_starts, returning_starts, unlike_starts
-from pareto_ltl.planning.refine.sweep import (
-    COARSE,
-    KEPT,
-    SPACING,
-    WARM,
-    WIDE,
-    Sweep,
-    best_of_classes,
-    class_of,
-    fewest_steps,
-    front_of,
-    held_within,
-    in_time,
-    on_other_sides,
-    smoothed,
-    timed_means,
-)
+from pareto_ltl.planning.refine.sweep import COARSE, KEPT, SPACING, WARM, WIDE, Sweep, front_of, smoothed
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.machine import on_all_cores
 
@@ -78,17 +62,17 @@ def first_looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candida
     chosen = _promising(sweep, list(starts.values()))
 
     look = partial(first_look, sweep)
-    found = in_time(sweep, look, chosen) or [look(start) for start in chosen[:1]]
+    found = sweep.in_time(look, chosen) or [look(start) for start in chosen[:1]]
     known, tried = {kind for kind, _ in starts}, set[StartKind]()
     best = _safest(found, FLIPPED)
     again = [start for k in best for start in returning_starts(sweep.problem, k.flight, k.origin)]
-    found += in_time(sweep, look, [*on_other_sides(sweep.problem, best, known), *again])
+    found += sweep.in_time(look, [*sweep.on_other_sides(best, known), *again])
     for _ in range(LED_ROUNDS):
         led = [start for k in _safest(found, LED) for start in led_starts(sweep.problem, k.flight, k.origin)]
         if unlike := {kind: s for kind, s in unlike_starts(sweep.problem, led).items() if kind not in tried}:
             tried |= unlike.keys()
             new = list(unlike.values())
-            found += in_time(sweep, look, (new[k] for k in _by_fronts(_flown_once(sweep, new))[:LED_LOOKS]))
+            found += sweep.in_time(look, (new[k] for k in _by_fronts(_flown_once(sweep, new))[:LED_LOOKS]))
     return sorted(found, key=smoothed)
 
 
@@ -117,7 +101,7 @@ def _flown_once(sweep: Sweep, starts: Sequence[Start]) -> FloatArray:
     width = sweep.polish_of(COARSE, 1).widths[0]
 
     def row(start: Start) -> tuple[float, float]:
-        flight = sweep.refiner.flown(timed_means(sweep.problem, start.x, 1))
+        flight = sweep.refiner.flown(sweep.timed_means(start.x, 1))
         k = sweep.refiner.assessed(flight, sweep.few, width)
         return k.smoothed, k.length
 
@@ -133,7 +117,7 @@ def _by_fronts(rows: FloatArray) -> IntArray:
 
 def first_look(sweep: Sweep, start: Start) -> Candidate:
     """A start polished with few flights, at about its own length."""
-    x, how = timed_means(sweep.problem, start.x, 1), sweep.polish_of(COARSE, 4)
+    x, how = sweep.timed_means(start.x, 1), sweep.polish_of(COARSE, 4)
     return sweep.refiner.polish(x, sweep.few, how, LOOSE * path_length(x), start.origin)
 
 
@@ -158,7 +142,7 @@ def swept_down(sweep: Sweep, seen: Sequence[Candidate]) -> list[list[Candidate]]
         made = _polished_at(sweep, [*beam, *entering], cap, SPARE[:2])
         if number % FLIP_EVERY == 0:
             made += _other_sides(sweep, made, cap)
-        beam = best_of_classes(sweep.problem, made, sweep.cfg.classes)
+        beam = sweep.best_of_classes(made)
         levels.append(beam)
         cap, number = cap / SPACING, number + 1
     return levels
@@ -177,11 +161,11 @@ def _longer_levels(
         cap *= LONGER
         shorter = [k for k in known if k.length <= cap]
         longer = [k for k in known if cap < k.length <= SHORTEN * cap]
-        groups = (best_of_classes(sweep.problem, some, sweep.cfg.classes) for some in (shorter, longer))
+        groups = (sweep.best_of_classes(some) for some in (shorter, longer))
         lines = [line for k in chain(*groups) for line in timed_lines(sweep, k, SPARE[1:2])]
-        made = held_within(sweep, lines, sweep.polish_of(WIDE, 3), cap)
+        made = sweep.held_within(lines, sweep.polish_of(WIDE, 3), cap)
         known += made
-        levels.insert(0, best_of_classes(sweep.problem, made, sweep.cfg.classes))
+        levels.insert(0, sweep.best_of_classes(made))
         best = min((*made, *seen[:1]), key=smoothed)
         vain = 0 if best.smoothed < WORTH * least else vain + 1
         if vain == 0:
@@ -211,7 +195,7 @@ def swept_up(sweep: Sweep, below: Sequence[Sequence[Candidate]]) -> list[list[Ca
         cap = _longest(known) if known else cap * SPACING
         made = _polished_at(sweep, beam[:RISING], cap, SPARE[1:], SLOWER)
         least = beam[0].smoothed
-        beam = best_of_classes(sweep.problem, [*made, *known, *beam], sweep.cfg.classes)
+        beam = sweep.best_of_classes([*made, *known, *beam])
         vain = 0 if beam[0].smoothed < WORTH * least else vain + 1
         levels.append(beam)
         k += 1
@@ -242,7 +226,7 @@ def _polished_at(
 ) -> list[Candidate]:
     """``begun`` polished at a length cap in several numbers of steps; those within the cap are returned."""
     lines = [line for k in begun for line in timed_lines(sweep, k, spare, slower)]
-    return held_within(sweep, lines, sweep.polish_of(WARM, 3), cap)
+    return sweep.held_within(lines, sweep.polish_of(WARM, 3), cap)
 
 
 def timed_lines(
@@ -262,6 +246,6 @@ def timed_lines(
 def _other_sides(sweep: Sweep, made: Sequence[Candidate], cap: float) -> list[Candidate]:
     """The best of ``made`` bent to the other side of every near obstacle, in classes not among ``made``."""
     best = sorted(made, key=smoothed)[:1]
-    new = on_other_sides(sweep.problem, best, {class_of(sweep.problem, k) for k in made})
+    new = sweep.on_other_sides(best, {sweep.class_of(k) for k in made})
     lines = [(start.x, 1, start.origin) for start in new]
-    return held_within(sweep, lines, sweep.polish_of(WIDE, 3), cap)
+    return sweep.held_within(lines, sweep.polish_of(WIDE, 3), cap)

@@ -33,10 +33,9 @@ from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch, shown_letters
 from pareto_ltl.planning.problem import Problem, barrier_outlines, barrier_polygons, lines_of
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine.programme import Solution, programme_for
+from pareto_ltl.planning.refine.programme import Descent, Solution, programme_for
 from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.planning.refine.separation import barrier_names
-from pareto_ltl.planning.refine.step_programme import Descent
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 WIDTH = 0.001  # τ as a share of the map's size: half the last width of a polish, with more flights
@@ -113,7 +112,8 @@ def _block_bindings(
         for t in np.flatnonzero(solution.clearer > 0.0).tolist():
             name = limits.nearest[t]
             yield Binding(_kind_of(name), name, t, local.value * float(solution.clearer[t]))
-    if _uses_all_airspeed(problem, path):
+    speed = float(np.linalg.norm(path.u, axis=1).max())
+    if speed >= FULL_SPEED * problem.motion.u_max:  # else its multiplier is rounding of the solver
         yield Binding("airspeed", "largest airspeed", None, local.value * solution.faster)
     if solution.longer * path.objectives.length >= LEAST_GAIN:
         yield Binding("length", "length", None, local.value * solution.longer)
@@ -128,11 +128,6 @@ def _solution(problem: Problem, path: PlannedPath, model: Descent) -> Solution |
         return None
     length = path.objectives.length
     return programme_for(problem, len(path.u)).descend(propagate(problem, path.x), model, TRUST, length)
-
-
-def _uses_all_airspeed(problem: Problem, path: PlannedPath) -> bool:
-    """Whether a step of ``path`` uses all airspeed; else its multiplier is rounding of the solver."""
-    return float(np.linalg.norm(path.u, axis=1).max()) >= FULL_SPEED * problem.motion.u_max
 
 
 # --- what binds -------------------------------------------------------------------------------

@@ -1,7 +1,8 @@
 """The convex programme of refinement, stated once a run (:mod:`~.statement`) and solved often by Clarabel.
 
 ``fidelity.refine=convex`` and ``sampled`` differ in the objective alone: the length and the bounds on the
-risk, or a quadratic model of the failure rate.
+risk, or a quadratic model of the failure rate. In the sweeps of ``sampled`` the latter is solved without
+chance constraints, by :mod:`pareto_ltl.kernels.step_solver`, whose memory and limits are at the end.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.kernels.descent import RIDGE
+from pareto_ltl.kernels.descent import RIDGE, SLOWEST, Limits
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.kernels.step_solver import StepModel, Work
+from pareto_ltl.planning.evaluate import airspeed_limits, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.separation import Separation, separation
 from pareto_ltl.planning.refine.statement import LineLimit, Shape, Statement, state
-from pareto_ltl.planning.refine.step_programme import Descent, motion_values
-from pareto_ltl.planning.routes.course import FACE_MARGIN
 from pareto_ltl.planning.routes.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
-from pareto_ltl.planning.routes.taut_lines import CAP
+from pareto_ltl.planning.routes.taut_lines import CAP, FACE_MARGIN
+from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.postponed import postponed
 
@@ -61,6 +62,15 @@ def _import_cvxpy() -> None:
         for name, functions in UNUSED.items():
             postponing.enter_context(postponed(name, functions))
         import_module("cvxpy")
+
+
+@dataclass(frozen=True, slots=True)
+class Descent:
+    """Local model for a step: gradient (T+1, 2) [1/m], Hessian (T+1, 3) [1/m²] and value of the failure."""
+
+    gradient: FloatArray
+    hessian: FloatArray
+    value: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,11 +168,51 @@ class Programme:
         """Positions in full steps from the middle of the map."""
         return np.asarray((x - self.problem.scene.bounds.mean(axis=0)) / self.problem.reach, float)
 
-    def _padded(self, rows: FloatArray, rest: float = 0.0, *, steps: bool = False) -> FloatArray:
+    def _padded(self, rows: FloatArray, rest: float | FloatArray = 0.0, *, steps: bool = False) -> FloatArray:
         """``rows`` of every point (or step), and ``rest`` for those after the path."""
         full = np.full((self._points - steps, *rows.shape[1:]), rest)
         full[: len(rows)] = rows
         return full
+
+    def _motion(self, flight: Flight) -> dict[str, FloatArray]:
+        """F_t, g_t and the airspeed left; steps after the path stay in place in still air."""
+        motion, centre, unit = self.problem.motion, self.problem.scene.bounds.mean(axis=0), self.problem.reach
+        x = flight.x[:-1]
+        mean, gradient = wind_and_gradient(self.problem.wind, x)
+        g = ((motion.a @ centre - centre) + motion.dt * (mean + flight.shift)) / unit
+        g -= motion.dt * np.einsum("tij,tj->ti", gradient, (x - centre) / unit)
+        F = (motion.b_inv @ (motion.a + motion.dt * gradient)).reshape(-1, 4)
+        values = {
+            "cap": self._padded(CAP * (flight.speed / motion.u_max), 1.0, steps=True),
+            "F": self._padded(F, motion.b_inv.ravel(), steps=True),
+            "g": self._padded(g @ motion.b_inv.T, steps=True),
+        }
+        if self.shape.slowest:
+            values |= self._least_airspeeds(flight, values["F"], values["g"])
+        return values
+
+    def _least_airspeeds(self, flight: Flight, F: FloatArray, g: FloatArray) -> dict[str, FloatArray]:
+        """Half planes of controls that are fast enough: ahead' x_{t+1} - behind' x_t ≥ floor, in full steps.
+
+        They are û' B⁻¹ (x_{t+1} - F_t x_t - g_t) ≥ least airspeed with the rows B⁻¹ F_t of ``F`` (S, 4) and
+        B⁻¹ g_t of ``g`` (S, 2); steps after the path are not constrained. û is the direction of the control.
+
+        The least airspeed is u_min with reserves, divided by ``CAP``, so that rounding leaves a margin. It is
+        at most ``SLOWEST`` of the largest airspeed, so that a robot with u_min close to u_max keeps a choice:
+        its controls are scaled into their limits afterwards.
+        """
+        motion, speed = self.problem.motion, np.linalg.norm(flight.u, axis=1)[:, None]
+        heading = np.where(
+            speed > 0.0, flight.u / np.maximum(speed, 1e-9), [1.0, 0.0]
+        )  # east without control
+        least, most = airspeed_limits(self.problem, flight.speed)
+        floor = np.minimum(least / CAP, SLOWEST * CAP * most) / motion.u_max
+        u = self._padded(heading, steps=True)
+        return {
+            "ahead": u @ motion.b_inv,
+            "behind": np.einsum("ti,tij->tj", u, F.reshape(-1, 2, 2)),
+            "floor": self._padded(floor, -1.0, steps=True) + (u * g).sum(axis=1),
+        }
 
     def _limits(
         self, flight: Flight, trust: float, lines: Separation, *, soft: bool
@@ -180,7 +230,7 @@ class Programme:
         if soft and math.isfinite(lines.limit):
             limit = np.maximum((1.0 - RESERVED) * lines.limit - lines.elsewhere, LEAST_SHARE * lines.limit)
         return {
-            **motion_values(problem, flight, self.shape.steps), **self._lines(lines, x, soft=soft),
+            **self._motion(flight), **self._lines(lines, x, soft=soft),
             "low": lower, "high": upper, "left": self._padded(limit, FREE, steps=True),
         }  # fmt: skip
 
@@ -254,7 +304,8 @@ class Programme:
         import cvxpy as cp
 
         with self._lock:
-            stated = self._stated = self._stated or state(self.shape)
+            sizes = {name: np.shape(value) for name, value in values.items()}
+            stated = self._stated = self._stated or state(self.shape, sizes)
             for name, value in values.items():
                 stated.given[name].value = value
             self.solves += 1
@@ -312,3 +363,31 @@ def programme_for(problem: Problem, steps: int) -> Programme:
     block = 1 << max(steps.bit_length() - 2, 0)
     size = -(-steps // block) * block
     return programmes_of(problem).setdefault(size, programme(problem, size))
+
+
+# --- one step of the sampled refinement -----------------------------------------------------------
+
+
+def path_limits(problem: Problem) -> Limits:
+    """What holds for all paths of ``problem``: map, full step, airspeed, start."""
+    low, high = problem.scene.bounds
+    return Limits(low + FACE_MARGIN, high - FACE_MARGIN, problem.reach, CAP, problem.start_variance)
+
+
+def step_memory(problem: Problem, steps: int) -> tuple[StepModel, Work]:
+    """Memory of the programme of a solve in ``steps`` steps, and to solve it in.
+
+    Lengths are in full steps, speeds are shares of the largest one.
+    """
+    motion = problem.motion
+    held = steps if motion.u_min > 0.0 else 0  # least airspeeds
+    model = StepModel(
+        np.empty((steps + 1, 2)), np.empty((steps + 1, 3)), motion.b_inv, np.empty((steps, 2, 2)),
+        np.empty((held, 2)), np.empty((2 * steps, 3)), np.empty(4 * steps + 1 + held),
+    )  # fmt: skip
+    cones = len(model.cone)
+    work = Work(
+        np.zeros((3, steps + 1, 3)), np.zeros((9, cones, 3)), np.zeros((7, len(model.line))), np.empty(cones),
+        np.empty((steps + 1, 3)), np.empty((steps, 2, 2)),
+    )  # fmt: skip
+    return model, work

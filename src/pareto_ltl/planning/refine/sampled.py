@@ -34,9 +34,8 @@ from pareto_ltl.planning.evaluate import (
 )
 from pareto_ltl.planning.margin_model import margin_scratch, model_of_order, nearest_order, ordered
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.programme import programme_for
+from pareto_ltl.planning.refine.programme import Descent, path_limits, programme_for, step_memory
 from pareto_ltl.planning.refine.separation import ROUNDING, allowed_risk, separation
-from pareto_ltl.planning.refine.step_programme import Descent, path_limits, step_memory, step_model
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
@@ -235,9 +234,8 @@ class Refiner:
         ``here`` is the smoothed failure of ``flight``.
         """
         problem, margins, n = self.problem, self.model_along(flight.x), len(flight.x)
-        model = step_model(problem, len(flight.u))
         scratch = margin_scratch(margins, sample.off.shape[2], n)
-        memory = kd.Memory(model, step_memory(model), scratch, np.empty(NEAREST, np.int64))
+        memory = kd.Memory(*step_memory(problem, len(flight.u)), scratch, np.empty(NEAREST, np.int64))
         first = kd.Guess(flight, km.Slope(here.gradient, here.hessian))
         other = empty_flight(problem.world.law, n)
         second = kd.Guess(other, km.Slope(np.empty((n, 2)), np.empty((n, 3))))
@@ -324,6 +322,11 @@ def steps_needed(problem: Problem, x: FloatArray) -> FloatArray:
     needed = np.empty(len(x) - 1)
     fill_leg_times(problem.wind, problem.motion, CAP, np.ascontiguousarray(x), needed)
     return needed
+
+
+def fewest_steps(needed: FloatArray) -> int:
+    """The fewest steps of a path whose legs take the times ``needed`` (T,) [steps] at full airspeed."""
+    return int(np.ceil(needed.sum() * 1.01))
 
 
 def resampled_means(

@@ -252,7 +252,8 @@ def within_limits(problem: Problem, paths: Sequence[PlannedPath]) -> tuple[Plann
     least = min(round_up(1.05 * float(worst[k])), 0.99)
     if not kept:
         step = int(parts[k].risk.argmax())
-        nearest = _barrier_name(problem, int(parts[k].owner[step, 0]))
+        names, number = barrier_names(problem), int(parts[k].owner[step, 0])
+        nearest = problem.scene.barrier_title(names[number]) if number < len(names) else "a forbidden region"
         raise InfeasibleError(
             f"no path keeps planner.epsilon = {epsilon:g} in every segment: the best of {len(paths)} refined "
             f"paths comes closest to {nearest} at step {step + 1}, with a collision probability of "
@@ -264,12 +265,6 @@ def within_limits(problem: Problem, paths: Sequence[PlannedPath]) -> tuple[Plann
         len(paths) - len(kept), len(paths), epsilon, least,
     )  # fmt: skip
     return kept
-
-
-def _barrier_name(problem: Problem, number: int) -> str:
-    """The obstacle, wall or forbidden region of polygon ``number`` of a :class:`Separation`."""
-    names = barrier_names(problem)
-    return problem.scene.barrier_title(names[number]) if number < len(names) else "a forbidden region"
 
 
 def barrier_names(problem: Problem) -> list[str]:

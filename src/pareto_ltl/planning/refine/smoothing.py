@@ -15,11 +15,10 @@ from pareto_ltl.kernels.descent import SLOWEST
 from pareto_ltl.planning.evaluate import completing_path, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
-from pareto_ltl.planning.refine.pacing import paced_line
 from pareto_ltl.planning.refine.programme import Programme, programme
 from pareto_ltl.planning.refine.sampled import path_length
 from pareto_ltl.planning.refine.separation import kept_deviations, within_limits
-from pareto_ltl.planning.refine.starts import line_starts, roadmap_starts, unlike_starts
+from pareto_ltl.planning.refine.starts import Start, first_starts, paced_line
 from pareto_ltl.planning.routes.obligations import MissionOrder, completes, mission_order, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.planning.routes.taut_lines import CAP, pull_taut, taut_line, walk_line
@@ -38,15 +37,6 @@ OptionalProgress: TypeAlias = Callable[[int, int], None] | None
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
-    """Means (T+1, 2) [m] to begin with, their mission order, and how they were made."""
-
-    x: FloatArray
-    plan: MissionOrder | None
-    origin: str
-
-
-@dataclass(frozen=True, slots=True)
 class SmoothingTask:
     """What all iterations of one smoothing share; ``shortest`` [m] is the unit of the length."""
 
@@ -62,11 +52,6 @@ class SmoothingTask:
         """
         o = path.objectives
         return o.length / self.shortest + weight * (o.mission_risk + o.collision_risk)
-
-    def bend(self, x: FloatArray, weight: float, trust: float) -> FloatArray | None:
-        """One convex solve about ``x`` (T+1, 2)."""
-        solution = self.model.bend(x, weight, trust, self.shortest)
-        return None if solution is None else solution.x
 
 
 def smooth_paths(
@@ -109,12 +94,6 @@ def _has_airspeeds(problem: Problem) -> bool:
     return False
 
 
-NEEDLESS: dict[str, Callable[[FloatArray, FloatArray], bool]] = {
-    "bound": lambda other, row: bool((other <= row * (1 + ALIKE)).all()),
-    "flights": lambda other, row: bool((np.abs(other - row) <= ALIKE * row).all()),
-}  # by judge: whether a path with the objectives ``other`` makes one with ``row`` redundant
-
-
 def worthwhile(
     problem: Problem, found: Sequence[PlannedPath], paths: Sequence[PlannedPath]
 ) -> tuple[PlannedPath, ...]:
@@ -123,18 +102,16 @@ def worthwhile(
     With ``judge=bound``, a path is redundant if another is as good in every objective, within a thousandth.
     With ``judge=flights``, bounds do not rank paths well, and only paths with equal objectives are left out.
     """
-    makes_needless = NEEDLESS[problem.fidelity.judge]
-    rows = [objective_row(p.objectives) for p in paths]
-    kept = []
+    rows, finished = [objective_row(p.objectives) for p in paths], list[PlannedPath]()
     for path in sorted(found, key=lambda p: tuple(objective_row(p.objectives))):
         row = objective_row(path.objectives)
-        if not any(makes_needless(other, row) for other in rows):
+        others = np.reshape(rows, (-1, len(row)))
+        bounded = problem.fidelity.judge == "bound"
+        alike = others <= row * (1 + ALIKE) if bounded else np.abs(others - row) <= ALIKE * row
+        if not alike.all(axis=1).any():
             rows.append(row)
-            kept.append(path)
-    finished = []
-    for path in kept:
-        with suppress(InfeasibleError):  # R above planner.delta
-            finished.append(evaluate_path(problem, path.x, path.origin))
+            with suppress(InfeasibleError):  # R above planner.delta
+                finished.append(evaluate_path(problem, path.x, path.origin))
     return tuple(finished)
 
 
@@ -155,11 +132,9 @@ def flown_path(problem: Problem, x: FloatArray) -> PlannedPath | None:
         return None
 
 
-def _alike(problem: Problem, one: Start, other: Start) -> bool:
-    """Whether two lines are never more than half a step apart."""
-    if one.plan != other.plan:
-        return False
-    gap = np.linalg.norm(one.x[:, None] - other.x[None], axis=2)
+def _alike(problem: Problem, one: FloatArray, other: FloatArray) -> bool:
+    """Whether two lines (T+1, 2) are never more than half a step apart."""
+    gap = np.linalg.norm(one[:, None] - other[None], axis=2)
     return bool(max(gap.min(axis=0).max(), gap.min(axis=1).max()) < problem.reach / 2)
 
 
@@ -173,7 +148,7 @@ def taut_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[PlannedP
     path more easily than add them.
     """
     depth = 1.0 if any(path.cov.any() for path in paths) else 0.0
-    found: list[Start] = []
+    found: list[tuple[MissionOrder | None, Start]] = []
     firsts: dict[MissionOrder, PlannedPath] = {}
     for path in paths:
         plan = mission_order(problem, path)
@@ -184,14 +159,14 @@ def taut_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[PlannedP
         x = None if line is None else walk_line(problem, line)
         x = None if x is None else paced_line(problem, x)
         if x is not None and completes(problem, x):
-            found.append(Start(x, plan, f"{path.origin}, drawn taut"))
+            found.append((plan, Start(x, f"{path.origin}, drawn taut")))
     for k in np.unique(np.linspace(0, len(paths) - 1, min(cfg.candidates, len(paths))).astype(int)):
         x = shortened_path(problem, paths[k].x)
-        start = Start(paths[k].x if x is None else x, mission_order(problem, paths[k]), paths[k].origin)
-        if not any(_alike(problem, start, other) for other in found):
-            found.append(start)
-    fewest = min((len(start.x) for start in found), default=0)
-    return [start for start in found if 1 < len(start.x) <= LONG * fewest][: cfg.candidates]
+        start, own = Start(paths[k].x if x is None else x, paths[k].origin), mission_order(problem, paths[k])
+        if not any(plan == own and _alike(problem, start.x, other.x) for plan, other in found):
+            found.append((own, start))
+    fewest = min((len(start.x) for _, start in found), default=0)
+    return [start for _, start in found if 1 < len(start.x) <= LONG * fewest][: cfg.candidates]
 
 
 def shortened_path(problem: Problem, x: FloatArray) -> FloatArray | None:
@@ -236,9 +211,10 @@ def iterate(task: SmoothingTask, x: FloatArray, weight: float) -> PlannedPath | 
     """Bend and evaluate in turn until the merit does not improve; the best feasible path, else None."""
     best, value = None, math.inf
     for _ in range(task.cfg.rounds):
-        y = task.bend(x, weight, task.cfg.trust)
-        if y is None:
+        solution = task.model.bend(x, weight, task.cfg.trust, task.shortest)
+        if solution is None:
             break
+        y = solution.x
         path = flown_path(task.problem, y)
         if path is None and best is not None:
             path = damped_path(task.problem, best.x, y)
@@ -276,11 +252,7 @@ def steered_path(problem: Problem, cfg: SmoothingConfig, weight: float) -> Plann
     InfeasibleError
         If there is no line to the goal, the programme has no solution, or a segment breaks epsilon.
     """
-    lines = unlike_starts(problem, [*line_starts(problem), *roadmap_starts(problem)])
-    begun = [
-        Start(start.x, None, start.origin)
-        for start in sorted(lines.values(), key=lambda start: path_length(start.x))[:WAYS]
-    ]
+    begun = sorted(first_starts(problem).values(), key=lambda start: path_length(start.x))[:WAYS]
     if not begun:
         raise InfeasibleError("no line leads from the start to the goal between the obstacles")
     model, shortest = fitting_programme(problem, begun), path_length(begun[0].x)

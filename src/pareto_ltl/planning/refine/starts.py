@@ -17,9 +17,8 @@ from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import completing_path, propagate, square_matrices
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath, Tree
-from pareto_ltl.planning.refine.pacing import paced_line
-from pareto_ltl.planning.refine.sampled import path_length
-from pareto_ltl.planning.routes.obligations import possible_orders
+from pareto_ltl.planning.refine.sampled import path_length, resampled_means
+from pareto_ltl.planning.routes.obligations import completes, possible_orders
 from pareto_ltl.planning.routes.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
 from pareto_ltl.planning.routes.roadmap import led_lines, roadmap_lines
 from pareto_ltl.planning.routes.search_map import blocked_area, meets, sights
@@ -37,6 +36,9 @@ LINES = 64  # classes of lines of the roadmap, the shortest
 FLIPPED = 0.15  # of the map's size: obstacles closer to a path than this are also passed on the other side
 BEYOND = 0.03  # of the map's size: distance from the obstacle on the other side
 OVERSHOOT = 1.5  # standard deviations by which a path flies past a place before it returns to it
+SHUTTLE = 0.8  # share of a full step that a robot with a least airspeed flies to and fro where it waits
+TOO_SLOW = 0.8  # of the least airspeed: refinement lengthens a line that is flown a little too slowly
+STOPS = 12  # places along a line at which a stop is tried
 
 
 StartKind: TypeAlias = tuple[PathClass, int]  # class, and number of the interval of lengths
@@ -69,11 +71,10 @@ def _length_box(length: float) -> int:
     return int(np.log(length + 1.0) / SIMILAR)
 
 
-def first_starts(problem: Problem, forest: Forest) -> dict[StartKind, Start]:
+def first_starts(problem: Problem, forest: Forest | None = None) -> dict[StartKind, Start]:
     """Taut lines, lines of the roadmap and tree paths, one of each class and similar length."""
-    return unlike_starts(
-        problem, [*line_starts(problem), *roadmap_starts(problem), *tree_starts(problem, forest)]
-    )
+    grown = [] if forest is None else tree_starts(problem, forest)
+    return unlike_starts(problem, [*line_starts(problem), *roadmap_starts(problem), *grown])
 
 
 # --- trees ------------------------------------------------------------------------------------
@@ -147,9 +148,8 @@ def roadmap_starts(problem: Problem) -> list[Start]:
 
 def flown_lines(problem: Problem) -> list[PlannedPath]:
     """The taut lines and lines of the roadmap that can be flown as they are, one of each class."""
-    starts = unlike_starts(problem, [*line_starts(problem), *roadmap_starts(problem)])
     found = []
-    for start in starts.values():
+    for start in first_starts(problem).values():
         with suppress(InfeasibleError):
             found.append(completing_path(problem, start.x, start.origin, tight=False))
     return found
@@ -228,3 +228,57 @@ def led_starts(problem: Problem, flight: Flight, origin: str) -> list[Start]:
                 y = np.vstack([x[: out + 1], middle, x[back:]])
                 found.append(Start(y, f"{origin}, through landmark {k + 1}"))
     return found
+
+
+# --- delayed lines, for time windows that open after a robot at full speed would arrive ----------------
+
+
+def retimed_means(
+    problem: Problem, x: FloatArray, steps: int, needed: FloatArray | None = None
+) -> FloatArray:
+    """The line of ``x`` (T+1, 2) in ``steps`` steps; paced anew if these times do not complete the mission.
+
+    Where pacing does not help, ``x`` is returned. ``needed`` as for
+    :func:`~pareto_ltl.planning.refine.sampled.resampled_means`.
+    """
+    y = resampled_means(problem, x, steps, needed)
+    if len(problem.logic.delta) == 1 or completes(problem, y) or not completes(problem, x):
+        return y
+    y = paced_line(problem, y)
+    return y if completes(problem, y) else x
+
+
+def paced_line(problem: Problem, x: FloatArray) -> FloatArray:
+    """``x`` (T+1, 2) flown more slowly, or with a stop on the way, if only that completes the mission.
+
+    Lines are walked at full speed, and may arrive before a window opens, or while a region is still
+    forbidden. First the whole line is slowed down, as little as necessary and hardly below the least
+    airspeed; then stops are tried, the shortest first. Without time windows, and if neither helps, ``x`` is
+    returned.
+    """
+    if len(problem.logic.delta) == 1 or completes(problem, x):
+        return x
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))])
+    slowest = TOO_SLOW * problem.motion.u_min * problem.motion.dt
+    most = problem.horizon if slowest == 0.0 else min(problem.horizon, int(along[-1] / slowest))
+    for steps in range(len(x), most + 1):
+        even = np.linspace(0.0, along[-1], steps + 1)
+        slow = np.stack([np.interp(even, along, x[:, k]) for k in (0, 1)], axis=1)
+        if completes(problem, slow):
+            return slow
+    for stop in range(1, problem.horizon + 2 - len(x)):
+        for t in range(len(x) - 1, -1, -max(1, len(x) // STOPS)):
+            late = np.concatenate([x[:t], _waiting(problem, x, t, stop), x[t + 1 :]])
+            if completes(problem, late):
+                return late
+    return x
+
+
+def _waiting(problem: Problem, x: FloatArray, t: int, stop: int) -> FloatArray:
+    """Position t of ``x`` and ``stop`` more: the same or, with a least airspeed, to and fro on the line."""
+    there = np.repeat(x[t : t + 1], stop + 1, axis=0)
+    if problem.motion.u_min > 0.0:
+        other = x[t - 1] if t else x[1]
+        way = other - x[t]
+        there[1::2] += way * min(1.0, SHUTTLE * problem.reach / max(float(np.hypot(*way)), 1e-9))
+    return there

@@ -74,7 +74,7 @@ class Statement:
     lines: tuple[LineLimit, ...]
 
 
-def state(shape: Shape) -> Statement:
+def state(shape: Shape, sizes: Mapping[str, tuple[int, ...]]) -> Statement:
     """The programme about an iterate x̄ for paths of at most ``steps`` steps.
 
         minimise    λ_l Σ_t l_t + λ_r (Σ_tk χ_tk + Σ_wj ρ_wj) + g'x + ½ Σ_t ‖L_t' (x_t - x̄_t)‖² + relief
@@ -90,7 +90,7 @@ def state(shape: Shape) -> Statement:
 
     Relief, a penalised slack variable of each point, makes every instance feasible, so that an iterate which
     violates a constraint can be corrected. Lengths are in full steps (u_max dt); positions count from the
-    middle of the map.
+    middle of the map. ``sizes`` are the parameters, with the sizes of their values; scalars are not negative.
 
     Eq. (M50) of docs/mathematics_methods.md.
     """
@@ -103,9 +103,7 @@ def state(shape: Shape) -> Statement:
         rho=cp.Variable((shape.witnesses, shape.faces), nonneg=True) if shape.witnesses else None,
         at=cp.Variable((shape.witnesses, 2)) if shape.witnesses else None,
     )  # fmt: skip
-    given = {name: cp.Parameter(size) for name, size in _sizes(shape).items()}
-    given |= {name: cp.Parameter(nonneg=True) for name in ("per_length", "weight", "longest")}
-    given |= {"root": cp.Parameter((n, 3))}
+    given = {name: cp.Parameter(size, nonneg=not size) for name, size in sizes.items()}
     bend = [
         cp.multiply(given["root"][:, 0], v.x)
         + cp.multiply(given["root"][:, 1], v.y)
@@ -115,7 +113,8 @@ def state(shape: Shape) -> Statement:
     risks = cp.sum(v.chi) if v.rho is None else cp.sum(v.chi) + cp.sum(v.rho)
     cost = (
         given["per_length"] * cp.sum(v.length) + given["weight"] * risks + RELIEF * cp.sum(v.relief)
-        + _sum_dot(given["gradient"], v) + 0.5 * cp.sum_squares(cp.hstack(bend))
+        + given["gradient"][:, 0] @ v.x + given["gradient"][:, 1] @ v.y
+        + 0.5 * cp.sum_squares(cp.hstack(bend))
     )  # fmt: skip
     airspeed, longest = _airspeed(shape, given, v), cp.sum(v.length) <= given["longest"]
     lines = tuple(_clearance(given, v))
@@ -127,31 +126,8 @@ def state(shape: Shape) -> Statement:
     return Statement(cp.Problem(cp.Minimize(cost), constraints), given, v, airspeed, longest, lines)
 
 
-def _sizes(shape: Shape) -> dict[str, tuple[int, ...]]:
-    """Sizes of the parameters that may have any sign."""
-    n, T, W, F = shape.steps + 1, shape.steps, shape.witnesses, shape.faces
-    sizes: dict[str, tuple[int, ...]] = {
-        "gradient": (n, 2), "root_at": (n, 2), "cap": (T,), "F": (T, 4), "g": (T, 2), "low": (n, 2),
-        "high": (n, 2), "left": (T,),
-    }  # fmt: skip
-    for end in "01":
-        sizes |= {f"need{end}": (T, ROWS), f"c_sd{end}": (T, 2 * ROWS), f"h_sd{end}": (T, ROWS)}
-        sizes |= {f"steep{end}": (T, 2 * ROWS), f"level{end}": (T, ROWS)}
-    sizes |= {"c": (T, 2 * ROWS)}
-    if W:
-        sizes |= {"pick": (W, n), "a": (W, 2 * F), "b": (W, F), "inside": (W, F)}
-        sizes |= {"slope": (W, 2 * F), "height": (W, F)}
-    if shape.slowest:
-        sizes |= {"ahead": (T, 2), "behind": (T, 2), "floor": (T,)}
-    return sizes
-
-
-def _sum_dot(gradient: Any, v: _Unknowns) -> Any:
-    return gradient[:, 0] @ v.x + gradient[:, 1] @ v.y
-
-
-def _pushed(shape: Shape, given: Mapping[str, Any], v: _Unknowns) -> Any:
-    """B⁻¹ (x_{t+1} - F_t x_t - g_t), the control of each step in shares of the largest airspeed, (2, T)."""
+def _airspeed(shape: Shape, given: Mapping[str, Any], v: _Unknowns) -> Any:
+    """B⁻¹ (x_{t+1} - F_t x_t - g_t), the control of each step, within the airspeed left, in u_max."""
     import cvxpy as cp
 
     x, y = v.x, v.y
@@ -160,13 +136,7 @@ def _pushed(shape: Shape, given: Mapping[str, Any], v: _Unknowns) -> Any:
         - _dot(given["F"], k, x[:-1], y[:-1]) - given["g"][:, k]
         for k in (0, 1)
     )  # fmt: skip
-    return cp.vstack(list(rows))
-
-
-def _airspeed(shape: Shape, given: Mapping[str, Any], v: _Unknowns) -> Any:
-    import cvxpy as cp
-
-    return cp.SOC(given["cap"] + v.relief[1:], _pushed(shape, given, v), axis=0)
+    return cp.SOC(given["cap"] + v.relief[1:], cp.vstack(list(rows)), axis=0)
 
 
 def _motion(shape: Shape, given: Mapping[str, Any], v: _Unknowns) -> Iterator[Any]:

@@ -12,16 +12,16 @@ import numpy as np
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.pacing import retimed_means
 from pareto_ltl.planning.refine.sampled import (
     Candidate,
     CommonFlights,
     ConstrainedRefiner,
     Polish,
     Refiner,
+    fewest_steps,
     steps_needed,
 )
-from pareto_ltl.planning.refine.starts import Start, flipped_starts, unlike_starts
+from pareto_ltl.planning.refine.starts import Start, flipped_starts, retimed_means, unlike_starts
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
@@ -52,7 +52,7 @@ class Sweep:
     """What all polishes of a front share.
 
     The common flights, the time ``budget``, the smoothed failure above which paths are ``hopeless``, and the
-    largest ``excess`` of a path that is searched for.
+    excess of a path that is searched for, ``most_excess`` at most.
 
     ``progress`` is called with the steps of the search, the ``before`` steps of earlier ones counted.
 
@@ -73,7 +73,7 @@ class Sweep:
     progress: Progress | None = None
     before: int = ALL_STEPS - SEARCH_STEPS
     hopeless: float = 1.0
-    excess: float = math.inf
+    most_excess: float = math.inf
 
     @property
     def over(self) -> bool:
@@ -84,6 +84,64 @@ class Sweep:
         """A polish whose ``widths`` are shares of the map's size."""
         size = float(np.ptp(self.problem.scene.bounds, axis=0).mean())
         return Polish(tuple(size * w for w in widths), inner)
+
+    def timed_means(self, x: FloatArray, spare: int) -> FloatArray:
+        """The line of ``x`` in the fewest steps and ``spare`` more; more where windows open later."""
+        problem, needed = self.problem, steps_needed(self.problem, x)
+        return retimed_means(problem, x, min(max(fewest_steps(needed) + spare, 2), problem.horizon), needed)
+
+    def held_within(
+        self, lines: Iterable[tuple[FloatArray, int, str]], how: Polish, cap: float
+    ) -> list[Candidate]:
+        """Lines (means, steps beyond the fewest, origin) polished at a length cap; returns those within."""
+
+        def one(line: tuple[FloatArray, int, str]) -> Candidate:
+            x, more, origin = line
+            return self.refiner.polish(self.timed_means(x, more), self.few, how, cap, origin)
+
+        made = (k for k in self.in_time(one, lines) if k.length <= KEPT * cap and k.smoothed < self.hopeless)
+        return self.near_epsilon(made)
+
+    def in_time(
+        self, make: Callable[[Item], Candidate], items: Iterable[Item], share: float = SWEEP_SHARE
+    ) -> list[Candidate]:
+        """What ``make`` makes of ``items``, but for those whose turn comes after ``share`` of the time."""
+        made = on_all_cores(lambda item: None if self.budget.over(share) else make(item), items)
+        return [k for k in made if k is not None]
+
+    def near_epsilon(self, found: Iterable[Candidate]) -> list[Candidate]:
+        """Those ``found`` whose excess is at most ``most_excess``."""
+        return [k for k in found if self.most_excess == math.inf or self.excess(k.flight) <= self.most_excess]
+
+    def excess(self, flight: Flight) -> float:
+        """By how much the segments of ``flight`` exceed epsilon; 0 if all keep it."""
+        return self.closing.penalty(flight, math.inf)
+
+    def reassessed(self, k: Candidate) -> Candidate:
+        """A path of another search, with its failures in ``flights``."""
+        return self.refiner.assessed(k.flight, self.flights, self.polish_of(WARM, 1).widths[-1], k.origin)
+
+    def class_of(self, k: Candidate) -> PathClass:
+        """The class of ``k``."""
+        return path_class(self.problem, k.flight.x) if k.kind is None else k.kind
+
+    def best_of_classes(self, found: Iterable[Candidate], more: int = 0) -> list[Candidate]:
+        """The best candidate of each class, least failure first, of ``cfg.classes`` and ``more`` at most.
+
+        Classes that fail more than ``RIVAL`` times as often as the best one are left out.
+        """
+        best: dict[PathClass, Candidate] = {}
+        for k in sorted(found, key=smoothed):
+            if best and k.smoothed > RIVAL * next(iter(best.values())).smoothed:
+                break
+            best.setdefault(self.class_of(k), k)
+        return list(best.values())[: self.cfg.classes + more]
+
+    def on_other_sides(self, found: Iterable[Candidate], known: Container[PathClass]) -> list[Start]:
+        """``found`` bent past every near obstacle on its other side; one start of each class not known."""
+        others = [f for k in found for f in flipped_starts(self.problem, k.flight.x, k.origin)]
+        starts = unlike_starts(self.problem, others)
+        return [start for (kind, _), start in starts.items() if kind not in known]
 
 
 def new_sweep(
@@ -100,77 +158,6 @@ def new_sweep(
 def first_of(flights: CommonFlights, runs: int) -> CommonFlights:
     """The first ``runs`` of ``flights``; all of them if there are fewer."""
     return flights.only(np.arange(min(runs, len(flights))))
-
-
-def timed_means(problem: Problem, x: FloatArray, spare: int) -> FloatArray:
-    """The line of ``x`` in the fewest steps and ``spare`` more; more where windows open later."""
-    needed = steps_needed(problem, x)
-    return retimed_means(problem, x, min(max(fewest_steps(needed) + spare, 2), problem.horizon), needed)
-
-
-def fewest_steps(needed: FloatArray) -> int:
-    """The fewest steps of a path whose legs take the times ``needed`` (T,) [steps] at full airspeed."""
-    return int(np.ceil(needed.sum() * 1.01))
-
-
-def held_within(
-    sweep: Sweep, lines: Sequence[tuple[FloatArray, int, str]], how: Polish, cap: float
-) -> list[Candidate]:
-    """Lines (means, steps beyond the fewest, origin) polished at a length cap; returns those within it."""
-
-    def one(line: tuple[FloatArray, int, str]) -> Candidate:
-        x, more, origin = line
-        return sweep.refiner.polish(timed_means(sweep.problem, x, more), sweep.few, how, cap, origin)
-
-    made = in_time(sweep, one, lines)
-    return near_epsilon(sweep, (k for k in made if k.length <= KEPT * cap and k.smoothed < sweep.hopeless))
-
-
-def in_time(
-    sweep: Sweep, make: Callable[[Item], Candidate], items: Iterable[Item], share: float = SWEEP_SHARE
-) -> list[Candidate]:
-    """What ``make`` makes of ``items``, but for those whose turn comes when ``share`` of the time is over."""
-    made = on_all_cores(lambda item: None if sweep.budget.over(share) else make(item), items)
-    return [k for k in made if k is not None]
-
-
-def near_epsilon(sweep: Sweep, found: Iterable[Candidate]) -> list[Candidate]:
-    """Those ``found`` whose excess is at most ``sweep.excess``."""
-    return [k for k in found if sweep.excess == math.inf or excess(sweep, k.flight) <= sweep.excess]
-
-
-def excess(sweep: Sweep, flight: Flight) -> float:
-    """By how much the segments of ``flight`` exceed epsilon; 0 if all keep it."""
-    return sweep.closing.penalty(flight, math.inf)
-
-
-def reassessed(sweep: Sweep, flights: CommonFlights, k: Candidate) -> Candidate:
-    """A path of another search, with its failures in ``flights``."""
-    return sweep.refiner.assessed(k.flight, flights, sweep.polish_of(WARM, 1).widths[-1], k.origin)
-
-
-def best_of_classes(problem: Problem, found: Iterable[Candidate], most: int) -> list[Candidate]:
-    """The best candidate of each class, least failure first, ``most`` at most.
-
-    Classes that fail more than ``RIVAL`` times as often as the best one are left out.
-    """
-    best: dict[PathClass, Candidate] = {}
-    for k in sorted(found, key=smoothed):
-        if best and k.smoothed > RIVAL * next(iter(best.values())).smoothed:
-            break
-        best.setdefault(class_of(problem, k), k)
-    return list(best.values())[:most]
-
-
-def class_of(problem: Problem, k: Candidate) -> PathClass:
-    """The class of ``k``."""
-    return path_class(problem, k.flight.x) if k.kind is None else k.kind
-
-
-def on_other_sides(problem: Problem, found: Iterable[Candidate], known: Container[PathClass]) -> list[Start]:
-    """``found`` bent past every near obstacle on its other side; one start of each class not known."""
-    others = [f for k in found for f in flipped_starts(problem, k.flight.x, k.origin)]
-    return [start for (kind, _), start in unlike_starts(problem, others).items() if kind not in known]
 
 
 def smoothed(k: Candidate) -> float:

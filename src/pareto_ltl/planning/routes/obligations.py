@@ -92,7 +92,9 @@ def _safest_parts(
     The part with the least risk ``missed`` (n, parts) is taken. Parts that do not hold the mean are left out,
     and the risk is inf if none of a group is left; at the first step the nearest part is then taken.
     """
-    slack, rows = _part_slack(problem, x), np.arange(len(x))
+    faces, rows = problem.theorem2.faces, np.arange(len(x))
+    # distance to the nearest face of every part, positive inside
+    slack = np.minimum.reduceat(faces.offset - x @ faces.normal.T, faces.ptr[:-1], axis=1)
     risk, chosen = np.zeros(len(x)), np.empty((len(x), len(groups)), np.int64)
     for k, parts in enumerate(groups):
         own = np.where(slack[:, parts] > 0.0, missed[:, parts], np.inf)
@@ -119,12 +121,6 @@ def _spoiling_cells(problem: Problem, q: IntArray, cell: IntArray) -> BoolArray:
     met = logic.loses[epoch, q][:, :-1] & (np.arange(len(labelled)) != cell[:, None])
     met[1:] |= logic.loses[epoch[1:], q[:-1]][:, :-1] & (np.arange(len(labelled)) != cell[1:, None])
     return np.asarray(spoils | met, bool)
-
-
-def _part_slack(problem: Problem, x: FloatArray) -> FloatArray:
-    """Distance to the nearest face of every region part, positive inside, (T+1, parts)."""
-    faces = problem.theorem2.faces
-    return np.asarray(np.minimum.reduceat(faces.offset - x @ faces.normal.T, faces.ptr[:-1], axis=1), float)
 
 
 def _visits_missed(problem: Problem, x: FloatArray, cov: FloatArray) -> FloatArray:

@@ -22,9 +22,9 @@ import numpy as np
 
 from pareto_ltl.planning.pack_logic import helpful_delta
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.routes.course import FACE_MARGIN, bend_places
 from pareto_ltl.planning.routes.path_classes import Word, crossed_rays, reduced_word
 from pareto_ltl.planning.routes.search_map import blocked_area, meets, search_map, sights
+from pareto_ltl.planning.routes.taut_lines import FACE_MARGIN, bend_places
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
