@@ -201,7 +201,9 @@ def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
     """Automaton state and cell of every step of a path without a fault."""
     from pareto_ltl.kernels import path as kernel
 
-    n, world = len(flight.x), judged_world(problem)
+    n, world, bound = len(flight.x), problem.world, problem.world.collision
+    if problem.fidelity.judge != "bound":  # flights judge, and not chance constraints
+        world = world._replace(collision=kd.PathBound(bound.barriers, bound.nearby, math.inf, math.inf))
     q, cell = np.empty(n, np.int64), np.empty(n, np.int64)
     memory = collision_memory(world.collision, 2)
     known = min(n - 1, len(problem.wind.slot))
@@ -209,14 +211,6 @@ def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
     if fault != kernel.FLOWN:
         raise InfeasibleError(f"the path {FAULTS[fault]} at step {where} of {n - 1}")
     return q, cell
-
-
-def judged_world(problem: Problem) -> kd.World:
-    """The world that paths are checked in: without chance constraints where flights judge."""
-    if problem.fidelity.judge == "bound":
-        return problem.world
-    bound = problem.world.collision
-    return problem.world._replace(collision=kd.PathBound(bound.barriers, bound.nearby, math.inf, math.inf))
 
 
 def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: float) -> Objectives:

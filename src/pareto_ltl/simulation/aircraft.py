@@ -195,7 +195,11 @@ def fly_orders(orders: Orders, air: Air, height: float, rate: float) -> Track:
     DataError
         If the aircraft cannot hold the airspeeds of the table: a Cessna 172 does not fly them.
     """
-    cessna = _departing(orders, air, height, rate)
+    lat, lon = (float(value) for value in orders.start)
+    wind = air(0.0, lat, lon)
+    # a trial flight from the start gives how far before it a settled aircraft has to begin
+    north, east = Cessna(orders, (lat, lon), height, rate, wind).place
+    cessna = Cessna(orders, (2.0 * lat - north, 2.0 * lon - east), height, rate, wind)
     every = max(1, round(WIND_SECONDS / cessna.tick))
     places, means, climb, count = [cessna.place], [], 0.0, 0
     ends = np.cumsum(orders.duration)
@@ -215,14 +219,6 @@ def fly_orders(orders: Orders, air: Air, height: float, rate: float) -> Track:
     require_held(orders, flown, len(ends))
     found = np.array(places)
     return Track(found[:, 0], found[:, 1], flown, climb)
-
-
-def _departing(orders: Orders, air: Air, height: float, rate: float) -> Cessna:
-    """A settled aircraft at the start: a trial flight from there gives how far before it to begin."""
-    lat, lon = (float(value) for value in orders.start)
-    wind = air(0.0, lat, lon)
-    north, east = Cessna(orders, (lat, lon), height, rate, wind).place
-    return Cessna(orders, (2.0 * lat - north, 2.0 * lon - east), height, rate, wind)
 
 
 def require_held(orders: Orders, flown: FloatArray, legs: int) -> None:

@@ -261,7 +261,8 @@ class ConstrainedRefiner(Refiner):
                 trust *= kd.NARROWER
                 continue
             other = self.flown(x)
-            there = self.objective(other, sample)
+            there, _ = self.slope(other.x, sample.off, sample.width, sample.off.shape[2] / sample.share)
+            there = self.with_lure(there, other, sample)
             now = there.value + self.penalty(other, solves.longest)
             if now < value:
                 gain = (value - now) / value
@@ -278,11 +279,6 @@ class ConstrainedRefiner(Refiner):
         """Means (T+1, 2) [m] that lower the model ``here`` of ``flight``; None if there are none."""
         solution = programme_for(self.problem, len(flight.u)).descend(flight, here, trust, cap)
         return None if solution is None else solution.x
-
-    def objective(self, flight: Flight, sample: kd.Sample) -> Descent:
-        """Smoothed failure of ``flight`` and the attraction of landmarks, with their derivatives."""
-        here, _ = self.slope(flight.x, sample.off, sample.width, sample.off.shape[2] / sample.share)
-        return self.with_lure(here, flight, sample)
 
     def with_lure(self, here: Descent, flight: Flight, sample: kd.Sample) -> Descent:
         """The smoothed failure ``here`` of ``flight`` and the attraction of landmarks."""

@@ -119,6 +119,8 @@ def kept_deviations(problem: Problem) -> float:
 
 def _by_lines(problem: Problem, flight: Flight, avoid: BoolArray | None, around: float) -> Separation:
     """Supporting lines; the programme lets their polygons share ``epsilon`` as they need it, Eq. (M51)."""
+    from scipy.special import ndtr
+
     polygons, asked = _avoided(problem, flight, avoid)
     corners = barrier_polygons(problem)
     everywhere = np.ones((len(flight.u), len(corners.radius)), bool)
@@ -130,15 +132,8 @@ def _by_lines(problem: Problem, flight: Flight, avoid: BoolArray | None, around:
             np.concatenate([corners.ptr, corners.ptr[-1] + own.ptr[1:]]),
             np.vstack([corners.corner, own.corner]),
         )  # fmt: skip
-    return _supported(problem, flight, corners, np.hstack([everywhere, asked]), around)
-
-
-def _supported(
-    problem: Problem, flight: Flight, corners: kd.Corners, asked: BoolArray, around: float
-) -> Separation:
+    asked = np.hstack([everywhere, asked])
     line, owner, risk = lines_of(corners, asked, flight.x, flight.cov, ROWS, around)
-    from scipy.special import ndtr
-
     normal, offset = line[..., :2], line[..., 2]
     cov = np.stack([flight.cov[:-1], flight.cov[1:]], axis=1)
     n, e = normal[..., 0][:, None], normal[..., 1][:, None]

@@ -156,9 +156,8 @@ def taut_starts(cfg: SmoothingConfig, problem: Problem, paths: Sequence[PlannedP
             firsts.setdefault(plan, path)
     for plan, path in firsts.items():
         line = taut_line(problem, plan, path.x, path.cov, depth, kept_deviations(problem))
-        x = None if line is None else walk_line(problem, line)
-        x = None if x is None else paced_line(problem, x)
-        if x is not None and completes(problem, x):
+        x = None if line is None else _walked(problem, line)
+        if x is not None:
             found.append((plan, Start(x, f"{path.origin}, drawn taut")))
     for k in np.unique(np.linspace(0, len(paths) - 1, min(cfg.candidates, len(paths))).astype(int)):
         x = shortened_path(problem, paths[k].x)
@@ -173,9 +172,14 @@ def shortened_path(problem: Problem, x: FloatArray) -> FloatArray | None:
     """``x`` pulled taut between its witnesses and flown in the fewest steps; None where the mission fails."""
     cov = propagate(problem, x).cov
     witnesses = [t for t, _ in path_obligations(problem, x, cov).witness]
-    y = walk_line(problem, pull_taut(problem, x, cov, witnesses, kept_deviations(problem)))
-    y = None if y is None else paced_line(problem, y)
-    return y if y is not None and completes(problem, y) else None
+    return _walked(problem, pull_taut(problem, x, cov, witnesses, kept_deviations(problem)))
+
+
+def _walked(problem: Problem, line: FloatArray) -> FloatArray | None:
+    """``line`` (n, 2) [m] in the fewest steps; None where the mission fails."""
+    x = walk_line(problem, line)
+    x = None if x is None else paced_line(problem, x)
+    return x if x is not None and completes(problem, x) else None
 
 
 def bend_each(
