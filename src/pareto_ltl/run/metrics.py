@@ -121,10 +121,7 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
     if promise is None:
         return table
     return table | {
-        "promise_failure": promise.rate.failure,
-        "promise_low": promise.rate.low,
-        "promise_high": promise.rate.high,
-        "promise_runs": promise.rate.runs,
+        **{f"promise_{name}": getattr(promise.rate, name) for name in ("failure", "low", "high", "runs")},
         "promise_weighted": float(promise.rate.method == WEIGHTED),
         "promise_claimed": promise.claimed.failure,
         "promise_bound": promise.bound,

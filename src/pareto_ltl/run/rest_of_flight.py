@@ -77,16 +77,14 @@ def run_of_the_rest(
     It starts where the robot is expected to be, with the remaining mission, in the conditioned wind or in
     a newer forecast, and has the rest of the old plan as a candidate.
     """
-    other = conditioned_run(run, situation, quick=quick)
-    alarms: list[str] = []
+    other, alarms = conditioned_run(run, situation, quick=quick), list[str]()
     if wind is not None:
-        old = other
-        scene = old.make(SCENE)
-        cfg, field = newer_field(run.settings, wind, scene, run.settings.planner.max_steps)
+        steps = run.settings.planner.max_steps
+        cfg, field = newer_field(run.settings, wind, other.make(SCENE), steps)
         warn_of_use(run.make(WIND), field, situation.time, float(rest.t[-1]))
-        records = old.records.replaced(WIND, field)
-        other = Run(replace(old.settings, wind=cfg), old.table, records)
-        alarms = field_alarms(old.make(PROBLEM), other.make(PROBLEM), rest)
+        newer = Run(replace(other.settings, wind=cfg), other.table, other.records.replaced(WIND, field))
+        alarms = field_alarms(other.make(PROBLEM), newer.make(PROBLEM), rest)
+        other = newer
     other.records[CANDIDATES] = candidates_of(other.make(PROBLEM), rest)
     return other, alarms
 

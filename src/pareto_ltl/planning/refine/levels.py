@@ -38,20 +38,17 @@ HOPELESS = 0.3  # share of the success of the best start below which candidates 
 
 
 def looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candidate]:
-    """What cheap polishes make of the most promising starts, the hopeful ones polished twice; best first."""
-    seen = first_looks(sweep, starts)
-    hopeful = [k for k in seen if k.smoothed < hopeless_above(seen)]
-    return sorted([*seen, *second_looks(sweep, hopeful)], key=smoothed)
+    """What cheap polishes make of the most promising starts; best first.
 
-
-def second_looks(sweep: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
-    """The paths polished again at their own lengths, to find the length cap to begin with."""
-    how = sweep.polish_of(WARM, 3)
+    Hopeful paths are polished again at their own lengths, to find the length cap to begin with.
+    """
+    seen, how = first_looks(sweep, starts), sweep.polish_of(WARM, 3)
 
     def again(k: Candidate) -> Candidate:
         return k if sweep.over else sweep.refiner.polish(k.flight.x, sweep.few, how, k.length, k.origin)
 
-    return on_all_cores(again, seen)
+    hopeful = [k for k in seen if k.smoothed < hopeless_above(seen)]
+    return sorted([*seen, *on_all_cores(again, hopeful)], key=smoothed)
 
 
 def first_looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candidate]:
@@ -60,7 +57,6 @@ def first_looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candida
     The first start is polished even if the time budget is spent.
     """
     chosen = _promising(sweep, list(starts.values()))
-
     look = partial(first_look, sweep)
     found = sweep.in_time(look, chosen) or [look(start) for start in chosen[:1]]
     known, tried = {kind for kind, _ in starts}, set[StartKind]()

@@ -1,6 +1,7 @@
 """Starts of the sampled refinement: a path for each mission order and each way past the obstacles.
 
-They come from a roadmap and taut lines, which depend on the map alone, and from the trees.
+They come from a roadmap and taut lines, which depend on the map alone, and from the trees. Lines are flown
+more slowly, or with a stop, where a time window opens after a robot at full speed would arrive.
 """
 
 from __future__ import annotations
