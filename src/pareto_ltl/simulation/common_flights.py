@@ -33,9 +33,9 @@ class DrawnFlights:
         Deviations of the start [m].
     draws : kernel.Draws
     linearised : bool
-        Whether their deviations are those of the linearised law, for a search that flies thousands of times.
-        On phi2 they differ by a tenth of their size from those in the nonlinear winds, and failure rates by
-        0 to 4 % of the rate.
+        Whether deviations follow the linearised law, for a search that flies thousands of times. On phi2 they
+        differ by a tenth of their size from deviations in the nonlinear winds, and failure rates by 0 to 4 %
+        of the rate.
     """
 
     problem: Problem

@@ -159,8 +159,8 @@ def race_of(
 ) -> tuple[list[slice], Failures]:
     """The blocks of ``runs`` flights, as in ``simulate_flights`` with the same seed, and who fails in them.
 
-    The function tells, for the number of a block and those of some of the ``paths``, which flights of the
-    block fail on each of these, (R, n).
+    The function takes the number of a block and the numbers of R ``paths``; it returns which flights of the
+    block fail on each of these paths, (R, n).
     """
     for path in paths:
         sim.require_known_wind(problem, path.u, path.x)

@@ -29,7 +29,6 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     import shapely
-    from scipy import sparse
 
 CLEARANCES = (0.03, 0.01, 0.003)  # of the map's size: distances of a node from its corner, the first free one
 DEPTH = 0.4  # share of the way from a region's corner to its middle at which a node lies
@@ -305,19 +304,13 @@ def _meet_cells(roadmap: Roadmap, cells: BoolArray) -> BoolArray:
 
 
 def _ways_left(roadmap: Roadmap, delta: IntArray, allowed: BoolArray) -> FloatArray:
-    """Shortest way [m] from every state and node to acceptance, (Q, N); inf if there is none."""
+    """Shortest way [m] from every state and node to acceptance, (Q, N); inf if there is none.
+
+    Searched from acceptance backwards: edges lead from each (state, node), row state * N + node, to the ones
+    from which it is reached.
+    """
+    from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import dijkstra
-
-    distance = roadmap.problem.logic.distance
-    nodes, goals = len(roadmap.at), np.flatnonzero(np.repeat(distance == 0.0, len(roadmap.at)))
-    backwards = _product_graph(roadmap, delta, allowed)
-    found = dijkstra(backwards, indices=goals, min_only=True)
-    return np.asarray(found, float).reshape(len(distance), nodes)
-
-
-def _product_graph(roadmap: Roadmap, delta: IntArray, allowed: BoolArray) -> sparse.csr_matrix:
-    """Edges from each (state, node) back to those that lead there, row and column state * N + node."""
-    from scipy import sparse
 
     state, k = np.nonzero(allowed)
     nodes, there = len(roadmap.at), roadmap.edge[k, 1]
@@ -326,4 +319,7 @@ def _product_graph(roadmap: Roadmap, delta: IntArray, allowed: BoolArray) -> spa
     rows, columns = after[can] * nodes + there[can], state[can] * nodes + roadmap.edge[k[can], 0]
     size = len(delta) * nodes
     # The edges are in the order of the nodes: equal lengths are never added up.
-    return sparse.csr_matrix((roadmap.length[k[can]], (rows, columns)), shape=(size, size))
+    backwards = csr_matrix((roadmap.length[k[can]], (rows, columns)), shape=(size, size))
+    goals = np.flatnonzero(np.repeat(roadmap.problem.logic.distance == 0.0, nodes))
+    found = dijkstra(backwards, indices=goals, min_only=True)
+    return np.asarray(found, float).reshape(len(delta), nodes)

@@ -110,7 +110,11 @@ def _simplified_map(problem: Problem) -> SearchMap:
     barriers = problem.barriers
     if obstacles is not problem.decomposition.obstacles:
         barriers = pack_barriers(scene, pack_faces(obstacles))
-    shown = {names: tally.shown(problem, cells) for names, cells in _cells_by_label(problem).items()}
+    labelled: dict[frozenset[str], list[int]] = {}
+    for number, label in enumerate(problem.labels):
+        if label:
+            labelled.setdefault(label & set(problem.atoms), []).append(number)
+    shown = {names: tally.shown(problem, cells) for names, cells in labelled.items()}
     parts = [part for name in problem.atoms for part in problem.decomposition.regions.get(name, ())]
     witness = pack_faces([tally.convex_part(part) for part in parts])
     if tally.before:
@@ -134,15 +138,6 @@ def _covering_parts(problem: Problem, tally: _Simplifier) -> tuple[FloatArray, .
     if not tally.before:
         return problem.decomposition.obstacles
     return convex_obstacles(scene, outlines)
-
-
-def _cells_by_label(problem: Problem) -> dict[frozenset[str], list[int]]:
-    """Labelled cells by the propositions of the mission that they show."""
-    found: dict[frozenset[str], list[int]] = {}
-    for number, label in enumerate(problem.labels):
-        if label:
-            found.setdefault(label & set(problem.atoms), []).append(number)
-    return found
 
 
 @dataclass(slots=True)
