@@ -121,6 +121,13 @@ def empty_flight(law: kd.Law, n: int) -> Flight:
     )  # fmt: skip
 
 
+def fix_steps(flight: Flight) -> tuple[int, ...]:
+    """Steps of a path before whose end the robot more probably than not measures its position anew."""
+    if not isinstance(flight.memory, kd.LandmarkMemory):
+        return ()
+    return tuple(int(t) for t in np.flatnonzero(flight.memory.chance[: len(flight.u)] >= EXPECTED))
+
+
 def takes_fixes(flight: Flight) -> bool:
     """Whether a fix, however unlikely, changes the covariance of a path."""
     return isinstance(flight.memory, kd.LandmarkMemory) and bool(flight.memory.used[0])
@@ -167,11 +174,7 @@ def evaluate_path(
             f"the path may collide with a probability of {probability_text(collision)} in "
             f"{problem.fidelity.law} winds, above planner.delta = {allowed:g}"
         )
-    memory, steps = flight.memory, len(x)
-    chance = memory.chance[: steps - 1] if isinstance(memory, kd.LandmarkMemory) else np.zeros(0)
-    fixes = np.flatnonzero(
-        chance >= EXPECTED
-    )  # steps before whose end the robot measures more often than not
+    steps = len(x)
     return PlannedPath(
         t=problem.motion.dt * np.arange(steps, dtype=float),
         x=x,
@@ -181,7 +184,7 @@ def evaluate_path(
         u=flight.u,
         objectives=_objectives(problem, flight, cell, collision),
         origin=origin,
-        fixes=tuple(fixes.tolist()),
+        fixes=fix_steps(flight),
         order=mission_order_text(problem, q, cell),
     )
 
@@ -201,9 +204,7 @@ def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
     """Automaton state and cell of every step of a path without a fault."""
     from pareto_ltl.kernels import path as kernel
 
-    n, world, bound = len(flight.x), problem.world, problem.world.collision
-    if problem.fidelity.judge != "bound":  # flights judge, and not chance constraints
-        world = world._replace(collision=kd.PathBound(bound.barriers, bound.nearby, math.inf, math.inf))
+    n, world = len(flight.x), judged_world(problem)
     q, cell = np.empty(n, np.int64), np.empty(n, np.int64)
     memory = collision_memory(world.collision, 2)
     known = min(n - 1, len(problem.wind.slot))
@@ -211,6 +212,14 @@ def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
     if fault != kernel.FLOWN:
         raise InfeasibleError(f"the path {FAULTS[fault]} at step {where} of {n - 1}")
     return q, cell
+
+
+def judged_world(problem: Problem) -> kd.World:
+    """The world that paths are checked in: without chance constraints where flights judge."""
+    if problem.fidelity.judge == "bound":
+        return problem.world
+    bound = problem.world.collision
+    return problem.world._replace(collision=kd.PathBound(bound.barriers, bound.nearby, math.inf, math.inf))
 
 
 def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: float) -> Objectives:

@@ -29,7 +29,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.routes.obligations import MissionOrder, face_deviations
 from pareto_ltl.planning.routes.search_map import SearchMap, search_map
 from pareto_ltl.planning.wind_lookup import interpolate
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import inside_depth
 
 FACE_MARGIN = 2.0  # [m] distance from every face: larger than the solver's rounding error
@@ -157,23 +157,25 @@ class _LineSearch:
         return np.array(line[::-1])
 
 
+def _share_face(faces: kd.Faces, clear: BoolArray) -> BoolArray:
+    """Which rows of ``clear`` (P, F) are true for some face of every obstacle."""
+    if len(faces.ptr) == 1:
+        return np.ones(len(clear), bool)
+    return np.asarray(np.logical_or.reduceat(clear, faces.ptr[:-1], axis=1).all(axis=1), bool)
+
+
 def pull_taut(problem: Problem, x: FloatArray, cov: FloatArray, keep: Sequence[int], z: float) -> FloatArray:
     """The shortest line through vertices of ``x`` (T+1, 2), with the first, the last and those in ``keep``.
 
     Vertices i < j may be joined if one face of every obstacle is cleared at both.
     """
     faces = problem.barriers
-    obstacle = faces.ptr[:-1]  # its first face
     clear = x @ faces.normal.T - faces.offset >= z * face_deviations(faces.normal, cov) - TOUCH
     stops = np.array(sorted({0, *keep}))
     cost, previous = np.zeros(len(x)), np.zeros(len(x), np.int64)
     for j in range(1, len(x)):
         first = stops[np.searchsorted(stops, j) - 1]
-        both = clear[first:j] & clear[j]
-        shared = (
-            np.logical_or.reduceat(both, obstacle, axis=1) if len(obstacle) else np.ones((len(both), 0), bool)
-        )
-        joined = np.asarray(shared.all(axis=1), bool)
+        joined = _share_face(faces, clear[first:j] & clear[j])
         joined[-1] = True  # as flown
         reach = cost[first:j] + np.linalg.norm(x[first:j] - x[j], axis=1)
         k = int(np.argmin(np.where(joined, reach, np.inf)))
