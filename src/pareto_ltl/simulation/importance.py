@@ -60,10 +60,11 @@ class Ladder(NamedTuple):
     plain: float
 
 
-# β_l ∝ exp(-(1 - s_l) / 0.6). With these values the standard error of 20,000 draws is 1.4 to 3.5 % of the rate
-# for plans for phi1 and phi2 with feedback that fail in 10^-2 to 3 x 10^-5 of the flights, and 5 % for one whose
-# failures are of two kinds, beside obstacles and for want of airspeed (6.6 % down to 0.6, with 0.4 for 0.6). With
-# level 1 and plain flights alone, failures beside the half-spaces are seldom drawn and weigh 1 / α.
+# β_l ∝ exp(-(1 - s_l) / 0.6). With these values the standard error of 20,000 draws is 1.4 to 3.5 % of the
+# rate for plans for phi1 and phi2 with feedback that fail in 10^-2 to 3 x 10^-5 of the flights, and 5 % for
+# one whose failures are of two kinds, beside obstacles and for want of airspeed (6.6 % with levels down to
+# 0.6 and with 0.4 instead of 0.6). With level 1 and plain flights alone, failures beside the half-spaces are
+# seldom drawn and weigh 1 / α.
 LEVELS, PLAIN = np.arange(1.0, 0.3875, -0.025), 0.1
 SHARES = np.exp((LEVELS - 1.0) / 0.6)
 LADDER = Ladder(LEVELS, (1.0 - PLAIN) * SHARES / SHARES.sum(), PLAIN)
