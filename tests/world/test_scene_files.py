@@ -384,6 +384,8 @@ def test_a_feature_of_another_shape_is_refused_by_its_number(tmp_path, features,
         ({"time_zero": "tomorrow"}, "time_zero is 'tomorrow'; expected an ISO 8601 time"),
         ({"time_zero": "9" * 5000}, "999'; expected an ISO 8601 time"),
         ({"crs": ["wgs84"]}, "/crs: expected text or null"),
+        ({"windows": {"w": {"region": "zz", "begin": 0, "end": 9}}}, "window 'w' is of 'zz'; regions are "),
+        ({"forbidden": ["k"]}, "forbidden lists 'k', but windows has no such name"),
     ],
 )  # fmt: skip
 def test_a_scene_json_of_another_shape_is_refused_with_the_place(tmp_path, changes, words):

@@ -62,7 +62,9 @@ class Part:
 
 def part_key(settings: Settings, *more: Any) -> str:
     """Fingerprint of the settings that matter to a plan, of ``more``, of the wind files and of the code."""
-    relevant = {name: value for name, value in asdict(settings).items() if name not in OTHER_SECTIONS}
+    # its seeds are not copied for each part: 3,334 of them took 110 s for 10,002 parts
+    one = replace(settings, evaluation=EvaluationConfig())
+    relevant = {name: value for name, value in asdict(one).items() if name not in OTHER_SECTIONS}
     relevant["planner"].pop("threads")
     inputs = [file_fingerprint(file) for file in sorted(input_files(settings))]
     code = code_fingerprint(without=OTHER_CODE)

@@ -25,7 +25,7 @@ from pareto_ltl.support.archives import stored
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_json
-from pareto_ltl.support.messages import shown_text
+from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.reading import MAX_BYTES, MAX_DEPTH, Advice, read_bounded, refuse_many_features
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world import scene_sketch as sk
@@ -139,6 +139,15 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
         faults.add(f"{where}: {len(fixes)} landmark_fixes for {len(landmarks)} landmarks")
     elif fixes:
         landmarks = [{"corners": drawn, "fix": fix} for drawn, fix in zip(landmarks, fixes, strict=True)]
+    windows, forbidden = data.get("windows") or {}, data.get("forbidden") or ()
+    for name, window in windows.items():
+        if (region := window["region"]) not in data["regions"]:
+            regions = ", ".join(data["regions"]) or "none"
+            faults.add(
+                f"{where}: window {shown_text(name)!r} is of {shown_value(region)}; regions are {regions}"
+            )
+    for name in sorted(set(forbidden) - set(windows)):
+        faults.add(f"{where}: forbidden lists {shown_value(name)}, but windows has no such name")
     return SceneSketch(
         where=where,
         bounds=sk.read_bounds(where, "bounds", data["bounds"]),
@@ -159,8 +168,8 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
         landmarks=sk.read_places(faults, "landmark", sk.numbered_outlines(landmarks), np.copy),
         border=data.get("border"),
         timed=tuple(
-            TimedPlace(name, w["region"], w.get("begin"), w.get("end"), name in (data.get("forbidden") or ()))
-            for name, w in (data.get("windows") or {}).items()
+            TimedPlace(name, w["region"], w.get("begin"), w.get("end"), name in forbidden)
+            for name, w in windows.items()
         ),
         simplified=data.get("simplified") or 0.0,
         faults=tuple(faults.texts),
