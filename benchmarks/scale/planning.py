@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from scale.case import Case
+from scale.case import GIBIBYTE, Case
 from scale.maps import crowded_map, region_names
 
 MODELS = ("paper", "full")
@@ -160,12 +160,11 @@ CASES = [
     *in_both_models("obstacles", (10, 30, 100, 300, 1000), many_obstacles, "obstacles"),
     *in_both_models("regions", (6, 12, 25, 50), many_regions, "regions on the map"),
     *in_both_models("corners", (10, 60, 300, 2000), many_corners, "corners of each polygon"),
-    Case(
-        "vertices, paper", (1000, 10_000, 100_000, 1_000_000), many_vertices("paper"),
-        "vertices of each of 10 trees", 300.0, 8e9,
-    ),
-    Case(
-        "vertices, full", (1000, 10_000, 100_000), many_vertices("full"), "vertices of each of 10 trees",
-        300.0, 8e9,
+    *(
+        Case(
+            f"vertices, {model}", (1000, 10_000, 100_000, 1_000_000), many_vertices(model),
+            "vertices of each of 10 trees", 300.0, 4 * GIBIBYTE,
+        )
+        for model in MODELS
     ),
 ]  # fmt: skip
