@@ -1,4 +1,4 @@
-"""Plans of large problems in processes of their own, 30 s of CPU and 1 GiB each; large trees; ``make scale`` has all.
+"""Plans of large problems, in processes of their own: 30 s and 1 GiB; large trees. ``make scale`` has all.
 
 python -m pytest benchmarks/bench_scale.py
 """
