@@ -57,7 +57,7 @@ def test_page_is_opened_to_its_first_picture(benchmark, result):
 
         def opened():
             page.goto((result / "report.html").as_uri())
-            page.wait_for_selector("html[data-ready=map]")
+            page.wait_for_selector("html[data-ready=page]")
 
         benchmark.pedantic(opened, rounds=5, warmup_rounds=1)
         browser.close()

@@ -78,6 +78,8 @@ def _record(version: str, figures: dict[str, float]) -> None:
 def _figures(bench: Any) -> Iterator[Figure]:
     name = bench.name.removeprefix("test_").replace("_", " ")
     info = bench.extra_info
+    if not bench.stats.data:  # it failed before its first repetition, and pytest says so
+        return
     if "budget" in info:
         yield Figure(name, bench.stats.median, "<=", info["budget"], timed=True)
     for figure, reached, limit, *own in info.get("figures", ()):
