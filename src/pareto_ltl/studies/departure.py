@@ -206,14 +206,14 @@ def repeat_seed(seed: int, repeat: int) -> int:
 def departure_part(context: DepartureContext, time: float, repeat: int) -> Columns:
     """The front of one start with one seed, its flights and its plan; or why there is no plan."""
     settings = start_settings(context.settings, time, quick=context.settings.departure.quick, repeat=repeat)
-    written = context.folder is not None and repeat == 0
+    folder = context.folder if repeat == 0 else None
     try:
-        run = world_at(settings, context.world, PLAN_TABLE if written else UNPRICED_TABLE)
+        run = world_at(settings, context.world, UNPRICED_TABLE if folder is None else PLAN_TABLE)
         plan_start(run)
     except (InfeasibleError, DataError) as error:
         return {"planned": False, "reason": str(error)}
-    if context.folder is not None and repeat == 0:
-        _make_rest(run, context.folder / folder_name(time))
+    if folder is not None:
+        _make_rest(run, folder / folder_name(time))
     plan, problem = run[records.PLAN].path, run[records.PROBLEM]
     paths = within_capacity(settings.selection, run[records.FRONT], problem).paths
     seeds = stage_seeds(context.settings.seed, STREAM)
