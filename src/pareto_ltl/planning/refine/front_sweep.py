@@ -80,7 +80,7 @@ from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.display import distance_text
-from pareto_ltl.support.machine import cores, on_all_cores
+from pareto_ltl.support.machine import on_all_cores
 from pareto_ltl.world.time_step import SHARE_OF_PLACE, narrowest_place
 
 COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of the settings of a coarse search
@@ -108,7 +108,7 @@ def sampled_paths(
     InfeasibleError
         If there were starts and none became a path; the message says what is wrong with the best one.
     """
-    with ThreadPoolExecutor(cores()) as pool:
+    with ThreadPoolExecutor(1) as pool:
         found = pool.submit(first_starts, problem, forest)
         sweep = new_sweep(cfg, problem, flights, budget, progress)
         starts = found.result()
