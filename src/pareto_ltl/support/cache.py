@@ -79,7 +79,8 @@ def mark_used(path: Path) -> None:
 def trim_folder(folder: Path, limit: int, suffix: str = ".npz") -> None:
     """Remove the least recently used entries of ``folder`` until those left have at most ``limit`` bytes.
 
-    An entry is a file that ends in ``suffix``, which gives its date and size, and its ``.json`` file.
+    An entry is a file that ends in ``suffix``, which gives its date and size; earlier versions wrote a
+    ``.json`` file beside it.
     """
     dated: list[tuple[float, int, Path]] = []
     for path in folder.glob(f"*{suffix}"):
