@@ -91,7 +91,7 @@ def test_rate_of_a_rare_failure_from_20_000_draws(benchmark, safe_plan):
     problem, path = safe_plan
     arguments = (problem, path, 20_000, SeedSequence(1))
     rate = benchmark.pedantic(importance.weighted_rate, arguments, rounds=5, warmup_rounds=1)
-    proposal = importance.make_proposal(problem, path, rate.law)
+    proposal = importance.make_proposal(problem, path)
     weights, failed = importance.weighted_flights(proposal, *arguments[2:])
     error = float(np.where(failed, weights, 0.0).std()) / np.sqrt(20_000) / rate.failure
     benchmark.extra_info["budget"] = 1.0

@@ -54,7 +54,7 @@ def compared(problem: Problem, path: PlannedPath, plain: int, draws: int) -> str
     )
     low, high = clopper_pearson(failed, plain)
     text = f"{law} winds; {plain} flights {failed / plain:.6f} ({low:.6f} to {high:.6f})"
-    proposal = importance.make_proposal(problem, path, law)
+    proposal = importance.make_proposal(problem, path)
     rates = [importance.weighted_rate(problem, path, draws, one) for one in seeds[len(chunks) :]]
     first, others = rates[0], [rate.failure for rate in rates[1:] if rate is not None]
     if proposal is None or first is None:

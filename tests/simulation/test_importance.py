@@ -70,7 +70,7 @@ TASKS = tasks()
 
 def proposal_of(name: str, ladder: importance.Ladder = importance.LADDER) -> importance.Proposal:
     problem, path = TASKS[name]
-    proposal = importance.make_proposal(problem, path, problem.fidelity.law, ladder)
+    proposal = importance.make_proposal(problem, path, ladder)
     assert proposal is not None
     return proposal
 
@@ -265,7 +265,7 @@ def test_one_half_space_is_exact(offset):
     """Every draw fails and weighs the same: the rate is Φ(-τ) without sampling error. With lowered thresholds
     it has one, and stays unbiased."""
     problem, path = straight(offset)
-    proposal = importance.make_proposal(problem, path, "independent", ALOE)
+    proposal = importance.make_proposal(problem, path, ALOE)
     assert proposal is not None
     weights, failed = importance.weighted_flights(proposal, 400, SeedSequence(0))
     assert failed.all()
@@ -300,7 +300,7 @@ def test_rates_are_those_of_plain_flights(name):
 def test_intervals_hold_the_rate_as_often_as_they_say():
     """400 intervals for a rate that is known exactly, from as few as 40 draws."""
     problem, path = straight(3.0)
-    proposal = importance.make_proposal(problem, path, "independent")
+    proposal = importance.make_proposal(problem, path)
     assert proposal is not None
     for draws in (40, 400):
         weights, failed = importance.weighted_flights(proposal, 400 * draws, SeedSequence(3))

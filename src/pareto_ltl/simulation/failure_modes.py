@@ -25,6 +25,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.random import Generator
 from scipy.special import ndtr
 
 from pareto_ltl.kernels import data as kd
@@ -45,7 +46,7 @@ ENLARGED = np.arange(1.0, 6.1, 0.5)  # factors of their draws
 MOST_EVENTS = 200  # events that are examined
 FEEDBACK = (1.0, 0.5, 0.0)  # shares of the feedback with which a failed flight may have deviated
 FAR = 9.0  # standard deviations: a half-space farther away is left out, its probability is 1e-19
-RAY = np.arange(0.25, FAR + 0.01, 0.25)  # flights along a direction, and then halvings between two of them
+RAY = np.arange(0.0, FAR + 0.01, 0.25)  # flights along a direction, and then halvings between two of them
 HALVINGS = 24
 SAME, ALIKE = 0.995, 0.9  # correlations of directions that are flown once, and of half-spaces retained once
 KEPT = 1.0 - 1e-6  # share of the sum of probabilities that is retained
@@ -115,9 +116,9 @@ class FlownPlan:
         return self.fly(z, linked_fields(self.linear, z))[1]
 
 
-def flown_plan(problem: Problem, path: PlannedPath, law: str) -> FlownPlan:
-    """The plan, and ``law`` linearised about it."""
-    smooth = SMOOTH_LAWS[law](problem)
+def flown_plan(problem: Problem, path: PlannedPath) -> FlownPlan:
+    """The plan, and the law of ``problem.fidelity`` linearised about it."""
+    smooth = SMOOTH_LAWS[problem.fidelity.law](problem)
     # With feedback the robot steers towards the planned positions; without it, its controls decide.
     held = problem.motion.gain > 0.0
     flight = propagate(problem, path.x, smooth) if held else propagate_controls(problem, path.u, smooth)
@@ -157,12 +158,8 @@ def find_failure_modes(plan: FlownPlan) -> FailureModes:
 
 def _first_failures(plan: FlownPlan) -> FloatArray:
     """Positions (n, T+1, 2) [m] of pilots, enlarged until they fail; the least enlarged first."""
-    law, rng = plan.linear, np.random.default_rng(0)
-    z = kernel.NormalDraws(
-        rng.standard_normal((PILOTS, 2)),
-        rng.standard_normal((len(law.white), PILOTS, 2)),
-        sim.draw_innovations(law.kept, PILOTS, rng),
-    )
+    law = plan.linear
+    z = normal_draws(law, PILOTS, np.random.default_rng(0))
     found, rows = [np.empty((0, *plan.mean.shape))], np.arange(PILOTS)
     for factor in ENLARGED:
         field = z.field[:, rows] * np.float32(factor)
@@ -212,12 +209,11 @@ def less_held_forms(plan: FlownPlan, normals: FloatArray) -> FloatArray:
 def _first_failing(plan: FlownPlan, directions: kernel.Directions) -> FloatArray:
     """The first r (J,) at which flights along each direction fail; 0 if the plan does, infinite if none."""
     count = len(directions.start)
-    rows, sizes = np.repeat(np.arange(count), 1 + len(RAY)), np.tile([0.0, *RAY], count)
+    rows, sizes = np.repeat(np.arange(count), len(RAY)), np.tile(RAY, count)
     failed = plan.fly_along(directions, rows, sizes).reshape(count, -1)
-    first = failed.argmax(axis=1)
-    high = np.where(failed.any(axis=1), np.array([0.0, *RAY])[first], math.inf)
+    high = np.where(failed.any(axis=1), RAY[failed.argmax(axis=1)], math.inf)
     between = np.flatnonzero(np.isfinite(high) & (high > 0.0))
-    low = high[between] - RAY[0]
+    low = high[between] - RAY[1]
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high[between])
         fails = plan.fly_along(directions, between, middle)
@@ -309,6 +305,15 @@ def linear_deviations(law: kernel.LinearLaw, draws: kernel.NormalDraws, theta: F
     for t, F in enumerate(law.F):
         e[:, t + 1] = e[:, t] @ F.T + law.dt * wind[t]
     return e
+
+
+def normal_draws(law: kernel.LinearLaw, n: int, rng: Generator) -> kernel.NormalDraws:
+    """z of ``n`` flights."""
+    return kernel.NormalDraws(
+        rng.standard_normal((n, 2)),
+        rng.standard_normal((len(law.white), n, 2)),
+        sim.draw_innovations(law.kept, n, rng),
+    )
 
 
 def linked_fields(law: kernel.LinearLaw, draws: kernel.NormalDraws) -> Float32Array:

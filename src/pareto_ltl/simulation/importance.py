@@ -45,6 +45,7 @@ from pareto_ltl.simulation.failure_modes import (
     flown_plan,
     linear_deviations,
     linked_fields,
+    normal_draws,
 )
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.machine import on_all_cores
@@ -124,7 +125,7 @@ def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSeq
         raise ValueError(f"importance sampling needs at least one draw, got draws = {draws}")
     sim.require_known_wind(problem, path.u, path.x)
     law = problem.fidelity.law
-    proposal = None if problem.landmarks else make_proposal(problem, path, law)
+    proposal = None if problem.landmarks else make_proposal(problem, path)
     if proposal is None:
         return None
     weights, failed = weighted_flights(proposal, draws, seed)
@@ -160,9 +161,9 @@ def weighted_interval(weights: FloatArray, plain: float, confidence: float = 0.9
     return min(low, y, 1.0), min(max(high, y), 1.0)
 
 
-def make_proposal(problem: Problem, path: PlannedPath, law: str, ladder: Ladder = LADDER) -> Proposal | None:
-    """The mixture for ``path`` by its failures in ``law``; None if there are none."""
-    plan = flown_plan(problem, path, law)
+def make_proposal(problem: Problem, path: PlannedPath, ladder: Ladder = LADDER) -> Proposal | None:
+    """The mixture for ``path`` by its failures; None if there are none."""
+    plan = flown_plan(problem, path)
     modes = find_failure_modes(plan)
     if not len(modes):
         return None
@@ -213,10 +214,6 @@ def draw_proposal(proposal: Proposal, choices: FloatArray, n: int, rng: Generato
     plain = level == len(proposal.ladder.level)
     tau = np.where(plain, 0.0, np.append(proposal.ladder.level, 0.0)[level] * modes.threshold[event])
     size = -ndtri((1.0 - rng.random(n)) * ndtr(-tau))  # r ~ N(0, 1) given r >= τ, by inversion
-    z = kernel.NormalDraws(
-        rng.standard_normal((n, 2)),
-        rng.standard_normal((len(law.white), n, 2)),
-        sim.draw_innovations(law.kept, n, rng),
-    )
+    z = normal_draws(law, n, rng)
     kernel.push_draws(proposal.directions, np.where(plain, -1, event), size, z)
     return z
