@@ -14,7 +14,7 @@ from pyproj import Geod
 import pareto_ltl
 from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.settings import ExportsConfig
+from pareto_ltl.settings import ExportsConfig, SceneConfig, Settings
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from quick_wind import QUICK_WIND
 
@@ -25,7 +25,12 @@ SMALL = {
     "refine": {"flights": 200, "sweep_flights": 60, "points": 4},
     "wind": QUICK_WIND,
 }
-SETTINGS = ExportsConfig(formats=list(EXPORT_FILES), flights=1000, altitude_lower=300.0, altitude_upper=420.0)
+EXPORTS = ExportsConfig(formats=list(EXPORT_FILES), flights=1000, altitude_lower=300.0, altitude_upper=420.0)
+
+
+def settings_named(name: str, **scene: Any) -> Settings:
+    """Settings of a run that exports every format."""
+    return Settings(name=name, exports=EXPORTS, scene=SceneConfig(**scene))
 
 
 @dataclass(frozen=True)

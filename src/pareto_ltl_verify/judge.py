@@ -16,6 +16,7 @@ from pareto_ltl_verify.claims import (
     exports,
     flights,
     front,
+    height,
     limits,
     plan,
     record,
@@ -29,7 +30,7 @@ from pareto_ltl_verify.evidence import Evidence, open_evidence
 
 CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *plan.CLAIMS, *limits.CLAIMS, *search.CLAIMS,
-    *front.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *texts.CLAIMS, *replan.CLAIMS,
+    *front.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *height.CLAIMS, *texts.CLAIMS, *replan.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({

@@ -64,18 +64,25 @@ def source_of(name: str) -> Source:
     return SOURCES.get(name, Source(None, ensemble=True, level=False, modelled=None))
 
 
+SIDES = {
+    "depth": ("depth", "below the surface"),
+    "amsl": ("altitude", "above mean sea level"),
+    "msl": ("altitude", "above mean sea level"),
+}
+
+
 def level_of(text: str) -> tuple[str, float, str]:
-    """Kind, height above ground [m], depth [m] or pressure [Pa] of a level, and how texts name it."""
-    found = re.fullmatch(r"(\d+\.?\d*)\s*([a-z]+)(\s*depth)?", text.strip().lower())
+    """Kind of a level, its height [m], depth [m] or pressure [Pa], and how texts name it."""
+    found = re.fullmatch(r"(\d+\.?\d*)\s*([a-z]+?)\s*(depth|amsl|msl|agl)?", text.strip().lower())
     if found is None:
         return "no level", 0.0, text
-    number, unit, depth = found.groups()
+    number, unit, side = found.groups()
     if unit in (factors := {"pa": 1.0, "hpa": 100.0, "mb": 100.0, "mbar": 100.0}):
         pressure = float(number) * factors[unit]
         return "pressure", pressure, f"at {pressure / 100.0:.10g} hPa"
-    metres = float(number) * (1000.0 if unit == "km" else 1.0)
-    kind, side = ("depth", "below the surface") if depth else ("height", "above ground")
-    return kind, metres, f"{metres:.10g} m {side}"
+    metres = float(number) * {"km": 1000.0, "ft": 0.3048}.get(unit, 1.0)
+    kind, where = SIDES.get(side, ("height", "above ground"))
+    return kind, metres, f"{metres:.10g} m {where}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from uas_standards.astm.f3548.v21.api import OperationalIntentDetails
 
 import pareto_ltl
-from exported_plans import SETTINGS, Flown, metres_apart
+from exported_plans import Flown, metres_apart, settings_named
 from pareto_ltl.exports.exported import ExportedPlan, exported_plan
 from pareto_ltl.exports.formats import MAKERS, holds_pole, writable_formats, write_exports
 from pareto_ltl.exports.mavlink import script_messages
@@ -38,7 +38,7 @@ def moved(flown: Flown) -> Callable[[float, float], ExportedPlan]:
     def at(lat: float, lon: float) -> ExportedPlan:
         scene = replace(flown.result.scene, crs=local_plane(lat, lon))
         problem = replace(flown.problem, scene=scene)
-        return exported_plan(SETTINGS, "moved", "10m", problem, flown.result.plan, SeedSequence(5))
+        return exported_plan(settings_named("moved"), problem, flown.result.plan, SeedSequence(5))
 
     return at
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
-from exported_plans import SETTINGS, Flown, metres_apart, seconds_apart
+from exported_plans import EXPORTS, Flown, metres_apart, seconds_apart, settings_named
 from pareto_ltl.exports.exported import exported_plan
 from pareto_ltl.exports.formats import write_exports
 from pareto_ltl.planning.turns import BankedTurns
@@ -23,9 +23,9 @@ AIRSHIP = BankedTurns(math.radians(2.0), 60.0)  # slow enough for turns that sho
 def turning(flown: Flown, tmp_path_factory: pytest.TempPathFactory) -> Flown:
     problem = replace(flown.problem, turns=AIRSHIP)
     plan = flown.exported.plan
-    exported = exported_plan(SETTINGS, "turning", "10m", problem, plan, SeedSequence(5))
+    exported = exported_plan(settings_named("turning"), problem, plan, SeedSequence(5))
     folder = tmp_path_factory.mktemp("turning")
-    write_exports(exported, SETTINGS.formats, folder)
+    write_exports(exported, EXPORTS.formats, folder)
     return Flown(flown.result, exported, folder)
 
 

@@ -16,8 +16,9 @@ import jsonschema
 import pytest
 
 from exported_plans import Flown
-from pareto_ltl.exports.exported import FIXED_WING, GENERIC, MULTIROTOR, SUBMARINE, Height, Vehicle
+from pareto_ltl.exports.exported import FIXED_WING, GENERIC, MULTIROTOR, SUBMARINE, Vehicle
 from pareto_ltl.exports.formats import MAKERS
+from pareto_ltl.settings.heights import Height
 
 NUMBER, LATITUDE = {"type": "number"}, {"type": "number", "minimum": -90, "maximum": 90}
 LONGITUDE = {"type": "number", "minimum": -180, "maximum": 180}
@@ -75,7 +76,7 @@ PLAN = parts(
 )
 
 
-@pytest.mark.parametrize("height", [Height(100.0, above_sea=False), Height(3000.0, above_sea=True)])
+@pytest.mark.parametrize("height", [Height(100.0, False, "100m"), Height(3000.0, True, "3000m amsl")])
 @pytest.mark.parametrize("vehicle", [Vehicle(GENERIC), Vehicle(MULTIROTOR, takes_off=True, hovers=True)])
 def test_the_plan_has_what_qgroundcontrol_requires(flown: Flown, vehicle: Vehicle, height: Height) -> None:
     content = json.loads(MAKERS["qgc"](replace(flown.exported, vehicle=vehicle, height=height)))

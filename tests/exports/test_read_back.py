@@ -29,12 +29,14 @@ from pymavlink.dialects.v20 import all as mavlink
 from uas_standards.astm.f3548.v21.api import OperationalIntentDetails, Volume4D
 
 from exported_plans import Flown, metres_apart, seconds_apart
-from pareto_ltl.exports.exported import Height, vehicle_of
+from pareto_ltl.exports.exported import vehicle_of
 from pareto_ltl.exports.formats import MAKERS
 from pareto_ltl.exports.xml_files import short_text
 from pareto_ltl.planning.costs import energy_model
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.settings.building import section_of
+from pareto_ltl.settings.heights import Height, level_height
+from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.world.projection import to_geographic, to_plane
 
@@ -49,7 +51,7 @@ def test_the_table_has_a_row_for_each_leg_and_one_for_the_arrival(flown: Flown) 
     )
     assert seconds_apart([datetime.fromisoformat(row["time_utc"]) for row in rows], flown.exported) == 0
     assert [float(row["heading_true_deg"]) for row in rows[:-1]] == log.heading.tolist()
-    assert [float(row["airspeed_m_s"]) for row in rows[:-1]] == log.airspeed.tolist()
+    assert [float(row["airspeed_tas_m_s"]) for row in rows[:-1]] == log.airspeed.tolist()
     assert [float(row["wind_from_deg"]) for row in rows[:-1]] == log.wind_from.tolist()
     assert [float(row["radius_95_m"]) for row in rows] == log.radius.tolist()
     assert {row["wind_law"] for row in rows} == {"coherent"}
@@ -71,7 +73,7 @@ def test_the_plan_in_geojson(flown: Flown) -> None:
     times = [datetime.fromisoformat(f.properties["time_utc"]) for f in positions]
     assert seconds_apart(times, flown.exported) == 0
     legs = [f for f in found if f.properties["role"] == "leg"]
-    assert [f.properties["airspeed_m_s"] for f in legs] == flown.exported.log.airspeed.tolist()
+    assert [f.properties["airspeed_tas_m_s"] for f in legs] == flown.exported.log.airspeed.tolist()
     assert {f.properties["wind_law"] for f in (*legs, *positions)} == {"coherent"}
     for role, polygons in (
         ("region", flown.result.scene.region_outlines), ("obstacle", flown.result.scene.obstacles),
@@ -145,7 +147,7 @@ def test_maps_open_in_gdal_as_in_qgis(flown: Flown, name: str) -> None:
     assert max(east - west, north - south) < 60.0
     if name == "plan.geojson":
         legs = read[0][read[0]["role"] == "leg"]
-        assert legs["airspeed_m_s"].tolist() == pytest.approx(log.airspeed.tolist())
+        assert legs["airspeed_tas_m_s"].tolist() == pytest.approx(log.airspeed.tolist())
 
 
 def test_the_plan_in_gpx(flown: Flown) -> None:
@@ -173,7 +175,7 @@ def test_the_card_is_the_table_rounded_and_no_leg_is_lost(flown: Flown) -> None:
         own = list(range(int(first), int(last or first) + 1))
         legs += own
         assert all(round(log.heading[k]) % 360 == int(row["heading_true_deg"]) for k in own)
-        assert np.abs(log.airspeed[own] - float(row["airspeed_m_s"])).max() <= 0.051
+        assert np.abs(log.airspeed[own] - float(row["airspeed_tas_m_s"])).max() <= 0.051
         assert abs(log.duration[own].sum() - float(row["duration_s"])) <= 0.51
         assert row["time_utc"] == log.utc[own[0]]
     assert legs == list(range(len(log.airspeed)))
@@ -183,10 +185,11 @@ def test_the_card_is_the_table_rounded_and_no_leg_is_lost(flown: Flown) -> None:
 
 def test_the_card_of_a_slow_robot_has_hundredths_of_a_metre_per_second(flown: Flown) -> None:
     log = flown.exported.log
-    slow = replace(flown.exported, log=replace(log, airspeed=0.01 * log.airspeed))
+    speeds = {name: 0.01 * getattr(log, name) for name in ("airspeed", "calibrated")}
+    slow = replace(flown.exported, log=replace(log, **speeds))
     rows = list(csv.DictReader(io.StringIO(MAKERS["card"](slow).decode())))
-    assert {len(row["airspeed_m_s"].partition(".")[2]) for row in rows[:-1]} == {2}
-    assert float(rows[0]["airspeed_m_s"]) == pytest.approx(0.01 * log.airspeed[0], abs=0.0051)
+    assert {len(row["airspeed_tas_m_s"].partition(".")[2]) for row in rows[:-1]} == {2}
+    assert float(rows[0]["airspeed_tas_m_s"]) == pytest.approx(0.01 * log.airspeed[0], abs=0.0051)
 
 
 def test_the_plan_for_garmin(flown: Flown) -> None:
@@ -207,7 +210,10 @@ def test_the_plan_for_garmin(flown: Flown) -> None:
     assert short_text("Päijänne north, EFKU CTR / <b>") == "PAIJANNE NORTH EFKU CTR /"
 
 
-@pytest.mark.parametrize("height", [Height(3000.0, True), Height(-50.0, False)])
+HIGH, DEEP = (level_height(parse_level(text)) for text in ("3000m amsl", "50m depth"))
+
+
+@pytest.mark.parametrize("height", [HIGH, DEEP])
 def test_heights_above_sea_level_are_in_the_files_and_the_home_is_on_the_ground(
     flown: Flown, height: Height
 ) -> None:
@@ -219,7 +225,7 @@ def test_heights_above_sea_level_are_in_the_files_and_the_home_is_on_the_ground(
     assert mission["plannedHomePosition"][2] == 0.0
 
 
-AIR, SEA, WATER = Height(100.0, above_sea=False), Height(3000.0, above_sea=True), Height(-50.0, False)
+AIR, SEA, WATER = level_height(parse_level("100m")), HIGH, DEEP
 
 
 @pytest.mark.parametrize(
@@ -241,7 +247,8 @@ def test_the_mission_names_the_vehicle_and_takes_off_and_hovers_with_rotors(
         energy=energy_model(cfg.power), motion=flown.problem.motion._replace(u_min=cfg.u_min)
     )
     log = flown.exported.log
-    log = replace(log, airspeed=np.linspace(1.0, 0.9, len(log.airspeed)) * log.airspeed)  # it changes
+    changing = np.linspace(1.0, 0.9, len(log.airspeed)) * log.airspeed
+    log = replace(log, airspeed=changing, calibrated=changing)
     exported = replace(flown.exported, height=height, vehicle=vehicle_of(height, problem), log=log)
     content = json.loads(MAKERS["qgc"](exported))
     mission = content["mission"]

@@ -238,7 +238,7 @@ def position_fixes(place: Path) -> Fuzz:
 
 
 def inventories(place: Path) -> Fuzz:
-    from pareto_ltl.wind.levels import parse_level
+    from pareto_ltl.support.levels import parse_level
     from pareto_ltl.wind.sources.noaa import parse_idx, wind_parts
 
     def read(case: bytes) -> object:

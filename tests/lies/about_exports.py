@@ -16,6 +16,7 @@ from pareto_ltl.support.files import write_csv
 from pareto_ltl_verify.flights import clopper_pearson
 
 TABLE = "exports: dead_reckoning.csv"
+CHANGE_SPEED, CHANGE_AIRSPEED = 178, 43000  # MAV_CMD
 
 
 def in_table(key: str, change: Callable[[float], float]) -> Callable[[Path], Any]:
@@ -131,6 +132,31 @@ def _northern_air(place: Path) -> None:
         file["lat"][:] = file["lat"][:] + 0.001
 
 
+def _true_airspeeds(script: Any) -> None:
+    for message in script["messages"]:
+        if message["command"] == CHANGE_AIRSPEED:
+            message["params"][1] *= 1.05
+
+
+def _true_speeds(mission: Any) -> None:
+    for item in mission["mission"]["items"]:
+        if item["command"] == CHANGE_SPEED:
+            item["params"][1] *= 1.05
+
+
+def _higher(mission: Any) -> None:
+    for item in mission["mission"]["items"]:
+        if "Altitude" in item:
+            item["Altitude"] += 100.0
+            item["params"][6] += 100.0
+
+
+def _from_the_sea(mission: Any) -> None:
+    for item in mission["mission"]["items"]:
+        if "Altitude" in item:
+            item["AltitudeMode"], item["frame"] = 2, 0
+
+
 EXPORT_LIES = (
     Lie(
         "the exported heading is a degree off",
@@ -143,7 +169,33 @@ EXPORT_LIES = (
         (TABLE,),
     ),
     Lie("the exported wind is surer", in_table("wind_sd_m_s", lambda v: 0.8 * v), (TABLE,)),
-    Lie("the exported airspeed is lower", in_table("airspeed_m_s", lambda v: 0.9 * v), (TABLE,)),
+    Lie("the exported airspeed is lower", in_table("airspeed_tas_m_s", lambda v: 0.9 * v), (TABLE,)),
+    Lie("true airspeeds are called calibrated", in_table("airspeed_cas_m_s", lambda v: 1.05 * v), (TABLE,)),
+    Lie(
+        "the script is told true airspeeds",
+        in_json("mavlink_script.json", _true_airspeeds),
+        ("exports: mavlink_script.json",),
+    ),
+    Lie(
+        "the mission is told true airspeeds",
+        in_json("mission.plan", _true_speeds),
+        ("exports: mission.plan",),
+    ),
+    Lie(
+        "the mission flies higher",
+        in_json("mission.plan", _higher),
+        ("height: mission.plan",),
+    ),
+    Lie(
+        "the mission counts heights from the sea",
+        in_json("mission.plan", _from_the_sea),
+        ("height: mission.plan",),
+    ),
+    Lie(
+        "the KML route is lower",
+        in_text("plan.kml", r",10\.0[ <]", lambda text: text.replace("10.0", "5.0")),
+        ("height: plan.kml",),
+    ),
     Lie("an exported leg is shorter", in_table("duration_s", lambda v: 0.5 * v), (TABLE,)),
     Lie(
         "the exported radius is smaller",
@@ -157,7 +209,7 @@ EXPORT_LIES = (
     ),
     Lie(
         "the card is flown faster",
-        in_text("flight_card.csv", r",(\d+\.\d),\d+,\d", lambda airspeed: f"{float(airspeed) + 1:.1f}"),
+        in_text("flight_card.csv", r",(\d+\.\d),\d+\.\d,\d+,\d", lambda speed: f"{float(speed) + 1:.1f}"),
         ("exports: flight_card.csv",),
     ),
     Lie(

@@ -99,6 +99,26 @@ PLAN_LIES = (
     Lie("the time step of the metrics is another", in_metrics({"dt_s": 900.0}), ("plan: metrics",)),
     Lie("a step is shifted", in_plan(_shift_step), ("plan: motion",)),
     Lie(
+        "the flight is higher",
+        in_plan(lambda p: p["height"].update(metres=p["height"]["metres"] + 100.0)),
+        ("height: one for all",),
+    ),
+    Lie(
+        "a place is left out that the flight meets",
+        in_json("scene.json", lambda s: s.update(absent=[{"what": "obstacle 9", "floor": 0.0}])),
+        ("height: one for all",),
+    ),
+    Lie(
+        "the air is as dense as at the sea",
+        in_plan(lambda p: p["air"].update(density_ratio=1.05)),
+        ("height: air and calibrated airspeeds",),
+    ),
+    Lie(
+        "the calibrated airspeeds are those of another height",
+        in_plan(lambda p: p.update(airspeed_calibrated=[0.95 * v for v in p["airspeed_calibrated"]])),
+        ("height: air and calibrated airspeeds",),
+    ),
+    Lie(
         "a control is faster than the robot",
         in_plan(lambda p: scaled(p, "u", 5, factor=3.0)),
         ("plan: airspeed",),

@@ -17,9 +17,8 @@ import pareto_ltl
 from exported_plans import SMALL
 from pareto_ltl.cli.arguments import read_formats, read_metres
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.exports.exported import flown_level, height_of
 from pareto_ltl.exports.formats import MAKERS
-from pareto_ltl.settings import ExportsConfig, RobotConfig, Settings, WindConfig
+from pareto_ltl.settings import ExportsConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import write_json
@@ -225,20 +224,6 @@ def test_an_export_of_a_point_beyond_the_front_is_refused_in_memory(tmp_path: Pa
 def test_settings_that_do_not_fit_are_refused(settings: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         ExportsConfig(**settings)
-
-
-def test_the_level_of_the_robot_comes_before_that_of_the_wind() -> None:
-    wind = WindConfig(level="10m")
-    assert flown_level(Settings(robot=RobotConfig(level="925hPa"), wind=wind)) == "925hPa"
-    assert flown_level(Settings(robot=RobotConfig(), wind=wind)) == "10m"
-
-
-def test_heights_are_those_of_levels() -> None:
-    assert (height_of("80m").metres, height_of("80m").above_sea) == (80.0, False)
-    assert height_of("50m depth").metres == -50.0
-    for level, metres in (("1013.25hPa", 0.0), ("925hPa", 762.0), ("850hPa", 1457.0), ("500hPa", 5574.0)):
-        assert height_of(level).metres == pytest.approx(metres, abs=1.0)  # ISO 2533
-        assert height_of(level).above_sea
 
 
 @given(st.lists(st.sampled_from(list(EXPORT_FILES)), min_size=1))

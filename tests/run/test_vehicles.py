@@ -18,8 +18,8 @@ from pareto_ltl.run.results import Results
 from pareto_ltl.settings import Settings, WindConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.levels import level_mismatch
 from pareto_ltl.support.resources import choices
-from pareto_ltl.wind.levels import level_mismatch
 from pareto_ltl_verify.judge import verify
 from quick_wind import QUICK_WIND
 
@@ -160,7 +160,7 @@ def test_a_wind_of_another_level_is_told_and_that_of_another_medium_refused(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     assert level_mismatch("100m", "80m") == level_mismatch("0m depth", "0m depth") == ""
-    assert "925 hPa (robot.level), and the wind used is 10 m" in level_mismatch("925hPa", "10m")
+    assert "925 hPa, and the wind used is 10 m" in level_mismatch("925hPa", "10m")
     for one, other in (("100m depth", "10m"), ("100m", "0.5m depth")):
         with pytest.raises(ConfigError, match=r"what is known is a (wind|current)"):
             level_mismatch(one, other)
@@ -168,7 +168,7 @@ def test_a_wind_of_another_level_is_told_and_that_of_another_medium_refused(
         pareto_ltl.plan(site("underwater_glider"), "F(a & F b)", robot="underwater_glider", **SMALL)
     small = SMALL | {"fidelity": "paper", "robot": "fixed_wing"}
     result = pareto_ltl.plan(site("fixed_wing"), "F(a & F b)", **small)
-    gap = "the robot flies 100 m above ground (robot.level), and the wind used is 10 m above ground"
+    gap = "the robot flies 100 m above ground, and the wind used is 10 m above ground"
     assert gap in caplog.text
     assert gap in result.plan.not_covered
 
@@ -188,7 +188,7 @@ def test_the_stated_level_of_a_table_stands_in_all_that_a_run_writes(
     write_table(tmp_path / "w.csv", (0, 3, 6), 0.1, 0.02)
     small = SMALL | {"fidelity": "paper", "robot": "fixed_wing", "report": {"formats": ["png"], "page": True}}
     wind = QUICK_WIND | {"source": str(tmp_path / "w.csv"), "forecast_error": "none"}
-    gap = "the robot flies 100 m above ground (robot.level), and the wind used is 10 m above ground"
+    gap = "the robot flies 100 m above ground, and the wind used is 10 m above ground"
     for level, used, mismatch in (({}, "10m", True), ({"level": "100m"}, "100m", False)):
         out = tmp_path / used
         pareto_ltl.plan(site("fixed_wing"), "F(a & F b)", wind=wind | level, out=out, **small)

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.levels import Level, level_list, parse_level
 from pareto_ltl.wind import area
 from pareto_ltl.wind.area import GeoBox, box_of, neighbourhood
-from pareto_ltl.wind.levels import Level, level_list, parse_level
 from pareto_ltl.wind.readings import on_sphere
 from pareto_ltl.world import projection
 

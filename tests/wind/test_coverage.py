@@ -160,7 +160,7 @@ def test_a_departure_by_default_and_a_wind_of_another_level_are_named():
     wind = field.fit_wind_field(cfg(), seen, SCENE)
     said = coverage_of(wind, SCENE.time_zero, "100m", by_default=True)
     assert f"a departure at {SCENE.time_zero}, the first time of the wind" in said.covered
-    assert "the robot flies 100 m above ground (robot.level), and the wind used is 10 m" in said.not_covered
+    assert "the robot flies 100 m above ground, and the wind used is 10 m" in said.not_covered
     plain = coverage_of(wind, SCENE.time_zero, "10m")
     assert "departure" not in plain.covered
     assert "robot.level" not in plain.not_covered

@@ -15,8 +15,8 @@ from noaa_server import NoaaServer, fake_message, inventory, serving
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support import download
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.levels import parse_level
 from pareto_ltl.wind.area import ALL_WIND, GeoBox, Wanted
-from pareto_ltl.wind.levels import parse_level
 from pareto_ltl.wind.readings import iso, seconds
 from pareto_ltl.wind.sources import noaa, read_readings
 from pareto_ltl.wind.sources.noaa import MODELS, parse_idx, wind_parts

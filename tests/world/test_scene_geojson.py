@@ -15,7 +15,9 @@ from hypothesis import strategies as st
 
 from pareto_ltl.exports.geojson import true_fix
 from pareto_ltl.settings import SceneConfig
+from pareto_ltl.settings.heights import level_height
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.messages import LONGEST_LINE
 from pareto_ltl.world.cells import decompose, unreachable_regions
 from pareto_ltl.world.projection import to_geographic, to_plane
@@ -42,12 +44,13 @@ GOAL = feature("region", [square(5.5, 60.5)], name="a")
 FRAME = feature("border", [square(5.3, 60.3, 0.6)])
 
 
-def scene_of(tmp_path, *features, use=None, time_zero=None, border="open", **keys):
+def scene_of(tmp_path, *features, use=None, time_zero=None, border="open", level=None, **keys):
     path = tmp_path / "map.geojson"
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     cfg = SceneConfig(file=str(path), **keys)
     told = None if use is None else MissionUse(*map(frozenset, use))
-    return scene_from_settings(cfg, time_zero, border, lambda: told)
+    height = None if level is None else level_height(parse_level(level))
+    return scene_from_settings(cfg, time_zero, border, lambda: told, height)
 
 
 def area(outlines):
@@ -177,17 +180,24 @@ def test_the_buffer_of_a_region_is_on_the_careful_side(tmp_path, use, grows):
 def test_places_of_another_altitude_do_not_count(tmp_path, caplog):
     tfr = feature("region", [square(5.2, 60.5, 0.05)], name="tfr", floor=500)
     mast = feature("obstacle", [5.3, 60.3], "Point", buffer=100, ceiling=200)
-    high = scene_of(tmp_path, START, GOAL, tfr, mast, altitude=300.0, use=("a", "b"))
+    high = scene_of(tmp_path, START, GOAL, tfr, mast, level="300m amsl", use=("a", "b"))
     assert (high.regions["tfr"], high.obstacles) == ((), ())
+    assert [(place.what, place.floor, place.ceiling) for place in high.absent] == [
+        ("region 'tfr'", 500.0, np.inf),
+        ("obstacle 1", -np.inf, 200.0),
+    ]
+    assert scene_from_dict(json.loads(json.dumps(scene_to_dict(high)))).absent == high.absent
     assert decompose(high).regions["tfr"] == ()
-    low = scene_of(tmp_path, START, GOAL, tfr, mast, altitude=150.0)
+    low = scene_of(tmp_path, START, GOAL, tfr, mast, level="150m amsl")
     assert (len(low.regions["tfr"]), len(low.obstacles)) == (0, 1)
-    with caplog.at_level(logging.INFO):
+    assert not caplog.records
+    with caplog.at_level(logging.WARNING):
         every = scene_of(tmp_path, START, GOAL, tfr, mast)
     assert (len(every.regions["tfr"]), len(every.obstacles)) == (1, 1)
-    assert "scene.altitude is not set" in caplog.text
+    assert "the height of the flight is not set (robot.level)" in caplog.text
+    assert every.absent == ()
     with pytest.raises(DataError, match="visits region 'tfr', which lies above 500 m"):
-        scene_of(tmp_path, START, GOAL, tfr, altitude=300.0, use=(("a", "tfr"), ""))
+        scene_of(tmp_path, START, GOAL, tfr, level="300m amsl", use=(("a", "tfr"), ""))
 
 
 def test_times_of_regions_and_obstacles_are_windows(tmp_path):

@@ -168,7 +168,7 @@ TOOL_COMMANDS = (
             POINT,
             argument("--formats", "A,B", "default: the formats of the run", type=read.read_formats),
             argument("--to", "DIR2", "default: DIR/exports, or DIR/exports_point_N", type=Path),
-            argument("--altitude", "M", "height above the start [m]; default: the height of the wind",
+            argument("--altitude", "M", "height of the flight above the start [m], if the run states none",
                      type=partial(read.read_metres, "--altitude")),
             argument("--between", ("LOW", "HIGH"), "heights above the WGS 84 ellipsoid [m], for f3548",
                      nargs=2, type=partial(read.read_metres, "--between")),

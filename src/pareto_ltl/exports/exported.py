@@ -16,28 +16,16 @@ from pareto_ltl.planning.costs import Rotor
 from pareto_ltl.planning.pack import with_feedback
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath
-from pareto_ltl.settings import ExportsConfig, Settings
+from pareto_ltl.settings import Settings
+from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
 from pareto_ltl.simulation.flights import fly_pilot, unspawned
-from pareto_ltl.support.display import rate_text
-from pareto_ltl.support.medium import Medium, medium_of
-from pareto_ltl.wind.levels import DEPTH, PRESSURE, parse_level
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import listed_text, rate_text
+from pareto_ltl.support.medium import Medium
 from pareto_ltl.world.scene import Scene
 
 GENERIC, FIXED_WING, MULTIROTOR, SUBMARINE = 0, 1, 2, 12  # MAV_TYPE
 HELD_TIME = 60.0  # robot.feedback_time of an autopilot that holds positions [s]
-
-
-@dataclass(frozen=True, slots=True)
-class Height:
-    """Height of a flight [m]: above the ground of the start, or above mean sea level."""
-
-    metres: float
-    above_sea: bool
-
-    @property
-    def of_sea(self) -> bool:
-        """Whether it is above mean sea level or a depth, so that no height of the ground is needed."""
-        return self.above_sea or self.metres < 0.0
 
 
 class Vehicle(NamedTuple):
@@ -63,6 +51,10 @@ class ExportedPlan:
     held : FailureRate or None
         Failure rate of the plan if an autopilot holds its positions (``robot.feedback_time=60``); None after
         an alarm.
+    height : Height
+        The height of the flight.
+    air : FlownAir or None
+        The air there; None in the water.
     vehicle : Vehicle
         What autopilots call the robot, and whether it takes off vertically and can hover.
     medium : Medium
@@ -87,6 +79,12 @@ class ExportedPlan:
     band: tuple[float, float] | None
     feedback: float | None = None
     turn: float | None = None
+    air: FlownAir | None = None
+
+    @property
+    def autopilot_airspeed(self) -> FloatArray:
+        """Airspeed of each leg (T,) [m/s] as autopilots mean it: calibrated; in the water, through it."""
+        return self.log.airspeed if self.air is None else self.log.calibrated
 
     @property
     def crs(self) -> str:
@@ -126,31 +124,51 @@ class ExportedPlan:
                 f"{self.log.swing:.0f} m away from the straight lines between the positions, which the "
                 "failure rates leave out."
             )
+        told.append(height_sentence(self.height, self.air, self.medium))
+        if absent := absent_sentence(self.scene):
+            told.append(absent)
         if plan.not_covered:
             told.append(f"Not covered: {plan.not_covered.rstrip('.')}.")
         return tuple(told)
 
 
-def exported_plan(
-    cfg: ExportsConfig, name: str, level: str, problem: Problem, plan: Plan, seed: SeedSequence
-) -> ExportedPlan:
-    """The data to export of ``plan``; its map must have a place on Earth. ``level``: of the flight."""
+def height_sentence(height: Height, air: FlownAir | None, medium: Medium) -> str:
+    """The height of the flight, whether a setting states it, and the two airspeeds there."""
+    source = "" if height.stated else f", the level of the {medium.flow}, as robot.level is not set"
+    sentence = f"Height {height.text}{source}."
+    if air is None:
+        return sentence
+    factor = 1.0 / math.sqrt(air.density_ratio)
+    return f"{sentence} True airspeed is {factor:.4f} times calibrated airspeed ({air.source})."
+
+
+def absent_sentence(scene: Scene) -> str:
+    """The places of the map that are above or below the flight; empty if there are none."""
+    names = listed_text([place.what for place in scene.absent])
+    return f"Above or below it, and not on this map: {names}." if names else ""
+
+
+def exported_plan(settings: Settings, problem: Problem, plan: Plan, seed: SeedSequence) -> ExportedPlan:
+    """The data to export of ``plan``; its map must have a place on Earth."""
     corridor_seed, held_seed = unspawned(seed).spawn(2)
-    lower, upper, motion = cfg.altitude_lower, cfg.altitude_upper, problem.motion
-    height = height_of(level) if cfg.altitude is None else Height(cfg.altitude, above_sea=False)
+    cfg, motion = settings.exports, problem.motion
+    lower, upper = cfg.altitude_lower, cfg.altitude_upper
+    height = flight_height(settings)
+    air = flight_air(settings, height)
     return ExportedPlan(
-        name=name,
+        name=settings.name,
         scene=problem.scene,
         plan=plan,
-        log=navigation_log(problem, plan.path),
+        log=navigation_log(problem, plan.path, air),
         corridor=flown_corridor(problem, plan.path, cfg.flights, corridor_seed),
         held=None if plan.alarmed else held_course_rate(problem, plan.path, cfg.flights, held_seed),
         height=height,
+        air=air,
         band=None if lower is None or upper is None else (lower, upper),
         feedback=None if motion.gain == 0.0 else motion.exposed * motion.dt / motion.gain,
         turn=problem.turns.acceleration,
         vehicle=vehicle_of(height, problem),
-        medium=medium_of(level),
+        medium=settings.medium,
     )
 
 
@@ -178,18 +196,3 @@ def vehicle_of(height: Height, problem: Problem) -> Vehicle:
     if problem.energy is not None and isinstance(problem.energy.curve, Rotor):
         return Vehicle(MULTIROTOR, height.metres > 0.0 and not height.above_sea, hovers=True)
     return Vehicle(FIXED_WING if problem.motion.u_min > 0.0 else GENERIC)
-
-
-def flown_level(settings: Settings) -> str:
-    """The level of the flight: the level of the robot, or of the wind if the robot has none."""
-    return settings.robot.level or settings.wind.level
-
-
-def height_of(level: str) -> Height:
-    """The height of a level; for a pressure, in the standard atmosphere (ISO 2533, up to 20 km)."""
-    found = parse_level(level)
-    if found.kind == PRESSURE and found.value < 22_632.0:  # the lower stratosphere, at 216.65 K throughout
-        return Height(11_000.0 + 6_341.6 * math.log(22_632.0 / found.value), above_sea=True)
-    if found.kind == PRESSURE:
-        return Height(44_330.77 * (1.0 - (found.value / 101_325.0) ** 0.190_263), above_sea=True)
-    return Height(-found.value if found.kind == DEPTH else found.value, above_sea=False)

@@ -29,7 +29,7 @@ NAMES = {
     POSITION_ESTIMATE: "MAV_CMD_EXTERNAL_POSITION_ESTIMATE",
     WIND_ESTIMATE: "MAV_CMD_EXTERNAL_WIND_ESTIMATE",
 }
-AIRSPEED, HEADING = 0, 1  # SPEED_TYPE_AIRSPEED, HEADING_TYPE_HEADING
+AIRSPEED, GROUND_SPEED, HEADING = 0, 1, 1  # SPEED_TYPE_AIRSPEED, _GROUNDSPEED, HEADING_TYPE_HEADING
 AT_ONCE = 0.0  # acceleration that means no limit
 TURN = 5.0  # [m/s²] centripetal acceleration if robot.bank is 0: a bank of 27 degrees
 GLOBAL, RELATIVE = 0, 3  # MAV_FRAME_GLOBAL, MAV_FRAME_GLOBAL_RELATIVE_ALT
@@ -77,7 +77,10 @@ def prologue(lat: float, lon: float, sd: float) -> list[dict[str, Any]]:
 
 
 def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:
-    """At the start of each leg wind if uncertain, airspeed, heading; at a fix of the plan, the position."""
+    """At the start of each leg wind if uncertain, airspeed, heading; at a fix of the plan, the position.
+
+    Airspeeds are calibrated, as ArduPilot holds them.
+    """
     log, messages = exported.log, list[dict[str, Any]]()
 
     def add(k: int, command: int, *params: float) -> None:
@@ -99,7 +102,7 @@ def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:
         if log.wind_speed_sd[k] > 0.0:  # an estimate without an error would claim certainty
             wind = log.wind_speed[k], log.wind_speed_sd[k], log.wind_from[k], log.wind_from_sd[k]
             add(k, WIND_ESTIMATE, *wind, 0, 0, 0)
-        add(k, CHANGE_SPEED, AIRSPEED, log.airspeed[k], AT_ONCE, 0, 0, 0, 0)
+        add(k, CHANGE_SPEED, AIRSPEED, exported.autopilot_airspeed[k], AT_ONCE, 0, 0, 0, 0)
         if math.isfinite(log.heading[k]):
             add(k, CHANGE_HEADING, HEADING, log.heading[k], turn_of(exported), 0, 0, 0, 0)
     return messages
@@ -131,8 +134,8 @@ def plan_lua(exported: ExportedPlan) -> bytes:
             "mavlink_script.json"
         )
     columns = (
-        log.t[:-1], log.airspeed, log.heading, log.wind_speed, log.wind_speed_sd, log.wind_from,
-        log.wind_from_sd,
+        log.t[:-1], exported.autopilot_airspeed, log.heading, log.wind_speed, log.wind_speed_sd,
+        log.wind_from, log.wind_from_sd,
     )  # fmt: skip
     legs = ["    { " + ", ".join(map(_number, row)) + " }," for row in zip(*columns, strict=True)]
     about = "\n".join([exported.name, *exported.sentences()]).replace("]]", "] ]")  # which ends a comment

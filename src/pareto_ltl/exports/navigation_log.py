@@ -10,12 +10,14 @@ from pareto_ltl.exports.ellipses import axes_of, circle_radius
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.settings.heights import FlownAir
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, true_heading, utc_times
 
 SHARE = 0.95  # of the positions that lie within the radius
 LEG_COLUMNS = {  # names in files of the numbers of a leg
-    "heading_true_deg": "heading", "airspeed_m_s": "airspeed", "duration_s": "duration",
+    "heading_true_deg": "heading", "airspeed_tas_m_s": "airspeed", "airspeed_cas_m_s": "calibrated",
+    "duration_s": "duration",
     "wind_m_s": "wind_speed", "wind_from_deg": "wind_from", "wind_sd_m_s": "wind_sd",
     "track_true_deg": "track", "ground_speed_m_s": "ground_speed", "distance_m": "distance",
 }  # fmt: skip
@@ -44,7 +46,9 @@ class NavigationLog:
     heading : (T,) float
         Heading halfway along the leg, to be held along it; NaN at zero airspeed.
     airspeed : (T,) float
-        [m/s]
+        True airspeed, or the speed through the water [m/s].
+    calibrated : (T,) float
+        Calibrated airspeed [m/s], which instruments show and autopilots hold; NaN in the water.
     track, distance : (T,) float
         Direction at the leg's start and length [m] of the expected track over ground.
     wind : (T, 2) float
@@ -76,6 +80,7 @@ class NavigationLog:
     lon: FloatArray
     heading: FloatArray
     airspeed: FloatArray
+    calibrated: FloatArray
     track: FloatArray
     distance: FloatArray
     wind: FloatArray
@@ -124,8 +129,8 @@ class NavigationLog:
         return np.asarray(np.hypot(self.wind[:, 0], self.wind[:, 1]), float)
 
 
-def navigation_log(problem: Problem, path: PlannedPath) -> NavigationLog:
-    """The log of ``path`` on a map with a place on Earth.
+def navigation_log(problem: Problem, path: PlannedPath, air: FlownAir | None = None) -> NavigationLog:
+    """The log of ``path`` on a map with a place on Earth, flown in ``air``; None: in the water.
 
     The expected wind of a leg is the plan's: with it, x' = A x + dt B u + dt w leads from one expected
     position to the next. For an aircraft that banks, headings, times and durations come from
@@ -147,6 +152,7 @@ def navigation_log(problem: Problem, path: PlannedPath) -> NavigationLog:
     speed = np.hypot(grid_wind[:, 0], grid_wind[:, 1])
     along, across = _spreads(grid_wind, speed, variance)
     major, minor, axis = axes_of(path.cov)
+    airspeed = np.hypot(legs.u[:, 0], legs.u[:, 1])
     return NavigationLog(
         law=problem.fidelity.law,
         t=legs.t,
@@ -155,7 +161,8 @@ def navigation_log(problem: Problem, path: PlannedPath) -> NavigationLog:
         lat=lat,
         lon=lon,
         heading=true_heading(scene.crs, *middle, legs.u),
-        airspeed=np.hypot(legs.u[:, 0], legs.u[:, 1]),
+        airspeed=airspeed,
+        calibrated=np.full(len(airspeed), np.nan) if air is None else air.calibrated(airspeed),
         track=np.asarray(track, float) % 360.0,
         distance=np.asarray(distance, float),
         wind=np.column_stack([speed * np.sin(bearing), speed * np.cos(bearing)]),

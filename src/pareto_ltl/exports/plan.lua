@@ -16,7 +16,7 @@ local GROUND = nil -- [m] above mean sea level at the start of the plan; nil: or
 local START = { lat = @LAT@, lng = @LON@, sd = @SD@ } -- [1e-7 deg], [1e-7 deg], [m]
 local END = @END@ -- [s] after the departure
 local TURN = @TURN@ -- [m/s/s] centripetal acceleration of turns
-local LEGS = { -- time [s], airspeed [m/s], true heading [deg], wind speed [m/s], its sd, wind from [deg], its sd
+local LEGS = { -- time [s], calibrated airspeed [m/s], true heading [deg], wind speed [m/s], its sd, wind from [deg], its sd
 @LEGS@
 }
 

@@ -16,7 +16,7 @@ from typing import Any
 from pareto_ltl.exports.degrees import closes, crosses, outline_degrees, polygon_parts
 from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.exports.geojson import border_corners
-from pareto_ltl.exports.mavlink import AIRSPEED, POSITION_FRAMES
+from pareto_ltl.exports.mavlink import AIRSPEED, GROUND_SPEED, POSITION_FRAMES
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import plain_data
 
@@ -30,12 +30,13 @@ HOVERS = (
     "The last item hovers at the end of the plan until the pilot takes over; the energy of the plan is "
     "without it. "
 )
-LEAST_CHANGE = 0.05  # [m/s] least change of airspeed for which an item is written
+LEAST_CHANGE = 0.05  # [m/s] least change of speed for which an item is written
 
 
 def mission_plan(exported: ExportedPlan) -> bytes:
     """The file; waypoints are the expected positions at the end of each leg."""
     log, height = exported.log, exported.height
+    cruise = mission_speeds(exported).max(initial=0.0)
     content = {
         "fileType": "Plan",
         "version": 1,
@@ -45,8 +46,8 @@ def mission_plan(exported: ExportedPlan) -> bytes:
             "version": 2,
             "firmwareType": 0,
             "vehicleType": exported.vehicle.kind,
-            "cruiseSpeed": log.airspeed.max(initial=0.0),
-            "hoverSpeed": log.airspeed.max(initial=0.0),
+            "cruiseSpeed": cruise,
+            "hoverSpeed": cruise,
             "globalPlanAltitudeMode": ALTITUDE_MODES[height.above_sea],
             "plannedHomePosition": [log.lat[0], log.lon[0], 0.0],
             "items": mission_items(exported),
@@ -57,9 +58,19 @@ def mission_plan(exported: ExportedPlan) -> bytes:
     return (json.dumps(plain_data(content), indent=1, allow_nan=False) + "\n").encode()
 
 
+def mission_speeds(exported: ExportedPlan) -> FloatArray:
+    """Speed of each leg (T,) [m/s] as the autopilot holds it.
+
+    That is the calibrated airspeed; of a multirotor, whose autopilot holds speeds over ground, the expected
+    ground speed.
+    """
+    return exported.log.ground_speed if exported.vehicle.hovers else exported.autopilot_airspeed
+
+
 def mission_items(exported: ExportedPlan) -> list[dict[str, Any]]:
-    """A waypoint for each leg's end, and before it the leg's airspeed where that changes."""
+    """A waypoint for each leg's end, and before it the leg's speed where that changes."""
     log, height, speed = exported.log, exported.height, -1.0
+    kind = GROUND_SPEED if exported.vehicle.hovers else AIRSPEED
     items = list[dict[str, Any]]()
 
     def add(command: int, frame: int, *params: float | None) -> None:
@@ -79,10 +90,10 @@ def mission_items(exported: ExportedPlan) -> list[dict[str, Any]]:
 
     if exported.vehicle.takes_off:
         add_place(TAKE_OFF, 0)
-    for k, airspeed in enumerate(log.airspeed):
-        if abs(airspeed - speed) > LEAST_CHANGE and airspeed > 0.0:
-            speed = float(airspeed)
-            add(CHANGE_SPEED, MISSION_FRAME, AIRSPEED, speed, KEEP_THROTTLE, 0, 0, 0, 0)
+    for k, held in enumerate(mission_speeds(exported)):
+        if abs(held - speed) > LEAST_CHANGE and held > 0.0:
+            speed = float(held)
+            add(CHANGE_SPEED, MISSION_FRAME, kind, speed, KEEP_THROTTLE, 0, 0, 0, 0)
         add_place(WAYPOINT, k + 1)
     if exported.vehicle.hovers:
         add_place(HOVER, log.legs)

@@ -24,8 +24,8 @@ TABLE_COLUMNS = (
     "leg", "time_utc", "t_s", *LEG_COLUMNS, "lat_deg", "lon_deg", *SPREAD_COLUMNS, "fix", "wind_law",
 )  # fmt: skip
 CARD_COLUMNS = (
-    "legs", "time_utc", "t_s", "heading_true_deg", "airspeed_m_s", "duration_s", "distance_km", "lat_deg",
-    "lon_deg", "radius_95_km",
+    "legs", "time_utc", "t_s", "heading_true_deg", "airspeed_cas_m_s", "airspeed_tas_m_s", "duration_s",
+    "distance_km", "lat_deg", "lon_deg", "radius_95_km",
 )  # fmt: skip
 
 
@@ -46,13 +46,17 @@ def dead_reckoning_csv(exported: ExportedPlan) -> bytes:
 def flight_card(exported: ExportedPlan) -> bytes:
     """The card: successive legs of one rounded heading and airspeed are one row; the last is the arrival.
 
+    A pilot holds the calibrated airspeed, which the instrument shows.
+
     Position and radius are those at the begin of a row. ``dead_reckoning.csv`` has all digits.
     """
     log = exported.log
     digits = speed_digits(max(log.airspeed.tolist(), default=math.inf))
     commands = [
-        ("" if math.isnan(heading) else f"{round(heading) % 360:d}", f"{airspeed:.{digits}f}")
-        for heading, airspeed in zip(log.heading.tolist(), log.airspeed.tolist(), strict=True)
+        ("" if math.isnan(heading) else f"{round(heading) % 360:d}", *(_speed(v, digits) for v in speeds))
+        for heading, *speeds in zip(
+            log.heading.tolist(), log.calibrated.tolist(), log.airspeed.tolist(), strict=True
+        )
     ]
 
     def row(k: int, name: str, *flown: str) -> list[str | None]:
@@ -65,14 +69,19 @@ def flight_card(exported: ExportedPlan) -> bytes:
         name = str(legs[0]) if len(legs) == 1 else f"{legs[0]}-{legs[-1]}"
         flown = f"{log.duration[legs].sum():.0f}", f"{log.distance[legs].sum() / 1e3:.1f}"
         rows.append(row(legs[0], name, *command, *flown))
-    return csv_text(CARD_COLUMNS, [*rows, row(log.legs, str(log.legs), *[""] * 4)]).encode()
+    return csv_text(CARD_COLUMNS, [*rows, row(log.legs, str(log.legs), *[""] * 5)]).encode()
+
+
+def _speed(value: float, digits: int) -> str:
+    return "" if math.isnan(value) else f"{value:.{digits}f}"
 
 
 # --- NetCDF -----------------------------------------------------------------------------------
 
 VARIABLES = {  # name: attribute of the log, standard name, unit, meaning
     "heading": ("heading", "platform_orientation", "degree", "true heading to hold on the leg that begins"),
-    "airspeed": ("airspeed", "platform_speed_wrt_air", "m s-1", "airspeed on the leg that begins"),
+    "airspeed": ("airspeed", "platform_speed_wrt_air", "m s-1", "true airspeed on the leg that begins"),
+    "calibrated_airspeed": ("calibrated", None, "m s-1", "calibrated airspeed on the leg that begins"),
     "course": ("track", "platform_course", "degree", "expected true track on the leg that begins"),
     "ground_speed": ("ground_speed", "platform_speed_wrt_ground", "m s-1", "expected speed on that leg"),
     "wind_speed": ("wind_speed", "wind_speed", "m s-1", "expected wind on that leg"),

@@ -31,6 +31,7 @@ from pareto_ltl.planning.records import (
     Tree,
 )
 from pareto_ltl.settings.fidelity import models_of
+from pareto_ltl.settings.heights import FlownAir, Height
 from pareto_ltl.support.archives import stored
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.files import write_csv, write_json, write_npz
@@ -298,6 +299,7 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "fixes": path.fixes,
         **({} if plan.limits is None else {"segments": _segments(plan.limits)}),
         "prices": [asdict(price) for price in plan.prices],
+        **_flown(plan),
         **{key: getattr(plan.navigation, key, None) for key in NAVIGATION_KEYS},
         "t": path.t,
         "x": path.x,
@@ -308,6 +310,17 @@ def write_plan(directory: Path, plan: Plan) -> None:
     }
     write_json(directory / "plan.json", content)
     write_csv(directory / "plan.csv", TABLE_HEADER, (_plan_row(path, step) for step in range(len(path.t))))
+
+
+def _flown(plan: Plan) -> dict[str, Any]:
+    """Height and air of the flight, and the calibrated airspeeds; nothing for plans of earlier versions."""
+    if plan.height is None:
+        return {}
+    if plan.air is None or plan.navigation is None:
+        return {"height": asdict(plan.height)}
+    air = asdict(plan.air) | {"density_ratio": plan.air.density_ratio}
+    calibrated = plan.air.calibrated(plan.navigation.airspeed)
+    return {"height": asdict(plan.height), "air": air, "airspeed_calibrated": calibrated}
 
 
 def promise_document(promise: Promise) -> dict[str, Any]:
@@ -357,7 +370,13 @@ def read_plan(place: Path | str) -> Plan:
             navigation=_navigation(content),
             limits=_limits(content),
             prices=tuple(Price(**price) for price in content.get("prices", ())),
+            height=Height(**content["height"]) if "height" in content else None,
+            air=_air(content["air"]) if "air" in content else None,
         )
+
+
+def _air(content: Mapping[str, Any]) -> FlownAir:
+    return FlownAir(**{field.name: content[field.name] for field in fields(FlownAir)})
 
 
 def _promise(content: Mapping[str, Any] | None) -> Promise | None:

@@ -12,6 +12,7 @@ import numpy as np
 from pareto_ltl.planning.costs import Price, SegmentLimits, cost_named
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.settings.fidelity import models_of
+from pareto_ltl.settings.heights import FlownAir, Height
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import Displayed, distance_text, interval_text, probability_text, rate_text
@@ -356,6 +357,10 @@ class Plan(Displayed):
         None without barriers, and in files of earlier versions.
     prices : tuple of Price
         What easier limits would save, the largest of each kind first.
+    height : Height or None
+        The height of the flight; None in files of earlier versions.
+    air : FlownAir or None
+        The air there, which gives the calibrated airspeeds; None in the water, and in earlier files.
     """
 
     path: PlannedPath
@@ -376,6 +381,8 @@ class Plan(Displayed):
     capacity: float | None = None
     limits: SegmentLimits | None = None
     prices: tuple[Price, ...] = ()
+    height: Height | None = None
+    air: FlownAir | None = None
 
     def __post_init__(self) -> None:
         models_of(self.fidelity)

@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
     from numpy.random import SeedSequence
 
-    from pareto_ltl.exports.exported import Height
     from pareto_ltl.logic import Automaton
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest, Front, Plan
+    from pareto_ltl.settings.heights import FlownAir, Height
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.support.arrays import FloatArray
     from pareto_ltl.wind.records import WindField
@@ -85,7 +85,9 @@ class ShownRun(DrawnRun):
     Attributes
     ----------
     height : Height
-        Height of the flight in exported files.
+        The height of the flight.
+    air : FlownAir or None
+        The air there; None in the water.
     why : str
         Why there is no plan; empty if there is one.
     runs : int
@@ -99,6 +101,7 @@ class ShownRun(DrawnRun):
     seeds: SeedSequence
     origin: Origin
     height: Height
+    air: FlownAir | None
     runs: int
     why: str
     automaton: Automaton | None

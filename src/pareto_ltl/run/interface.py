@@ -127,7 +127,7 @@ def _given_wind(sections: Mapping[str, Any]) -> tuple[Records, dict[str, Any]]:
 
 def _given_level(wind: Readings | WindField, others: Mapping[str, Any]) -> dict[str, Any]:
     """The settings of a wind in memory, which states its level; ConfigError if ``others`` contradicts it."""
-    from pareto_ltl.wind.levels import parse_level
+    from pareto_ltl.support.levels import parse_level
 
     asked = str(others.get("level", "auto"))
     if asked != "auto" and parse_level(asked) != parse_level(wind.level):
@@ -227,7 +227,7 @@ def export(
     InfeasibleError
         If the front has no such path.
     """
-    from pareto_ltl.exports.exported import exported_plan, flown_level
+    from pareto_ltl.exports.exported import exported_plan
     from pareto_ltl.exports.formats import writable_formats, write_exports
 
     run = planned_run(planned)
@@ -243,7 +243,7 @@ def export(
     if reason and (formats is not None or not written):
         raise DataError(reason)
     seeds = stage_seeds(run.settings.seed, EXPORT_STREAM)
-    exported = exported_plan(cfg, run.settings.name, flown_level(run.settings), problem, plan, seeds)
+    exported = exported_plan(replace(run.settings, exports=cfg), problem, plan, seeds)
     return write_exports(exported, written, Path(folder))
 
 

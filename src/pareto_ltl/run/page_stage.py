@@ -11,6 +11,7 @@ from pareto_ltl.run import provenance
 from pareto_ltl.run import records as keys
 from pareto_ltl.run.stage_table import StageInputs
 from pareto_ltl.settings import Settings
+from pareto_ltl.settings.heights import flight_air, flight_height
 from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.reading import read_json, read_text
@@ -53,15 +54,15 @@ def shown_run(
     settings: Settings, records: Records, origin: Origin, seeds: SeedSequence, why: str = ""
 ) -> ShownRun:
     """The records for the page, selected from ``records``; ``seeds`` are the seeds of the deployment."""
-    from pareto_ltl.exports.exported import Height, flown_level, height_of
     from pareto_ltl.report.records import ShownRun
 
-    altitude = settings.exports.altitude
+    height = flight_height(settings)
     return ShownRun(
         name=settings.name,
         seeds=seeds,
         origin=origin,
-        height=height_of(flown_level(settings)) if altitude is None else Height(altitude, above_sea=False),
+        height=height,
+        air=flight_air(settings, height),
         runs=min(settings.deployment.runs, MOST_RUNS),
         why=why,
         automaton=records.get(keys.AUTOMATON),

@@ -20,6 +20,7 @@ from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, drawn_records, make_pag
 from pareto_ltl.run.provenance import wanted_wind
 from pareto_ltl.run.stage_table import FOREST_STREAM, Stage, StageInputs, StageTable, named_child
 from pareto_ltl.settings import ReportConfig, RobotConfig, WindConfig
+from pareto_ltl.settings.heights import Height, flight_air, flight_height
 from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text
@@ -74,7 +75,11 @@ def make_scene(inputs: StageInputs) -> Scene:
         found = region_use(mission)
         return None if found is None else MissionUse(*found)
 
-    return scene_from_settings(add_random_places(settings.scene), departure, settings.fidelity.border, use)
+    height = flight_height(settings)
+    return scene_from_settings(
+        add_random_places(settings.scene), departure, settings.fidelity.border, use,
+        height if height.stated else None,
+    )  # fmt: skip
 
 
 def make_decomposition(inputs: StageInputs) -> Decomposition:
@@ -128,7 +133,7 @@ def make_problem(inputs: StageInputs) -> Problem:
     from pareto_ltl.world.windows import missed_windows
 
     settings = inputs.settings
-    _check_level(settings.robot, inputs[keys.WIND])
+    _check_level(flight_height(settings), inputs[keys.WIND])
     if settings.fidelity.refine != "none":
         import_early()  # behind the modes of the wind and the trees
     problem = build_problem(
@@ -147,16 +152,16 @@ def make_problem(inputs: StageInputs) -> Problem:
     return problem
 
 
-def _check_level(robot: RobotConfig, wind: WindField) -> None:
-    """Warn if the level of the wind is not the robot's; calm air has no level."""
-    from pareto_ltl.wind.levels import level_mismatch
+def _check_level(height: Height, wind: WindField) -> None:
+    """Warn if the level of the wind is not the level of the flight; calm air has no level."""
+    from pareto_ltl.support.levels import level_mismatch
 
-    if robot.level and wind.evidence is not None and (gap := level_mismatch(robot.level, wind.level)):
+    if height.stated and wind.evidence is not None and (gap := level_mismatch(height.level, wind.level)):
         LOG.warning(
             "%s: winds at other heights differ, often by a factor of two; read winds of that level, or, if a "
             "table has them, state it with wind.level=%s",
             gap,
-            robot.level,
+            height.level,
         )
 
 
@@ -227,11 +232,11 @@ def make_unpriced_plan(inputs: StageInputs) -> Plan:
     from pareto_ltl.world.projection import navigate
 
     settings, problem = inputs.settings, inputs[keys.PROBLEM]
-    front = within_capacity(settings.selection, inputs[keys.FRONT], problem)
+    front, height = within_capacity(settings.selection, inputs[keys.FRONT], problem), flight_height(settings)
     coverage = coverage_of(
         inputs[keys.WIND],
         problem.scene.time_zero,
-        settings.robot.level or "",
+        height.level if height.stated else "",
         by_default=settings.mission.start_time is None,
     )
     if front.rates:
@@ -256,6 +261,8 @@ def make_unpriced_plan(inputs: StageInputs) -> Plan:
         rule_settings=selection_rule(settings.selection).settings_read(settings.selection),
         promise=promise,
         navigation=navigate(problem.scene, path.t, path.x, path.u),
+        height=height,
+        air=flight_air(settings, height),
         covered=coverage.covered,
         not_covered=coverage.not_covered,
     )
@@ -281,7 +288,7 @@ def make_export(inputs: StageInputs) -> tuple[Path, ...]:
     settings, problem, plan = inputs.settings, inputs[keys.PROBLEM], inputs[keys.PLAN]
     if not settings.exports.files:
         return ()
-    from pareto_ltl.exports.exported import exported_plan, flown_level
+    from pareto_ltl.exports.exported import exported_plan
     from pareto_ltl.exports.formats import writable_formats, write_exports
 
     formats, reason = writable_formats(settings.exports.formats, problem.scene, plan.path.t)
@@ -289,8 +296,7 @@ def make_export(inputs: StageInputs) -> tuple[Path, ...]:
         LOG.info("%s", reason)
     if not formats:
         return ()
-    level, seeds = flown_level(settings), inputs.seeds
-    exported = exported_plan(settings.exports, settings.name, level, problem, plan, seeds)
+    exported = exported_plan(settings, problem, plan, inputs.seeds)
     return write_exports(exported, formats, inputs.directory)
 
 

@@ -14,6 +14,7 @@ from pareto_ltl.settings.checks import declarations as declarations
 from pareto_ltl.settings.fidelity import PRESETS as PRESETS
 from pareto_ltl.settings.fidelity import FidelityConfig
 from pareto_ltl.settings.fidelity import preset as preset
+from pareto_ltl.settings.heights import flight_air, flight_height
 from pareto_ltl.settings.mission import MissionConfig, RobotConfig, SceneConfig
 from pareto_ltl.settings.mission import PowerConfig as PowerConfig
 from pareto_ltl.settings.mission import RandomSceneConfig as RandomSceneConfig
@@ -80,10 +81,11 @@ class Settings(CheckedSettings):
     sweep: SweepConfig = field(default_factory=SweepConfig)
 
     def check_combinations(self) -> None:
-        """Reject a name that cannot be a folder; replace the level ``auto`` by its value."""
+        """Reject a name that cannot be a folder and two heights; replace the level ``auto`` by its value."""
         check_folder_name("name", self.name)
         if self.wind.level == "auto":  # the records of a run hold the level itself
             self.wind = replace(self.wind, level=usual_level(self.wind.source, self.robot.level))
+        flight_air(self, flight_height(self))
 
     @property
     def border(self) -> str:

@@ -84,10 +84,17 @@ class SceneConfig(CheckedSettings, section="scene"):
     )
     altitude: float | None = setting(
         None,
-        "altitude of the flight, in the datum of the map: features with a floor above it or a ceiling "
-        "below it are left out",
-        "[-12_000, 1e5]",
+        "height of the flight above mean sea level (above ground with a robot.level above ground): the same "
+        "height as robot.level, for maps; features with a floor above it or a ceiling below it are left out",
+        "[-12_000, 32_000]",
         unit="m",
+    )
+    ground: float | None = setting(
+        None,
+        "height of the ground above mean sea level, for flights above ground: the density of the air there",
+        "[-500, 9000]",
+        unit="m",
+        remark="null: not known, taken as 0",
     )
     random: RandomSceneConfig = field(default_factory=RandomSceneConfig)
 
@@ -200,8 +207,15 @@ class RobotConfig(CheckedSettings, section="robot"):
     )
     level: str | None = setting(
         None,
-        "height, pressure or depth of the robot, written like wind.level; with wind.level=auto the "
-        "wind is read there",
+        "height of the flight: above ground (100m), above mean sea level (300m amsl), a pressure (925hPa) or "
+        "a depth (30m depth); with wind.level=auto the wind is read there",
+    )
+    air_temperature: float | None = setting(
+        None,
+        "temperature of the air at the height of the flight, for the calibrated airspeed",
+        "[-100, 60]",
+        unit="degC",
+        remark="null: of the standard atmosphere",
     )
     a: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix A of the dynamics (2 x 2)")
     b: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix B of the dynamics (2 x 2, invertible)")

@@ -67,7 +67,10 @@ class ExportsConfig(CheckedSettings, section="exports"):
         2000, "simulated flights for the corridors and for the failure rate with feedback", "[100, 1e6]"
     )
     altitude: float | None = setting(
-        None, "height above the start; null: height of robot.level, else of wind.level", unit="m"
+        None,
+        "height of the flight above the ground of the start: the same height as robot.level; null: that one, "
+        "else the level of the wind",
+        unit="m",
     )
     altitude_lower: float | None = setting(
         None, "lowest height above the WGS 84 ellipsoid, for f3548", unit="m"

@@ -285,4 +285,10 @@ class SitlConfig(CheckedSettings, section="sitl"):
         200, "flights in JSBSim, and as many of the planner's simulation in the same winds", "[1, 1e5]"
     )
     rate: float = setting(60.0, "integration rate of the aircraft model", "[30, 1000]", unit="1/s")
+    airspeed: str = setting(
+        "calibrated",
+        "column of the table whose airspeeds the autopilot is given; it holds them as calibrated airspeeds, "
+        "so that true shows what a plan does whose airspeeds are taken for the wrong kind",
+        choices=("calibrated", "true"),
+    )
     drawn: int = setting(40, "flights of each simulation that the map shows", "[0, 1e4]")

@@ -2,8 +2,9 @@
 
 JSBSim (Berndt, AIAA 2004-4923, doi:10.2514/6.2004-4923) integrates six degrees of freedom over the WGS 84
 ellipsoid. The autopilot of its model ``c172x`` holds heading and height; here a proportional-integral law of
-the throttle holds the airspeed. The aircraft receives a true heading, an airspeed and a time, as a navigator
-reads them from the table, and no position.
+the throttle holds the calibrated airspeed, which JSBSim computes from the pressure at the pitot tube. The
+aircraft receives a true heading, an airspeed and a time, as a navigator reads them from the table, and no
+position.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 
 MODEL = "c172x"
-FOOT = 0.3048  # [m]
+FOOT, KNOT = 0.3048, 1852.0 / 3600.0  # [m], [m/s]
 WIND_SECONDS = 1.0  # interval at which the wind is updated [s]
 THROTTLE_SECONDS = 0.2  # interval at which the throttle is updated [s]
 PROPORTIONAL, INTEGRAL = 0.06, 0.003  # gains of the throttle [1/(m/s)], [1/(m/s s)]
 SETTLED = 90.0  # time before departure in which heading, height and airspeed settle [s]
 CRUISE = 0.7  # initial throttle, of 1
+GROUND = -1000.0  # [m] height of the ground above the sea, so that winds of 10 m are flown at 10 m
 LOST = 0.1  # relative error of the mean airspeed above which the flight is not valid
 
 Air = Callable[[float, float, float], tuple[float, float]]  # t [s], lat, lon [deg] -> east, north wind [m/s]
@@ -40,7 +42,7 @@ class Orders:
     heading : (T,) float
         True [deg].
     airspeed : (T,) float
-        True [m/s].
+        Calibrated [m/s].
     duration : (T,) float
         [s]
     start : (2,) float
@@ -57,12 +59,14 @@ class Orders:
 class Track:
     """Positions of an aircraft at the start and at the end of every leg: ``lat``, ``lon`` (T+1,) [deg].
 
-    ``airspeed`` (T,) [m/s] is the mean of each leg, ``climb`` [m] the largest error of the height at its end.
+    ``airspeed`` (T,) [m/s] is the mean calibrated airspeed of each leg, ``true`` (T,) [m/s] the mean true
+    one, ``climb`` [m] the largest error of the height at the end of a leg.
     """
 
     lat: FloatArray
     lon: FloatArray
     airspeed: FloatArray
+    true: FloatArray
     climb: float
 
 
@@ -76,13 +80,16 @@ def require_jsbsim() -> None:
         )
 
 
-def read_orders(path: Path) -> Orders:
-    """The orders of a ``dead_reckoning.csv``; DataError if it is damaged or has no leg."""
+def read_orders(path: Path, airspeed: str = "airspeed_cas_m_s") -> Orders:
+    """The orders of a ``dead_reckoning.csv``; DataError if it is damaged or has no leg.
+
+    ``airspeed`` is the column whose numbers the autopilot takes for calibrated airspeeds.
+    """
     import csv
 
     from pareto_ltl.support.reading import read_text
 
-    names = ("heading_true_deg", "airspeed_m_s", "duration_s")
+    names = ("heading_true_deg", airspeed, "duration_s")
     rows = list(csv.DictReader(read_text(path).splitlines()))
     try:
         legs = np.array([[float(row[name]) for name in names] for row in rows[:-1]])
@@ -104,7 +111,7 @@ class Cessna:
     wind : (east, north)
         Wind at the end of the ``SETTLED`` seconds, which begin in calm air [m/s].
     height : float
-        Height to hold above the sea, which is the ground here [m].
+        Height to hold above the sea [m].
     rate : float
         Integration steps per second.
     """
@@ -132,7 +139,7 @@ class Cessna:
         begin = {
             "ic/lat-geod-deg": start[0], "ic/long-gc-deg": start[1],
             "ic/h-sl-ft": height / FOOT, "ic/psi-true-deg": orders.heading[0],
-            "ic/vt-fps": orders.airspeed[0] / FOOT,
+            "ic/vc-kts": orders.airspeed[0] / KNOT, "ic/terrain-elevation-ft": GROUND / FOOT,
         }  # fmt: skip
         for name, value in begin.items():
             self.plane[name] = float(value)
@@ -140,8 +147,8 @@ class Cessna:
             raise DataError(f"JSBSim cannot begin a flight with {MODEL} at {orders.airspeed[0]:g} m/s")
         cruise = {
             "propulsion/set-running": -1, "propulsion/fuel_freeze": 1, "fcs/mixture-cmd-norm": 0.87,
-            "ap/attitude_hold": 0, "ap/altitude_hold": 1, "ap/altitude_setpoint": height / FOOT,
-            "ap/heading_hold": 1,
+            "ap/attitude_hold": 0, "ap/altitude_hold": 1, "ap/heading_hold": 1,
+            "ap/altitude_setpoint": (height - GROUND) / FOOT,  # it is above the ground
         }  # fmt: skip
         for name, value in cruise.items():
             self.plane[name] = value
@@ -159,6 +166,11 @@ class Cessna:
 
     @property
     def airspeed(self) -> float:
+        """Calibrated airspeed [m/s]."""
+        return float(self.plane["velocities/vc-fps"]) * FOOT
+
+    @property
+    def true_airspeed(self) -> float:
         """True airspeed [m/s]."""
         return float(self.plane["velocities/vt-fps"]) * FOOT
 
@@ -201,7 +213,7 @@ def fly_orders(orders: Orders, air: Air, height: float, rate: float) -> Track:
     north, east = Cessna(orders, (lat, lon), height, rate, wind).place
     cessna = Cessna(orders, (2.0 * lat - north, 2.0 * lon - east), height, rate, wind)
     every = max(1, round(WIND_SECONDS / cessna.tick))
-    places, means, climb, count = [cessna.place], [], 0.0, 0
+    places, means, trues, climb, count = [cessna.place], [], [], 0.0, 0
     ends = np.cumsum(orders.duration)
     for heading, airspeed, end in zip(orders.heading, orders.airspeed, ends, strict=True):
         cessna.turn_to(float(heading))
@@ -211,14 +223,16 @@ def fly_orders(orders: Orders, air: Air, height: float, rate: float) -> Track:
                 cessna.meet(air(count * cessna.tick, *cessna.place))
             cessna.fly_on(float(airspeed))
             count += 1
-            seen.append(cessna.airspeed)
+            seen.append((cessna.airspeed, cessna.true_airspeed))
         climb = max(climb, abs(cessna.height - height))
-        means.append(float(np.mean(seen)))
+        held, true = np.mean(seen, axis=0).tolist()
+        means.append(held)
+        trues.append(true)
         places.append(cessna.place)
     flown = np.array(means)
     require_held(orders, flown, len(ends))
     found = np.array(places)
-    return Track(found[:, 0], found[:, 1], flown, climb)
+    return Track(found[:, 0], found[:, 1], flown, np.array(trues), climb)
 
 
 def require_held(orders: Orders, flown: FloatArray, legs: int) -> None:
@@ -233,5 +247,5 @@ def require_held(orders: Orders, flown: FloatArray, legs: int) -> None:
 
 
 def airspeed_errors(orders: Orders, tracks: Sequence[Track]) -> FloatArray:
-    """Mean airspeed of each leg minus its airspeed in the table, (flights, T) [m/s]."""
+    """Mean calibrated airspeed of each leg minus its airspeed in the table, (flights, T) [m/s]."""
     return np.array([track.airspeed - orders.airspeed for track in tracks])

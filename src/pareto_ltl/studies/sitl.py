@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.exports.exported import flown_level, height_of
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
@@ -22,6 +21,7 @@ from pareto_ltl.report.records import Study
 from pareto_ltl.run.records import EXPORTS, PLAN, PROBLEM, Records
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import Settings, SitlConfig
+from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation import aircraft as jsbsim
 from pareto_ltl.simulation import flights
@@ -34,7 +34,7 @@ from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, to_plane
 
-LOWEST = 300.0  # least height of the aircraft, for winds of a lower level [m]
+COLUMNS = {"calibrated": "airspeed_cas_m_s", "true": "airspeed_tas_m_s"}
 TABLE = EXPORT_FILES["dead_reckoning"]
 
 
@@ -83,9 +83,10 @@ def run_sitl(settings: Settings, world: Records, _: Path, progress: Progress = N
             "an aircraft that flies by the table does not measure its position: set "
             "robot.feedback_time=null and remove the landmarks of the map"
         )
-    height = max(height_of(flown_level(settings)).metres, LOWEST)
-    seeds = stage_seeds(settings.seed, "sitl")
-    flown = fly_both(cfg, problem, plan, jsbsim.read_orders(table), height, seeds, progress)
+    flight = flight_height(settings)
+    height = flight.metres + (0.0 if flight.above_sea else settings.scene.ground or 0.0)
+    seeds, orders = stage_seeds(settings.seed, "sitl"), jsbsim.read_orders(table, COLUMNS[cfg.airspeed])
+    flown = fly_both(cfg, problem, plan, orders, height, seeds, progress)
     return sitl_study(cfg, flown)
 
 

@@ -15,7 +15,11 @@ Source: ISO 2533:1975, the same as the U.S. Standard Atmosphere (1976) up to 32 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+from pareto_ltl.support.arrays import FloatArray
+
+Speed = TypeVar("Speed", float, FloatArray)
 
 GRAVITY = 9.80665  # [m/s2]
 GAS = 287.05287  # specific gas constant of dry air [J/(kg K)]
@@ -116,8 +120,8 @@ def standard_height(pressure: float) -> float:
     return layer.height_of(pressure)
 
 
-def true_airspeed(calibrated: float, density_ratio: float) -> float:
-    """True airspeed of a calibrated one, in the same unit; floats or arrays.
+def true_airspeed(calibrated: Speed, density_ratio: float) -> Speed:
+    """True airspeed of a calibrated one, in the same unit.
 
     Examples
     --------
@@ -127,6 +131,6 @@ def true_airspeed(calibrated: float, density_ratio: float) -> float:
     return calibrated / math.sqrt(density_ratio)
 
 
-def calibrated_airspeed(true: float, density_ratio: float) -> float:
+def calibrated_airspeed(true: Speed, density_ratio: float) -> Speed:
     """Calibrated airspeed of a true one, in the same unit; the inverse of :func:`true_airspeed`."""
     return true * math.sqrt(density_ratio)

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.support.display import probability_text
+from pareto_ltl.support.levels import level_mismatch
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.wind.forecast_error import forecast_error_law
-from pareto_ltl.wind.levels import level_mismatch
 from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.records import ENSEMBLE, WindField
 

@@ -12,7 +12,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.fingerprints import file_fingerprint
-from pareto_ltl.wind.levels import parse_level
+from pareto_ltl.support.levels import parse_level
 from pareto_ltl.wind.observations import FEWEST_READINGS
 from pareto_ltl.wind.readings import (
     Readings,

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
+from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, parse_level
 from pareto_ltl.support.reading import inside, read_json
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.wind.forecast_error import ForecastError, forecast_error_of
-from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, parse_level
 from pareto_ltl.wind.records import PARTS, WindEvidence, WindField, WindModes
 from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene import Scene

@@ -11,10 +11,10 @@ import numpy as np
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.levels import DEPTH, parse_level
 from pareto_ltl.wind.area import swap_question
 from pareto_ltl.wind.forecast_error import ForecastError, Variability, forecast_error_law
 from pareto_ltl.wind.gp import CORRELATIONS, pairwise_distances
-from pareto_ltl.wind.levels import DEPTH, parse_level
 from pareto_ltl.wind.readings import HOUR, Readings, farthest_points, iso, on_sphere, seconds
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import wind_source

@@ -16,8 +16,8 @@ import numpy as np
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.levels import PRESSURE, Level, parse_level
 from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
-from pareto_ltl.wind.levels import PRESSURE, Level, parse_level
 from pareto_ltl.wind.readings import Readings, check_readings, iso, lead_text, wrap_longitude
 from pareto_ltl.world.projection import rotate_vectors
 

@@ -29,6 +29,28 @@ EXPECTED_FIX = "expected {sd: M}, or {along: M, across: M} with bearing: DEG if 
 TITLE = re.compile(r"(obstacle )?\d+|obstacle \d+ \((?P<name>.*)\)", re.DOTALL)  # of an obstacle
 
 
+class AbsentPlace(NamedTuple):
+    """A place of a map that a flight at another height does not meet; ``floor``, ``ceiling`` [m]."""
+
+    what: str
+    floor: float
+    ceiling: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """For ``scene.json``: a missing limit is null."""
+        limits = {"floor": self.floor, "ceiling": self.ceiling}
+        finite = {key: value if math.isfinite(value) else None for key, value in limits.items()}
+        return {"what": self.what, **finite}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> AbsentPlace:
+        """The inverse of :meth:`as_dict`."""
+        floor, ceiling = data.get("floor"), data.get("ceiling")
+        return cls(
+            str(data["what"]), -math.inf if floor is None else floor, math.inf if ceiling is None else ceiling
+        )
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Scene(Displayed):
     """A map: start of the robot, regions to visit, obstacles not to touch.
@@ -64,6 +86,8 @@ class Scene(Displayed):
         The name that the map gives to each obstacle, empty for those without one; () if none has a name.
     landmark_fixes : tuple of FixShape or None
         The error of fixes at each landmark, None for ``robot.fix_sd``; () if it is None for all.
+    absent : tuple of AbsentPlace
+        Places of the map that are above or below the flight, and so are not on this map.
     """
 
     bounds: FloatArray
@@ -79,6 +103,7 @@ class Scene(Displayed):
     simplified: float = 0.0
     obstacle_names: tuple[str, ...] = ()
     landmark_fixes: tuple[FixShape | None, ...] = ()
+    absent: tuple[AbsentPlace, ...] = ()
 
     def __post_init__(self) -> None:
         require_shape("bounds", self.bounds, 2, 2)

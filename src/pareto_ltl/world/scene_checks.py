@@ -53,7 +53,7 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
     faults.each(sketch.regions, lambda place: _check_region_name(sketch, place.name))
     faults.each(sketch.timed, lambda window: _check_window(sketch, window))
     with faults.noted():
-        sketch = draw.sketch_at_altitude(sketch, rules)
+        sketch = draw.sketch_at_height(sketch, rules)
     with faults.noted():
         if sketch.fence is not None and rules.walled:
             sketch = replace(sketch, bounds=draw.straightened_bounds(sketch, sketch.fence))
@@ -74,6 +74,7 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
         time_zero=sketch.time_zero,
         simplified=max(farthest, sketch.simplified),
         obstacle_names=names if any(names) else (),
+        absent=sketch.absent,
     )
     marks = list(_convex_landmarks(sketch, scene, drawn))
     fixes = tuple(fix for _, fix in marks)

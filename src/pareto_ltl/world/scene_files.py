@@ -30,7 +30,7 @@ from pareto_ltl.support.reading import MAX_BYTES, MAX_DEPTH, Advice, read_bounde
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.scene import Scene, fix_document, read_fix
+from pareto_ltl.world.scene import AbsentPlace, Scene, fix_document, read_fix
 from pareto_ltl.world.scene_geojson import crs_name, sketch_features
 from pareto_ltl.world.scene_shapes import refuse_crossings
 from pareto_ltl.world.scene_sketch import MapFaults, Place, SceneSketch
@@ -61,12 +61,14 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
 
 
 def _added(scene: Scene) -> dict[str, Any]:
-    """The keys that only some maps have: windows, forbidden, simplified, names and fixes."""
+    """The keys that only some maps have: windows, forbidden, simplified, names, fixes, absent places."""
     windows = {name: window.as_dict() for name, window in scene.windows.items()}
     timed = {"windows": windows, "forbidden": list(scene.forbidden)} if windows else {}
     names = {"obstacle_names": list(scene.obstacle_names)} if scene.obstacle_names else {}
     fixes = {"landmark_fixes": list(map(fix_document, scene.landmark_fixes))} if scene.landmark_fixes else {}
-    return timed | names | fixes | ({"simplified": scene.simplified} if scene.simplified else {})
+    absent = {"absent": [place.as_dict() for place in scene.absent]} if scene.absent else {}
+    moved = {"simplified": scene.simplified} if scene.simplified else {}
+    return timed | names | fixes | moved | absent
 
 
 def _listed_region(outlines: tuple[FloatArray, ...]) -> list[Any]:
@@ -103,7 +105,12 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
             read_fix("scene.json", f"landmark {number}", fix)
             for number, fix in enumerate(data.get("landmark_fixes") or (), 1)
         ),
+        absent=_absent(data),
     )
+
+
+def _absent(data: Mapping[str, Any]) -> tuple[AbsentPlace, ...]:
+    return tuple(map(AbsentPlace.from_dict, data.get("absent") or ()))
 
 
 def sketch_file(path: Path) -> SceneSketch:
@@ -172,6 +179,7 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
             for name, w in windows.items()
         ),
         simplified=data.get("simplified") or 0.0,
+        absent=_absent(data),
         faults=tuple(faults.texts),
     )
 

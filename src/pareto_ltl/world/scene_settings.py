@@ -11,6 +11,7 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl.settings import SceneConfig
+from pareto_ltl.settings.heights import Height
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world import projection
@@ -31,6 +32,7 @@ def scene_from_settings(
     time_zero: str | None = None,
     border: str = "open",
     use: Callable[[], MissionUse | None] = unknown_use,
+    height: Height | None = None,
 ) -> Scene:
     """The checked scene of ``cfg``, in metres.
 
@@ -48,6 +50,8 @@ def scene_from_settings(
         The value of ``cfg.border = auto`` if the map file has none.
     use : callable
         How the mission uses the regions, see :class:`DrawingRules`.
+    height : Height or None
+        Of the flight; places above or below it are left out.
 
     Raises
     ------
@@ -60,7 +64,7 @@ def scene_from_settings(
     times = faults.each(sketch.timed, lambda place: place.window(sketch.where, departure))
     windows = {place.name: window for place, window in times}
     sketch = replace(sketch, faults=tuple(faults.texts))
-    scene = checked_scene(sketch, DrawingRules(use, cfg.simplify, cfg.altitude, known == "wall"))
+    scene = checked_scene(sketch, DrawingRules(use, cfg.simplify, height, known == "wall"))
     forbidden = tuple(place.name for place in sketch.timed if place.forbidden)
     return replace(scene, time_zero=departure, border=known, windows=windows, forbidden=forbidden)
 

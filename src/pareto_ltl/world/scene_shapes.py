@@ -16,6 +16,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, listed_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import projection
+from pareto_ltl.world.scene import AbsentPlace
 from pareto_ltl.world.scene_sketch import DrawingRules, Place, SceneSketch
 
 LOG = logging.getLogger(__name__)
@@ -185,14 +186,14 @@ def _is_flat(corners: FloatArray, tolerance: float) -> bool:
     return bool(spread[-1] <= tolerance)
 
 
-# --- altitude bands ---------------------------------------------------------------------------------
+# --- bands of heights ---------------------------------------------------------------------------------
 
 
-def sketch_at_altitude(sketch: SceneSketch, rules: DrawingRules) -> SceneSketch:
-    """``sketch`` with only the places that are active at ``rules.altitude``.
+def sketch_at_height(sketch: SceneSketch, rules: DrawingRules) -> SceneSketch:
+    """``sketch`` with only the places that are active at ``rules.height``; the others are ``absent``.
 
-    A region that is not active remains without polygons, so that its proposition never holds. Without an
-    altitude, all places are active.
+    A region that is not active remains without polygons, so that its proposition never holds. Without a
+    height, all places are active.
 
     Raises
     ------
@@ -203,36 +204,38 @@ def sketch_at_altitude(sketch: SceneSketch, rules: DrawingRules) -> SceneSketch:
     banded = [place for place in places if place.banded]
     if not banded:
         return sketch
-    if rules.altitude is None:
-        LOG.info(
-            "%s: scene.altitude is not set, so altitude limits are ignored: %s are always active",
-            sketch.where, listed_text([place.what for place in banded]),
+    if rules.height is None:
+        LOG.warning(
+            "%s: the height of the flight is not set (robot.level), so floors and ceilings are ignored: %s "
+            "are active at every height", sketch.where, listed_text([place.what for place in banded]),
         )  # fmt: skip
         return sketch
-    altitude = rules.altitude
-    absent = [place for place in banded if not place.counts_at(altitude)]
+    height = rules.height
+    absent = [place for place in banded if not place.counts_at(height.metres)]
     if not absent:
         return sketch
     use = rules.use()
     for place in absent:
         if use and place.name in use.visited and place in sketch.regions:
             raise DataError(
-                f"{sketch.where}: the mission visits {place.what}, which lies {_band(place)}, and the robot "
-                f"flies at {altitude:g} m: change scene.altitude, or the floor and ceiling of the region"
+                f"{sketch.where}: the mission visits {place.what}, which lies {_band(place)}, and the flight "
+                f"is {height.text}: change robot.level, or the floor and ceiling of the region"
             )
-    LOG.info("at %g m these are not active: %s", altitude, listed_text([place.what for place in absent]))
+    listed = listed_text([f"{place.what} ({_band(place)})" for place in absent])
+    LOG.info("%s: a flight %s does not meet %s", sketch.where, height.text, listed)
 
     def present(some: Iterable[Place]) -> tuple[Place, ...]:
-        return tuple(place for place in some if place.counts_at(altitude))
+        return tuple(place for place in some if place.counts_at(height.metres))
 
     return replace(
         sketch,
         regions=tuple(
-            place if place.counts_at(altitude) else replace(place, polygons=(), lines=(), buffer=0.0)
+            place if place.counts_at(height.metres) else replace(place, polygons=(), lines=(), buffer=0.0)
             for place in sketch.regions
         ),
         obstacles=present(sketch.obstacles),
         landmarks=present(sketch.landmarks),
+        absent=tuple(AbsentPlace(place.what, place.floor, place.ceiling) for place in absent),
     )
 
 

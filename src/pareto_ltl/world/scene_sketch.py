@@ -14,10 +14,11 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from pareto_ltl.settings.heights import Height
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import LONGEST_LINE, shown_text
-from pareto_ltl.world.scene import FixShape, read_fix
+from pareto_ltl.world.scene import AbsentPlace, FixShape, read_fix
 from pareto_ltl.world.windows import TimedPlace
 
 ENDING = 40  # characters of a message for the number of faults that are left out
@@ -71,12 +72,12 @@ class Place:
 
     @property
     def banded(self) -> bool:
-        """Whether the place is active only at some altitudes."""
+        """Whether the place is active only at some heights."""
         return self.floor > -np.inf or self.ceiling < np.inf
 
-    def counts_at(self, altitude: float) -> bool:
-        """Whether the place is active at ``altitude`` [m]; the limits are included."""
-        return self.floor <= altitude <= self.ceiling
+    def counts_at(self, metres: float) -> bool:
+        """Whether the place is active at a height of ``metres``; the limits are included."""
+        return self.floor <= metres <= self.ceiling
 
     def moved(self, change: Callable[[FloatArray], FloatArray]) -> Place:
         """The place with ``change`` applied to all coordinates (n, 2)."""
@@ -111,6 +112,8 @@ class SceneSketch:
         A border that is not a rectangle: one polygon; ``bounds`` is the box around it.
     simplified : float
         For a ``scene.json``: largest distance by which outlines were moved to simplify them [m].
+    absent : tuple of AbsentPlace
+        Places that are above or below the flight.
     faults : tuple of str
         Messages about places that could not be read; they are left out of the sketch.
     """
@@ -128,6 +131,7 @@ class SceneSketch:
     timed: tuple[TimedPlace, ...] = ()
     fence: Place | None = None
     simplified: float = 0.0
+    absent: tuple[AbsentPlace, ...] = ()
     faults: tuple[str, ...] = ()
 
     @property
@@ -158,15 +162,15 @@ class DrawingRules:
         Returns how the mission uses the regions, or None if it is not known; called only if it is needed.
     simplify : float or str
         How far the outlines of polygons with many corners may move [m]; 0: not at all; or ``auto``.
-    altitude : float or None
-        Altitude of the flight [m]: places with another altitude band are not active. None: all are active.
+    height : Height or None
+        Of the flight: places with another band of heights are not active. None: all are active.
     walled : bool
         Whether leaving the map is a failure.
     """
 
     use: Callable[[], MissionUse | None] = unknown_use
     simplify: float | str = 0.0
-    altitude: float | None = None
+    height: Height | None = None
     walled: bool = False
 
 

@@ -36,6 +36,7 @@ ROUNDED = (
     ("radius_95_km", "radius_95_m", 1e3, 51.0),
     ("t_s", "t_s", 1.0, 0.51),
 )  # fmt: skip - columns of the card and of the table, their ratio, and the largest difference
+AIRSPEEDS = ("airspeed_cas_m_s", "airspeed_tas_m_s")
 SUMMED = (("duration_s", "duration_s", 1.0, 0.51), ("distance_km", "distance_m", 1e3, 51.0))
 Rows = Sequence[dict[str, str]]
 
@@ -44,18 +45,19 @@ Rows = Sequence[dict[str, str]]
 
 
 class Route(NamedTuple):
-    """Text of a file, its places (longitude, latitude [deg]), their times, and each leg's airspeed [m/s].
+    """Text of a file, its places (longitude, latitude [deg]), their times, and each leg's speed [m/s].
 
-    ``times`` and ``airspeed`` are None in files that do not have them.
+    ``times`` and ``speed`` are None in files that do not have them. The speed is the true airspeed, in a
+    mission the speed that its autopilot holds.
     """
 
     text: str | None
     places: Sequence[Sequence[Any]]
     times: Sequence[str | None] | None = None
-    airspeed: Sequence[float] | None = None
+    speed: Sequence[float] | None = None
 
 
-def _xml(result: Evidence, name: str) -> ElementTree.Element:
+def xml_root(result: Evidence, name: str) -> ElementTree.Element:
     """The root of an XML file; ValueError if the file is not XML."""
     try:
         return ElementTree.fromstring(read_text(result.directory / name))
@@ -64,7 +66,7 @@ def _xml(result: Evidence, name: str) -> ElementTree.Element:
 
 
 def _gpx(result: Evidence) -> Route:
-    root = _xml(result, "plan.gpx")
+    root = xml_root(result, "plan.gpx")
     points = root.findall(".//rtept", GPX)
     places = [(point.get("lon"), point.get("lat")) for point in points]
     times = [point.findtext("time", None, GPX) for point in points]
@@ -72,7 +74,7 @@ def _gpx(result: Evidence) -> Route:
 
 
 def _kml(result: Evidence) -> Route:
-    root = _xml(result, "plan.kml")
+    root = xml_root(result, "plan.kml")
     marks = root.findall(".//Placemark[Point]", KML)
     places = [str(mark.findtext("Point/coordinates", None, KML)).split(",") for mark in marks]
     times = [mark.findtext("TimeStamp/when", None, KML) for mark in marks]
@@ -80,7 +82,7 @@ def _kml(result: Evidence) -> Route:
 
 
 def _fpl(result: Evidence) -> Route:
-    root = _xml(result, "plan.fpl")
+    root = xml_root(result, "plan.fpl")
     points = {point.findtext("identifier", None, FPL): point for point in root.findall(".//waypoint", FPL)}
     flown = [points[name.text] for name in root.findall(".//route-point/waypoint-identifier", FPL)]
     places = [[point.findtext(key, None, FPL) for key in ("lon", "lat")] for point in flown]
@@ -172,18 +174,35 @@ def time_faults(result: Evidence, stated: Sequence[str | None]) -> list[str]:
 
 
 def route(name: str, result: Evidence) -> Verdict:
-    """Places, times and airspeeds of an exported file; of a mission also fences and cruise speeds."""
-    _, places, times, airspeed = ROUTES[name](result)
+    """Places, times and speeds of an exported file; of a mission also fences and cruise speeds."""
+    _, places, times, held = ROUTES[name](result)
     faults = place_faults(result, places)
     if times is not None:
         faults += time_faults(result, times)
-    if airspeed is not None:
-        speed = np.hypot(*result.u.T)
+    if held is not None:
+        speed = _held_speed(result) if name == "mission.plan" else np.hypot(*result.u.T)
         known = speed > 0.0  # a leg without airspeed has none in mission.plan
-        stated = np.where(known, airspeed, 0.0) if len(airspeed) == len(speed) else airspeed
-        faults += unlike_at("leg {}: airspeed", stated, speed, LEAST_CHANGE)
+        stated = np.where(known, held, 0.0) if len(held) == len(speed) else held
+        faults += unlike_at("leg {}: speed", stated, speed, LEAST_CHANGE)
     faults += _mission_faults(result) if name == "mission.plan" else []
     return no_fault(f"{len(places)} positions", faults)
+
+
+def _held_speed(result: Evidence) -> FloatArray:
+    """Speed (T,) [m/s] that the autopilot of a mission holds: calibrated, of a multirotor over ground."""
+    from pyproj import Geod
+
+    if (result.settings["robot"].get("power") or {}).get("kind") == "rotor":
+        lat, lon = np.array(result.plan["lat"], float), np.array(result.plan["lon"], float)
+        ways = np.asarray(Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2], float)
+        return np.asarray(ways / np.diff(np.array(result.plan["t"], float)))
+    return _told_speed(result)
+
+
+def _told_speed(result: Evidence) -> FloatArray:
+    """Calibrated airspeeds (T,) [m/s] of plan.json, which another claim judges; in the water the speeds."""
+    calibrated = result.plan.get("airspeed_calibrated")
+    return np.hypot(*result.u.T) if calibrated is None else np.array(calibrated, float)
 
 
 # --- legs -------------------------------------------------------------------------------------
@@ -204,11 +223,20 @@ def dead_reckoning(result: Evidence) -> Verdict:
     sd = np.sqrt(((course.psi**2).sum(axis=2) + course.white).mean(axis=1))
     return no_fault(
         f"{len(rows)} rows",
-        unlike_at("leg {}: airspeed_m_s", column(legs, "airspeed_m_s"), np.hypot(*result.u.T)),
+        unlike_at("leg {}: airspeed_tas_m_s", column(legs, "airspeed_tas_m_s"), np.hypot(*result.u.T)),
+        _calibrated_faults(result, legs),
         unlike_at("leg {}: wind_m_s", column(legs, "wind_m_s"), speed, INEXACT),
         unlike_at("leg {}: wind_sd_m_s", column(legs, "wind_sd_m_s"), sd, INEXACT),
         _direction_faults(legs, "wind_from_deg", azimuths(crs, x[:-1], -wind), speed),
     )
+
+
+def _calibrated_faults(result: Evidence, legs: Rows) -> list[str]:
+    """Legs whose calibrated airspeed is not that of plan.json; in the water there are none."""
+    stated = column(legs, "airspeed_cas_m_s")
+    if result.plan.get("airspeed_calibrated") is None:
+        return [f"leg {k}: airspeed_cas_m_s" for k in np.flatnonzero(np.isfinite(stated))]
+    return unlike_at("leg {}: airspeed_cas_m_s", stated, _told_speed(result))
 
 
 def _flown_on_the_spot(result: Evidence, rows: Rows) -> list[str]:
@@ -229,7 +257,7 @@ def _flown_with_turns(result: Evidence, rows: Rows, wind: FloatArray) -> list[st
     Each leg, integrated in small time steps, must end at the next place of the table. That place is the
     planned one unless the leg is too short for its turn.
     """
-    keys, crs, plan = ("heading_true_deg", "airspeed_m_s", "duration_s"), result.scene["crs"], result.plan
+    keys, crs, plan = ("heading_true_deg", "airspeed_tas_m_s", "duration_s"), result.scene["crs"], result.plan
     heading, airspeed, duration = (column(rows[:-1], key) for key in keys)
     places = in_plane(crs, lonlat(rows))
     north = azimuths(crs, 0.5 * (places[:-1] + places[1:]), np.tile([0.0, 1.0], (len(heading), 1)))
@@ -298,7 +326,8 @@ def messages(result: Evidence) -> Verdict:
     script = result.document("mavlink_script.json")
     rows = result.table(TABLE)[:-1]
     faults = unlike(script, {"wind_law": result.planned_law})
-    for command, key in ((AIRSPEED, "airspeed_m_s"), (HEADING, "heading_true_deg")):
+    told = "airspeed_tas_m_s" if result.plan.get("airspeed_calibrated") is None else "airspeed_cas_m_s"
+    for command, key in ((AIRSPEED, told), (HEADING, "heading_true_deg")):
         sent = {float(m["t"]): float(m["params"][1]) for m in script["messages"] if m["command"] == command}
         stated = {float(row["t_s"]): float(row[key]) for row in rows if row[key]}
         faults += [f"{key} at {t:g} s, where no leg begins" for t in sent if t not in stated]
@@ -314,7 +343,7 @@ def _mission_faults(result: Evidence) -> list[str]:
     """Fences are the obstacles and, if border=wall, the border; cruise speeds are the largest of the plan."""
     content, crs = result.document("mission.plan"), result.scene["crs"]
     speeds = [content["mission"][key] for key in ("cruiseSpeed", "hoverSpeed")]
-    faults = unlike_at("cruise speed {}", speeds, [np.hypot(*result.u.T).max(initial=0.0)] * 2)
+    faults = unlike_at("cruise speed {}", speeds, [_held_speed(result).max(initial=0.0)] * 2)
     (west, south), (east, north) = result.scene["bounds"]
     map_ = np.array([(west, south), (east, south), (east, north), (west, north)])
     areas = [(False, np.array(corners)) for corners in result.scene["obstacles"]]
@@ -371,14 +400,16 @@ def flight_card(result: Evidence) -> Verdict:
 
 def _sums_off(row: dict[str, str], legs: Rows) -> list[str]:
     """Columns of a row of the card that are not the sum of its legs, or what they have in common."""
-    digits = max(len(row["airspeed_m_s"].partition(".")[2]), 1)
-    common = {
-        "heading_true_deg": {_whole_heading(leg) for leg in legs},
-        "airspeed_m_s": {f"{float(leg['airspeed_m_s']):.{digits}f}" for leg in legs},
-    }
+    digits = max(len(row["airspeed_tas_m_s"].partition(".")[2]), 1)
+    common = {"heading_true_deg": {_whole_heading(leg) for leg in legs}}
+    common |= {key: {_rounded(leg[key], digits) for leg in legs} for key in AIRSPEEDS}
     off = [key for key, values in common.items() if values != {row[key]}]
     sums = [(key, unit * float(row[key]) - column(legs, of).sum(), most) for key, of, unit, most in SUMMED]
     return off + [key for key, gap, most in sums if not abs(gap) <= most]
+
+
+def _rounded(text: str, digits: int) -> str:
+    return f"{float(text):.{digits}f}" if text else ""
 
 
 def _whole_heading(leg: dict[str, str]) -> str:

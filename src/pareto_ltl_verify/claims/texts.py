@@ -24,6 +24,7 @@ from pareto_ltl_verify.claims.plan import utc
 from pareto_ltl_verify.evidence import HELD_RUNS, Evidence
 from pareto_ltl_verify.flights import RARE, rate_of, same_rate
 from pareto_ltl_verify.geometry import in_plane, within
+from pareto_ltl_verify.heights import level_flight, stated_level
 from pareto_ltl_verify.wind_fit import HOUR
 from pareto_ltl_verify.wind_tables import ENSEMBLE, level_of
 
@@ -198,7 +199,7 @@ def texts(result: Evidence) -> Verdict | None:
 
 
 def _in_water(result: Evidence) -> bool:
-    levels = result.wind.level, result.settings["robot"].get("level") or ""
+    levels = result.wind.level, stated_level(result.settings)
     return "depth" in [level_of(text)[0] for text in levels]
 
 
@@ -210,7 +211,7 @@ def _flow(result: Evidence) -> str:
 
 def _assumed(result: Evidence) -> tuple[str | None, str | None]:
     """A departure that no setting names, and a wind of another level than the robot's; None without them."""
-    zero, flown = result.scene["time_zero"], result.settings["robot"].get("level", "")
+    zero, flown = result.scene["time_zero"], stated_level(result.settings)
     departure = None
     if zero is not None and result.settings["mission"]["start_time"] is None:
         first = f"the first time of the {_flow(result)}, as mission.start_time is not set"
@@ -218,12 +219,14 @@ def _assumed(result: Evidence) -> tuple[str | None, str | None]:
     if result.wind.fit is None or not flown:
         return departure, None
     (kind, height, robot), (other, known, wind) = level_of(flown), level_of(result.wind.level)
-    if kind == other and abs(height - known) <= 0.2 * max(height, known):
+    if {kind, other} == {"altitude", "pressure"}:
+        height, known = level_flight(flown).metres, level_flight(result.wind.level).metres
+    elif kind != other:
+        height, known = 0.0, 1.0
+    if abs(height - known) <= 0.2 * max(height, known):
         return departure, None
     moves, used = ("moves", "current") if kind == "depth" else ("flies", "wind")
-    mismatch = f"the robot {moves} {robot} (robot.level), and the {used} used is {wind}"
-    earlier = f"the robot flies {robot} (robot.level), and the wind is that {wind}"
-    return departure, earlier if earlier in result.plan["not_covered"] else mismatch
+    return departure, f"the robot {moves} {robot}, and the {used} used is {wind}"
 
 
 def _covered(result: Evidence) -> Iterator[str]:

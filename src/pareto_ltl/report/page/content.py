@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.exports.exported import vehicle_of
+from pareto_ltl.exports.exported import absent_sentence, height_sentence, vehicle_of
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, Plan
@@ -58,6 +58,17 @@ class Content:
     data: dict[str, Any]
 
 
+def _height(run: ShownRun) -> dict[str, Any]:
+    """The height of the flight for exported files, and what they say of it."""
+    sentences = height_sentence(run.height, run.air, run.medium), absent_sentence(run.scene)
+    return {
+        "metres": run.height.metres,
+        "aboveSea": run.height.above_sea,
+        "ofSea": run.height.of_sea,
+        "sentence": " ".join(filter(None, sentences)),
+    }
+
+
 def page_content(run: ShownRun) -> Content:
     """Texts and numbers of the page of ``run``."""
     plan, front = run.plan, run.front if run.front is not None and run.front.paths else None
@@ -77,7 +88,7 @@ def page_content(run: ShownRun) -> Content:
         "timeZero": None if begin is None else begin[0],
         "map": shown_map(run.scene),
         "onEarth": run.scene.crs is not None,
-        "height": {"metres": run.height.metres, "aboveSea": run.height.above_sea, "ofSea": run.height.of_sea},
+        "height": _height(run),
         "vehicle": None if run.problem is None else vehicle_of(run.height, run.problem)._asdict(),
         "wind": shown_wind(run.scene, run.wind, last),
         "trees": [] if paths or alone else shown_trees(run.scene, run.forest),

@@ -21,6 +21,7 @@ function fileNote() {
   const rate = shown.point === PAGE.chosen && PAGE.promise ? { ...PAGE.promise, failure_low: PAGE.promise.low, failure_high: PAGE.promise.high } : row;
   told.push(rateSentence(rate));
   told.push("An autopilot that flies by position fails at another rate; pareto-ltl export computes it.");
+  told.push(PAGE.height.sentence);
   if (PAGE.notCovered) told.push(`Not covered: ${PAGE.notCovered.replace(/\.$/, "")}.`);
   return told.join(" ");
 }
@@ -33,7 +34,7 @@ function rateSentence({ failure, failure_low: low, failure_high: high, law, runs
 }
 
 const CSV_COLUMNS = [
-  ["heading_true_deg", "heading"], ["airspeed_m_s", "airspeed"], ["duration_s", null], ["wind_m_s", "wind_speed"], ["wind_from_deg", "wind_from"],
+  ["heading_true_deg", "heading"], ["airspeed_tas_m_s", "airspeed"], ["airspeed_cas_m_s", "calibrated"], ["duration_s", null], ["wind_m_s", "wind_speed"], ["wind_from_deg", "wind_from"],
   ["wind_sd_m_s", "wind_sd"], ["track_true_deg", "track"], ["ground_speed_m_s", "ground_speed"], ["distance_m", "distance"], ["lat_deg", "lat"], ["lon_deg", "lon"],
   ["radius_95_m", "radius"], ["ellipse_major_m", "major"], ["ellipse_minor_m", "minor"], ["ellipse_azimuth_deg", "azimuth"],
 ];
@@ -50,7 +51,7 @@ function deadReckoning(way) {
 /** The leg that begins at step k, by the names of the exported files. */
 function legFacts(way, k) {
   const told = { time_utc: way.utc ? way.utc[k] : null, t_s: way.t[k], duration_s: way.t[k + 1] - way.t[k] };
-  for (const [name, key] of CSV_COLUMNS.slice(0, 9)) if (key) told[name] = way.log[key][k];
+  for (const [name, key] of CSV_COLUMNS.slice(0, 10)) if (key) told[name] = way.log[key][k];
   return { ...told, wind_law: way.risk.law };
 }
 
@@ -101,21 +102,22 @@ function planGpx(way) {
 
 const HOVERS = "The last item hovers at the end of the plan until the pilot takes over; the energy of the plan is without it. ";
 
-/** Waypoints, airspeeds and geofence for QGroundControl, as exports/qgc.py writes them. */
+/** Waypoints, speeds and geofence for QGroundControl, as exports/qgc.py writes them. */
 function missionPlan(way) {
   const { metres, aboveSea } = PAGE.height, frame = aboveSea ? 0 : 3, mode = aboveSea ? 2 : 1, items = [];
   const add = (command, place, params, more = {}) => items.push({ type: "SimpleItem", autoContinue: true, doJumpId: items.length + 1, command, frame: place, params, ...more });
   const fly = (command, k) => add(command, frame, [0, 0, 0, null, way.log.lat[k], way.log.lon[k], metres], { AMSLAltAboveTerrain: null, Altitude: metres, AltitudeMode: mode });
   const { kind, takes_off: takesOff, hovers } = PAGE.vehicle;
   if (takesOff) fly(22, 0);
+  const held = way.log.airspeed.map((airspeed, k) => hovers ? way.log.ground_speed[k] : way.log.calibrated[k] ?? airspeed);
   let speed = -1;
-  way.log.airspeed.forEach((airspeed, k) => {
-    if (Math.abs(airspeed - speed) > 0.05 && airspeed > 0) add(178, 2, [0, speed = airspeed, -1, 0, 0, 0, 0]);
+  held.forEach((one, k) => {
+    if (Math.abs(one - speed) > 0.05 && one > 0) add(178, 2, [hovers ? 1 : 0, speed = one, -1, 0, 0, 0, 0]);
     fly(16, k + 1);
   });
-  if (hovers) fly(17, way.log.airspeed.length);
+  if (hovers) fly(17, held.length);
   const fences = PAGE.map.shapes.filter(({ role }) => role === "obstacle" || (role === "bounds" && PAGE.map.walled));
-  const cruise = way.log.airspeed.reduce((a, b) => Math.max(a, b), 0);
+  const cruise = held.reduce((a, b) => Math.max(a, b), 0);
   return `${JSON.stringify({
     fileType: "Plan", version: 1, groundStation: "pareto_ltl",
     pareto_ltl: { note: `An autopilot flies this mission by position. ${takesOff ? "A landing is" : "Take-off and landing are"} not part of it. ${hovers ? HOVERS : ""}${fileNote()}` },

@@ -26,7 +26,7 @@ MOST_FLIGHTS = 100  # flights drawn, at most
 MOST_PLACES = 6000  # positions of all flights drawn, at most
 JUDGED = ("failure", "failure_low", "failure_high", "runs", "law")  # columns of a rate, or of a bound
 LOG_DIGITS = {
-    "heading": 3, "airspeed": 4, "wind_speed": 3, "wind_from": 2, "wind_sd": 3, "track": 3,
+    "heading": 3, "airspeed": 4, "calibrated": 4, "wind_speed": 3, "wind_from": 2, "wind_sd": 3, "track": 3,
     "ground_speed": 3, "distance": 1, "lat": DEGREES + 1, "lon": DEGREES + 1, "radius": 1, "major": 1,
     "minor": 1, "azimuth": 2,
 }  # fmt: skip
@@ -87,7 +87,7 @@ def shown_path(
         "risk": _risk(problem, given or flown_path(run, problem, path)),
     }
     if logged and problem.scene.crs is not None:
-        log = navigation_log(problem, path)  # NaN of a drifting robot's heading is null
+        log = navigation_log(problem, path, run.air)  # NaN of a drifting robot's heading is null
         shown["log"] = {name: np.round(getattr(log, name), digits) for name, digits in LOG_DIGITS.items()}
     plain: dict[str, Any] = plain_data(shown)
     return plain

@@ -15,9 +15,9 @@ from pareto_ltl.settings.wind import WIND_SOURCES
 from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import known_kind
+from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, table_level
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
-from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, table_level
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files

@@ -11,9 +11,9 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.levels import DEPTH, LENGTHS, PRESSURE, PRESSURES, Level
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.levels import DEPTH, LENGTHS, PRESSURE, PRESSURES, Level
 from pareto_ltl.wind.snapshots import Nodes, crop
 from pareto_ltl.world.projection import meridian_convergence, to_geographic
 

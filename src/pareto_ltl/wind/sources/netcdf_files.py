@@ -17,9 +17,9 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.wind.readings import KNOT
 from pareto_ltl.wind.snapshots import GridWind, Snapshot, Snapshots, earth_relative
 from pareto_ltl.wind.sources.cf_grid import levels_of, member_dimension, nodes_of, text, times_of

@@ -31,10 +31,10 @@ from pareto_ltl.support.download import ByteRange, NotThereError, fetch_bytes
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_bytes, write_json
 from pareto_ltl.support.fingerprints import file_fingerprint
+from pareto_ltl.support.levels import HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.wind.area import GeoBox, Wanted
-from pareto_ltl.wind.levels import HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
 from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
 from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart

@@ -1,4 +1,4 @@
-"""Levels of winds and currents: ``10m`` above ground, ``925hPa``, ``50m depth``."""
+"""Levels of winds, currents and flights: ``10m`` above ground, ``300m amsl``, ``925hPa``, ``50m depth``."""
 
 from __future__ import annotations
 
@@ -6,12 +6,18 @@ import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
+from pareto_ltl.support.atmosphere import standard_air, standard_height
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_text, shown_value
 
-HEIGHT, PRESSURE, DEPTH = "height", "pressure", "depth"
+HEIGHT, ALTITUDE, PRESSURE, DEPTH = "height", "altitude", "pressure", "depth"
 LENGTHS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1000.0}  # [m]
+FOOT = 0.3048  # [m]
+FLIGHT_LEVEL = 100.0 * FOOT  # [m] in the standard atmosphere
+PHRASES = {HEIGHT: "above ground", ALTITUDE: "above mean sea level", DEPTH: "below the surface"}
+SUFFIXES = {HEIGHT: "", ALTITUDE: " amsl", DEPTH: " depth"}  # of a level as text
+LEVEL = r"(\d+(?:\.\d*)?)\s*(km|m|ft|hpa|pa|mbar|mb)(?:\s*(depth|amsl|msl|agl))?"
 PRESSURES = {"pa": 1.0, "pascal": 1.0, "kpa": 1000.0}  # [Pa]
 PRESSURES |= dict.fromkeys(("hpa", "mb", "mbar", "millibar", "millibars"), 100.0)
 SHOWN_LEVELS = 12
@@ -25,7 +31,8 @@ class Level:
     Attributes
     ----------
     kind : str
-        ``height`` above ground, ``pressure``, or ``depth`` below the surface of the sea.
+        ``height`` above ground, ``altitude`` above mean sea level, ``pressure``, or ``depth`` below the
+        surface of the sea.
     value : float
         Height or depth [m], or pressure [Pa].
     """
@@ -35,37 +42,53 @@ class Level:
 
     @property
     def text(self) -> str:
-        """The level as written in ``wind.level``: ``10m``, ``925hPa``; for a current ``0m depth``."""
+        """The level as settings state it: ``10m``, ``300m amsl``, ``925hPa``; for a current ``0m depth``."""
         if self.kind == PRESSURE:
             return f"{self.value / 100:.10g}hPa"
-        return f"{self.value:.10g}m" + (" depth" if self.kind == DEPTH else "")
+        return f"{self.value:.10g}m{SUFFIXES[self.kind]}"
 
     @property
     def phrase(self) -> str:
         """The level for messages: ``10 m above ground``, ``at 925 hPa``, ``50 m below the surface``."""
         if self.kind == PRESSURE:
             return f"at {self.value / 100:.10g} hPa"
-        return f"{self.value:.10g} m {'below the surface' if self.kind == DEPTH else 'above ground'}"
+        return f"{self.value:.10g} m {PHRASES[self.kind]}"
+
+    @property
+    def standard_height(self) -> float:
+        """Height [m]: of a pressure in the standard atmosphere, negative for a depth."""
+        if self.kind == PRESSURE:
+            return standard_height(self.value)
+        return -self.value if self.kind == DEPTH else self.value
 
 
-def parse_level(text: str) -> Level:
-    """The level that ``text`` names; ConfigError if it is not a level.
+def parse_level(text: str, key: str = "wind.level") -> Level:
+    """The level that ``text`` names; ConfigError if it is not a level. ``key``: the setting that has it.
 
     Examples
     --------
-    >>> parse_level("80 m"), parse_level("92500Pa").text
-    (Level(kind='height', value=80.0), '925hPa')
+    >>> parse_level("80 m"), parse_level("92500Pa").text, parse_level("1000ft amsl").text
+    (Level(kind='height', value=80.0), '925hPa', '304.8m amsl')
+    >>> parse_level("FL45").phrase
+    'at 859.1 hPa'
     """
     text = "10m" if text == "auto" else text  # settings of a run have replaced auto already
-    found = re.fullmatch(r"(\d+(?:\.\d*)?)\s*(km|m|hpa|pa|mbar|mb)(\s*depth)?", text.strip().lower())
-    value = float(found[1]) * (LENGTHS | PRESSURES)[found[2]] if found else -1.0
-    pressure = found is not None and found[2] not in ("m", "km")
-    if found is None or not value <= 1e6 or (pressure and (value == 0 or found[3])):
+    plain = text.strip().lower()
+    if flown := re.fullmatch(r"fl\s*(\d{1,3})", plain):
+        pressure = standard_air(float(flown[1]) * FLIGHT_LEVEL).pressure
+        return Level(PRESSURE, round(pressure, -1))  # [Pa], 1 m
+    found = re.fullmatch(LEVEL, plain)
+    value = float(found[1]) * (LENGTHS | PRESSURES | {"ft": FOOT})[found[2]] if found else -1.0
+    pressed = found is not None and found[2] in PRESSURES
+    if found is None or not value <= 1e6 or (pressed and (value == 0 or found[3])):
         raise ConfigError(
-            f"wind.level {shown_value(text)} is not a level; expected a height above ground (10m, 80m), "
-            "a pressure (925hPa), or for currents a depth (0m, 50m)"
+            f"{key} {shown_value(text)} is not a level; expected a height above ground (10m, 80m), "
+            "a height above mean sea level (300m amsl), a pressure (925hPa), or in the water a depth "
+            "(0m depth, 50m depth)"
         )
-    return Level(PRESSURE if pressure else DEPTH if found[3] else HEIGHT, value)
+    if pressed:
+        return Level(PRESSURE, value)
+    return Level({"depth": DEPTH, "amsl": ALTITUDE, "msl": ALTITUDE}.get(found[3], HEIGHT), value)
 
 
 def level_mismatch(flown: str, known: str) -> str:
@@ -79,7 +102,7 @@ def level_mismatch(flown: str, known: str) -> str:
     Examples
     --------
     >>> level_mismatch("100m", "80m"), level_mismatch("925hPa", "10m")
-    ('', 'the robot flies at 925 hPa (robot.level), and the wind used is 10 m above ground')
+    ('', 'the robot flies at 925 hPa, and the wind used is 10 m above ground')
     """
     robot, wind = parse_level(flown), parse_level(known)
     if (robot.kind == DEPTH) != (wind.kind == DEPTH):
@@ -88,12 +111,15 @@ def level_mismatch(flown: str, known: str) -> str:
             f"is {'a wind' if robot.kind == DEPTH else 'a current'} {wind.phrase}: set wind=currents for a "
             "robot in the water, another source for one in the air, or robot.level"
         )
-    if robot.kind == wind.kind and abs(robot.value - wind.value) <= ALIKE * max(robot.value, wind.value):
+    a, b = robot.value, wind.value
+    if {robot.kind, wind.kind} == {ALTITUDE, PRESSURE}:
+        a, b = robot.standard_height, wind.standard_height
+    elif robot.kind != wind.kind:
+        a, b = 0.0, 1.0  # the height of the ground between them is not known
+    if abs(a - b) <= ALIKE * max(a, b):
         return ""
     medium = medium_of(robot.text)
-    return (
-        f"the robot {medium.moves} {robot.phrase} (robot.level), and the {medium.flow} used is {wind.phrase}"
-    )
+    return f"the robot {medium.moves} {robot.phrase}, and the {medium.flow} used is {wind.phrase}"
 
 
 def table_level(text: str, kinds: Collection[str], holds: str) -> Level:

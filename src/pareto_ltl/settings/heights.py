@@ -1,0 +1,187 @@
+"""The one height of a flight, from all settings that state it, and the air that is there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.atmosphere import HIGHEST, LOWEST, Air, calibrated_airspeed, standard_air
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.levels import ALTITUDE, DEPTH, HEIGHT, PRESSURE, Level, parse_level
+
+if TYPE_CHECKING:
+    from pareto_ltl.settings import Settings
+
+ALIKE = 0.01  # largest relative difference of two statements of one height ...
+ALIKE_METRES = 1.0  # ... and the difference that is always allowed [m]
+ZERO_CELSIUS = 273.15  # [K]
+
+
+@dataclass(frozen=True, slots=True)
+class Height:
+    """Height of a flight.
+
+    Attributes
+    ----------
+    metres : float
+        Above the ground of the start, or above mean sea level [m]; a depth is negative. The height of a
+        pressure is the one in the standard atmosphere.
+    above_sea : bool
+        Whether it is above mean sea level.
+    level : str
+        As settings state a level: ``925hPa``, ``100m``, ``300m amsl``, ``30m depth``.
+    stated : bool
+        False if no setting states it, so that it is taken from the level of the wind.
+    """
+
+    metres: float
+    above_sea: bool
+    level: str
+    stated: bool = True
+
+    @property
+    def of_sea(self) -> bool:
+        """Whether it is above mean sea level or a depth, so that no height of the ground is needed."""
+        return self.above_sea or self.metres < 0.0
+
+    @property
+    def text(self) -> str:
+        """For people: ``762 m above mean sea level``."""
+        if self.metres < 0.0:
+            return f"{-round(self.metres, 1):g} m below the surface"
+        return f"{round(self.metres, 1):g} m above {'mean sea level' if self.above_sea else 'the ground'}"
+
+
+@dataclass(frozen=True, slots=True)
+class FlownAir:
+    """The air around the robot, which turns true into calibrated airspeed.
+
+    Attributes
+    ----------
+    pressure, temperature : float
+        [Pa], [K]
+    source : str
+        Where they come from, as a part of a sentence.
+    """
+
+    pressure: float
+    temperature: float
+    source: str
+
+    @property
+    def density_ratio(self) -> float:
+        """ρ / ρ0 against the standard atmosphere at sea level."""
+        return Air(self.pressure, self.temperature).density_ratio
+
+    def calibrated(self, true: FloatArray) -> FloatArray:
+        """Calibrated airspeeds of ``true`` ones, in the same unit."""
+        return np.asarray(calibrated_airspeed(true, self.density_ratio), float)
+
+
+def level_height(level: Level, stated: bool = True) -> Height:
+    """The height of a ``level``; ConfigError for a pressure outside the standard atmosphere."""
+    try:
+        metres = level.standard_height
+    except ValueError as error:
+        raise ConfigError(f"level {level.text}: {error} of the standard atmosphere") from None
+    return Height(metres, level.kind in (ALTITUDE, PRESSURE), level.text, stated)
+
+
+def flight_height(settings: Settings) -> Height:
+    """The height of the flight; without a setting that states it, the level of the wind.
+
+    ``robot.level``, ``scene.altitude`` and ``exports.altitude`` state the same height. ``scene.altitude`` is
+    above mean sea level, or above ground with a ``robot.level`` above ground; below 0 it is a depth.
+    ``exports.altitude`` is above the ground of the start.
+
+    Raises
+    ------
+    ConfigError
+        If two of them differ by more than 1 % and 1 m.
+    """
+    stated = _stated(settings)
+    if not stated:
+        return level_height(parse_level(settings.wind.level), stated=False)
+    (key, height), *others = stated
+    for other, second in others:
+        if not _alike(height.metres, _as_above(height, second, settings)):
+            raise ConfigError(
+                f"{key} is {height.text}, and {other} is {second.text}: a flight has one height. "
+                f"Set {_cure(key, other, height, second)}"
+            )
+    return height
+
+
+def _stated(settings: Settings) -> list[tuple[str, Height]]:
+    """The settings that state a height, as ``key=value``, and the heights."""
+    robot, scene, exports = settings.robot.level, settings.scene.altitude, settings.exports.altitude
+    stated = []
+    if robot:
+        stated.append((f"robot.level={robot}", level_height(parse_level(robot, "robot.level"))))
+    if scene is not None:
+        grounded = bool(stated) and not stated[0][1].above_sea
+        kind = DEPTH if scene < 0.0 else HEIGHT if grounded else ALTITUDE
+        stated.append((f"scene.altitude={scene:g}", level_height(Level(kind, abs(scene)))))
+    if exports is not None:
+        kind = DEPTH if exports < 0.0 else HEIGHT
+        stated.append((f"exports.altitude={exports:g}", level_height(Level(kind, abs(exports)))))
+    return stated
+
+
+def _as_above(height: Height, other: Height, settings: Settings) -> float:
+    """The metres of ``other`` from where ``height`` is counted; a ground that is not known is at 0."""
+    if height.above_sea == other.above_sea or other.metres < 0.0:
+        return other.metres
+    ground = settings.scene.ground or 0.0
+    return other.metres + ground if height.above_sea else other.metres - ground
+
+
+def _alike(a: float, b: float) -> bool:
+    return abs(a - b) <= max(ALIKE_METRES, ALIKE * max(abs(a), abs(b)))
+
+
+def _cure(key: str, other: str, height: Height, second: Height) -> str:
+    """What makes two statements agree: the second as the level of the robot, or without the second."""
+    name = other.partition("=")[0]
+    if key.startswith("robot."):
+        return f"robot.level='{second.level}', or {name}=null for {height.text}"
+    return f"{name}=null, and robot.level for the height"
+
+
+def flight_air(settings: Settings, height: Height) -> FlownAir | None:
+    """The air at ``height``; None in the water.
+
+    The pressure is that of ``robot.level`` where this is one, else that of the standard atmosphere; the
+    temperature is ``robot.air_temperature``, else that of the standard atmosphere at the same pressure. For a
+    height above ground, ``scene.ground`` is added; without it the ground is taken to be at sea level.
+
+    Raises
+    ------
+    ConfigError
+        If the height is outside the standard atmosphere.
+    """
+    if settings.medium.matter == "water" or height.metres < 0.0:
+        return None
+    ground = settings.scene.ground
+    metres = height.metres if height.above_sea else height.metres + (ground or 0.0)
+    if not LOWEST <= metres <= HIGHEST:
+        raise ConfigError(
+            f"the flight is {height.text}, and the standard atmosphere, which gives the calibrated airspeed, "
+            f"reaches from {LOWEST:g} to {HIGHEST:g} m: set another robot.level"
+        )
+    standard = standard_air(metres)
+    level = parse_level(height.level)
+    source = f"the standard atmosphere at {round(metres, 1):g} m above mean sea level"
+    if level.kind == PRESSURE:
+        source = f"the standard atmosphere {level.phrase}"
+    elif not height.above_sea and ground is None:
+        source += ", with the ground at sea level, as scene.ground is not set"
+    pressure = level.value if level.kind == PRESSURE else standard.pressure
+    celsius = settings.robot.air_temperature
+    if celsius is None:
+        return FlownAir(pressure, standard.temperature, source)
+    source = f"{source}, but {celsius:g} °C (robot.air_temperature)"
+    return FlownAir(pressure, celsius + ZERO_CELSIUS, source)
