@@ -46,7 +46,7 @@ def test_the_script_flies_the_table_by_the_clock(flown: Flown) -> None:
     log = flown.exported.log
     events = f"{{ t = 10, armed = true, mode = 15 }}, {{ t = {log.t[-1] + 60} }}"
     lines = flight(flown.folder / "plan.lua", events)
-    for command, wanted in ((SPEED, log.airspeed), (HEADING, log.heading), (WIND, log.wind_speed_sd)):
+    for command, wanted in ((SPEED, log.calibrated), (HEADING, log.heading), (WIND, log.wind_speed_sd)):
         sent = commands(lines, command)
         np.testing.assert_allclose([p[1] for _, p in sent], wanted, rtol=1e-6)
         assert (np.abs(np.array([t for t, _ in sent]) - log.t[:-1]) <= 0.21).all()

@@ -93,7 +93,7 @@ def test_the_parser_takes_the_file_and_the_upload_arrives_whole(
     )
     assert {item.z for item in waypoints} == {10.0}  # the height of the wind
     speeds = [item.param2 for item in read.mission_items if item.command == CHANGE_SPEED]
-    assert speeds[0] == pytest.approx(log.airspeed[0], rel=1e-6)
+    assert speeds[0] == pytest.approx(log.calibrated[0], rel=1e-6)
     assert 0 < min(speeds) <= max(speeds) <= 30.0
 
     missions.upload_mission(read.mission_items)

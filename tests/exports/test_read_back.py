@@ -337,7 +337,7 @@ def test_the_messages_of_the_script_are_those_of_mavlink(flown: Flown) -> None:
     assert all(0 < m.param2 < 10 and 0 < m.param4 < 90 for _, m in winds)
     speeds = seen["MAV_CMD_GUIDED_CHANGE_SPEED"]
     assert {m.param1 for _, m in speeds} == {mavlink.SPEED_TYPE_AIRSPEED}
-    np.testing.assert_allclose([m.param2 for _, m in speeds], log.airspeed, rtol=1e-6)
+    np.testing.assert_allclose([m.param2 for _, m in speeds], log.calibrated, rtol=1e-6)
     times = [datetime.fromisoformat(told["utc"]) for told, _ in headings]
     assert seconds_apart([*times, datetime.fromisoformat(log.utc[-1])], flown.exported) == 0
 

@@ -162,7 +162,7 @@ def test_what_cannot_be_flown_is_one_line(
         bad.write_text(content)
         refused(DataError, "is not a dead-reckoning table", (bad,))
     slow = table.read_text().splitlines()
-    column = slow[0].split(",").index("airspeed_tas_m_s")
+    column = slow[0].split(",").index("airspeed_cas_m_s")
     cells = slow[1].split(",")
     cells[column] = "9.0"  # far below its stall
     bad.write_text("\n".join([slow[0], ",".join(cells), slow[-1]]) + "\n")
