@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.atmosphere import HIGHEST, LOWEST, Air, calibrated_airspeed, standard_air
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import ALTITUDE, DEPTH, HEIGHT, PRESSURE, Level, parse_level
 
 if TYPE_CHECKING:
     from pareto_ltl.settings import Settings
+    from pareto_ltl.support.arrays import FloatArray
 
 ALIKE = 0.01  # largest relative difference of two statements of one height ...
 ALIKE_METRES = 1.0  # ... and the difference that is always allowed [m]
@@ -78,7 +76,7 @@ class FlownAir:
 
     def calibrated(self, true: FloatArray) -> FloatArray:
         """Calibrated airspeeds of ``true`` ones, in the same unit."""
-        return np.asarray(calibrated_airspeed(true, self.density_ratio), float)
+        return calibrated_airspeed(true, self.density_ratio)
 
 
 def level_height(level: Level, stated: bool = True) -> Height:

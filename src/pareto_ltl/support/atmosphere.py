@@ -15,11 +15,12 @@ Source: ISO 2533:1975, the same as the U.S. Standard Atmosphere (1976) up to 32 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
-from pareto_ltl.support.arrays import FloatArray
+if TYPE_CHECKING:  # settings do without NumPy, which takes long to import
+    from pareto_ltl.support.arrays import FloatArray
 
-Speed = TypeVar("Speed", float, FloatArray)
+Speed = TypeVar("Speed", float, "FloatArray")
 
 GRAVITY = 9.80665  # [m/s2]
 GAS = 287.05287  # specific gas constant of dry air [J/(kg K)]

@@ -44,15 +44,15 @@ class Level:
     def text(self) -> str:
         """The level as settings state it: ``10m``, ``300m amsl``, ``925hPa``; for a current ``0m depth``."""
         if self.kind == PRESSURE:
-            return f"{self.value / 100:.10g}hPa"
-        return f"{self.value:.10g}m{SUFFIXES[self.kind]}"
+            return f"{_digits(self.value / 100.0)}hPa"
+        return f"{_digits(self.value)}m{SUFFIXES[self.kind]}"
 
     @property
     def phrase(self) -> str:
         """The level for messages: ``10 m above ground``, ``at 925 hPa``, ``50 m below the surface``."""
         if self.kind == PRESSURE:
-            return f"at {self.value / 100:.10g} hPa"
-        return f"{self.value:.10g} m {PHRASES[self.kind]}"
+            return f"at {_digits(self.value / 100.0)} hPa"
+        return f"{_digits(self.value)} m {PHRASES[self.kind]}"
 
     @property
     def standard_height(self) -> float:
@@ -60,6 +60,11 @@ class Level:
         if self.kind == PRESSURE:
             return standard_height(self.value)
         return -self.value if self.kind == DEPTH else self.value
+
+
+def _digits(value: float) -> str:
+    """``value`` without an exponent, which a level cannot have."""
+    return f"{value:.6f}".rstrip("0").rstrip(".")
 
 
 def parse_level(text: str, key: str = "wind.level") -> Level:
