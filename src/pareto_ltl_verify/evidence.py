@@ -15,6 +15,7 @@ import numpy as np
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl.support.yaml_files import read_yaml
@@ -368,10 +369,11 @@ def open_evidence(directory: Path) -> Evidence:
     Raises
     ------
     DataError
-        If it holds no finished result of a plan.
+        If it holds no finished result of a plan, or a link leads out of it.
     """
     if not directory.is_dir():
         raise DataError(f"{directory}: no such folder; give a results directory")
+    refuse_links_out(directory)
     run = read_json(directory / "run.json")
     if run.get("status") not in ("ok", "infeasible"):
         raise DataError(f"{directory}: no finished result: {ending_text(directory, run.get('status'))}")

@@ -267,7 +267,7 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     kept = (*keys.GROUND, keys.PROBLEM, keys.FOREST, keys.FRONT)
     records = Records({key: other.make(key) for key in kept})
     settings = replace(other.settings, selection=selection)
-    safer = Run(settings, other.table, records, dict(other.seconds))
+    safer = Run(settings, other.table, records, dict(other.seconds), read=other.read)
     safer.make(keys.PLAN)
     return safer, [failed[row], old]
 
@@ -314,8 +314,9 @@ def write_replanned(done: Replanned, run: Run, place: Path, source: str) -> None
                 settings = replace(settings, pipelines=replace(settings.pipelines, stages=left))
                 records = Records({key: records[key] for key in records if key is not keys.FRONT})
             written = Run(
-                replace(settings, mission=mission), run.table, records, dict(done.run.seconds), place
-            )
+                replace(settings, mission=mission), run.table, records, dict(done.run.seconds), place,
+                read=done.run.read,
+            )  # fmt: skip
             stages = [run.table[name] for name in settings.pipelines.stages]
             carry_out(written, [s for s in stages if s.makes not in written.records])
         else:
