@@ -15,6 +15,7 @@ import numpy as np
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.run_status import ending_text
@@ -72,6 +73,14 @@ class Evidence:
     def table(self, name: str) -> list[dict[str, str]]:
         """The rows of a CSV file."""
         return read_table(self.directory / name)
+
+    def is_input(self, path: Path) -> bool:
+        """Whether ``path``, outside the directory, is a file that the run read, by its SHA-256."""
+        stated = self.run["inputs"].get(str(path))
+        try:
+            return stated is not None and path.is_file() and file_fingerprint(path) == stated
+        except OSError:
+            return False
 
     def document(self, name: str) -> dict[str, Any]:
         """The content of a JSON file."""

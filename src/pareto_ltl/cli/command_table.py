@@ -190,11 +190,11 @@ TOOL_COMMANDS = (
     ),
     ToolCommand(
         "show", "the page of a result, in a browser", "result_commands.show",
-        "Open report.html of a result in the default browser; it is written first if it is missing.",
+        "Open report.html of a result in the default browser, after it is written from the results.",
         (
             DIR,
             flag("--print", "only print its path, do not open it"),
-            flag("--again", "write the page again, even if it exists"),
+            flag("--as-is", "the page that is in DIR: open only your own, as its scripts run in the browser"),
         ),
     ),
     ToolCommand(

@@ -1,6 +1,6 @@
 """Claims about a plan made during a flight: its start, fixes, wind, alarms, and the rest of the old plan.
 
-What follows from the old plan is judged if the directory that ``replan.json`` names still exists.
+What follows from the old plan is judged if it still is in the directory that ``replan.json`` names.
 """
 
 from __future__ import annotations
@@ -30,9 +30,15 @@ WIND = 0.05  # m/s, largest allowed difference of the expected wind
 
 
 def _source(result: Evidence) -> Evidence | None:
-    """The result that was flown; None if its directory does not exist any more."""
+    """The result that was flown; None if it is not at the place that ``replan.json`` names.
+
+    Another person may have written the name, so that only a plan with the SHA-256 in ``run.json`` is opened.
+    """
+    place = Path(result.replanned["source"])
+    if not result.is_input(place / "plan.json"):
+        return None
     try:
-        return open_evidence(Path(result.replanned["source"]))
+        return open_evidence(place)
     except (ParetoLtlError, OSError):
         return None
 
