@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import h5netcdf
-import h5py
+import h5py  # type: ignore[import-untyped]
 
 from pareto_ltl.support.errors import DataError
 
