@@ -52,7 +52,7 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
     Raises
     ------
     ConfigError
-        If the settings would act without a word.
+        If the settings would act, and no word allows it.
     DataError
         If the directory holds no result, or if none of its files can be compared.
     """

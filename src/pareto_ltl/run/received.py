@@ -89,8 +89,8 @@ def granted_settings(words: Sequence[str]) -> dict[str, Any]:
         key, equals, text = word.partition("=")
         if not equals or key not in GRANTED:
             raise ConfigError(
-                f"{shown_value(word)} is not known; expected KEY=VALUE with one of {', '.join(GRANTED)}: all "
-                "other settings are those of the directory"
+                f"{shown_value(word)} is not known; expected KEY=VALUE with one of {', '.join(GRANTED)}; "
+                "the directory has all other settings"
             )
         try:
             given[key] = yaml.safe_load(text)
