@@ -15,6 +15,8 @@ import numpy as np
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.fingerprints import file_fingerprint
+from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl.support.yaml_files import read_yaml
@@ -71,6 +73,14 @@ class Evidence:
     def table(self, name: str) -> list[dict[str, str]]:
         """The rows of a CSV file."""
         return read_table(self.directory / name)
+
+    def is_input(self, path: Path) -> bool:
+        """Whether ``path``, outside the directory, is a file that the run read, by its SHA-256."""
+        stated = self.run["inputs"].get(str(path))
+        try:
+            return stated is not None and path.is_file() and file_fingerprint(path) == stated
+        except OSError:
+            return False
 
     def document(self, name: str) -> dict[str, Any]:
         """The content of a JSON file."""
@@ -368,10 +378,11 @@ def open_evidence(directory: Path) -> Evidence:
     Raises
     ------
     DataError
-        If it holds no finished result of a plan.
+        If it holds no finished result of a plan, or a link leads out of it.
     """
     if not directory.is_dir():
         raise DataError(f"{directory}: no such folder; give a results directory")
+    refuse_links_out(directory)
     run = read_json(directory / "run.json")
     if run.get("status") not in ("ok", "infeasible"):
         raise DataError(f"{directory}: no finished result: {ending_text(directory, run.get('status'))}")

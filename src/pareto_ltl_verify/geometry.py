@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.projections import refuse_files
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +114,7 @@ WGS84 = "EPSG:4326"
 def _transformer(source: str, target: str) -> Any:
     from pyproj import Transformer
 
+    refuse_files(source)
     return Transformer.from_crs(source, target, always_xy=True)
 
 

@@ -101,6 +101,12 @@ def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
     reasons: dict[str, tuple[str, ...]] = {}
     if result.has(REPLANNED):
         reasons["the plan begins during a flight"] = tuple(sorted(OF_A_DEPARTURE))
+        with suppress(*UNUSABLE):
+            if replan.flown_result(result) is None:
+                reasons["the plan before it is not where replan.json says, or another one"] = (
+                    replan.OLD_PLAN,
+                    *replan.OF_THE_FIXES,
+                )
     with suppress(*UNUSABLE):  # claims about damaged settings fail
         if world.given_map(result):
             reasons["the map was given in Python"] = world.OF_THE_SETTINGS

@@ -149,10 +149,10 @@ class WindFile:
 
 def read_wind_file(path: Path) -> WindFile:
     """The content of ``wind.nc``; DataError if the file is not the wind of a run."""
-    from pareto_ltl.support.netcdf4 import File
+    from pareto_ltl.support.netcdf4 import opened_netcdf
 
     try:
-        with File(path, "r") as file:
+        with opened_netcdf(path) as file:
             return _wind_file(file)
     except (OSError, KeyError, TypeError, ValueError) as error:
         reason = str(error).splitlines()[0]

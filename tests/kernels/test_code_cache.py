@@ -254,14 +254,68 @@ def test_a_damaged_or_foreign_file_is_not_executed_and_one_line_says_so(program,
 )  # fmt: skip
 def test_a_damaged_or_foreign_file_has_no_content_and_one_line_says_so(tmp_path, caplog, harm, reason):
     file, source, content = tmp_path / "kernel.nbc", KERNELS / "geometry.py", bytes(range(256))
-    code_files.write_code(file, content)
-    assert code_files.read_code(file, source) == content
+    code_files.write_code(file, source, "kernel", content)
+    assert code_files.read_code(file, source, "kernel") == content
     assert not caplog.messages
     harm(file)
     for _ in range(2):
-        assert code_files.read_code(file, source) is None
+        assert code_files.read_code(file, source, "kernel") is None
     (line,) = caplog.messages
     assert f"{file} is not used: {reason}" in line
+
+
+def test_the_code_of_one_kernel_is_not_that_of_another_with_a_valid_checksum(tmp_path, caplog):
+    file, source = tmp_path / "kernel.nbc", KERNELS / "geometry.py"
+    code_files.write_code(file, source, "geometry.locate_cells", b"code")
+    assert code_files.read_code(file, source, "geometry.locate_cells") == b"code"
+    assert code_files.read_code(file, source, "geometry.nearest") is None
+    (line,) = caplog.messages
+    assert f"{file} is not used: it is the code of another kernel" in line
+
+
+DOUBLING = """
+from pareto_ltl.kernels.jit import entry
+
+
+@entry
+def twice(x):
+    return 2.0 * x
+
+
+@entry
+def thrice(x):
+    return 3.0 * x
+"""
+USE_BOTH = """
+from pareto_ltl.kernels.doubling import thrice, twice
+print(twice(3.0), thrice(3.0))
+print(sum(sum(kernel.stats.cache_misses.values()) for kernel in (twice, thrice)), "compiled")
+"""
+
+
+def test_a_file_in_the_place_of_another_kernels_is_compiled_and_not_called(program):
+    """The files of two kernels of equal types are exchanged, each with its valid checksum."""
+    (program.kernels / "doubling.py").write_text(DOUBLING)
+    assert program.run(USE_BOTH).splitlines() == ["6.0 9.0", "2 compiled"]
+    assert program.run(USE_BOTH).splitlines() == ["6.0 9.0", "0 compiled"]
+    twice, thrice = (next(program.code.rglob(f"*.{name}-*.nbc")) for name in ("twice", "thrice"))
+    one, two = twice.read_bytes(), thrice.read_bytes()
+    twice.write_bytes(two)
+    thrice.write_bytes(one)
+    assert program.run(USE_BOTH).splitlines() == ["6.0 9.0", "2 compiled"]
+    assert program.said.count("it is the code of another kernel") == 1  # one line for a folder
+    assert program.run(USE_BOTH).splitlines() == ["6.0 9.0", "0 compiled"]
+
+
+def test_code_in_a_folder_that_others_can_write_is_neither_read_nor_written(program):
+    assert program() == "compiled"
+    (file,) = program.files()
+    file.parent.chmod(0o777)
+    assert program() == "compiled"
+    assert f"{file} is not used: its folder: others may write it (mode 777)" in program.said
+    assert program.said.count("machine code cannot be kept") == 1
+    file.parent.chmod(0o755)
+    assert program() == "reused"
 
 
 def test_a_file_of_numba_itself_is_not_read(program):
@@ -347,8 +401,7 @@ def test_code_in_the_package_that_is_damaged_or_not_listed_is_compiled(shipped):
     assert f"{file} is not used: it is damaged" in shipped.said
     shutil.rmtree(shipped.code)
 
-    content = b"other code"
-    file.write_bytes(code_files.HEADER + sha256(content).digest() + content)  # undamaged, but not as listed
+    file.write_bytes(code_files.packed_code("kernel", b"other code"))  # undamaged, but not as listed
     assert shipped() == "compiled"
     shutil.rmtree(shipped.code)
 

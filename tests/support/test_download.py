@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import urllib.request
+
 import pytest
 
 from noaa_server import NoaaServer, serving
@@ -99,3 +102,12 @@ def test_a_server_that_is_not_there_is_named():
 def test_only_web_addresses_are_fetched(url):
     with pytest.raises(DataError, match="is not a web address"):
         fetch_bytes(url, 100)
+
+
+@pytest.mark.parametrize("there", ["http://localhost/x", "file:///etc/passwd", "ftp://localhost/x"])
+def test_a_redirect_from_https_to_http_is_refused(there):
+    request = urllib.request.Request("https://localhost/y")
+    answer = io.BytesIO()
+    with pytest.raises(DataError, match="which is not fetched: not https"):
+        download._SameSchemeRedirects().redirect_request(request, answer, 302, "", {}, there)  # noqa: SLF001
+    assert answer.closed

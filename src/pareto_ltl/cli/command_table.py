@@ -190,11 +190,11 @@ TOOL_COMMANDS = (
     ),
     ToolCommand(
         "show", "the page of a result, in a browser", "result_commands.show",
-        "Open report.html of a result in the default browser; it is written first if it is missing.",
+        "Open report.html of a result in the default browser, after it is written from the results.",
         (
             DIR,
             flag("--print", "only print its path, do not open it"),
-            flag("--again", "write the page again, even if it exists"),
+            flag("--as-is", "the page that is in DIR: open only your own, as its scripts run in the browser"),
         ),
     ),
     ToolCommand(
@@ -294,8 +294,14 @@ TOOL_COMMANDS = (
     ToolCommand(
         "rerun", "make a result again and compare it byte by byte", "rerun_command.rerun",
         "Make a result again from its settings and compare both, byte by byte. Nothing is written outside "
-        "the second folder. The exit code is 0 if both are the same, 1 if they differ.",
-        (DIR, argument("--into", "FOLDER", "keep the second result there", type=Path)),
+        "the second folder. The exit code is 0 if both are the same, 1 if they differ. Settings that connect "
+        "to a server or a cluster, or read other files than the run did, are refused unless you give them.",
+        (
+            DIR,
+            argument("settings", "KEY=VALUE", "what the settings of DIR may not do by themselves, e.g. "
+                     "wind.source=noaa, evaluation.cluster=tcp://10.0.0.1:8786 or wind.path=FILE", nargs="*"),
+            argument("--into", "FOLDER", "keep the second result there", type=Path),
+        ),
     ),
     ToolCommand(
         "verify", "derive every claim of a result again, without the planner", "result_commands.verify",

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from pareto_ltl.cli.output import Answer, Output, print_answer, print_problem, shown_table
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError, FormulaError
+from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.messages import shown_text, shown_value
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ def sweep(options: Namespace) -> Answer:
     from pareto_ltl.studies.sweep_summary import write_summary
     from pareto_ltl.studies.sweeps import OLDER_SWEEPS, FigureChoice
 
+    refuse_links_out(options.folder)
     found = write_summary(options.folder, options.sweep, FigureChoice(options.x, options.y, options.by))
     out = options.folder / OLDER_SWEEPS / options.sweep if options.sweep else options.folder
     return sweep_answer(found, out / "summary.html")
@@ -205,6 +207,8 @@ def scores(options: Namespace) -> Answer:
     from pareto_ltl.studies import promises
 
     promises.require_scores()
+    for folder in filter(None, (options.folder, options.other)):
+        refuse_links_out(folder)
     names = options.names or (None, None)
     mine = promises.read_promises(options.folder, options.fidelity, names[0])
     others = [*promises.references(mine)]

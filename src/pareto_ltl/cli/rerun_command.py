@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.links import refuse_links_out
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.run_status import ending_text
 
 if TYPE_CHECKING:
@@ -27,7 +29,7 @@ TIME_COLUMN = "second"  # part of the name of columns of computing times
 def rerun(options: Namespace) -> Answer:
     """Make a result again; the exit code is 0 if it is the same, 1 if it differs."""
     with _second_place(options.into) as place:
-        return rerun_and_compare(options.directory, place)
+        return rerun_and_compare(options.directory, place, options.settings)
 
 
 @contextmanager
@@ -42,21 +44,30 @@ def _second_place(into: Path | None) -> Iterator[Path]:
     yield into
 
 
-def rerun_and_compare(directory: Path, place: Path) -> Answer:
+def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -> Answer:
     """Run the settings of ``directory`` into ``place``; the differences, and what may explain them.
+
+    The user's ``words`` allow what settings of another person may not do (``run/received.py``).
 
     Raises
     ------
+    ConfigError
+        If the settings would act, and no word allows it.
     DataError
         If the directory holds no result, or if none of its files can be compared.
     """
     from pareto_ltl.run import pipeline, provenance
-    from pareto_ltl.settings.building import read_settings_file
+    from pareto_ltl.run.received import allowed_settings
     from pareto_ltl.studies.stages import application_stages
 
+    refuse_links_out(directory)
     before = _finished_record(directory)
-    settings = _kept_inside(read_settings_file(directory / "config_resolved.yaml"), place)
-    notes = [*_code_changes(before, provenance.begin(settings, ())), *_changed_inputs(before["inputs"])]
+    settings = _kept_inside(allowed_settings(directory, before["inputs"], words), place)
+    read_now = provenance.input_hashes(settings)
+    notes = [
+        *_code_changes(before, provenance.begin(settings, ())),
+        *_changed_inputs(before["inputs"], read_now),
+    ]
 
     def answer(same: bool, *differences: str, compared: Sequence[str] = ()) -> Answer:
         document = {"same": same, "differences": differences, "compared": compared, "notes": notes}
@@ -90,13 +101,8 @@ def _finished_record(directory: Path) -> dict[str, Any]:
 
 
 def _kept_inside(settings: Settings, place: Path) -> Settings:
-    """``settings`` with which a run writes only into ``place`` and does not resume another study."""
-    table = place / Path(settings.ingest.out).name
-    return replace(
-        settings,
-        ingest=replace(settings.ingest, out=str(table)),
-        evaluation=replace(settings.evaluation, resume=None),
-    )
+    """``settings`` with which a run writes only into ``place``."""
+    return replace(settings, ingest=replace(settings.ingest, out=str(place / Path(settings.ingest.out).name)))
 
 
 def _code_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
@@ -109,12 +115,11 @@ def _code_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator
             yield f"{package} was {before['packages'].get(package)}, is {here}"
 
 
-def _changed_inputs(inputs: Mapping[str, Any]) -> Iterator[str]:
-    from pareto_ltl.run.provenance import unchanged
-
-    for name, digest in inputs.items():
-        if not unchanged({name: digest}):
-            yield f"{name} is not what the run read"
+def _changed_inputs(before: Mapping[str, Any], now: Mapping[str, str]) -> Iterator[str]:
+    """Files that the run read and this one does not, under any name."""
+    for name, digest in before.items():
+        if digest not in now.values():
+            yield f"{shown_text(name)} is not what the run read"
 
 
 # --- comparing -------------------------------------------------------------------------------

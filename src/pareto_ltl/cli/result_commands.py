@@ -147,7 +147,7 @@ def show(options: Namespace) -> Answer:
     """Open the page of a result; without a browser, only its path is given."""
     from pareto_ltl.run.showing import open_page, page_of
 
-    path = page_of(options.directory, again=options.again).resolve()
+    path = page_of(options.directory, as_is=options.as_is).resolve()
     opened = not options.print and open_page(path)
     lines = [f"opened {path}" if opened else str(path)]
     if not opened and not options.print:

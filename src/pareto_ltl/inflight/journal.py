@@ -19,6 +19,7 @@ from pareto_ltl.inflight.telemetry import refused_text
 from pareto_ltl.inflight.watch import Event
 from pareto_ltl.support.display import distance_text, in_kilometres, probability_text
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.links import open_unlinked
 from pareto_ltl.support.medium import AIR, MEDIA
 
 NAME = "follow.jsonl"
@@ -34,9 +35,9 @@ class Journal:
         self.failed = ""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            if path.exists():  # without a line that was cut off when a watch was killed
-                os.truncate(path, path.read_bytes().rfind(b"\n") + 1)
-            self.file: TextIO = path.open("a", encoding="utf-8")
+            self.file: TextIO = os.fdopen(open_unlinked(path, os.O_RDWR | os.O_APPEND), "a", encoding="utf-8")
+            # without a line that was cut off when a watch was killed
+            os.truncate(self.file.fileno(), path.read_bytes().rfind(b"\n") + 1)
         except OSError as error:
             raise DataError(f"{path}: cannot be written ({error}); name another folder with --out") from None
 

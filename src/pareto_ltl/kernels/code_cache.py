@@ -83,6 +83,12 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
         parts = (*versions, options, closure, code_stamp(self.source), str(signature), *target)
         return f"{self.base}{text_fingerprint(chr(0).join(parts))[:24]}{SUFFIX}"
 
+    def kernel_name(self, signature: Any, file_name: str) -> str:
+        """What a file says that it is: module, function and types, and the name of the file."""
+        function = self.function
+        types = text_fingerprint(str(signature))
+        return f"{function.__module__}.{function.__qualname__} {types} {file_name}"
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled function for the types ``sig``, None if it must be compiled."""
         target_context.refresh()
@@ -92,10 +98,11 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
         shipped = shipped_code()
         content = None
         if shipped is not None and shipped.triple == target.triple:
-            content = shipped.read(self.file_name(sig, shipped.target), self.source)
+            name = self.file_name(sig, shipped.target)
+            content = shipped.read(name, self.source, self.kernel_name(sig, name))
         name = self.file_name(sig, target)
         for folder in self.folders():
-            content = content or read_code(folder / name, self.source)
+            content = content or read_code(folder / name, self.source, self.kernel_name(sig, name))
         if content is None:
             _announce(self.start[:-1])
             return None
@@ -111,9 +118,9 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
         refused = ""
         for folder in self.folders():
             try:
-                folder.mkdir(parents=True, exist_ok=True)
+                folder.mkdir(mode=0o755, parents=True, exist_ok=True)
                 self.remove_outdated(folder)
-                write_code(folder / name, content)
+                write_code(folder / name, self.source, self.kernel_name(sig, name), content)
             except (OSError, DataError) as error:
                 refused = refused or f"{folder}: {getattr(error, 'strerror', None) or error}"
             else:

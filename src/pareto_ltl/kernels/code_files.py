@@ -1,9 +1,10 @@
 """Files of machine code: written whole, read only if undamaged and out of reach for other users.
 
 Reading a file executes what it contains (it is a pickle of machine code), so these checks come first. The
-checksum detects damage; it is not a signature. Code is as trustworthy as the source that it was made from: a
-file must belong to the user, to root or to the owner of the source, and others may write it only where they
-may write the source.
+checksum covers the name of the kernel, so that the code of one kernel is never called as another one; it
+detects damage and exchange, and is not a signature. Code is as trustworthy as the source that it was made
+from: a file and its folder must belong to the user, to root or to the owner of the source, and others may
+write them only where they may write the source and its folder.
 """
 
 from __future__ import annotations
@@ -14,30 +15,46 @@ import os
 import stat
 from pathlib import Path
 
+from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import whole_file
 
 LOG = logging.getLogger(__name__)
 SUFFIX = ".nbc"
 SAID: set[tuple[Path, str]] = set()
-HEADER = b"pareto_ltl machine code 1\n"
+HEADER = b"pareto_ltl machine code 2\n"
 START = len(HEADER) + hashlib.sha256().digest_size
 
 
-def write_code(path: Path, content: bytes) -> None:
-    """Write ``content`` with its checksum as the whole file ``path``; OSError if that is not possible."""
-    whole = HEADER + hashlib.sha256(content).digest() + content
+def packed_code(kernel: str, content: bytes) -> bytes:
+    """The bytes of a file with the code ``content`` of ``kernel``: header, checksum, name, code."""
+    rest = kernel.encode() + b"\n" + content
+    return HEADER + hashlib.sha256(rest).digest() + rest
+
+
+def write_code(path: Path, source: Path, kernel: str, content: bytes) -> None:
+    """Write the code ``content`` of ``kernel`` as the whole file ``path``.
+
+    OSError if that is not possible, DataError if others can write the folder, so that it would not be read.
+    """
+    if reason := distrusted_folder(path.parent, source):
+        raise DataError(reason)
+    whole = packed_code(kernel, content)
     with whole_file(path, len(whole)) as draft:
         draft.write_bytes(whole)
         draft.chmod(0o644)
 
 
-def read_code(path: Path, source: Path, listed: str | None = None) -> bytes | None:
-    """The content of ``path``; None if it is missing, damaged, or may have been written by another user.
+def read_code(path: Path, source: Path, kernel: str, listed: str | None = None) -> bytes | None:
+    """The code of ``kernel`` in the file ``path``; None if it is missing or must not be executed.
+
+    That is so if it is damaged, the code of another kernel, or may have been written by another user.
 
     Parameters
     ----------
     source : Path
         The file with the Python source of the code.
+    kernel : str
+        The name of the kernel and of its types, as :func:`write_code` got it.
     listed : str, optional
         The SHA-256 that the whole file must have, in hexadecimal digits.
     """
@@ -49,27 +66,38 @@ def read_code(path: Path, source: Path, listed: str | None = None) -> bytes | No
         _say_unused(path, error.strerror or "it cannot be read")
         return None
     with open(descriptor, "rb") as file:
-        reason = distrusted(os.fstat(descriptor), source)
+        reason = distrusted(os.fstat(descriptor), source) or distrusted_folder(path.parent, source)
         whole = b"" if reason else file.read()
-    content = memoryview(whole)[START:]
+    name, _, content = whole[START:].partition(b"\n") if not reason else (b"", b"", b"")
     if not reason and (
-        whole[:START] != HEADER + hashlib.sha256(content).digest()
+        whole[:START] != HEADER + hashlib.sha256(memoryview(whole)[START:]).digest()
         or (listed is not None and hashlib.sha256(whole).hexdigest() != listed)
     ):
         reason = "it is damaged"
+    elif not reason and name != kernel.encode():
+        reason = "it is the code of another kernel"
     if reason:
         _say_unused(path, reason)
         return None
-    return bytes(content)
+    return content
+
+
+def distrusted_folder(folder: Path, source: Path) -> str:
+    """Why code in ``folder`` is not read: others may put files there, and may not where ``source`` is."""
+    reason = _open_to_others(folder.stat(), source.parent.stat())
+    return f"its folder: {reason}" if reason else ""
 
 
 def distrusted(found: os.stat_result, source: Path) -> str:
     """Why a file of code made from ``source`` is not read; empty if it is."""
     if not stat.S_ISREG(found.st_mode):
         return "it is no file"
+    return _open_to_others(found, source.stat())
+
+
+def _open_to_others(found: os.stat_result, origin: os.stat_result) -> str:
     if os.name == "nt":  # which has no modes
         return ""
-    origin = source.stat()
     if found.st_uid not in (os.geteuid(), 0, origin.st_uid):
         return "it belongs to another user"
     if found.st_mode & 0o022 & ~origin.st_mode:

@@ -64,10 +64,10 @@ class ShippedCode:
         """System and kind of processor, e.g. ``x86_64-unknown-linux-gnu``."""
         return self.target.triple
 
-    def read(self, name: str, source: Path) -> bytes | None:
-        """The content of the file ``name``; None if it is not listed, or not as listed."""
+    def read(self, name: str, source: Path, kernel: str) -> bytes | None:
+        """The code of ``kernel`` in the file ``name``; None if it is not listed, or not as listed."""
         listed = self.files.get(name)
-        return None if listed is None else read_code(FOLDER / name, source, listed)
+        return None if listed is None else read_code(FOLDER / name, source, kernel, listed)
 
 
 def shipped_code() -> ShippedCode | None:

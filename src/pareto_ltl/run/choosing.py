@@ -20,13 +20,14 @@ from pareto_ltl.run.stage_table import Stage, StageTable
 from pareto_ltl.settings import SelectionConfig, Settings
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.display import distance_text, probability_text, round_up
-from pareto_ltl.support.errors import ConfigError, InfeasibleError
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Front
 
 KEPT = (*keys.GROUND, keys.FOREST, keys.FRONT)
 RAW = (keys.READINGS, keys.OBSERVATIONS)  # from which the wind was made
+OUTWARD = ("readings", "table", "hindcast", "forecast_test", "replan_test")  # stages with files elsewhere
 
 
 def choose(
@@ -197,7 +198,7 @@ def chosen_run(
     ConfigError
         If ``place`` is the directory of ``planned``.
     DataError
-        If ``planned`` is a directory without a finished plan.
+        If ``planned`` is a directory without a finished plan, or later stages use files elsewhere.
     InfeasibleError
         If the front has no such path.
     """
@@ -205,13 +206,19 @@ def chosen_run(
     settings = replace(run.settings, selection=choice.settings(run.settings.selection))
     require_choice(choice, run.make(keys.FRONT), str(source or "the front"))
     records = Records({key: run.make(key) for key in KEPT})
-    other = Run(settings, table or run.table, records, directory=place)
+    other = Run(settings, table or run.table, records, directory=place, read=run.read)
     if place is None:
         records[keys.PROBLEM] = run.make(keys.PROBLEM)
         other.make(keys.PLAN)
         return other
+    stages = later_stages(settings, other.table)
+    if elsewhere := [stage.name for stage in stages if stage.name in OUTWARD]:
+        raise DataError(
+            f"{source}: the stages after its plan read or write files elsewhere ({', '.join(elsewhere)}), "
+            "which the settings of a directory may not; run the whole pipeline with another selection.rule"
+        )
     with claimed_directory(place, other.table.files):
-        carry_out(other, later_stages(settings, other.table), argv)
+        carry_out(other, stages, argv)
     return other
 
 

@@ -33,6 +33,7 @@ RECORD_FILES = (
 )  # fmt: skip
 
 EARLY_FILES = ("scene.json", "cells.json", "automaton.json", "automaton.hoa", RUN_LOCK)
+STUDY_FOLDERS = ("parts", "starts", "recommended")  # of studies, whose content stays
 FOLDERS = tuple({name.partition("/")[0] for name in (*BOOKKEEPING, *RECORD_FILES) if "/" in name})
 
 
@@ -85,7 +86,7 @@ def discard_try(directory: Path) -> bool:
 
 def refuse_links(directory: Path) -> None:
     """Raise DataError if a folder that a run writes to in ``directory`` is a link to another place."""
-    for pattern in FOLDERS:
+    for pattern in (*FOLDERS, *STUDY_FOLDERS):
         for folder in sorted(directory.glob(pattern)):
             if folder.is_symlink():
                 raise DataError(

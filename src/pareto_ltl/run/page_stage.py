@@ -35,7 +35,7 @@ def make_page(inputs: StageInputs) -> tuple[Path, ...]:
         return ()
     from pareto_ltl.report.records import Origin
 
-    place, hashes = inputs.directory, provenance.input_hashes(settings)
+    place, hashes = inputs.directory, inputs.hashes
     begun = (place / "run.json").is_file()  # only a pipeline writes it, before its first stage
     origin = origin_of(place, read_json(place / "run.json"), hashes) if begun else Origin("", {}, hashes, "")
     shown = shown_run(settings, inputs.records, origin, inputs.seeds, inputs.failure)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -171,6 +171,8 @@ class Run:
         Shows the present stage.
     failure : str
         Why the mission is infeasible; empty if it is not, or not known to be.
+    read : mapping of str to str or None
+        SHA-256 of the files that an earlier run read for the ``records``; None if this run reads them.
     budget : Budget
         Time limit of growth and refinement together.
     """
@@ -182,6 +184,7 @@ class Run:
     directory: Path | None = None
     progress: ProgressBar | None = None
     failure: str = ""
+    read: Mapping[str, str] | None = None
     budget: Budget = field(init=False)
 
     def __post_init__(self) -> None:
@@ -189,6 +192,10 @@ class Run:
 
     def __getitem__(self, key: RecordKey[T]) -> T:
         return self.records[key]
+
+    def input_hashes(self) -> Mapping[str, str]:
+        """SHA-256 of the files that the records depend on, by name; files of an earlier run are not read."""
+        return provenance.input_hashes(self.settings) if self.read is None else self.read
 
     def make(self, key: RecordKey[T]) -> T:
         """The record of ``key``; if it does not exist, it is made, after the records that it needs."""
@@ -323,7 +330,7 @@ def _close(
         "status": status,
         "error": None if error is None else provenance.one_line(error),
         "finished": provenance.now(),
-        "inputs": provenance.input_hashes(run.settings),
+        "inputs": run.input_hashes(),
         "seconds": dict(run.seconds),
         "outputs": provenance.file_hashes(elsewhere),
         "measured": measured,

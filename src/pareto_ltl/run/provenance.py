@@ -31,6 +31,7 @@ PACKAGES = (
     "scipy", "shapely", "xarray",
 )  # fmt: skip
 
+LAW_WORDS = ("auto", "none", "gfs")  # values of wind.forecast_error that are no files
 NO_COMMIT = "(initial)"  # output of git if there is no commit yet
 DISK_CURE = "free some space, or name a folder on another disk"
 PLACE_CURE = "check the path and its permissions"
@@ -152,7 +153,10 @@ def input_files(settings: Settings) -> list[Path]:
     """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
     from pareto_ltl.wind.sources import wind_source
 
-    maps = [Path(settings.scene.file).expanduser()] if settings.scene.file else []
+    named = [Path(name).expanduser() for name in (settings.scene.file, settings.mission.automaton) if name]
+    if settings.wind.forecast_error not in LAW_WORDS:
+        named.append(Path(settings.wind.forecast_error).expanduser())
+    maps = [path for path in named if path.is_file()]  # the stage that reads a missing one reports it
     if settings.selection.extra_paths:
         maps.append(inside(Path(settings.selection.extra_paths).expanduser(), "front.npz"))
     return [*maps, *wind_source(settings.wind).files(settings.wind, wanted_wind(settings))]

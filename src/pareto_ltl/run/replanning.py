@@ -27,6 +27,7 @@ from pareto_ltl.run import records as keys
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Run, carry_out
 from pareto_ltl.run.position_fixes import Situation, fixes_from, planned_step, situation_at
+from pareto_ltl.run.provenance import file_hashes
 from pareto_ltl.run.records import Records
 from pareto_ltl.run.rest_of_flight import AUTOMATON_FILE, NewWind, remaining_path, run_of_the_rest, scene_from
 from pareto_ltl.run.results import Planned, place_of, planned_run
@@ -267,7 +268,7 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     kept = (*keys.GROUND, keys.PROBLEM, keys.FOREST, keys.FRONT)
     records = Records({key: other.make(key) for key in kept})
     settings = replace(other.settings, selection=selection)
-    safer = Run(settings, other.table, records, dict(other.seconds))
+    safer = Run(settings, other.table, records, dict(other.seconds), read=other.read)
     safer.make(keys.PLAN)
     return safer, [failed[row], old]
 
@@ -314,14 +315,21 @@ def write_replanned(done: Replanned, run: Run, place: Path, source: str) -> None
                 settings = replace(settings, pipelines=replace(settings.pipelines, stages=left))
                 records = Records({key: records[key] for key in records if key is not keys.FRONT})
             written = Run(
-                replace(settings, mission=mission), run.table, records, dict(done.run.seconds), place
-            )
+                replace(settings, mission=mission), run.table, records, dict(done.run.seconds), place,
+                read=None if done.run.read is None else {**done.run.read, **flown_hashes(source)},
+            )  # fmt: skip
             stages = [run.table[name] for name in settings.pipelines.stages]
             carry_out(written, [s for s in stages if s.makes not in written.records])
         else:
             place.mkdir(parents=True, exist_ok=True)
             run.table.maker_of(keys.PLAN).save(place, done.plan)
         write_json(place / "replan.json", replan_document(done, source))
+
+
+def flown_hashes(source: str) -> dict[str, str]:
+    """SHA-256 of the plan that was flown, by which ``verify`` knows it; none if it was in memory."""
+    plan = Path(source) / "plan.json"
+    return file_hashes([plan]) if plan.is_file() else {}
 
 
 def replan_document(done: Replanned, source: str) -> dict[str, Any]:

@@ -23,19 +23,21 @@ from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.position_fixes import FAR, Situation, chance
-from pareto_ltl.run.provenance import wanted_wind
+from pareto_ltl.run.provenance import file_hashes, wanted_wind
+from pareto_ltl.run.received import KnownFiles, law_file
 from pareto_ltl.run.records import AUTOMATON, CANDIDATES, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.settings import MissionConfig, PowerConfig, SelectionConfig, Settings, WindConfig
 from pareto_ltl.settings.wind import STATED, WIND_SOURCES, usual_level
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.wind.conditioned import conditioned_field, field_from
 from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import Readings, check_all_readings
 from pareto_ltl.wind.records import WindField
-from pareto_ltl.wind.sources import read_readings, source_of_file
+from pareto_ltl.wind.sources import read_readings, source_of_file, wind_source
 from pareto_ltl.world.projection import utc_times
 from pareto_ltl.world.scene import Scene
 
@@ -80,9 +82,14 @@ def run_of_the_rest(
     other, alarms = conditioned_run(run, situation, quick=quick), list[str]()
     if wind is not None:
         steps = run.settings.planner.max_steps
+        if run.read is not None:
+            require_known_law(run.settings, run.read, wind)
         cfg, field = newer_field(run.settings, wind, other.make(SCENE), steps)
         warn_of_use(run.make(WIND), field, situation.time, float(rest.t[-1]))
-        newer = Run(replace(other.settings, wind=cfg), other.table, other.records.replaced(WIND, field))
+        newer = Run(
+            replace(other.settings, wind=cfg), other.table, other.records.replaced(WIND, field),
+            read=None if run.read is None else {**run.read, **wind_hashes(other.settings, cfg)},
+        )  # fmt: skip
         alarms = field_alarms(other.make(PROBLEM), newer.make(PROBLEM), rest)
         other = newer
     other.records[CANDIDATES] = candidates_of(other.make(PROBLEM), rest)
@@ -143,7 +150,7 @@ def conditioned_run(run: Run, situation: Situation, *, quick: bool) -> Run:
             WIND: wind_from(run.make(WIND), learnt, situation.time, run.settings.fidelity.law),
         }
     )
-    return Run(prompt_settings(settings) if quick else settings, run.table, records)
+    return Run(prompt_settings(settings) if quick else settings, run.table, records, read=run.read)
 
 
 def settings_from(run: Run, scene: Scene, situation: Situation) -> Settings:
@@ -177,7 +184,11 @@ def power_left(cfg: PowerConfig, problem: Problem, path: PlannedPath, step: int)
 
 
 def rule_of_the_rest(cfg: SelectionConfig, path: PlannedPath, step: int) -> SelectionConfig:
-    """The selection of the rest: ``length`` less what was flown; ``worth`` instead of a ``point``."""
+    """The selection of the rest: ``length`` less what was flown; ``worth`` instead of a ``point``.
+
+    Extra paths begin at the departure of the whole flight, so the rest has none.
+    """
+    cfg = replace(cfg, extra_paths=None)
     if cfg.rule == "point":
         return replace(cfg, rule="worth")
     if cfg.length is None:
@@ -233,6 +244,22 @@ def newer_field(settings: Settings, wind: NewWind, scene: Scene, steps: int) -> 
     except DataError as error:
         raise DataError(f"the newer forecast cannot be used from {scene.time_zero} on: {error}") from None
     return cfg, field
+
+
+def require_known_law(settings: Settings, read: Mapping[str, str], wind: NewWind) -> None:
+    """DataError if the law of forecast errors of a directory is a file that its run has not read."""
+    given = isinstance(wind, Mapping) and "forecast_error" in wind
+    if not given and (name := law_file(settings)) is not None and not KnownFiles(None, read).knows(name):
+        raise DataError(
+            f"wind.forecast_error={shown_text(name)} of the plan is not there, or not the file that the run "
+            "read; give the law from Python, replan(DIR, wind={'path': ..., 'forecast_error': FILE})"
+        )
+
+
+def wind_hashes(settings: Settings, cfg: WindConfig) -> dict[str, str]:
+    """SHA-256 of the files of a newer forecast, by name."""
+    changed = replace(settings, wind=cfg)
+    return file_hashes(wind_source(cfg).files(cfg, wanted_wind(changed)))
 
 
 def newer_settings(cfg: WindConfig, wind: NewWind) -> WindConfig:

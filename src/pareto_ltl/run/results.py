@@ -13,12 +13,14 @@ from pareto_ltl.run import provenance
 from pareto_ltl.run import records as keys
 from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.received import inert
 from pareto_ltl.run.records import RecordKey, Records, RecordView, T
 from pareto_ltl.run.stage_table import with_extension_stages
 from pareto_ltl.run.stages import PLAN_STAGES, PLAN_TABLE
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.reading import shaped
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl.support.schemas import read_document
@@ -143,11 +145,12 @@ def load_results(directory: str | Path | Results) -> Results:
     Raises
     ------
     DataError
-        If the directory holds no run.
+        If the directory holds no run, or a link leads out of it.
     """
     results = directory if isinstance(directory, Results) else Results(directory)
     if not (results.directory / "run.json").is_file():
         raise DataError(f"{results.directory}: there is no run.json; name a results directory")
+    refuse_links_out(results.directory)
     return results
 
 
@@ -192,4 +195,5 @@ def planned_run(planned: Planned, needed: Sequence[RecordKey[Any]] = (keys.PLAN,
     states = records[keys.PLAN].path.q
     if not ((states >= 0) & (states < records[keys.AUTOMATON].n_states)).all():
         raise DataError(f"{directory}: plan.json names states that automaton.json lacks; run the plan again")
-    return Run(settings, with_extension_stages(PLAN_STAGES, listed), records)
+    read = {str(name): str(digest) for name, digest in (results.run.get("inputs") or {}).items()}
+    return Run(inert(settings), with_extension_stages(PLAN_STAGES, listed), records, read=read)

@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")  # a browser can open if one of them is set
 
 
-def page_of(planned: Results | str | Path, *, again: bool = False) -> Path:
-    """The page of a results directory; written from its records if it is missing, or with ``again``.
+def page_of(planned: Results | str | Path, *, as_is: bool = False) -> Path:
+    """The page of a results directory, written from its records; ``as_is``: the one that is there.
+
+    A page contains scripts, and one from another person can contain any.
 
     Raises
     ------
@@ -40,7 +42,11 @@ def page_of(planned: Results | str | Path, *, again: bool = False) -> Path:
     """
     results = load_results(planned)
     path = results.directory / PAGE_FILE
-    return path if path.is_file() and not again else page(results, path)
+    if not as_is:
+        return page(results, path)
+    if not path.is_file():
+        raise DataError(f"{path}: there is no page; without --as-is it is written")
+    return path
 
 
 def page(planned: Planned, path: str | Path) -> Path:

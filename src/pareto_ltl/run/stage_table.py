@@ -6,7 +6,7 @@ joins both with the stages of other packages into the table of the application.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic
@@ -83,6 +83,11 @@ class StageInputs:
     def budget(self) -> Budget:
         """Time limit of growth and refinement together (``planner.budget_seconds``)."""
         return self._run.budget
+
+    @property
+    def hashes(self) -> Mapping[str, str]:
+        """SHA-256 of the files that the records of the run depend on, by name."""
+        return self._run.input_hashes()
 
     @property
     def failure(self) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings, preset
 from pareto_ltl.settings.checks import field_kinds, kind_problem
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.messages import shown_text
+from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import choice_file, choices
 from pareto_ltl.support.yaml_files import read_yaml
 
@@ -57,9 +57,18 @@ def unknown_setting(section: str, name: str, known: Iterable[str]) -> ConfigErro
     return ConfigError(f"unknown setting {shown_text(f'{section}{name}')}; {hint}")
 
 
-def read_settings_file(path: Path) -> Settings:
-    """The settings that a run wrote as ``config_resolved.yaml``; ``DataError`` if the file is damaged."""
-    return build_settings(_yaml(path))
+def read_settings_file(path: Path, changes: Mapping[str, Any] | None = None) -> Settings:
+    """The settings that a run wrote as ``config_resolved.yaml``, with ``changes`` by ``section.key``.
+
+    DataError if the file is damaged.
+    """
+    content = _yaml(path)
+    for key, value in (changes or {}).items():
+        section, _, name = key.partition(".")
+        if not isinstance(before := content.get(section, {}), dict):
+            raise DataError(f"{path}: {section} must be keys and values, found {shown_value(before)}")
+        content[section] = before | {name: value}
+    return build_settings(content)
 
 
 def section_of(section: str, value: Any) -> Any:

@@ -22,6 +22,7 @@ from pareto_ltl.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data, remove_dead_drafts, write_json
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
+from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.machine import cores
 from pareto_ltl.support.reading import read_json
 
@@ -80,7 +81,7 @@ def parts_folder(cfg: EvaluationConfig, directory: Path) -> Path:
     Raises
     ------
     DataError
-        If ``evaluation.resume`` names a directory without parts.
+        If ``evaluation.resume`` names a directory without parts, or with a link that leads out of it.
     """
     if cfg.resume is None:
         place = directory / PARTS_FOLDER
@@ -93,6 +94,7 @@ def parts_folder(cfg: EvaluationConfig, directory: Path) -> Path:
             "directory of a run of compare, convergence, ablation, hindcast, forecast_test, departure, "
             "replanning or replan_test, or leave evaluation.resume out"
         )
+    refuse_links_out(place.parent)
     return place
 
 

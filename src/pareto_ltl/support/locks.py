@@ -18,12 +18,12 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.links import NO_LINK, open_unlinked
 
 LOCK_LOG = logging.getLogger(__name__)
 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # errors of a file system without locks
-NO_LINK = getattr(os, "O_NOFOLLOW", 0)  # a symbolic link in place of the lock is not followed
 NOTE_START = 1  # byte 0 is the one that is locked
 NOTE_LENGTH = 200
 ATTEMPTS, PAUSE = 5, 0.02  # number and [s]; repeated, since is_held in another process takes the lock briefly
@@ -53,7 +53,7 @@ def hold_lock(path: Path, *, wait: bool = True, note: str = "") -> Iterator[str]
     TakenError
         If another process holds the lock and ``wait`` is false.
     DataError
-        If ``path`` is a symbolic link.
+        If ``path`` is a link or no plain file.
     OSError
         If the file cannot be made or opened.
     """
@@ -125,7 +125,7 @@ def is_held(path: Path) -> bool:
 def _locked_handle(path: Path, wait: bool) -> int:
     """Open ``path`` and lock it; repeat if the file was removed or replaced during the wait."""
     while True:
-        handle = _open_lock(path)
+        handle = open_unlinked(path, os.O_RDWR)
         try:
             _lock_handle(handle, path, wait)
             if _is_still(handle, path):
@@ -134,17 +134,6 @@ def _locked_handle(path: Path, wait: bool) -> int:
             os.close(handle)
             raise
         os.close(handle)
-
-
-def _open_lock(path: Path) -> int:
-    try:
-        return os.open(path, os.O_RDWR | os.O_CREAT | NO_LINK, 0o644)
-    except OSError as error:
-        if error.errno == errno.ELOOP:
-            raise DataError(
-                f"{path} is a symbolic link, and a lock must be a plain file: remove the link"
-            ) from None
-        raise
 
 
 def _lock_handle(handle: int, path: Path, wait: bool) -> None:

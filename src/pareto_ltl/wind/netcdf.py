@@ -112,12 +112,12 @@ def read_netcdf(path: Path) -> WindField:
     DataError
         If the file does not exist or is not valid.
     """
-    from pareto_ltl.support.netcdf4 import File
+    from pareto_ltl.support.netcdf4 import opened_netcdf
 
     if not path.is_file():
         raise DataError(f"wind field {path} does not exist; expected the wind.nc of a run")
     try:
-        with File(path, "r") as file:
+        with opened_netcdf(path) as file:
             return _read_field(file)
     except DAMAGE as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__

@@ -21,6 +21,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text, shown_value
+from pareto_ltl.support.projections import refuse_files
 from pareto_ltl.world.windows import utc_moment
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ def degrees_of(where: str, crs: str, points: FloatArray) -> FloatArray:
     """
     import pyproj
 
+    refuse_files(crs)
     try:
         change = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
     except pyproj.exceptions.ProjError:
@@ -134,6 +136,7 @@ def rotate_vectors(vectors: FloatArray, angle: FloatArray) -> FloatArray:
 def _cached_projection(crs: str) -> pyproj.Proj:
     import pyproj  # takes 0.2 s, and planar scenes do not need it
 
+    refuse_files(crs)
     try:
         proj = pyproj.Proj(crs)
     except pyproj.exceptions.CRSError as error:

@@ -98,9 +98,9 @@ def _geojson(result: Evidence) -> Route:
 
 
 def _trajectory(result: Evidence) -> Route:
-    from pareto_ltl.support.netcdf4 import File
+    from pareto_ltl.support.netcdf4 import opened_netcdf
 
-    with File(result.directory / "trajectory.nc", "r") as file:
+    with opened_netcdf(result.directory / "trajectory.nc") as file:
         lon, lat, t, airspeed = (
             np.asarray(file[key][...], float).tolist() for key in ("lon", "lat", "time", "airspeed")
         )

@@ -1,6 +1,6 @@
 """Claims about a plan made during a flight: its start, fixes, wind, alarms, and the rest of the old plan.
 
-What follows from the old plan is judged if the directory that ``replan.json`` names still exists.
+What follows from the old plan is judged if it still is in the directory that ``replan.json`` names.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ from pareto_ltl_verify.laws import Course
 from pareto_ltl_verify.wind_fit import ErrorLaw
 from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, SPACE, TIME, WindFile, square_of
 
+OLD_PLAN = "replan: the rest of the old plan"
+OF_THE_FIXES = ("replan: position given the fixes", "replan: expected wind given the fixes")
 UNLIKELY = 1e-4  # probability under the law of the plan below which a fix is an alarm
 RISKS = ("mission_risk_paper", "mission_risk", "mission_risk_ordered", "collision_risk")
 OF_RATES = ("promise_", "failure_", "least_failure", "mission_risk_i", "mission_risk_c", "collision_risk_")
@@ -29,10 +31,16 @@ SHARE = 2e-3  # largest allowed relative difference of covariances and distances
 WIND = 0.05  # m/s, largest allowed difference of the expected wind
 
 
-def _source(result: Evidence) -> Evidence | None:
-    """The result that was flown; None if its directory does not exist any more."""
+def flown_result(result: Evidence) -> Evidence | None:
+    """The result that was flown; None if it is not at the place that ``replan.json`` names.
+
+    Another person may have written the name, so that only a plan with the SHA-256 in ``run.json`` is opened.
+    """
+    place = Path(result.replanned["source"])
+    if not result.is_input(place / "plan.json"):
+        return None
     try:
-        return open_evidence(Path(result.replanned["source"]))
+        return open_evidence(place)
     except (ParetoLtlError, OSError):
         return None
 
@@ -105,7 +113,7 @@ def rates(result: Evidence) -> Verdict | None:
 
 def old_plan(result: Evidence) -> Verdict | None:
     """The rest of the old plan is the plan of the source from the step on."""
-    stated, source = result.replanned, _source(result)
+    stated, source = result.replanned, flown_result(result)
     if source is None:
         return None
     step, rest = stated["step"], stated["rest"]
@@ -155,7 +163,7 @@ def _faded(law: laws.Law, course: Course, t: int, step: int) -> FloatArray:
 
 def position(result: Evidence) -> Verdict | None:
     """Mean, covariance and distances in standard deviations follow from the old plan and the fixes."""
-    stated, source = result.replanned, _source(result)
+    stated, source = result.replanned, flown_result(result)
     learnt = None if source is None else _given_fixes(source, stated)
     if learnt is None:
         return None
@@ -171,7 +179,7 @@ def position(result: Evidence) -> Verdict | None:
 
 def expected_wind(result: Evidence) -> Verdict | None:
     """The expected wind at the nodes is the old one, corrected by the error that the fixes determine."""
-    stated, source = result.replanned, _source(result)
+    stated, source = result.replanned, flown_result(result)
     if source is None or source.wind.modes is None or stated["wind"]:
         return None
     learnt = _given_fixes(source, stated)
@@ -220,7 +228,7 @@ CLAIMS = (
     Claim("replan: start, spread and time of the rest", FILES, start),
     Claim("replan: alarms, and no promise after them", FILES, alarms),
     Claim("replan: failure rates of the old and the new plan", FILES, rates),
-    Claim("replan: the rest of the old plan", FILES, old_plan),
-    Claim("replan: position given the fixes", FILES, position),
-    Claim("replan: expected wind given the fixes", FILES, expected_wind),
+    Claim(OLD_PLAN, FILES, old_plan),
+    Claim(OF_THE_FIXES[0], FILES, position),
+    Claim(OF_THE_FIXES[1], FILES, expected_wind),
 )

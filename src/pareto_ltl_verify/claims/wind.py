@@ -168,7 +168,7 @@ def forecast_error(result: Evidence) -> Verdict | None:
         return same("no law" if wind.error is None else "a law", "no law" if wind.fit is None else "a law")
     name = _named_law(result)
     path = PACKAGED_LAW if name in ("none", "gfs") else Path(name).expanduser()
-    if not path.is_file():
+    if path != PACKAGED_LAW and not result.is_input(path):
         return None
     law = wind_fit.error_law(read_json(path))
     wrong = name != "none" and bool(law.forecast_sd.any())

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.projections import refuse_files
 from pareto_ltl_verify import formula
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, same, true_of
 from pareto_ltl_verify.evidence import Evidence
@@ -76,6 +77,7 @@ def projection(result: Evidence) -> Verdict | None:
         return None
     if crs is None or centre is None:
         return same(crs, centre)
+    refuse_files(crs)
     plane = CRS.from_user_input(crs).coordinate_operation
     params = plane.params if plane else ()
     lat, lon = (next((p.value for p in params if p.name.startswith(w)), math.nan) for w in ("Lat", "Long"))

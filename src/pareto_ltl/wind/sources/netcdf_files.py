@@ -151,7 +151,7 @@ def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
     import cf_xarray  # noqa: F401 - the accessor ``cf`` of coordinates
     import xarray as xr
 
-    import pareto_ltl.support.netcdf4  # noqa: F401 - damaged files print nothing
+    from pareto_ltl.support.netcdf4 import refuse_other_files
 
     options: dict[str, Any] = {"decode_times": False, "decode_coords": False, "concat_characters": False}
     with (
@@ -160,7 +160,11 @@ def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
     ):
         if format_of(head) is None:
             raise DataError(f"wind file {path} is not NetCDF; expected NetCDF-4 or the classic format")
-        options |= {"engine": "h5netcdf", "phony_dims": "access"} if head[:8] == HDF5 else {"engine": "scipy"}
+        if head[:8] == HDF5:
+            refuse_other_files(path)
+            options |= {"engine": "h5netcdf", "phony_dims": "access"}
+        else:
+            options |= {"engine": "scipy"}
         with xr.open_dataset(path, create_default_indexes=False, cache=False, **options) as data:
             yield data
 
