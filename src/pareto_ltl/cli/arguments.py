@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Callable
 from contextlib import suppress
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError
@@ -25,6 +25,19 @@ class CommandArguments(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise ConfigError with ``message`` and the command for help."""
         raise ConfigError(f"{message}; see {self.prog} --help")
+
+
+class ToolArguments(CommandArguments):
+    """The parser of a command with arguments, which has no short flag except ``-h``.
+
+    Any other word that begins with one minus sign is a value: half of all coordinates are negative.
+    """
+
+    def _parse_optional(self, arg_string: str) -> Any:
+        """What :mod:`argparse` asks of each word: None says that it is not a flag."""
+        if arg_string.startswith("-") and arg_string[1:2] != "-" and arg_string != "-h":
+            return None
+        return super()._parse_optional(arg_string)
 
 
 def accepted(
