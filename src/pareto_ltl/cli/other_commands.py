@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 from pareto_ltl.cli.output import Answer, Output, print_answer, print_problem, shown_table
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError, FormulaError
-from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.messages import shown_text, shown_value
 
 if TYPE_CHECKING:

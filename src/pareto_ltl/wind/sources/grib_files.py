@@ -31,8 +31,8 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.levels import HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.support.extras import missing_extra
+from pareto_ltl.support.levels import HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import GridWind, Nodes, Snapshot, Snapshots, crop, earth_relative

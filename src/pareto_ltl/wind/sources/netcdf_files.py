@@ -17,8 +17,8 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import KNOT
