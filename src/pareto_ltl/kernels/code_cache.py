@@ -122,7 +122,7 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
             try:
                 folder.mkdir(mode=0o755, parents=True, exist_ok=True)
                 self.remove_outdated(folder)
-                write_code(folder / name, self.source, self.kernel_name(sig, name), content)
+                write_code(folder / name, self.source, self.kernel_name(signature, name), content)
             except (OSError, DataError) as error:
                 refused = refused or f"{folder}: {getattr(error, 'strerror', None) or error}"
             else:
