@@ -172,7 +172,7 @@ def state_positions(automaton: Automaton) -> FloatArray:
 
 
 def _covered_area(boxes: FloatArray, spot: FloatArray, half: FloatArray) -> float:
-    """Area of ``boxes`` (N, 4), centres and half sizes, that a label at ``spot`` with half its size covers."""
+    """Area of ``boxes`` (N, 4), centres and half sizes, that a label at ``spot`` covers."""
     sides = np.maximum(0.0, half + boxes[:, 2:] - np.abs(spot - boxes[:, :2]))
     return float((sides[:, 0] * sides[:, 1]).sum())
 

@@ -145,7 +145,8 @@ def _opened(key: str) -> Leaf | None:
     if key in GROUPS:
         return None
     leaf, parent = leaves().get(key), leaves().get(key.rpartition(".")[0])
-    if leaf is None and parent is not None and typing.get_origin(parent.kind) is dict and parent.open:
+    held = leaf is None and parent is not None and typing.get_origin(parent.kind) is dict and parent.open
+    if held and MAPPING_NAME.fullmatch(key.rpartition(".")[2]):
         return Leaf(key, Any, None)
     if leaf is None or not leaf.open:
         raise ConfigError(

@@ -88,7 +88,10 @@ class DeskFolder:
         """
         if "://" in text:
             raise ConfigError(f"{key}: {shown_value(text)} is an address; the desk reads files of its folder")
-        path = self.inside(text)
+        try:
+            path = self.inside(text)
+        except ConfigError as error:
+            raise ConfigError(f"{key}: {error}") from None
         name = path.relative_to(self.root).as_posix()
         if path.exists():
             found = [path]
