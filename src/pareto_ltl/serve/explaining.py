@@ -68,9 +68,9 @@ class Explainer:
         """End the process."""
         if self.working is not None:
             self.working.cancel()
-        if (process := self.process) is not None:
-            self._end_process()
-            await process.wait()
+            with suppress(asyncio.CancelledError):
+                await self.working
+        await self._end_process()
 
     async def _work(self) -> None:
         """Answer all requests that wait, the newest first."""
@@ -86,7 +86,7 @@ class Explainer:
             else:
                 found = {"formula": "", "column": None, "error": ENDED if made.done() else LATE}
                 made.cancel()
-                self._end_process()
+                await self._end_process()
             if not answer.done():
                 answer.set_result(found)
 
@@ -108,11 +108,12 @@ class Explainer:
             )
         return self.process
 
-    def _end_process(self) -> None:
-        process, self.process = self.process, None
-        if process is not None and process.returncode is None:
+    async def _end_process(self) -> None:
+        if self.process is not None:
             with suppress(ProcessLookupError):
-                process.kill()
+                self.process.kill()
+            await self.process.wait()
+            self.process = None
 
 
 def explained_formula(asked: Mapping[str, Any]) -> dict[str, Any]:
