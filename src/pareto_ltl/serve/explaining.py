@@ -1,4 +1,4 @@
-"""Formulas in words and as drawings, from a process of their own: an automaton can take seconds.
+"""Formulas in words and as drawings, made in a second process, since an automaton can take seconds.
 
 ``python -m pareto_ltl.serve.explaining`` answers each line of JSON with one. The newest request is answered
 first. If the client of the present one goes, the process ends, and a new one answers the next.
