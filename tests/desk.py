@@ -54,13 +54,19 @@ class RunningDesk:
 
 
 @contextmanager
-def running_desk(folder: Path, largest_file: int | None = None) -> Iterator[RunningDesk]:
-    """A desk on a free port; ``largest_file`` [bytes] stands for a disk that is full."""
+def running_desk(
+    folder: Path, largest_file: int | None = None, browser: str | None = None
+) -> Iterator[RunningDesk]:
+    """A desk on a free port.
+
+    ``largest_file`` [bytes] stands for a disk that is full; ``browser``: a command that opens the page.
+    """
     limit = [] if largest_file is None else ["prlimit", f"--fsize={largest_file}"]
-    words = [*limit, sys.executable, "-m", "pareto_ltl", "serve", "--port", "0", "--no-browser"]
+    words = [*limit, sys.executable, "-m", "pareto_ltl", "serve", "--port", "0", "--folder", str(folder)]
     process = subprocess.Popen(
-        [*words, "--folder", str(folder)], stdout=subprocess.PIPE, text=True, env=dict(os.environ)
-    )
+        words if browser else [*words, "--no-browser"],
+        stdout=subprocess.PIPE, text=True, env=os.environ | ({"BROWSER": browser} if browser else {}),
+    )  # fmt: skip
     try:
         assert process.stdout is not None
         address = process.stdout.readline().strip()

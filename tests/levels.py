@@ -77,6 +77,7 @@ NOT_BY_DAY = [
     "run/test_warmup",
     "serve/test_desk_api",
     "serve/test_desk_browser",
+    "serve/test_limits",
     "settings/test_odd_values",
     "simulation/test_beacons",
     "simulation/test_coherent_flights",

@@ -14,11 +14,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import httpx
 import numpy as np
 import psutil
 import pytest
 
-from desk import HOP, SMALL, RunningDesk, running_desk
+from desk import HOP, MOST, SMALL, RunningDesk, running_desk
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.results import Results
 from pareto_ltl.serve import views
@@ -70,6 +71,28 @@ def drawn(title: str) -> dict[str, Any]:
 
 def test_the_first_line_is_the_address(desk: RunningDesk) -> None:
     assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{20,}", desk.address)
+
+
+def test_nothing_on_the_command_line_of_the_browser_can_be_used_again(tmp_path: Path) -> None:
+    seen, script = tmp_path / "argv", tmp_path / "browser"
+    script.write_text(f'#!/bin/sh\necho "$*" > {seen}.part && mv {seen}.part {seen}\n')
+    script.chmod(0o755)
+    with running_desk(tmp_path / "desk", browser=f"{script} %s") as opened:
+        deadline = time.monotonic() + MOST
+        while not seen.exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        argv = seen.read_text().strip()
+        base, _, once = argv.partition("/?token=")
+        assert base == opened.address.partition("/?token=")[0]
+        assert once not in opened.address
+        with httpx.Client(base_url=base, follow_redirects=True) as browser:
+            page = browser.get(f"/?token={once}")
+            assert (page.status_code, str(page.url)) == (200, f"{base}/")
+            assert "Planning desk" in page.text
+            assert browser.get("/api/plans").json() == {"plans": []}
+        with httpx.Client(base_url=base) as other:
+            assert other.get("/api/plans", headers={"Authorization": f"Bearer {once}"}).status_code == 401
+            assert "works once" in other.get(f"/?token={once}").text
 
 
 def test_only_the_loopback_address_listens(desk: RunningDesk) -> None:

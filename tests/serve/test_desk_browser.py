@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Route
 
 from chromium import Opened, launched, needs_chromium, opened_page
 from desk import HOP, RunningDesk, running_desk
@@ -240,6 +240,28 @@ def test_points_are_compared_with_flights_beacons_winds_and_starts(
         opened.wait("document.querySelectorAll('.start-column').length === 2")
         page.locator(".start-column").nth(1).click()
         assert page.locator("#departure").input_value() == "2018-10-09T13:00"
+
+
+def test_a_finished_plan_is_opened_without_its_past(browser: Browser, desk: RunningDesk) -> None:
+    """Nothing says that it is still made, and a fix can be placed when its path is there."""
+    name = desk.planned(overrides=HOP)["id"]
+    with opened_desk(browser, desk.address, WIDE, "light") as opened:
+        held: list[Route] = []
+        opened.page.route(f"**/api/plans/{name}/front", held.append)
+        opened.page.locator("#earlier-part").evaluate("part => { part.open = true; }")
+        opened.page.locator("#earlier button").first.click()
+        opened.wait("!document.getElementById('progress').hidden")
+        while not held:
+            opened.page.wait_for_timeout(50)
+        assert opened.page.inner_text("#state") == "Opening the result…"
+        assert opened.page.locator("#cancel").is_hidden()
+        opened.value("document.getElementById('show-fix').click()")  # hidden and disabled: it does nothing
+        assert opened.value("document.getElementById('show-fix').disabled")
+        held[0].continue_()
+        opened.wait("document.querySelector('#map .track') !== null")
+        opened.wait("!document.getElementById('show-fix').disabled")
+        opened.page.locator("#show-fix").click()
+        opened.wait("document.querySelector('#map .fix') !== null")
 
 
 def test_the_mission_is_saved_and_opened_and_survives_a_reload(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -36,6 +36,7 @@ from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, Infe
 from pareto_ltl.support.stopping import ends_process
 
 if TYPE_CHECKING:
+    from pareto_ltl.settings import Settings
     from pareto_ltl.studies.sweep_summary import SweepSummary
 
 
@@ -50,6 +51,22 @@ def run_hydra(argv: Sequence[str], command: str | None = None, output: Output = 
     return run_reported(
         lambda: _run_arguments(argv, command, output), CONFIGURATION_ERRORS, explain_error, output
     )
+
+
+def run_accepted(argv: Sequence[str], command: str, accept: Callable[[Settings], None]) -> int:
+    """Like :func:`run_hydra` for one run, whose composed settings ``accept`` refuses with a ConfigError.
+
+    There are no flags, and nothing is written before ``accept`` has returned.
+    """
+
+    def run() -> int:
+        arguments = parse_flags([])
+        arguments.overrides = list(argv)
+        apply_command(arguments, command)
+        typed = [command, *argv]
+        return answered(lambda: _answer_of_jobs(arguments, typed, Output.TEXT, accept), Output.TEXT)
+
+    return run_reported(run, CONFIGURATION_ERRORS, explain_error, Output.TEXT)
 
 
 def _run_arguments(argv: Sequence[str], command: str | None, output: Output) -> int:
@@ -70,10 +87,19 @@ def _run_arguments(argv: Sequence[str], command: str | None, output: Output) -> 
     return answered(partial(_answer_of_jobs, arguments, typed, output), output)
 
 
-def _answer_of_jobs(arguments: argparse.Namespace, typed: Sequence[str], output: Output) -> Answer:
-    """The answer of a run, or of all jobs of a sweep."""
+def _answer_of_jobs(
+    arguments: argparse.Namespace,
+    typed: Sequence[str],
+    output: Output,
+    accept: Callable[[Settings], None] | None = None,
+) -> Answer:
+    """The answer of a run, or of all jobs of a sweep; with ``accept``, of a run that it does not refuse."""
     with opened_hydra(arguments) as hydra:
         prepared = prepare(hydra, arguments)
+        if accept is not None:
+            if prepared.pipeline is None:
+                raise ConfigError("a sweep cannot be run here; use the command line")
+            accept(prepared.pipeline.settings)
         job = HydraJob(tuple(typed), tuple(arguments.overrides), prepared.pipeline, output)
         prepared.start(hydra, config_name(arguments), job)
     return replace(job.answer, code=max(job.codes, default=0))

@@ -45,15 +45,14 @@ def sweep(options: Namespace) -> Answer:
 def serve(options: Namespace, output: Output) -> int:
     """Serve the desk until Ctrl-C or a signal; return 0."""
     require_extra("serve", "serve")
-    from pareto_ltl.serve.app import serve_desk
+    from pareto_ltl.serve.app import desk_server
 
-    def opened(address: str) -> None:
-        print_answer(Answer({"address": address}, [address], [address]), output)
-        sys.stdout.flush()  # a program that reads the address waits for it
-        if not options.no_browser and not _open(address):
-            print("found no browser: open this address in one on this machine", file=sys.stderr)
-
-    serve_desk(options.folder, options.port, opened)
+    desk = desk_server(options.folder, options.port)
+    print_answer(Answer({"address": desk.address}, [desk.address], [desk.address]), output)
+    sys.stdout.flush()  # a program that reads the address waits for it
+    if not options.no_browser and not _open(desk.browser_address()):
+        print("found no browser: open this address in one on this machine", file=sys.stderr)
+    desk.serve()
     return 0
 
 

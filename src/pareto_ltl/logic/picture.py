@@ -129,15 +129,16 @@ def drawn_edges(place: FloatArray, texts: dict[tuple[int, int], str]) -> Iterato
 
     A label stands where it covers the least area of states and earlier labels, in the middle if that is free.
     """
-    taken = [(point, np.full(2, STATE_RADIUS)) for point in place]  # centres and half sizes, also of labels
+    boxes, count = np.zeros((len(place) + len(texts), 4)), len(place)  # centres and half sizes
+    boxes[:count] = np.hstack([place, np.full_like(place, STATE_RADIUS)])
     for (p, q), text in texts.items():
         curve = _loop_edge(place[p]) if p == q else _bent_edge(place, p, q, (q, p) in texts)
         label = _wrapped_formula(text, 22)
         lines = label.split("\n")
         half = np.array([0.04 * max(map(len, lines)), 0.1 * len(lines)])  # for text of 7.5 pt
         spots = [_bezier_point(curve, t) for t in (LOOP_SPOTS if p == q else EDGE_SPOTS)]
-        spot = spots[int(np.argmin([_covered_area(taken, spot, half) for spot in spots]))]
-        taken.append((spot, half))
+        spot = spots[int(np.argmin([_covered_area(boxes[:count], spot, half) for spot in spots]))]
+        boxes[count], count = [*spot, *half], count + 1
         yield DrawnEdge(p, q, curve, label, spot)
 
 
@@ -170,10 +171,10 @@ def state_positions(automaton: Automaton) -> FloatArray:
     return place
 
 
-def _covered_area(boxes: list[tuple[FloatArray, FloatArray]], spot: FloatArray, half: FloatArray) -> float:
-    """Area of ``boxes`` that a label at ``spot`` with half its size (2,) covers."""
-    sides = (np.maximum(0.0, half + size - np.abs(spot - centre)) for centre, size in boxes)
-    return float(sum(a * b for a, b in sides))
+def _covered_area(boxes: FloatArray, spot: FloatArray, half: FloatArray) -> float:
+    """Area of ``boxes`` (N, 4), centres and half sizes, that a label at ``spot`` covers."""
+    sides = np.maximum(0.0, half + boxes[:, 2:] - np.abs(spot - boxes[:, :2]))
+    return float((sides[:, 0] * sides[:, 1]).sum())
 
 
 def _bent_edge(place: FloatArray, p: int, q: int, both: bool) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +15,7 @@ from typing import Any
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
@@ -23,13 +23,16 @@ from pareto_ltl import __version__
 from pareto_ltl.report.components import FOLDER
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.serve import backdrop, missions, views
+from pareto_ltl.serve.explaining import Explainer
 from pareto_ltl.serve.folder import DeskFolder
 from pareto_ltl.serve.plans import Job, Plans
-from pareto_ltl.serve.server import Guard, loopback_server
-from pareto_ltl.support.errors import ConfigError, DataError, ParetoLtlError
-from pareto_ltl.support.reading import read_json, shown_json
+from pareto_ltl.serve.server import Guard, LoopbackServer, loopback_server
+from pareto_ltl.support.errors import ConfigError, NotFoundError, ParetoLtlError
+from pareto_ltl.support.reading import Advice, parse_json, read_json, shown_json
 
 MOST_TIME = 1e8  # [s] after departure
+JSON_TYPE = "application/json"
+BODIES = Advice(damaged="correct it")
 GRACE = 2  # [s] for open streams when the server ends
 PAGE = "pareto_ltl.serve.page"
 PLAN = "/api/plans/{id}"
@@ -45,9 +48,14 @@ class Asked:
     """A request, with what the answer is made from."""
 
     plans: Plans
-    folder: DeskFolder
+    explainer: Explainer
     request: Request
     content: bytes
+
+    @property
+    def folder(self) -> DeskFolder:
+        """The folder of the desk."""
+        return self.plans.folder
 
     @property
     def name(self) -> str:
@@ -79,15 +87,29 @@ class Asked:
 
         Its header must declare JSON, which a form of another page cannot.
         """
-        if self.request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
-            raise ConfigError("send JSON, with Content-Type: application/json")
-        try:
-            body = json.loads(self.content)
-        except (ValueError, RecursionError):
-            raise ConfigError("the body of the request is not JSON") from None
+        if self.request.headers.get("content-type", "").partition(";")[0].strip().lower() != JSON_TYPE:
+            raise ConfigError(f"send JSON, with Content-Type: {JSON_TYPE}")
+        body = parse_json(self.content, "the body of the request", BODIES)
         if not isinstance(body, dict) or not set(body) <= set(known):
             raise ConfigError(f"expected an object with some of {', '.join(known)}, got {shown_json(body)}")
         return body
+
+    async def while_connected(self, work: Coroutine[Any, Any, Any]) -> Any:
+        """The result of ``work``, which is cancelled when the client goes."""
+        working, gone = asyncio.ensure_future(work), asyncio.ensure_future(self._gone())
+        try:
+            await asyncio.wait({working, gone}, return_when=asyncio.FIRST_COMPLETED)
+            if not working.done():
+                raise ClientDisconnect
+            return working.result()
+        finally:
+            working.cancel()
+            gone.cancel()
+
+    async def _gone(self) -> None:
+        """Wait until the client has closed its connection."""
+        while (await self.request.receive())["type"] != "http.disconnect":
+            pass
 
     def started(self, job: Job) -> Response:
         """The answer to a request that starts ``job``."""
@@ -126,13 +148,12 @@ def operation(method: str, path: str, body: str = "") -> Callable[[Endpoint], En
 # --- plans ------------------------------------------------------------------------------------------------
 
 
-@operation("POST", "/api/plans", body="overrides: settings as on the command line; or map (GeoJSON) and "
+@operation("POST", "/api/plans", body="settings: values by key; overrides: KEY=VALUE; map (GeoJSON) and "
            "formula; command: plan, departure (compares starts) or wind (without a plan)")  # fmt: skip
 async def make_plan(asked: Asked) -> Answer:
     """Start a plan; answers its id at once."""
-    command, *words = missions.command_words(
-        asked.folder, asked.fields("command", "overrides", "map", "formula")
-    )
+    given = asked.fields("command", "overrides", "settings", "map", "formula")
+    command, *words = await run_in_threadpool(missions.command_words, asked.folder, given)
     return asked.started(asked.plans.plan(command, words))
 
 
@@ -224,7 +245,7 @@ async def choose_point(asked: Asked) -> Answer:
     number = _number(asked.fields("point").get("point"))
     rows = await run_in_threadpool(plan_front, asked)
     if number >= len(rows["points"]):
-        raise DataError(f"there is no point {number}; the front has {len(rows['points'])}")
+        raise NotFoundError(f"there is no point {number}; the front has {len(rows['points'])}")
     job = asked.plans.derive(asked.name, "choose", ("--point", str(number)), f"point_{number}")
     return asked.started(job)
 
@@ -248,9 +269,10 @@ async def replan(asked: Asked) -> Answer:
 
 
 @operation("POST", "/api/formula", body="formula; or pattern with goals, avoid, order")
-def explain(asked: Asked) -> Answer:
+async def explain(asked: Asked) -> Answer:
     """A formula or pattern in words, or its error and column."""
-    return missions.explained_formula(asked.fields("formula", "pattern", "goals", "avoid", "order"))
+    given = asked.fields("formula", "pattern", "goals", "avoid", "order")
+    return await asked.while_connected(asked.explainer.explained(given))
 
 
 @operation("POST", "/api/maps", body="the file")
@@ -341,48 +363,43 @@ def openapi() -> dict[str, Any]:
 
 def desk_app(folder: DeskFolder, token: str, port: int) -> Guard:
     """The application that answers on ``port`` to requests with ``token``."""
-    plans = Plans(folder)
+    plans, explainer = Plans(folder), Explainer()
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
         jobs = asyncio.create_task(plans.run_jobs())
+        await explainer.start()
         try:
             yield
         finally:
+            await explainer.close()
             jobs.cancel()
             with suppress(asyncio.CancelledError):
                 await jobs
 
-    routes = [Route(row.path, _endpoint(plans, row.make), methods=[row.method]) for row in ROUTES]
+    routes = [Route(row.path, _endpoint(plans, explainer, row.make), methods=[row.method]) for row in ROUTES]
     return Guard(
         Starlette(routes=[*routes, *page_routes(PAGE, "index.html")], lifespan=lifespan), token, port
     )
 
 
-def serve_desk(path: Path, port: int, opened: Callable[[str], None]) -> None:
-    """Serve the folder ``path`` until a signal; ``opened`` gets the address before the first request.
-
-    Raises
-    ------
-    ConfigError
-        If the port is taken.
-    """
-    address, serve = loopback_server(
+def desk_server(path: Path, port: int) -> LoopbackServer:
+    """A server of the folder ``path``; ConfigError if the port is taken."""
+    return loopback_server(
         partial(desk_app, DeskFolder.opened(path)), port, "use --port 0",
         lifespan="on", timeout_graceful_shutdown=GRACE,
     )  # fmt: skip
-    opened(address)
-    serve()
 
 
-def _endpoint(plans: Plans, make: Endpoint) -> Callable[[Request], Any]:
+def _endpoint(plans: Plans, explainer: Explainer, make: Endpoint) -> Callable[[Request], Any]:
     async def answer(request: Request) -> Response:
-        asked = Asked(plans, plans.folder, request, await request.body())
         try:
+            asked = Asked(plans, explainer, request, await request.body())
             found = await (make(asked) if iscoroutinefunction(make) else run_in_threadpool(make, asked))
+        except ClientDisconnect:
+            return JSONResponse({"error": "the client has gone"}, 400)
         except (ParetoLtlError, OSError) as error:
-            missing = isinstance(error, DataError) and str(error).startswith("there is no")
-            status = getattr(error, "status", 404 if missing else 400)
+            status = getattr(error, "status", 404 if isinstance(error, NotFoundError) else 400)
             return JSONResponse({"error": one_line(error)}, status)
         return found if isinstance(found, Response) else JSONResponse(found)
 

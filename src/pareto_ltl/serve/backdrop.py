@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pareto_ltl.serve import geotiff
 from pareto_ltl.serve.folder import MAPS, DeskFolder
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.errors import DataError, NotFoundError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import parse_json
 from pareto_ltl.world.scene_files import SCENE_FILES, SUFFIXES, kml_features
@@ -45,7 +45,7 @@ def backdrop(folder: DeskFolder, name: str) -> dict[str, Any]:
     """The file ``name`` in the folder of maps: ``name``, ``shapes`` [deg] and ``image`` (or None)."""
     path = folder.inside(f"{MAPS}/{Path(name).name}")
     if not path.is_file():
-        raise DataError(f"there is no map {shown_value(name)}")
+        raise NotFoundError(f"there is no map {shown_value(name)}")
     if path.suffix in geotiff.SUFFIXES:
         return {"name": name, "shapes": [], "image": geotiff.shown_image(path)}
     if path.suffix in TILE_SUFFIXES:

@@ -5,16 +5,16 @@ The mission survives a restart and a second tab; its number grows with each chan
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 import re
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import ConfigError, DataError, NotFoundError
 from pareto_ltl.support.files import write_bytes, write_text
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json
@@ -22,8 +22,7 @@ from pareto_ltl.support.reading import read_json
 MAPS, WINDS, PLANS, DRAFT = "maps", "winds", "plans", "mission.json"
 FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 PLAN_NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9a-f]{4}(_[a-z0-9_.]{1,40})?")
-OWN_KEYS = ("hydra", "pipelines", "pipeline", "name")  # of a command line that the desk writes itself
-LINKS = ("://", "${")  # addresses of other machines, and texts that Hydra would replace
+OUTSIDE = "lies outside of the folder of the desk; copy it there"
 
 
 class RevisionError(ConfigError):
@@ -48,17 +47,17 @@ class DeskFolder:
 
     def inside(self, text: str) -> Path:
         """The path of ``text``, relative to the folder; ConfigError if it lies elsewhere."""
-        bad = "\0" in text or text.startswith("~")
-        path = self.root if bad else (self.root / text).resolve()
-        if bad or not path.is_relative_to(self.root):
-            raise ConfigError(f"{shown_value(text)} lies outside of the folder of the desk; copy it there")
+        path = None if "\0" in text else (self.root / text).resolve()
+        if path is None or not path.is_relative_to(self.root) or "~" in _first_letters(self.root, path, text):
+            raise ConfigError(f"{shown_value(text)} {OUTSIDE}")
         return path
 
     def plan_place(self, name: str) -> Path:
-        """The results directory ``name``; DataError if no plan can have that name."""
-        if not PLAN_NAME.fullmatch(name):
-            raise DataError(f"there is no plan {shown_value(name)}")
-        return self.root / PLANS / name
+        """The results directory ``name``; NotFoundError if no plan can have that name, or for a link."""
+        place = self.root / PLANS / name if PLAN_NAME.fullmatch(name) else None
+        if place is None or place.resolve() != place:
+            raise NotFoundError(f"there is no plan {shown_value(name)}")
+        return place
 
     def keep_map(self, content: bytes, suffix: str = ".geojson") -> str:
         """Write a map under a name of its content; return the path relative to the folder."""
@@ -78,21 +77,38 @@ class DeskFolder:
         path.parent.mkdir(exist_ok=True)
         write_bytes(path, content)
 
-    def check_words(self, words: Sequence[str]) -> None:
-        """Raise ConfigError for a word that is no setting, or that leads out of the folder."""
-        for word in words:
-            key, sign, value = word.partition("=")
-            bare = key.lstrip("+~")
-            if not sign or not re.fullmatch(r"[\w./@]+", bare):
-                raise ConfigError(
-                    f"{shown_value(word)} is not known; expected KEY=VALUE, e.g. +experiment=phi2"
-                )
-            if bare.split(".")[0].split("/")[0] in OWN_KEYS:
-                raise ConfigError(f"{bare} is set by the desk itself; leave it out")
-            if any(link in value for link in LINKS):
-                raise ConfigError(f"{shown_value(word)}: the desk takes no addresses and no substitutions")
-            for part in re.split(r"[\[\]{},:'\"\s]+", value):
-                self.inside(part)
+    def path_of(self, key: str, text: str) -> str:
+        """The file, folder or pattern that the setting ``key`` names, relative to the folder.
+
+        Raises
+        ------
+        ConfigError
+            If it, a match of the pattern, or a link below it lies elsewhere, or if there is nothing of that
+            name.
+        """
+        if "://" in text:
+            raise ConfigError(f"{key}: {shown_value(text)} is an address; the desk reads files of its folder")
+        try:
+            path = self.inside(text)
+        except ConfigError as error:
+            raise ConfigError(f"{key}: {error}") from None
+        name = path.relative_to(self.root).as_posix()
+        if path.exists():
+            found = [path]
+        else:
+            name, pattern = text, str(self.root / text)
+            found = [Path(match) for match in glob.glob(pattern, recursive=True)]
+        for place in found:
+            below = place.rglob("*") if place.is_dir() else ()
+            links = (entry for entry in below if entry.is_symlink())
+            for entry in (place, *links):
+                if not entry.resolve().is_relative_to(self.root):
+                    raise ConfigError(f"{key}: {shown_value(text)} {OUTSIDE}")
+        if not found:
+            raise ConfigError(
+                f"{key}: there is nothing named {shown_value(text)} in the folder of the desk; copy it there"
+            )
+        return name
 
     def read_draft(self) -> dict[str, Any]:
         """``revision`` and ``mission`` as last drawn; revision 0 without a file, or with a damaged one."""
@@ -112,3 +128,8 @@ class DeskFolder:
         content = {"revision": last + 1, "mission": mission}
         write_text(self.root / DRAFT, json.dumps(content, ensure_ascii=False) + "\n")
         return {"revision": last + 1}
+
+
+def _first_letters(root: Path, path: Path, text: str) -> str:
+    """How a text and the path of it in the folder begin: with ``~`` for the home of a user."""
+    return text[:1] + path.relative_to(root).as_posix()[:1]

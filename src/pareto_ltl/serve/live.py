@@ -87,11 +87,9 @@ class LivePage:
         ConfigError
             If the port is taken.
         """
-        address, run = loopback_server(
-            partial(live_app, self), port, "name another with --page", lifespan="off"
-        )
-        threading.Thread(target=run, daemon=True).start()
-        return address
+        page = loopback_server(partial(live_app, self), port, "name another with --page", lifespan="off")
+        threading.Thread(target=page.serve, daemon=True).start()
+        return page.address
 
 
 def _believed(scene: Scene, event: Event) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""From a request to the settings of a command line; formulas and maps explained before planning."""
+"""From a request to the settings of a command line; maps read before planning."""
 
 from __future__ import annotations
 
@@ -8,16 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.logic.automaton import translate
-from pareto_ltl.logic.formula import parse_formula
-from pareto_ltl.logic.in_words import mission_in_words
-from pareto_ltl.logic.patterns import formula_of
 from pareto_ltl.report.page.ground import shown_map
-from pareto_ltl.report.page.machine import shown_automaton
+from pareto_ltl.serve.allowed import parted, setting_words
 from pareto_ltl.serve.folder import DeskFolder
-from pareto_ltl.settings import MissionConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.support.errors import ConfigError, DataError, ParetoLtlError
+from pareto_ltl.support.errors import ConfigError, DataError, NotFoundError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import parse_json, shown_json
 from pareto_ltl.support.resources import choice_file, choices
@@ -28,7 +23,6 @@ from pareto_ltl.world.scene_sketch import MapFaults
 
 COMMANDS = ("plan", "departure", "wind")
 EXAMPLES = ("hop", "phi1", "phi2")
-MOST_STATES = 500  # of an automaton that is explained while somebody types
 
 
 def command_words(folder: DeskFolder, request: Mapping[str, Any]) -> list[str]:
@@ -41,52 +35,23 @@ def command_words(folder: DeskFolder, request: Mapping[str, Any]) -> list[str]:
     """
     if (command := request.get("command", COMMANDS[0])) not in COMMANDS:
         raise ConfigError(f"command must be one of {', '.join(COMMANDS)}, got {shown_json(command)}")
-    words = request.get("overrides", [])
+    words, given = request.get("overrides", []), request.get("settings", {})
     if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
         raise ConfigError(f"overrides must be a list of texts KEY=VALUE, got {shown_json(words)}")
-    folder.check_words(words)
-    found = list(words)
+    if not isinstance(given, dict):
+        raise ConfigError(f"settings must be an object, from keys to values, got {shown_json(given)}")
+    pairs = [*given.items(), *map(parted, words)]
+    if (formula := request.get("formula")) is not None:
+        pairs.append(("mission.formula", formula))
+    found = setting_words(folder, pairs)
     if (drawn := request.get("map")) is not None:
         if not isinstance(drawn, dict):
             raise ConfigError(f"map must be a GeoJSON FeatureCollection, got {shown_json(drawn)}")
         text = json.dumps(drawn, ensure_ascii=False, sort_keys=True, indent=1) + "\n"  # same map, same bytes
-        found.append(f"scene.file={folder.keep_map(text.encode())}")
-    if (formula := request.get("formula")) is not None:
-        if not isinstance(formula, str):
-            raise ConfigError(f"formula must be a text, got {shown_json(formula)}")
-        found.append(f"mission.formula={quoted(formula)}")
+        found = setting_words(folder, [*pairs, ("scene.file", folder.keep_map(text.encode()))])
     if not found:
-        raise ConfigError("there is nothing to plan: give overrides, or a map and a formula")
+        raise ConfigError("there is nothing to plan: give settings, or a map and a formula")
     return [command, *found]
-
-
-def quoted(text: str) -> str:
-    """``text`` as a value that Hydra reads as text."""
-    if "${" in text:
-        raise ConfigError(f"{shown_value(text)} is not a formula")
-    return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
-
-
-def explained_formula(asked: Mapping[str, Any]) -> dict[str, Any]:
-    """A formula, or the formula of a pattern, in words and as an automaton; or its error and its column."""
-    text = ""
-    try:
-        mission = section_of("mission", {key: value for key, value in asked.items() if value})
-        assert isinstance(mission, MissionConfig)
-        text = formula_of(mission)
-        tree = parse_formula(text)
-        automaton = translate(text, None, MOST_STATES)
-    except ParetoLtlError as error:
-        return {"formula": text, "error": str(error), "column": getattr(error, "column", None)}
-    return {
-        "formula": text,
-        "words": mission_in_words(text),
-        "names": sorted(tree.atoms),
-        "states": automaton.n_states,
-        "impossible": bool(automaton.contradiction),
-        "automaton": shown_automaton(automaton),
-        "error": None,
-    }
 
 
 def read_map(folder: DeskFolder, name: str, content: bytes) -> dict[str, Any]:
@@ -122,9 +87,9 @@ def _noted(group: str, name: str) -> dict[str, str]:
 
 
 def example_map(name: str) -> dict[str, Any]:
-    """A ready map as GeoJSON with roles; DataError if there is no such example."""
+    """A ready map as GeoJSON with roles; NotFoundError if there is no such example."""
     if name not in EXAMPLES:
-        raise DataError(f"there is no example {shown_value(name)}; there are {', '.join(EXAMPLES)}")
+        raise NotFoundError(f"there is no example {shown_value(name)}; there are {', '.join(EXAMPLES)}")
     cfg = section_of("scene", name)
     scene = scene_from_settings(cfg)
     assert scene.crs is not None

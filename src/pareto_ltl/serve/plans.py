@@ -16,7 +16,7 @@ from typing import Any
 
 from pareto_ltl.run.directory import RUN_LOG
 from pareto_ltl.serve.folder import PLANS, DeskFolder
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.errors import DataError, NotFoundError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
 
@@ -105,10 +105,10 @@ class Plans:
             job.end("cancelled")
 
     def state(self, name: str) -> dict[str, Any]:
-        """``id``, ``status``, ``directory``, ``error`` and ``command`` of a plan; DataError if unknown."""
+        """``id``, ``status``, ``directory``, ``error`` and ``command`` of a plan, or NotFoundError."""
         place, job = self.folder.plan_place(name), self.jobs.get(name)
         if job is None and not (place / "run.json").is_file():
-            raise DataError(f"there is no plan {shown_value(name)}")
+            raise NotFoundError(f"there is no plan {shown_value(name)}")
         if job is not None:
             status, error, argv = job.status, job.error, job.argv
         else:

@@ -1,22 +1,28 @@
 """A server on the loopback address, and what each request must have.
 
-It needs the address of the server, no foreign origin, and the token, which is new for each start.
+It needs the address of the server, no foreign origin, and the token, which is new for each start, or the
+cookie of a browser that had it.
 """
 
 from __future__ import annotations
 
+import logging
 import secrets
 import socket
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import parse_qs
 
 import uvicorn
-from starlette.responses import JSONResponse
+from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from pareto_ltl.serve.limits import Limits, bounded
+from pareto_ltl.serve.sessions import MISSING, RefusedError, Sessions
 from pareto_ltl.support.errors import ConfigError
+
+LOG = logging.getLogger("uvicorn.error")  # on the standard error of the server
 
 ADDRESS = "127.0.0.1"
 HOSTS = (ADDRESS, "localhost")
@@ -35,6 +41,10 @@ HEADERS = {
 MOST_BYTES = 32_000_000  # of the body of a request
 
 
+SINGLE = ("host", "origin", "authorization", "content-type", "content-length", "cookie", "sec-fetch-site")
+READING = ("GET", "HEAD")  # methods that change nothing
+
+
 @dataclass(frozen=True, slots=True)
 class Guard:
     """Checks each request before ``app`` gets it, and adds the security headers to each answer.
@@ -42,8 +52,8 @@ class Guard:
     Attributes
     ----------
     token : str
-        Needed by the page (in its address) and by the API (``Authorization: Bearer``); scripts and styles of
-        the page hold no data and need none.
+        Needed by programs (``Authorization: Bearer``). In the address of the page it becomes a cookie, as
+        does the one-time token of ``sessions``; scripts and styles hold no data and need none.
     port : int
         The port of the server: a request that names another one, or another host, was redirected here.
     """
@@ -51,6 +61,10 @@ class Guard:
     app: ASGIApp
     token: str
     port: int
+    sessions: Sessions = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sessions", Sessions(self.token, f"pareto_ltl_{self.port}"))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
@@ -64,19 +78,39 @@ class Guard:
                 message["headers"] = [*message.get("headers", ()), *added]
             await send(message)
 
-        refusal = self.refusal(scope)
-        if refusal is None:
-            await self.app(scope, receive, send_guarded)
-        else:
-            status, text = refusal
-            answer = JSONResponse({"error": text}, status)
-            await answer(scope, receive, send_guarded)
+        answer = self.answer(scope)
+        await (self.app if answer is None else answer)(scope, receive, send_guarded)
 
-    def refusal(self, scope: Scope) -> tuple[int, str] | None:
-        """Status and text of the refusal of a request; None if it is accepted."""
+    def answer(self, scope: Scope) -> Response | None:
+        """A refusal, or the redirection of a browser that begins a session; None if ``app`` answers."""
         given = [(name.decode("latin-1"), value.decode("latin-1")) for name, value in scope["headers"]]
-        headers: Mapping[str, str] = dict(given)
-        if sum(name == "host" for name, _ in given) != 1 or headers["host"] not in self._hosts():
+        headers = dict(given)
+        refusal = self._refusal([name for name, _ in given], headers)
+        if refusal is not None:
+            return JSONResponse({"error": refusal[1]}, refusal[0])
+        known = str(scope["path"]).startswith("/desk/") or self._is_known(scope, headers)
+        token = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        if scope["path"] == "/" and scope["method"] == "GET" and "authorization" not in headers:
+            return None if known and not token else self._session(token, known)
+        return None if known else JSONResponse({"error": MISSING}, 401)
+
+    def _session(self, token: str, known: bool) -> Response:
+        """Begin a session, unless the browser has one; the token leaves its address."""
+        if known:
+            return RedirectResponse("/", 303)
+        try:
+            session = self.sessions.begun(token)
+        except RefusedError as error:
+            if str(error) != MISSING:
+                LOG.warning("the browser was refused: %s", error)
+            return PlainTextResponse(f"{error}\n", 401)
+        return RedirectResponse("/", 303, {"set-cookie": self.sessions.set_cookie(session)})
+
+    def _refusal(self, names: Sequence[str], headers: Mapping[str, str]) -> tuple[int, str] | None:
+        """Status and text for a request that is refused whatever token it has; None if there is no reason."""
+        if twice := [name for name in SINGLE if names.count(name) > 1]:
+            return 400, f"the header {twice[0]} occurs twice"
+        if headers.get("host") not in self._hosts():
             return 421, f"the host must be {HOSTS[0]}:{self.port}"
         origin = headers.get("origin")
         if origin is not None and origin not in {f"http://{host}" for host in self._hosts()}:
@@ -84,36 +118,65 @@ class Guard:
         if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
             return 403, "requests of other sites are refused"
         length = headers.get("content-length", "0")
-        if not length.isdigit() or int(length) > MOST_BYTES or "transfer-encoding" in headers:
+        if not (length.isascii() and length.isdigit()):
+            return 400, "Content-Length must be a number"
+        if len(length) > len(str(MOST_BYTES)) or int(length) > MOST_BYTES or "transfer-encoding" in headers:
             return 413, f"send at most {MOST_BYTES:,} bytes, with their number in Content-Length"
-        free = str(scope["path"]).startswith("/desk/")
-        if not free and not self._has_token(scope, headers):
-            return 401, "the token is missing or wrong: use the address that pareto-ltl serve printed"
         return None
 
     def _hosts(self) -> tuple[str, ...]:
         return tuple(f"{host}:{self.port}" for host in HOSTS)
 
-    def _has_token(self, scope: Scope, headers: Mapping[str, str]) -> bool:
-        kind, _, given = headers.get("authorization", "").partition(" ")
-        if scope["path"] == "/" and not given:  # a browser opens the page without a header
-            kind, given = "Bearer", parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-        return kind.lower() == "bearer" and secrets.compare_digest(given.encode(), self.token.encode())
+    def _is_known(self, scope: Scope, headers: Mapping[str, str]) -> bool:
+        """Whether a request has the token, or the cookie of a session.
+
+        With a cookie, which a browser adds by itself, a request that changes something must say that it comes
+        from this page.
+        """
+        kind, _, token = headers.get("authorization", "").partition(" ")
+        if kind:
+            return kind.lower() == "bearer" and self.sessions.has_token(token)
+        if scope["method"] not in READING and "origin" not in headers:
+            return False
+        return self.sessions.has_session(headers.get("cookie", ""))
+
+
+@dataclass(frozen=True, slots=True)
+class LoopbackServer:
+    """A server that listens on the loopback address.
+
+    Attributes
+    ----------
+    address : str
+        The address of the page with the token of programs.
+    """
+
+    address: str
+    guard: Guard
+    listening: socket.socket
+    server: uvicorn.Server
+
+    def browser_address(self) -> str:
+        """An address of the page that works once, for the command line of a browser."""
+        return f"{self.address.partition('=')[0]}={self.guard.sessions.one_time()}"
+
+    def serve(self) -> None:
+        """Serve until a signal."""
+        with self.listening:
+            self.server.run(sockets=[self.listening])
 
 
 def loopback_server(
-    app: Callable[[str, int], Guard], port: int, instead: str, **options: Any
-) -> tuple[str, Callable[[], None]]:
-    """The address with the token, and a function that serves until a signal.
-
-    ``app`` makes the application from token and port; ``instead`` says what to do if the port is taken.
+    app: Callable[[str, int], Guard], port: int, instead: str, limits: Limits | None = None, **options: Any
+) -> LoopbackServer:
+    """A server of what ``app`` makes from token and port; ``instead`` says what to do if the port is taken.
 
     Raises
     ------
     ConfigError
         If the port is taken.
     """
-    listening, token = socket.socket(), secrets.token_urlsafe(24)
+    listening, token, limits = socket.socket(), secrets.token_urlsafe(24), limits or Limits()
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((ADDRESS, port))
@@ -122,12 +185,11 @@ def loopback_server(
         raise ConfigError(f"port {port} of {ADDRESS} is not free ({error.strerror}); {instead}") from None
     listening.listen()
     number = listening.getsockname()[1]
+    guard = app(token, number)
     config = uvicorn.Config(
-        app(token, number), log_level="warning", access_log=False, server_header=False, ws="none", **options
+        guard, log_level="warning", access_log=False, server_header=False, ws="none", proxy_headers=False,
+        http=bounded(limits), h11_max_incomplete_event_size=limits.header_bytes, **options,
+    )  # fmt: skip
+    return LoopbackServer(
+        f"http://{ADDRESS}:{number}/?token={token}", guard, listening, uvicorn.Server(config)
     )
-
-    def serve() -> None:
-        with listening:
-            uvicorn.Server(config).run(sockets=[listening])
-
-    return f"http://{ADDRESS}:{number}/?token={token}", serve

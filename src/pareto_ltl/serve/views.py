@@ -28,7 +28,7 @@ from pareto_ltl.run.results import load_results
 from pareto_ltl.run.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation.flights import CAUSES
-from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl.support.errors import DataError, InfeasibleError, NotFoundError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
@@ -83,12 +83,14 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
 
     Raises
     ------
+    NotFoundError
+        If the front has no such point.
     DataError
-        If the front has no such point, or the map has no place on Earth.
+        If the map has no place on Earth.
     """
     run = _shown(directory)
     if run.front is None or run.problem is None or not 0 <= number < len(run.front.paths):
-        raise DataError(f"{directory.name}: the front has no point {number}")
+        raise NotFoundError(f"{directory.name}: the front has no point {number}")
     if run.scene.crs is None:
         raise DataError(f"{directory.name}: the map has no place on Earth; open report.html of its directory")
     path, chosen = run.front.paths[number], chosen_number(run.front, run.plan)
@@ -135,7 +137,7 @@ def beacons_view(directory: Path) -> dict[str, Any]:
     """The places of ``beacons.csv`` [deg], the failure with a beacon at each, and the summary."""
     folder, scene = directory / "beacons", load_results(directory).scene
     if not (folder / "beacons.txt").is_file():
-        raise DataError(f"there is no search for a beacon in {directory.name}: start one with POST")
+        raise NotFoundError(f"there is no search for a beacon in {directory.name}: start one with POST")
     rows = list(csv.DictReader(io.StringIO(read_text(folder / "beacons.csv"))))
     places = np.array([[float(row["x_m"]), float(row["y_m"])] for row in rows])
     return {
@@ -149,7 +151,7 @@ def beacons_view(directory: Path) -> dict[str, Any]:
 def export_view(directory: Path, kind: str, number: int | None) -> tuple[str, bytes]:
     """Name and content of an export of the plan, or of the point ``number`` of its front."""
     if kind not in EXPORT_FILES:
-        raise DataError(f"there is no format {shown_value(kind)}; there are {', '.join(EXPORT_FILES)}")
+        raise NotFoundError(f"there is no format {shown_value(kind)}; there are {', '.join(EXPORT_FILES)}")
     folder = directory / ("exports" if number is None else f"exports_point_{number}")
     written = export(load_results(directory), folder, [kind], point=number)
     if not written:

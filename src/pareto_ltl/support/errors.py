@@ -19,6 +19,10 @@ class DataError(ParetoLtlError):
     """An input (a wind file, a scene, a cache) is not as expected."""
 
 
+class NotFoundError(DataError):
+    """There is no plan, point, format or example of that name."""
+
+
 class InfeasibleError(ParetoLtlError):
     """There is no answer with the given settings; the message names the setting to change."""
 

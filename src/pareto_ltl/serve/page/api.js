@@ -1,13 +1,10 @@
-// Requests to the server of this page, with the token of its address.
-
-const TOKEN = new URLSearchParams(location.search).get("token") ?? "";
-const HEADERS = { Authorization: `Bearer ${TOKEN}` };
+// Requests to the server of this page; the browser adds the cookie of its session.
 
 /** What the server answers; an Error with its text if it refuses. */
-export async function ask(method, path, body = undefined) {
+export async function ask(method, path, body = undefined, signal = undefined) {
   const json = body !== undefined && !(body instanceof Blob);
   const answer = await answered(path, {
-    method, headers: json ? { ...HEADERS, "Content-Type": "application/json" } : HEADERS, body: json ? JSON.stringify(body) : body, keepalive: method === "PUT" && JSON.stringify(body).length < 60000,
+    method, signal, headers: json ? { "Content-Type": "application/json" } : {}, body: json ? JSON.stringify(body) : body, keepalive: method === "PUT" && JSON.stringify(body).length < 60000,
   });
   return answer.json();
 }
@@ -27,7 +24,7 @@ async function answered(path, options) {
 
 /** Call `heard` for each event of a plan until it ends. */
 export async function follow(id, heard, signal) {
-  const answer = await answered(`/api/plans/${id}/events`, { headers: HEADERS, signal });
+  const answer = await answered(`/api/plans/${id}/events`, { signal });
   const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
   let text = "";
   for (;;) {
@@ -56,7 +53,7 @@ export function giveFile(name, blob) {
 
 /** Fetch a file of the server and give it to the browser. */
 export async function download(path) {
-  const answer = await answered(path, { headers: HEADERS });
+  const answer = await answered(path, {});
   const name = /filename="([^"]+)"/.exec(answer.headers.get("content-disposition") ?? "")?.[1] ?? "plan";
   giveFile(name, await answer.blob());
 }

@@ -23,14 +23,14 @@ const WIND_NOTES = {
 };
 const PLANNERS = { quick: "quick", default: "normal", dense: "thorough" };
 const SOURCES = [[/\.csv(\.gz)?$/i, "csv"], [/\.nc4?$/i, "netcdf"], [/\.(grib2?|grb2?)$/i, "grib"]];
-const WEEK = ["report=none", "robot.dt=1800.0", "planner.max_steps=336"];  // the wind for as long, whatever the vehicle
+const WEEK = { report: "none", "robot.dt": 1800, "planner.max_steps": 336 };  // the wind for as long, whatever the vehicle
 const FIX_NOTE = "Standard deviation: 50 m in each direction; for a coast or a road 50 m across, 20 km along (its longer side, or a direction such as 40°). Empty: as accurate as the vehicle's fixes.";
 const TYPING = 250;  // [ms] after a key before the formula is explained
 
 export class Panels {
   /** `failed(error)` shows an error; `explained` is the last answer on the formula. */
   constructor(store, drawing, failed) {
-    Object.assign(this, { store, drawing, failed, explained: null, asked: "", timer: null });
+    Object.assign(this, { store, drawing, failed, explained: null, asked: "", timer: null, asking: null });
     fill("pattern", Object.entries(PATTERNS).map(([name, { label }]) => [name, label]));
     fill("wind", Object.entries(WINDS));
     fill("planner", Object.entries(PLANNERS));
@@ -142,10 +142,14 @@ export class Panels {
     if (asked === this.asked) { this.showMeaning(); return; }
     this.asked = asked;
     clearTimeout(this.timer);
+    this.asking?.abort();  // the server stops to work on a formula that has changed
     this.timer = setTimeout(async () => {
       const empty = pattern === "formula" ? !formula.trim() : !goals.length;
-      try { this.explained = empty ? null : await ask("POST", "/api/formula", JSON.parse(asked)); } catch (error) { this.failed(error); return; }
+      const { signal } = this.asking = new AbortController();
+      let told = null;
+      try { if (!empty) told = await ask("POST", "/api/formula", JSON.parse(asked), signal); } catch (error) { if (!signal.aborted) this.failed(error); return; }
       if (asked !== this.asked) return;
+      this.explained = told;
       if (pattern !== "formula") byId("formula").value = this.explained?.formula ?? "";
       this.showMeaning();
       this.drawMachine();
@@ -179,15 +183,14 @@ export class Panels {
 
   /** The body of POST /api/plans. */
   request(command = "plan") {
-    const { mission } = this.store, overrides = [`robot=${mission.robot}`, `wind=${mission.wind}`, ...command === "wind" ? WEEK : [`planner=${mission.planner}`]];
-    if (mission.windPath) overrides.push(`wind.path=${mission.windPath}`);
-    if (mission.departure && command !== "wind") overrides.push(`mission.start_time=${mission.departure.length === 16 ? `${mission.departure}:00` : mission.departure}Z`);
+    const { mission } = this.store, settings = { robot: mission.robot, wind: mission.wind, ...command === "wind" ? WEEK : { planner: mission.planner } };
+    if (mission.windPath) settings["wind.path"] = mission.windPath;
+    if (mission.departure && command !== "wind") settings["mission.start_time"] = `${mission.departure.length === 16 ? `${mission.departure}:00` : mission.departure}Z`;
     if (command === "departure") {
-      overrides.push("report=none", "departure.flights=2000", "departure.seeds=1", `departure.every=${+byId("every").value || 6}`);
-      if (byId("latest").value) overrides.push(`departure.last=${byId("latest").value}:00Z`);
+      Object.assign(settings, { report: "none", "departure.flights": 2000, "departure.seeds": 1, "departure.every": +byId("every").value || 6 });
+      if (byId("latest").value) settings["departure.last"] = `${byId("latest").value}:00Z`;
     }
-    overrides.push(...mission.settings.split(/\s+/).filter(Boolean));
-    return { command, map: this.store.geojson(), ...command === "wind" ? {} : { formula: this.formula }, overrides };
+    return { command, map: this.store.geojson(), ...command === "wind" ? {} : { formula: this.formula }, settings, overrides: mission.settings.split(/\s+/).filter(Boolean) };
   }
 }
 

@@ -36,7 +36,7 @@ export class Result {
     on("previous", () => this.show(this.shown - 1));
     on("next", () => this.show(this.shown + 1));
     on("choose", () => this.choose().catch(failed));
-    on("show-fix", () => { this.fix = this.fix ? null : this.view?.line[this.step] ?? null; this.showFix(); });
+    on("show-fix", () => { if (!this.view) return; this.fix = this.fix ? null : this.view.line[this.step]; this.showFix(); });
     on("pin", () => { if (!this.view) return; this.pinned = this.pinned ? null : { id: this.id, number: this.shown, row: this.front.points[this.shown], view: this.view }; this.showFacts(); this.drawFront(); this.redraw(); });
     on("replan", () => this.replan().catch(failed));
     for (const [kind, label] of Object.entries(FORMATS)) byId("exports").append(html("button", { type: "button", "data-kind": kind, onclick: event => this.take(kind, event.target) }, label));
@@ -53,6 +53,7 @@ export class Result {
     this.studies.reset();
     document.querySelector("main").classList.remove("planned");
     for (const id of ["result", "progress", "timebar", "cancel"]) byId(id).hidden = true;
+    byId("show-fix").disabled = true;  // until the path is shown
   }
 
   /** Forget a front whose plan could not be checked; its paths stay as lines on the map. */
@@ -72,12 +73,13 @@ export class Result {
     this.remember(state.id);
     byId("command").textContent = state.command;
     byId("directory").textContent = state.directory;
-    this.setWorking(true);
+    const made = state.status === "running";  // else it is opened again: its events are of the past
+    this.setWorking(true, made);
     let last = { status: state.status, error: state.error };
     try {
-      await follow(state.id, event => { if (event.event === "status") last = event; else this.hear(event); }, ends.signal);
+      if (made) await follow(state.id, event => { if (event.event === "status") last = event; else this.hear(event); }, ends.signal);
       if (last.status === "running") last = await ask("GET", `/api/plans/${state.id}`);  // the stream was cut
-      const now = await ask("GET", `/api/plans/${state.id}`);
+      const now = made ? await ask("GET", `/api/plans/${state.id}`) : state;
       if (ends.signal.aborted) return;
       Object.assign(this, { state: now, checking: false });
       if (last.status === "done") await this.finish();
@@ -94,12 +96,14 @@ export class Result {
     this.redraw();
   }
 
-  setWorking(working) {
+  /** `made`: the plan is being made, and can be cancelled; else its result is read. */
+  setWorking(working, made = working) {
     this.working = working;
-    byId("cancel").hidden = !working;
+    byId("cancel").hidden = !made;
     byId("plan").disabled = working;
     byId("progress").hidden = !working;
     if (!working) return;
+    if (!made) { this.say("Opening the result…"); return; }
     const text = "Waiting for the planner…", { id } = this;
     this.say(text);
     setTimeout(() => { if (this.id === id && byId("state").textContent === text) this.say(`${text} It loads its compiled code, which is made in some minutes the first time on a machine; or it still makes another plan.`); }, SLOW);
@@ -269,7 +273,7 @@ export class Result {
   }
 
   showFix() {
-    const plan = this.shown === this.front?.chosen;
+    const plan = this.view !== null && this.shown === this.front?.chosen;
     byId("show-fix").textContent = this.fix ? "Remove the fix" : "Place a fix";
     byId("show-fix").disabled = !plan;
     byId("replan").disabled = !this.fix;
