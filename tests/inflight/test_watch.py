@@ -144,7 +144,10 @@ def test_nothing_is_flown_after_the_end_of_the_plan() -> None:
 def test_silence_is_an_alarm_and_the_plan_is_assumed() -> None:
     readings = [r for r in as_planned() if not 800.0 < r.time < 2000.0]
     events = list(new_watch(alarm=1.0).events(readings))
-    assert "no heading and airspeed for 1200 s: the controls of the plan are assumed" in alarms(events)["silence"]
+    assert (
+        "no heading and airspeed for 1200 s: the controls of the plan are assumed"
+        in alarms(events)["silence"]
+    )
     np.testing.assert_allclose([events[-1]["x"], events[-1]["y"]], PATH.x[-1], atol=2.5)
 
 

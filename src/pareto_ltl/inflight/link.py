@@ -104,7 +104,7 @@ def logged_readings(
         raise DataError(f"{path}: no such file; give a .tlog, .bin, .log or .csv file")
     with redirect_stdout(sys.stderr):
         try:
-            log = mavutil.mavlink_connection(str(path), dialect="all")
+            log = _opened(mavutil, path)
         except Exception as error:  # whatever a damaged log makes pymavlink raise
             raise DataError(f"{path}: cannot be read as a log of an autopilot ({error})") from None
     departure = departure_time(time_zero, given)
@@ -146,14 +146,21 @@ def _records(log: Any) -> Iterator[Any]:
 
 
 def _skipped(log: Any, message: Any, before: int) -> bool:
-    """Whether pymavlink has left out bytes before ``message``, or at the end of the log."""
+    """Whether pymavlink has left out bytes before ``message``, or at the end of a ``.bin`` file."""
     if message is not None and message.get_type() == "BAD_DATA":
         return True
-    if not hasattr(log, "data_len") or isinstance(before, bytes):
+    if not hasattr(log, "HEAD1"):  # of .bin files alone: others name what is damaged
         return False
-    read = 0 if message is None else getattr(message.fmt, "len", 0)
-    end = log.data_len if message is None else log.offset
-    return bool(hasattr(log, "HEAD1") and end - before > read)
+    read, end = (0, log.data_len) if message is None else (message.fmt.len, log.offset)
+    return bool(end - before > read)
+
+
+def _opened(mavutil: Any, path: Path) -> Any:
+    """The log of pymavlink; of two readers of ``.tlog`` files the one that survives damaged ones."""
+    if path.suffix.lower() == ".tlog":
+        mavutil.set_dialect("all")
+        return mavutil.mavlogfile(str(path))
+    return mavutil.mavlink_connection(str(path), dialect="all")
 
 
 def _mavutil() -> Any:
@@ -344,14 +351,14 @@ class Link:
             return
         if now > vehicle.beaten + STALE:
             return
+        if "prologue" in sends and vehicle.plane and vehicle.satellites is None:
+            return  # it has not reported yet whether it has satellites
         if vehicle.armed:
             self.prepared = True
-            if "prologue" in sends and vehicle.plane and vehicle.satellites is False:
+            if "prologue" in sends and vehicle.plane and not vehicle.satellites:
                 text = "the vehicle is armed already: origin, home and position are not sent"
                 self.notes.append(alarm(now, "prologue", text))
             return
-        if "prologue" in sends and vehicle.plane and vehicle.satellites is None:
-            return  # it has not reported yet whether it has satellites
         self.prepared = True
         messages = list[Command]()
         if "prologue" in sends and vehicle.plane and not vehicle.satellites:

@@ -183,12 +183,11 @@ def _airspeed_column(path: Path, names: Sequence[str], places: Sequence[str]) ->
             f"in the first line and, for measured positions, {','.join((*places, SD))}"
         )
     if len(found) != 1:
-        unknown = [name for name in names if "airspeed" in name and name not in found]
-        have = "two airspeeds" if found else f"an airspeed of unknown kind, {shown_value(unknown[0])}" if (
-            unknown) else "no airspeed"  # fmt: skip
+        unknown = [name for name in names if "airspeed" in name]
+        have = f"an airspeed of unknown kind, {shown_value(unknown[0])}" if unknown else "no airspeed"
         raise DataError(
-            f"{path}: {have}; name one column {TRUE} if it is the true airspeed, or {CALIBRATED} if it is "
-            "calibrated, as of a pitot tube or of VFR_HUD"
+            f"{path}: {'two airspeeds' if found else have}; give one column, {TRUE} if it is the true "
+            f"airspeed, or {CALIBRATED} if it is calibrated, as of a pitot tube or of VFR_HUD"
         )
     return found[0]
 
