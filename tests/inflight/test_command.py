@@ -161,8 +161,8 @@ def test_json_has_one_object_an_event(made: Path, telemetry: Path, tmp_path: Pat
         (["--log", "{bad}"], "no column heading_true; expected time,heading_true,airspeed_tas_m_s (or airs"),
         (
             ["--log", "{unknown}"],
-            "an airspeed of unknown kind, 'airspeed_m_s'; give one column, airspeed_tas_m_s if it is the true "
-            "airspeed, or airspeed_cas_m_s if it is calibrated",
+            "an airspeed of unknown kind, 'airspeed_m_s'; give one column, airspeed_tas_m_s if it is the "
+            "true airspeed, or airspeed_cas_m_s if it is calibrated",
         ),
         (["--log", "{both}"], "two airspeeds; give one column, airspeed_tas_m_s if"),
         (["--log", "{log}", "--alarm", "2"], "--alarm must be a failure rate above 0 and at most 1, got 2"),

@@ -25,8 +25,8 @@ from pymavlink.dialects.v20 import all as mavlink2
 
 from pareto_ltl.exports.mavlink import prologue
 from pareto_ltl.inflight import link as links
-from pareto_ltl.inflight.following import follow
 from pareto_ltl.inflight.clocks import VehicleClock
+from pareto_ltl.inflight.following import follow
 from pareto_ltl.inflight.link import Link, LinkSettings, departure_time, logged_readings, signing_key
 from pareto_ltl.inflight.rules import Event
 from pareto_ltl.inflight.sends import Sender

@@ -27,7 +27,6 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.medium import WATER
 from watched import DT, FLIGHT_TIME, PATH, PLAN, PROBLEM, heading_of
 
-
 BEGIN: Event = {
     "event": "begin", "time": 0.0, "schema": SCHEMA, "plan": "x", "formula": "F a", "departure": None,
     "members": 100,

@@ -89,40 +89,54 @@ class SteadyClock:
 
 @dataclass(slots=True)
 class StampClock:
-    """Of a log: times of the vehicle count; stamps are used before the first one and between them."""
+    """Of a log: times of the vehicle count; between them stamps do, but none of their steps.
+
+    ``boot`` [s], ``time`` [s after departure] and the stamp ``began`` are of the last message with a time of
+    the vehicle; ``stamp`` is of the last message at all, and ``since`` the time between both.
+    """
 
     jumps: list[float] = field(default_factory=list)
     boot: float = math.nan
-    stamp: float = math.nan  # of the last message with a time
-    time: float = math.nan  # its time
+    time: float = math.nan
+    began: float = math.nan
+    stamp: float = math.nan
+    since: float = 0.0
     odd: Odd | None = None
 
     def of_message(self, boot: float, arrival: float) -> float | None:
         """Time of a message; see :class:`Clock`."""
-        if not math.isfinite(boot):
-            return arrival if math.isnan(self.time) else self.without_message(arrival)
         if math.isnan(self.time):
-            self.boot, self.stamp, self.time = boot, arrival, arrival
+            if math.isfinite(boot):
+                self._set(boot, arrival, arrival)
             return arrival
-        passed, ahead = boot - self.boot, boot - self.boot - (arrival - self.stamp)
+        now = self.without_message(arrival)
+        if not math.isfinite(boot):
+            return now
+        passed = boot - self.boot
         if passed < -ODD:  # a restart, or messages that are written a second time
             if self.odd is None or boot < self.odd.ahead:
                 self.odd = Odd(boot, arrival)
             if boot < self.odd.ahead + SETTLED:
                 return None
             self.jumps.append(passed)
-            passed = min(max(arrival - self.stamp, 0.0), boot)  # no longer than since the restart
-        elif abs(ahead) > ODD:
-            self.jumps.append(ahead)
+            self._set(boot, now, arrival)
+            return now
         self.odd = None
-        if passed < 0.0:
-            return self.time + passed
-        self.boot, self.stamp, self.time = boot, arrival, self.time + passed
-        return self.time
+        if abs(passed - (arrival - self.began)) > ODD:
+            self.jumps.append(passed - (arrival - self.began))
+        if passed >= 0.0:
+            self._set(boot, self.time + passed, arrival)
+            return self.time
+        return self.time + passed
+
+    def _set(self, boot: float, time: float, stamp: float) -> None:
+        self.boot, self.time, self.began, self.stamp, self.since = boot, time, stamp, stamp, 0.0
 
     def without_message(self, arrival: float) -> float:
-        """Time of a moment without a message: no later than :data:`ODD` after the last one with a time."""
-        return self.time + min(max(arrival - self.stamp, 0.0), ODD)
+        """Time of a moment without a time of the vehicle."""
+        self.since += min(max(arrival - self.stamp, 0.0), ODD)
+        self.stamp = arrival
+        return self.time + self.since
 
 
 @dataclass(slots=True)

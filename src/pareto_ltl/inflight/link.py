@@ -26,6 +26,7 @@ from pareto_ltl.inflight.rules import Event, alarm, event_of
 from pareto_ltl.inflight.sends import (
     ACCEPTED,
     KINDS,
+    PATIENCE,
     TRIES,
     Command,
     Sender,
@@ -121,6 +122,9 @@ def logged_readings(
                 reading = Reading(math.nan, fault=DAMAGED)
             if reading is not None:
                 yield reading
+            while vehicle.clock.jumps:
+                vehicle.clock.jumps.pop()
+                yield Reading(math.nan, fault="step of a clock")
 
 
 def _records(log: Any) -> Iterator[Any]:
@@ -329,7 +333,7 @@ class Link:
             elif text := self.sender.explanation(command):
                 yield event_of("answered", time, text=text, command=command, result=result)
         for command in self.sender.unanswered(clock.monotonic()):
-            text = f"the autopilot does not acknowledge {NAMES[command]}, sent {TRIES} times"
+            text = f"the autopilot does not acknowledge {NAMES[command]} within {TRIES * PATIENCE:g} s"
             yield alarm(time, "unacknowledged", text)
         while self.vehicle.clock.jumps:
             jump = self.vehicle.clock.jumps.pop(0)

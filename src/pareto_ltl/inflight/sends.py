@@ -89,12 +89,16 @@ class Sender:
                 yield command, result
 
     def unanswered(self, now: float) -> Iterator[int]:
-        """Send again what has no answer; yields the commands that were sent :data:`TRIES` times in vain."""
+        """Send again what has no answer; yields the commands that have none after :data:`TRIES` times.
+
+        An estimate in flight is sent ``once``: it is old by then, and the next status has a new one.
+        """
         for command, one in list(self.waiting.items()):
             if now < one.since + PATIENCE:
                 continue
             if one.tries < TRIES:
-                self._encode(one.message, one.tries)
+                if not one.message.get("once"):
+                    self._encode(one.message, one.tries)
                 one.tries, one.since = one.tries + 1, now
                 continue
             del self.waiting[command]
@@ -133,12 +137,14 @@ def wind_command(event: Event) -> Command:
 def at_status(sends: Sequence[str], event: Event) -> Iterator[Command]:
     """Text and command of the wind and the position that a status reports."""
     if "wind" in sends:
-        yield wind_command(event)
+        text, command = wind_command(event)
+        yield text, command | {"once": True}
     if "position" in sends:
         sd = math.sqrt(0.5 * (event["major"] ** 2 + event["minor"] ** 2)) / ELLIPSE
         yield f"position estimate, sd {sd:.0f} m", {
             "command": mavlink.POSITION_ESTIMATE, "params": [event["time"], 0.0, sd, 0.0],
             "x": round(event["lat"] * mavlink.DEGREE), "y": round(event["lon"] * mavlink.DEGREE),
+            "once": True,
         }  # fmt: skip
 
 
