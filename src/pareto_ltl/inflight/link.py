@@ -103,7 +103,7 @@ def logged_readings(
     mavutil = _mavutil()
     if not path.is_file():
         raise DataError(f"{path}: no such file; give a .tlog, .bin, .log or .csv file")
-    with redirect_stdout(sys.stderr):
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # a line a damaged byte
         try:
             log = _opened(mavutil, path)
         except Exception as error:  # whatever a damaged log makes pymavlink raise
