@@ -350,3 +350,92 @@ def test_in_water_a_line_says_where_the_current_sets_to() -> None:
     assert "in coherent currents" in in_water
     assert "; current to 020/0.12 m/s, sd 0.05" in in_water
     assert "wind" not in in_water
+
+
+# --- goals, alarms that come again, and what is off the map ---------------------------------------
+
+
+def test_a_goal_that_is_not_reached_is_said_and_the_mission_is_not_complete() -> None:
+    wrong = [Reading(r.time, r.heading + 30.0, r.airspeed) for r in as_planned()]
+    events = list(new_watch(alarm=1.0).events(wrong))
+    (goal,) = [event for event in events if event["event"] == "goal"]
+    assert (goal["goal"], goal["planned"]) == (["a"], 3200.0)
+    assert goal["probability"] < 0.1
+    assert event_line(goal).startswith("+0:53:20  a: planned for 0:53:20, reached with probability ")
+    assert "the plan leaves a, which is reached with probability" in alarms(events)["goal"]
+    assert "the mission is NOT complete (complete with probability" in event_line(events[-1])
+    assert events[-1]["complete"] < 0.1
+    later = [event for event in events if event["event"] == "status" and event["time"] >= 3200.0]
+    assert all("a reached with probability" in event_line(event) for event in later)
+
+
+def test_a_mission_that_is_complete_is_said() -> None:
+    near = {DT * k: (*PATH.x[k], 30.0) for k in (8, 16, 24, 30, 33)}
+    events = list(new_watch(alarm=1.0).events(as_planned(fixes=near)))
+    assert events[-1]["complete"] > 0.95
+    assert "the mission is complete (complete with probability" in event_line(events[-1])
+    assert "goal" not in alarms(events)
+
+
+def test_a_telemetry_that_ends_early_does_not_complete_the_mission() -> None:
+    end = list(new_watch(alarm=1.0).events(as_planned(until=1000.0)))[-1]
+    assert end["complete"] == 0.0
+    assert "end of the telemetry, 0:41:40 before its end: the mission is NOT complete" in event_line(end)
+
+
+def test_a_failure_rate_that_doubles_is_a_new_alarm() -> None:
+    rules = new_watch(alarm=0.2).rules
+    new = []
+    for rate in (0.1, 0.25, 0.3, 0.45, 0.51, 0.6, 0.76, 0.9, 0.1, 0.3):
+        texts = [text for _, text in rules._promise({"fails": 1, "flights": 9, "failure": rate})]  # noqa: SLF001
+        if len(texts) == 2:
+            new.append((rate, texts[1].rpartition(", ")[2]))
+    assert new == [
+        (0.51, "after 25 % at the last alarm"), (0.76, "after 51 % at the last alarm"),
+        (0.9, "after 76 % at the last alarm"),
+    ]  # fmt: skip
+    events = list(new_watch(alarm=0.2, every=100.0).events(as_planned()))
+    assert len([e for e in events if e["event"] == "alarm" and e["kind"] == "promise"]) == 1
+    wrong = [Reading(r.time, r.heading + 18.0, r.airspeed) for r in as_planned(every=50.0)]
+    events = list(new_watch(alarm=0.2, every=100.0).events(wrong))
+    assert len([e for e in events if e["event"] == "alarm" and e["kind"] == "promise"]) >= 2
+
+
+def test_a_position_off_the_map_is_an_alarm_once() -> None:
+    far = dict.fromkeys((1000.0, 1020.0, 1040.0), (-900000.0, 900000.0, 20.0))
+    zero = {2000.0: (0.0, -1.0, 5.0)}
+    events = list(new_watch(alarm=1.0).events(as_planned(fixes={**far, **zero})))
+    said = [event for event in events if event["event"] == "alarm" and event["kind"] == "map"]
+    assert len(said) == 1
+    assert "is off the map; it is not used" in said[0]["text"]
+    assert said[0]["advice"]
+    assert events[-1]["refused"] == {"position off the map": 4}
+    assert event_line(events[-2]) == "+0:58:20  not used: 4 position off the map"
+
+
+def test_refused_positions_of_one_second_do_not_agree_with_each_other() -> None:
+    off = {1000.0 + t: (*(PATH.x[10] + [7e3, -6e3]), 20.0) for t in range(9)}
+    events = list(new_watch(alarm=1.0).events(as_planned(every=1.0, until=1100.0, fixes=off)))
+    assert [event["use"] for event in events if event["event"] == "fix"] == ["refused"]
+
+
+def test_lost_signals_are_an_alarm_and_are_not_flown_for_long() -> None:
+    def stream() -> Iterable[Reading]:
+        for reading in as_planned(every=1.0, until=3000.0):
+            if 1000.0 <= reading.time < 2500.0:
+                yield Reading(reading.time, lost=("heading",))
+            else:
+                yield reading
+
+    events = list(new_watch(alarm=1.0).events(stream()))
+    assert "no heading for more than 2 s" in alarms(events)["signals"]
+    assert "no heading and airspeed for 121 s" in alarms(events)["silence"]
+
+
+def test_lines_come_at_events_and_every_ten_minutes() -> None:
+    events = list(new_watch(every=60.0, lines=600.0, alarm=1.0).events(as_planned()))
+    lines = [event_line(event) for event in events if event["event"] == "status"]
+    shown = [line for line in lines if line]
+    assert len(lines) > 50
+    assert [line[:8] for line in shown] == [f"+0:{10 * k:02d}:00" for k in range(6)]
+    assert max(map(len, shown)) < 200
