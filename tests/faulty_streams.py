@@ -34,12 +34,12 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.projection import local_plane, meridian_convergence, to_geographic
 
 PROBLEM = coherent_problem(scene=replace(SCENE, crs=local_plane(44.0, -87.0)))
-PATH = evaluate_path(PROBLEM, STEPS[:13], "given", tolerance=10.0)
+PATH = evaluate_path(PROBLEM, STEPS[:7], "given", tolerance=10.0)
 PLAN = Plan(PATH, "F a", ("a",), PROBLEM.motion.dt, 20.0, 0.05, "full", "worth", ())
 DT, SECONDS = PROBLEM.motion.dt, int(len(PATH.u) * PROBLEM.motion.dt)
 SETTINGS = WatchSettings(every=30.0, members=50, alarm=1.0)
 AUTOPILOT, GIMBAL, COMPANION, OTHER = (7, 1), (7, 154), (7, 191), (9, 1)
-FIX_SD, FIX_TIMES = 80.0, (300, 700)
+FIX_SD, FIX_TIMES = 80.0, (150, 400)
 OUTSIDE = math.sqrt(-2.0 * math.log(0.01))  # standard deviations of the 99 % ellipse
 SENDS = ("wind", "heading", "speed", "position")
 WIND, POSITION, SPEED, HEADING = 43004, 43003, 43000, 43002
@@ -65,6 +65,9 @@ class Stream:
     heard: list[Heard] = field(default_factory=list)
     log: bool = False
     faults: list[str] = field(default_factory=list)
+    noise: dict[int, FloatArray] = field(default_factory=dict)  # of the satellite fixes [m]
+    windows: dict[str, tuple[float, float]] = field(default_factory=dict)  # in which signals are lost
+    step: tuple[float, float] = (math.inf, 0.0)  # of the stamps: when, and by how much [s]
 
 
 def true_flight(seed: SeedSequence, turned: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +94,7 @@ def gps(at: float, place: tuple[float, float], source: tuple[int, int] = AUTOPIL
     return Heard(at, "gps", (round(1e6 * at), fix, lat, lon, round(1e3 * FIX_SD)), source)
 
 
-def honest(x: FloatArray, u: FloatArray, rng: Generator) -> list[Heard]:
+def honest(x: FloatArray, u: FloatArray, noise: dict[int, FloatArray]) -> list[Heard]:
     """What an autopilot says: a heartbeat, a heading and an airspeed each second, and two satellite fixes."""
     lon, lat = to_geographic(str(PROBLEM.scene.crs), x)
     north = meridian_convergence(str(PROBLEM.scene.crs), lon, lat)
@@ -104,7 +107,7 @@ def honest(x: FloatArray, u: FloatArray, rng: Generator) -> list[Heard]:
             Heard(second + 0.3, "hud", (math.hypot(east, up),)),
         ]
         if second in FIX_TIMES:
-            found.append(gps(second + 0.4, degrees(x[second] + FIX_SD * rng.standard_normal(2))))
+            found.append(gps(second + 0.4, degrees(x[second] + noise[second])))
     return found
 
 
@@ -132,14 +135,10 @@ LOST = ("stale_heading", "stale_airspeed", "gap")  # faults in which the robot m
 
 def stale(kinds: tuple[str, ...], name: str) -> None:
     def make(stream: Stream, rng: Generator) -> None:
-        begin, end = stream_windows(stream)[name]
+        begin, end = stream.windows[name]
         stream.heard = [one for one in stream.heard if not (begin <= one.at < end and one.kind in kinds)]
 
     FAULTS[name] = make
-
-
-def stream_windows(stream: Stream) -> dict[str, tuple[float, float]]:
-    return stream.windows  # type: ignore[attr-defined, no-any-return]
 
 
 stale(("attitude",), "stale_heading")
@@ -150,7 +149,7 @@ stale(("attitude", "hud", "beat", "gps"), "gap")
 @fault
 def looped(stream: Stream, rng: Generator) -> None:
     """A router sends back what we send: an estimate of a position, at a place where the robot is not."""
-    begin, end = window(rng, 30.0, 600.0)
+    begin, end = window(rng, 30.0, 300.0)
     for second in np.arange(begin, min(end, SECONDS), 12.0):
         lat, lon = degrees(PATH.x[min(int(second / DT), len(PATH.x) - 1)])
         values = (43003, second, 20.0, round(1e7 * lat), round(1e7 * lon))
@@ -160,7 +159,7 @@ def looped(stream: Stream, rng: Generator) -> None:
 @fault
 def foreign(stream: Stream, rng: Generator) -> None:
     """A gimbal's attitude, a companion's receiver and airspeed, and another vehicle."""
-    begin, end = window(rng, 60.0, 900.0)
+    begin, end = window(rng, 60.0, 500.0)
     wrong = degrees(PATH.x[0] + [3e3, 9e3])
     for second in np.arange(begin, min(end, SECONDS), 1.0):
         for source in (GIMBAL, COMPANION, OTHER):
@@ -174,7 +173,7 @@ def foreign(stream: Stream, rng: Generator) -> None:
 @fault
 def doubled(stream: Stream, rng: Generator) -> None:
     """Everything comes twice for a while, the copy up to 1.5 s later."""
-    begin, end = window(rng, 30.0, 600.0)
+    begin, end = window(rng, 30.0, 300.0)
     late = rng.uniform(0.0, 1.5)
     for one in [one for one in stream.heard if begin <= one.at < end and one.source == AUTOPILOT]:
         stream.heard.append(replace(one, at=one.at + late, copy=True))
@@ -185,10 +184,10 @@ def replayed(stream: Stream, rng: Generator) -> None:
     """Headings of an earlier time, turned by a quarter, with new numbers."""
     begin, end = window(rng, 20.0, 200.0)
     for one in [
-        one for one in stream.heard if one.kind == "attitude" and begin - 300.0 <= one.at < end - 300.0
+        one for one in stream.heard if one.kind == "attitude" and begin - 150.0 <= one.at < end - 150.0
     ]:
         boot, yaw = one.values
-        stream.heard.append(replace(one, at=one.at + 300.05, values=(boot, yaw + 1.5)))
+        stream.heard.append(replace(one, at=one.at + 150.05, values=(boot, yaw + 1.5)))
 
 
 @fault
@@ -207,7 +206,7 @@ def stamps(stream: Stream, rng: Generator) -> None:
     stream.log = True
     begin, _ = window(rng, 1.0, 2.0)
     jump = float(rng.choice([-1.0, 1.0]) * rng.uniform(1.0, 119.0))
-    stream.step = (begin, jump)  # type: ignore[attr-defined]
+    stream.step = (begin, jump)
 
 
 @fault
@@ -233,13 +232,13 @@ def faulty_stream(seed: int) -> Stream:
     names = list(rng.choice(sorted(FAULTS), size=rng.integers(1, 4), replace=False))
     windows, turned = {}, np.zeros(SECONDS)
     for name in LOST:
-        windows[name] = window(rng, 1.0, 400.0)
+        windows[name] = window(rng, 1.0, 250.0)
         if name in names and rng.random() < 0.5:
             begin, end = windows[name]
             turned[int(begin) + 1 : int(end)] = rng.choice([-1.0, 1.0]) * rng.uniform(0.5, 1.5)
     x, u = true_flight(world, turned)
-    stream = Stream(x, u, honest(x, u, rng))
-    stream.windows, stream.step = windows, (math.inf, 0.0)  # type: ignore[attr-defined]
+    noise = {second: FIX_SD * rng.standard_normal(2) for second in FIX_TIMES}
+    stream = Stream(x, u, honest(x, u, noise), noise=noise, windows=windows)
     for name in sorted(names, key=lambda one: (one == "doubled", one)):
         FAULTS[name](stream, rng)
         stream.faults.append(str(name))
@@ -331,12 +330,11 @@ def clean_distances(stream: Stream) -> dict[float, float]:
     north = np.degrees(meridian_convergence(str(PROBLEM.scene.crs), lon, lat))
 
     def readings() -> Iterator[Reading]:
-        rng = np.random.default_rng(1)
         for second, (east, up) in enumerate(stream.u):
             heading = math.degrees(math.atan2(east, up)) + north[second]
             place = None
             if second in FIX_TIMES:
-                place = degrees(stream.x[second] + FIX_SD * rng.standard_normal(2))
+                place = degrees(stream.x[second] + stream.noise[second])
             yield Reading(float(second), heading % 360.0, math.hypot(east, up), place, FIX_SD)
 
     for event in watch.events(readings()):
@@ -372,7 +370,7 @@ def judged(seed: int, monkeypatch: Any) -> tuple[Stream, Judged]:
                 idle += AGE
                 wire.now = idle
                 yield Reading(idle, lost=vehicle.lost(idle))
-            begin, jump = stream.step  # type: ignore[attr-defined]
+            begin, jump = stream.step
             wire.now = one.at
             if one.source == AUTOPILOT and not one.copy:
                 genuine[one.kind] = (

@@ -1,4 +1,4 @@
-"""Telemetry with faults: no command from old data, and no robot far from where it is believed without an alarm."""
+"""Telemetry with faults: no command from old data, and no robot far from its estimate without an alarm."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def test_faulty_streams_give_no_unsafe_message_and_no_silent_error(
         assert not found.unsafe, (seed, stream.faults)
         assert not found.silent, (seed, stream.faults)
         statuses, outside, sent = statuses + found.statuses, outside + found.outside, sent + found.sent
-    assert statuses > 20 * BLOCK
-    assert sent > 10 * BLOCK
+    assert statuses > 12 * BLOCK
+    assert sent > 5 * BLOCK
     assert outside > 0
 
 

@@ -61,8 +61,8 @@ def flying(vehicle: Vehicle, sender: Sender, seconds: range) -> list[Reading]:
     """An autopilot that reports a heading and an airspeed each second."""
     found = []
     for second in seconds:
-        for message in (sender.beat(), sender.attitude(1000.0 + second), sender.hud()):
-            found.append(vehicle.reading(message, float(second)))
+        messages = (sender.beat(), sender.attitude(1000.0 + second), sender.hud())
+        found += [vehicle.reading(message, float(second)) for message in messages]
     return [one for one in found if one is not None]
 
 
@@ -242,23 +242,19 @@ def test_an_airspeed_of_a_vehicle_is_calibrated_and_becomes_a_true_one() -> None
 # --- logs -----------------------------------------------------------------------------------------
 
 
-def tlog(messages: list[tuple[float, Any]], sender: Sender) -> list[bytes]:
-    """Records of a ground station: 8 bytes with a time before each message."""
-    return [struct.pack(">Q", round((1.539e9 + at) * 1e6)) + one.pack(sender.coder) for at, one in messages]
-
-
 def test_damaged_records_of_a_ground_station_are_skipped_and_counted(tmp_path: Path) -> None:
     sender, records = Sender(), []
     for second in range(60):
-        for message in (sender.beat(), sender.attitude(1000.0 + second), sender.hud()):
-            records.append(struct.pack(">Q", round((1.539e9 + second) * 1e6)) + bytes(message.get_msgbuf()))
+        stamp = struct.pack(">Q", round((1.539e9 + second) * 1e6))
+        messages = (sender.beat(), sender.attitude(1000.0 + second), sender.hud())
+        records += [stamp + bytes(message.get_msgbuf()) for message in messages]
     whole, spoilt = tmp_path / "whole.tlog", tmp_path / "spoilt.tlog"
     whole.write_bytes(b"".join(records))
     records[40] = records[40][:12] + b"\x00" * 10 + records[40][22:]
     records[90] = records[90][:-7]
     records[130] = b"\xfd\xff" + records[130]
     spoilt.write_bytes(b"".join(records) + records[-1][:13])
-    one, other = ([r for r in logged_readings(file, None, "now")] for file in (whole, spoilt))
+    one, other = (list(logged_readings(file, None, "now")) for file in (whole, spoilt))
     flown = [sum(math.isfinite(reading.heading) for reading in found) for found in (one, other)]
     assert flown[0] == 60
     assert flown[1] >= 55
@@ -270,14 +266,14 @@ def test_damaged_records_of_a_ground_station_are_skipped_and_counted(tmp_path: P
 
 
 def dataflash(damage: bytes) -> bytes:
-    """A ``.bin`` file of ArduPilot: formats, then an attitude and an airspeed each second; ``damage`` inside."""
+    """A ``.bin`` file of ArduPilot: formats, then an attitude and an airspeed each second, ``damage``."""
 
     def fmt(kind: int, length: int, name: bytes, form: bytes, columns: bytes) -> bytes:
         return struct.pack("<BBBBB4s16s64s", 0xA3, 0x95, 128, kind, length, name, form, columns)
 
     data = fmt(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
     data += fmt(130, 15, b"ATT", b"Qf", b"TimeUS,Yaw") + fmt(131, 15, b"ARSP", b"Qf", b"TimeUS,Airspeed")
-    data += fmt(132, 20, b"GPS", b"QBIH", b"TimeUS,Status,GMS,GWk")
+    data += fmt(132, 18, b"GPS", b"QBIH", b"TimeUS,Status,GMS,GWk")
     data += struct.pack("<BBBQBIH", 0xA3, 0x95, 132, 1_000_000, 3, 1000, 2022)
     for second in range(2, 62):
         at = 1_000_000 * second
