@@ -273,8 +273,8 @@ def dataflash(damage: bytes) -> bytes:
 
     data = fmt(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
     data += fmt(130, 15, b"ATT", b"Qf", b"TimeUS,Yaw") + fmt(131, 15, b"ARSP", b"Qf", b"TimeUS,Airspeed")
-    data += fmt(132, 18, b"GPS", b"QBIH", b"TimeUS,Status,GMS,GWk")
-    data += struct.pack("<BBBQBIH", 0xA3, 0x95, 132, 1_000_000, 3, 1000, 2022)
+    data += fmt(132, 26, b"GPS", b"QBIHLL", b"TimeUS,Status,GMS,GWk,Lat,Lng")
+    data += struct.pack("<BBBQBIHii", 0xA3, 0x95, 132, 1_000_000, 3, 1000, 2022, 371000000, -945000000)
     for second in range(2, 62):
         at = 1_000_000 * second
         data += struct.pack("<BBBQf", 0xA3, 0x95, 130, at, 40.0)
