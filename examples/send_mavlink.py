@@ -38,6 +38,12 @@ def commands(script: dict[str, Any]) -> Iterator[tuple[float, str, dialect.MAVLi
         yield told["t"], told["name"], message
 
 
+def before_take_off(script: dict[str, Any]) -> Iterator[dialect.MAVLink_message]:
+    """The wind of the first leg, which an autopilot takes best on the ground."""
+    for told in script["before_take_off"]:
+        yield dialect.MAVLink_command_long_message(*AUTOPILOT, told["command"], 0, *told["params"])
+
+
 def prologue(script: dict[str, Any], ground: float) -> Iterator[dialect.MAVLink_message]:
     """Origin, home and position at the start, ``ground`` [m] above mean sea level."""
     for told in script["prologue"]:
@@ -59,7 +65,7 @@ def position_estimate(t: float, lat: float, lon: float, sd: float) -> dialect.MA
 def send(script: dict[str, Any], address: str, speedup: float, ground: float | None) -> None:
     """Send each message at its time; ``speedup`` shortens the waits."""
     link = mavutil.mavlink_connection(address, source_system=255, dialect="all")
-    for message in () if ground is None else prologue(script, ground):
+    for message in (*(() if ground is None else prologue(script, ground)), *before_take_off(script)):
         link.mav.send(message)
         print(f"   before  {message.get_type()}")
     departure = time.monotonic()
@@ -85,7 +91,7 @@ def main() -> None:
         (path,) = pareto_ltl.export(result, folder, ["mavlink"])
         script = json.loads(path.read_text())
     coder = dialect.MAVLink(None, srcSystem=255)
-    for message in prologue(script, 250.0):
+    for message in (*prologue(script, 250.0), *before_take_off(script)):
         print(f"   before  {message.get_type():32} {len(message.pack(coder))} bytes")
     for t, name, message in commands(script):
         print(f"{t:9.0f} s  {name:32} {len(message.pack(coder))} bytes")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import pareto_ltl
-from pareto_ltl.inflight.journal import event_line
+from pareto_ltl.inflight.lines import event_line
 from pareto_ltl.world.projection import to_geographic
 
 SD = 300.0  # of the two position fixes [m]
@@ -21,7 +21,7 @@ def write_telemetry(result, file: Path, seed: int = 1) -> None:
     fixes = {steps // 3, 2 * steps // 3}
     with file.open("w", newline="") as out:
         table = csv.writer(out)
-        table.writerow(["time", "heading_true", "airspeed_m_s", "lat", "lon", "fix_sd_m"])
+        table.writerow(["time", "heading_true", "airspeed_tas_m_s", "lat", "lon", "fix_sd_m"])
         for t in np.arange(0.0, steps * plan.dt, 60.0):
             k = int(t / plan.dt)
             row = [t, plan.navigation.heading_true[k], plan.navigation.airspeed[k]]

@@ -101,3 +101,21 @@ def test_a_spoilt_plan_is_refused(flown: Flown, spoil: Callable[[Any], object]) 
     spoil(content)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.Draft202012Validator(PLAN).validate(content)
+
+
+def loaded(item: dict[str, Any]) -> list[Any]:
+    """``params`` as QGroundControl loads an item: the ``coordinate`` of older files is appended to them."""
+    params = [*item["params"], *item.get("coordinate", [])]
+    if len(params) != 7:
+        raise ValueError("params key must contain 7 values")
+    return params
+
+
+def test_no_item_has_a_coordinate_beside_its_seven_params(flown: Flown) -> None:
+    """QGroundControl would refuse the file; other readers find the places in ``params``."""
+    items = flown.json("mission.plan")["mission"]["items"]
+    places = [tuple(loaded(item)[4:6]) for item in items if item["command"] == 16]
+    log = flown.exported.log
+    assert places == pytest.approx(list(zip(log.lat[1:], log.lon[1:], strict=True)))
+    with pytest.raises(ValueError, match="7 values"):
+        loaded(items[-1] | {"coordinate": [1.0, 2.0, 3.0]})

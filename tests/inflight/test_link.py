@@ -8,6 +8,7 @@ import os
 import struct
 import threading
 import time as clock
+from collections import deque
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,19 +25,14 @@ from pymavlink.dialects.v20 import all as mavlink2
 
 from pareto_ltl.exports.mavlink import prologue
 from pareto_ltl.inflight import link as links
+from pareto_ltl.inflight.clocks import VehicleClock
 from pareto_ltl.inflight.following import follow
-from pareto_ltl.inflight.link import (
-    Link,
-    LinkSettings,
-    VehicleClock,
-    departure_time,
-    logged_readings,
-    signing_key,
-)
+from pareto_ltl.inflight.link import Link, LinkSettings, departure_time, logged_readings, signing_key
+from pareto_ltl.inflight.rules import Event
+from pareto_ltl.inflight.sends import Sender
 from pareto_ltl.inflight.telemetry import Typed
-from pareto_ltl.inflight.vehicle import Sender
 from pareto_ltl.inflight.vehicle import Vehicle as Known
-from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
+from pareto_ltl.inflight.watch import Watch, WatchSettings
 from pareto_ltl.support.errors import ConfigError, DataError
 from watched import PATH, PLAN, PROBLEM, heading_of
 
@@ -152,15 +148,16 @@ def test_nothing_is_sent_before_a_heartbeat(free_port: int) -> None:
 def test_a_mode_is_forgotten_without_heartbeats(monkeypatch: pytest.MonkeyPatch) -> None:
     link = object.__new__(Link)
     link.vehicle, link.settings = (
-        Known(7, 1, heard=True, guided=True, beaten=clock.time() - 6.0),
+        Known(7, 1, heard=True, guided=True, beaten=-6.0),
         LinkSettings(None, ("heading",)),
     )
-    link.leg, link.known, link.sender = None, 0, Sender(None, link.vehicle)
+    link.leg, link.known, link.sender, link.notes = None, 0, Sender(None, link.vehicle), deque()
+    link.departure = clock.monotonic()
     sent: list[dict[str, Any]] = []
-    monkeypatch.setattr(Sender, "send", lambda _self, message: sent.append(message))
+    monkeypatch.setattr(Sender, "send", lambda _self, message, _now: sent.append(message))
     watch = Watch(PROBLEM, PLAN, WatchSettings(members=50), SeedSequence(1))
     assert not list(link.answers(watch, {"event": "flown", "time": 1.0}))
-    link.vehicle.beaten = clock.time()
+    link.vehicle.beaten = 0.0
     assert [event["event"] for event in link.answers(watch, {"event": "flown", "time": 1.0})] == ["sent"]
     assert [message["command"] for message in sent] == [43002]
 
@@ -197,7 +194,8 @@ def test_a_log_of_a_ground_station_is_read(tmp_path: Path) -> None:
     ]
     assert found[1].place == (pytest.approx(37.1), pytest.approx(-94.5))
     assert found[1].sd == 2.5
-    assert len(found) == 2  # a receiver without a fix measures nothing
+    assert [reading.place is None for reading in found] == [True, False, True]  # no fix, no position
+    assert found[2].lost == ("heading",)  # its last message is 3 s old
 
 
 def test_a_log_of_ardupilot_is_read(tmp_path: Path) -> None:
@@ -228,16 +226,18 @@ def test_a_serial_port_that_is_pulled_out_is_opened_again(
         os.close(theirs)
         return ours
 
-    def speak(port: int, seconds: int) -> None:
-        mav = mavlink2.MAVLink(None, srcSystem=7)
+    mav = mavlink2.MAVLink(None, srcSystem=7)
+
+    def speak(port: int) -> None:
+        mav.seq = (mav.seq + 3) % 256
         beat = mav.heartbeat_encode(1, 3, 129, 15, 4).pack(mav)
-        turned = mav.attitude_encode(seconds, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0).pack(mav)
+        turned = mav.attitude_encode(0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0).pack(mav)
         os.write(port, beat + turned + mav.vfr_hud_encode(25.0, 25.0, 29, 50, 100.0, 0.0).pack(mav))
 
     port = plugged()
     link = Link(f"{device},57600", None, LinkSettings("now"))
     readings = link.readings()
-    speak(port, 1)
+    speak(port)
     assert next(reading for reading in readings if math.isfinite(reading.airspeed)).heading > 0.0
     os.close(port)
     back: list[int] = []
@@ -245,7 +245,7 @@ def test_a_serial_port_that_is_pulled_out_is_opened_again(
     def plug_again() -> None:
         back.append(plugged())
         while not heard.wait(0.1):
-            speak(back[0], 2)
+            speak(back[0])
 
     heard = threading.Event()
     returning = threading.Timer(0.5, plug_again)
@@ -276,13 +276,12 @@ def test_addresses_and_times_that_are_none(tmp_path) -> None:
 
 
 def heard(*messages: Any, known: Known | None = None) -> list[Any]:
-    """The readings of messages of vehicle 7, a second apart, after its heartbeat."""
+    """The readings of messages of vehicle 7, 0.1 s apart, after its heartbeat."""
     vehicle, found = known or Known(), []
-    for second, message in enumerate(messages):
-        message._timestamp = float(second)  # noqa: SLF001
+    for count, message in enumerate(messages):
         if not message.get_srcSystem():
             addressed(message, 7, 1)
-        found.append(vehicle.reading(message, 0.0))
+        found.append(vehicle.reading(message, 0.1 * count))
     return [reading for reading in found if reading is not None]
 
 
@@ -420,12 +419,14 @@ def test_a_typed_fix_becomes_a_reading(free_port: int) -> None:
 
 def test_the_clock_of_a_vehicle_goes_on_at_its_rate_when_it_is_silent() -> None:
     own = VehicleClock()
-    assert own.without_message(4.0) is None
-    assert own.of_message(100.0, 5.0, 2.0) == 2.0
-    assert own.without_message(6.0) is None
-    assert own.of_message(130.0, 6.0, 3.0) == 32.0
-    assert own.of_message(130.0, 6.1, 3.1) == pytest.approx(32.001)
-    assert own.without_message(16.1) == pytest.approx(32.0 + 10.0 * 30.0 / 1.1)
+    assert own.without_message(1.0) == 1.0
+    assert own.of_message(100.0, 2.0) == 2.0
+    assert own.without_message(2.5) == 2.0
+    assert own.of_message(130.0, 3.0) == 32.0
+    assert own.of_message(130.0, 3.1) == 32.0
+    assert own.of_message(129.0, 3.1) is None
+    assert own.of_message(math.nan, 3.1) == 32.0
+    assert own.without_message(13.1) == pytest.approx(32.0 + 10.0 * 30.0 / 1.1)
 
 
 def test_a_watch_by_the_clock_of_a_vehicle_ends_after_its_telemetry(

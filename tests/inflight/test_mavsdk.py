@@ -24,7 +24,7 @@ from mavsdk.plugins.mavlink_direct import MavlinkDirect
 from pymavlink import mavutil
 
 from pareto_ltl.exports.mavlink import NAMES, SET_ORIGIN
-from pareto_ltl.inflight.vehicle import KINDS, Sender, at_leg, at_status, prologue_of
+from pareto_ltl.inflight.sends import KINDS, Sender, at_leg, at_status, prologue_of
 from pareto_ltl.world.projection import local_plane
 from problems import box, make_scene
 
@@ -40,11 +40,9 @@ def messages() -> list[dict[str, Any]]:
     }  # fmt: skip
     navigation = SimpleNamespace(heading_true=np.array([271.5]))
     path = SimpleNamespace(u=np.array([[12.0, -5.0]]))
-    watch: Any = SimpleNamespace(
-        belief=SimpleNamespace(step=0), plan=SimpleNamespace(navigation=navigation, path=path)
-    )
+    plan: Any = SimpleNamespace(navigation=navigation, path=path)
     scene = replace(make_scene({"a": box(13, 2, 17, 6)}), crs=local_plane(44.0, -87.0))
-    told = [*at_status(KINDS, event), *at_leg(KINDS, watch)]
+    told = [*at_status(KINDS, event), *at_leg(KINDS, plan, 0, 0.97)]
     return [*(message for _, message in told), *prologue_of(scene, 183.0)]
 
 
@@ -73,7 +71,7 @@ def test_mavsdk_reads_every_message_as_it_was_meant() -> None:
             direct.subscribe_message(name, lambda message, _: seen.append(message))
         sender, told = Sender(link.mav, SimpleNamespace(system=1, component=1, acknowledged=[])), messages()
         for message in told:
-            sender.send(message)
+            sender.send(message, time.monotonic())
             time.sleep(0.01)
         link.mav.heartbeat_send(18, 8, 0, 0, 4)
         while len([one for one in seen if one.message_name != "HEARTBEAT"]) < len(told):

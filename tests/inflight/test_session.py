@@ -19,8 +19,9 @@ from pareto_ltl.inflight import replans as module
 from pareto_ltl.inflight.following import Session, follow
 from pareto_ltl.inflight.journal import read_journal
 from pareto_ltl.inflight.replans import Forecasts, Replans, ReplanSettings
+from pareto_ltl.inflight.rules import Event
 from pareto_ltl.inflight.telemetry import Reading
-from pareto_ltl.inflight.watch import Event, WatchSettings
+from pareto_ltl.inflight.watch import WatchSettings
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world.projection import to_geographic
 from quick_wind import QUICK_WIND

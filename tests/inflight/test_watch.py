@@ -15,9 +15,11 @@ from numpy.random import SeedSequence
 
 from coherent import coherent_problem
 from levels import AT_NIGHT
-from pareto_ltl.inflight.journal import Journal, event_line, read_journal
+from pareto_ltl.inflight.journal import SCHEMA, Journal, read_journal
+from pareto_ltl.inflight.lines import event_line
+from pareto_ltl.inflight.rules import Event
 from pareto_ltl.inflight.telemetry import Reading, Sieve
-from pareto_ltl.inflight.watch import Event, Watch, WatchSettings
+from pareto_ltl.inflight.watch import Watch, WatchSettings
 from pareto_ltl.planning.costs import Body, EnergyModel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import RobotConfig
@@ -25,9 +27,26 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.medium import WATER
 from watched import DT, FLIGHT_TIME, PATH, PLAN, PROBLEM, heading_of
 
+BEGIN: Event = {
+    "event": "begin", "time": 0.0, "schema": SCHEMA, "plan": "x", "formula": "F a", "departure": None,
+    "members": 100,
+}  # fmt: skip
+SPOILT = {  # lines that are no event, and why
+    "nonsense": "no event",
+    "[1]": "no event",
+    '{"event":"flown","time":1,"seconds":1,"east":1}': "the event flown has no north",
+    '{"event":"flown","seconds":1,"east":1,"north":0}': "the event flown has no time",
+    '{"event":"flown","time":1,"seconds":-1,"east":1,"north":0}': "seconds of the event flown is -1",
+    '{"event":"flown","time":NaN,"seconds":1,"east":1,"north":0}': "time of the event flown is None",
+    '{"event":"flown","time":1,"seconds":1,"east":1e9,"north":0}': "faster than 1000 m/s",
+    '{"event":"fix","time":1,"place":[1],"given":[1,1],"sd":1,"distance":1,"use":"learnt"}': "place of the",
+    '{"event":"fix","time":1,"place":[1,1],"given":[1,1],"sd":1,"distance":1,"use":"x"}': "use of the",
+    "[" * 100_000: "no event",
+}
+
 
 def new_watch(problem: Problem = PROBLEM, **more: float) -> Watch:
-    cfg = WatchSettings(**{"every": 400.0, "members": 100, **more})  # type: ignore[arg-type]
+    cfg = WatchSettings(**{"every": 400.0, "lines": 400.0, "members": 100, **more})  # type: ignore[arg-type]
     return Watch(problem, PLAN, cfg, SeedSequence(2))
 
 
@@ -53,7 +72,8 @@ def test_a_flight_as_planned_keeps_its_corridor_and_its_promise() -> None:
     status = [event for event in events if event["event"] in ("status", "end")]
     assert [event["time"] for event in status[:-1]] == list(np.arange(0.0, FLIGHT_TIME, 400.0))
     assert events[-1]["event"] == "end"
-    assert not alarms(events)
+    assert set(alarms(events)) == {"goal"}  # of the flights of this plan 57 % fail
+    assert events[-1]["complete"] == pytest.approx(1.0 - events[-1]["failure"])
     assert all(event["corridor"] < 0.01 for event in status)
     assert all(event["law"] == "coherent" for event in status)
     np.testing.assert_allclose([events[-1]["x"], events[-1]["y"]], PATH.x[-1], atol=2.5)
@@ -68,9 +88,11 @@ def test_a_flight_as_planned_keeps_its_corridor_and_its_promise() -> None:
 
 def test_a_wrong_heading_leaves_the_corridor_and_raises_the_alarm() -> None:
     wrong = [Reading(r.time, r.heading + 30.0, r.airspeed) for r in as_planned()]
-    said = alarms(new_watch(alarm=0.5).events(wrong))
-    assert "outside the corridor of 99 %" in said["corridor"]
-    assert "more than --alarm 0.5: plan again" in said["promise"]
+    events = list(new_watch(alarm=0.9).events(wrong))
+    assert "outside the corridor of 99 %" in alarms(events)["corridor"]
+    assert "more than --alarm 0.9" in alarms(events)["promise"]
+    lines = [event_line(event) for event in events if event["event"] == "alarm"]
+    assert all("What can be done: " in line for line in lines)
 
 
 def test_a_fix_narrows_the_ellipse() -> None:
@@ -121,7 +143,10 @@ def test_nothing_is_flown_after_the_end_of_the_plan() -> None:
 def test_silence_is_an_alarm_and_the_plan_is_assumed() -> None:
     readings = [r for r in as_planned() if not 800.0 < r.time < 2000.0]
     events = list(new_watch(alarm=1.0).events(readings))
-    assert "no telemetry for 1200 s: the controls of the plan are assumed" in alarms(events)["silence"]
+    assert (
+        "no heading and airspeed for 1200 s: the controls of the plan are assumed"
+        in alarms(events)["silence"]
+    )
     np.testing.assert_allclose([events[-1]["x"], events[-1]["y"]], PATH.x[-1], atol=2.5)
 
 
@@ -209,7 +234,7 @@ def test_a_killed_watch_continues_as_if_nothing_had_been(cut: int, tmp_path) -> 
     fixes = {1000.0: (*(PATH.x[10] + [200.0, 90.0]), 40.0), 2200.0: (*(PATH.x[22] + [8e3, 0.0]), 40.0)}
     whole, journal = new_watch(alarm=1.0), Journal(tmp_path / "follow.jsonl")
     ended = []
-    for event in whole.events(as_planned(fixes=dict(fixes))):
+    for event in (BEGIN, *whole.events(as_planned(fixes=dict(fixes)))):
         journal.write(event)
         ended.append(event)
     journal.close()
@@ -237,21 +262,31 @@ def test_a_killed_watch_continues_as_if_nothing_had_been(cut: int, tmp_path) -> 
 
 def test_a_journal_that_was_cut_off_twice_is_still_read(tmp_path) -> None:
     path = tmp_path / "follow.jsonl"
-    for cut in (b'{"event":"flo', b"\xc3", b""):
+    for cut in (b'{"event":"flo', b"\xc3", b"nonsense\n", b""):
         journal = Journal(path)
-        journal.write({"event": "flown", "time": 1.0})
+        journal.write(BEGIN)
         journal.close()
         with path.open("ab") as file:
             file.write(cut)
-        assert all(event["event"] == "flown" for event in read_journal(path))
-    assert len(list(read_journal(path))) == 3
+        assert all(event == BEGIN for event in read_journal(path))
+    assert len(list(read_journal(path))) == 4
 
 
 def test_a_damaged_journal_is_named(tmp_path) -> None:
     path = tmp_path / "follow.jsonl"
-    path.write_text('{"event":"begin"}\nnonsense\n{"event":"flown"}\n')
-    with pytest.raises(DataError, match=r"line 2: no event; start without --resume"):
+    flown = {"event": "flown", "time": 1.0, "seconds": 1.0, "east": 20.0, "north": 0.0}
+    for spoilt, why in SPOILT.items():
+        path.write_text(f"{json.dumps(BEGIN)}\n{spoilt}\n{json.dumps(flown)}\n")
+        with pytest.raises(DataError, match=rf"line 2: .*{why}.*; start a new watch with another --out"):
+            list(read_journal(path))
+    old = BEGIN | {"schema": "pareto_ltl.follow/1"}
+    path.write_text(f"{json.dumps(old)}\n{json.dumps(flown)}\n")
+    with pytest.raises(DataError, match=r"line 1: expected the schema 'pareto_ltl.follow/2', found"):
         list(read_journal(path))
+    known = {**flown, "new": 1, "text": "\ud800"}
+    path.write_text("\n".join(map(json.dumps, (BEGIN, known, {"event": "later", "time": 2}, flown))) + "\n")
+    assert [event["event"] for event in read_journal(path)] == ["begin", "flown", "later", "flown"]
+    assert list(read_journal(path))[1] == {**flown, "new": 1, "text": "?"}
     with pytest.raises(DataError, match="cannot be read"):
         list(read_journal(tmp_path / "none"))
 
@@ -291,7 +326,7 @@ def test_the_energy_that_is_needed_is_that_of_the_plan() -> None:
     whole = model.of(PATH.u, DT)
     status = [e for e in new_watch(problem, alarm=1.0).events(as_planned()) if e["event"] == "status"]
     assert [event["energy_needed"] for event in status] == pytest.approx([whole] * len(status), rel=1e-6)
-    halfway = {**status[0], "energy": 3600.0 * 12_345.6, "energy_needed": 3600.0 * 42_789.4}
+    halfway = {**status[0], "shown": True, "energy": 3600.0 * 12_345.6, "energy_needed": 3600.0 * 42_789.4}
     assert event_line(halfway).endswith("12,346 Wh used of 42,789 by the end")
     small = replace(PROBLEM, energy=EnergyModel(model.curve, 0.9 * whole))
     assert "Wh are needed" in alarms(new_watch(small, alarm=1.0).events(as_planned()))["energy"]
@@ -307,11 +342,100 @@ def test_what_the_autopilot_believes_of_the_wind_is_said_and_not_used() -> None:
 
 def test_in_water_a_line_says_where_the_current_sets_to() -> None:
     wrong = [Reading(r.time, r.heading + 30.0, r.airspeed) for r in as_planned()]
-    cfg = WatchSettings(every=400.0, members=100, alarm=0.5)
+    cfg = WatchSettings(every=400.0, members=100, alarm=0.9)
     events = list(Watch(PROBLEM, PLAN, cfg, SeedSequence(2), medium=WATER).events(wrong))
     assert "fail in coherent currents, more than" in alarms(events)["promise"]
     end = events[-1] | {"wind": [0.0, 0.123], "wind_from": 200.0, "wind_sd": 0.05}
     in_water = event_line(end)
-    assert "fail in coherent currents" in in_water
+    assert "in coherent currents" in in_water
     assert "; current to 020/0.12 m/s, sd 0.05" in in_water
     assert "wind" not in in_water
+
+
+# --- goals, alarms that come again, and what is off the map ---------------------------------------
+
+
+def test_a_goal_that_is_not_reached_is_said_and_the_mission_is_not_complete() -> None:
+    wrong = [Reading(r.time, r.heading + 30.0, r.airspeed) for r in as_planned()]
+    events = list(new_watch(alarm=1.0).events(wrong))
+    (goal,) = [event for event in events if event["event"] == "goal"]
+    assert (goal["goal"], goal["planned"]) == (["a"], 3200.0)
+    assert goal["probability"] < 0.1
+    assert event_line(goal).startswith("+0:53:20  a: planned for 0:53:20, reached with probability ")
+    assert "the plan leaves a, which is reached with probability" in alarms(events)["goal"]
+    assert "the mission is NOT complete (complete with probability" in event_line(events[-1])
+    assert events[-1]["complete"] < 0.1
+    later = [event for event in events if event["event"] == "status" and event["time"] >= 3200.0]
+    assert all("a reached with probability" in event_line(event) for event in later)
+
+
+def test_a_mission_that_is_complete_is_said() -> None:
+    near = {DT * k: (*PATH.x[k], 30.0) for k in (8, 16, 24, 30, 33)}
+    events = list(new_watch(alarm=1.0).events(as_planned(fixes=near)))
+    assert events[-1]["complete"] > 0.95
+    assert "the mission is complete (complete with probability" in event_line(events[-1])
+    assert "goal" not in alarms(events)
+
+
+def test_a_telemetry_that_ends_early_does_not_complete_the_mission() -> None:
+    end = list(new_watch(alarm=1.0).events(as_planned(until=1000.0)))[-1]
+    assert end["complete"] == 0.0
+    assert "end of the telemetry, 0:41:40 before its end: the mission is NOT complete" in event_line(end)
+
+
+def test_a_failure_rate_that_doubles_is_a_new_alarm() -> None:
+    rules = new_watch(alarm=0.2).rules
+    new = []
+    for rate in (0.1, 0.25, 0.3, 0.45, 0.51, 0.6, 0.76, 0.9, 0.1, 0.3):
+        texts = [text for _, text in rules._promise({"fails": 1, "flights": 9, "failure": rate})]  # noqa: SLF001
+        if len(texts) == 2:
+            new.append((rate, texts[1].rpartition(", ")[2]))
+    assert new == [
+        (0.51, "after 25 % at the last alarm"), (0.76, "after 51 % at the last alarm"),
+        (0.9, "after 76 % at the last alarm"),
+    ]  # fmt: skip
+    events = list(new_watch(alarm=0.2, every=100.0).events(as_planned()))
+    assert len([e for e in events if e["event"] == "alarm" and e["kind"] == "promise"]) == 1
+    wrong = [Reading(r.time, r.heading + 18.0, r.airspeed) for r in as_planned(every=50.0)]
+    events = list(new_watch(alarm=0.2, every=100.0).events(wrong))
+    assert len([e for e in events if e["event"] == "alarm" and e["kind"] == "promise"]) >= 2
+
+
+def test_a_position_off_the_map_is_an_alarm_once() -> None:
+    far = dict.fromkeys((1000.0, 1020.0, 1040.0), (-900000.0, 900000.0, 20.0))
+    zero = {2000.0: (0.0, -1.0, 5.0)}
+    events = list(new_watch(alarm=1.0).events(as_planned(fixes={**far, **zero})))
+    said = [event for event in events if event["event"] == "alarm" and event["kind"] == "map"]
+    assert len(said) == 1
+    assert "is off the map; it is not used" in said[0]["text"]
+    assert said[0]["advice"]
+    assert events[-1]["refused"] == {"position off the map": 4}
+    assert event_line(events[-2]) == "+0:58:20  not used: 4 position off the map"
+
+
+def test_refused_positions_of_one_second_do_not_agree_with_each_other() -> None:
+    off = {1000.0 + t: (*(PATH.x[10] + [7e3, -6e3]), 20.0) for t in range(9)}
+    events = list(new_watch(alarm=1.0).events(as_planned(every=1.0, until=1100.0, fixes=off)))
+    assert [event["use"] for event in events if event["event"] == "fix"] == ["refused"]
+
+
+def test_lost_signals_are_an_alarm_and_are_not_flown_for_long() -> None:
+    def stream() -> Iterable[Reading]:
+        for reading in as_planned(every=1.0, until=3000.0):
+            if 1000.0 <= reading.time < 2500.0:
+                yield Reading(reading.time, lost=("heading",))
+            else:
+                yield reading
+
+    events = list(new_watch(alarm=1.0).events(stream()))
+    assert "no heading for more than 2 s" in alarms(events)["signals"]
+    assert "no heading and airspeed for 121 s" in alarms(events)["silence"]
+
+
+def test_lines_come_at_events_and_every_ten_minutes() -> None:
+    events = list(new_watch(every=60.0, lines=600.0, alarm=1.0).events(as_planned()))
+    lines = [event_line(event) for event in events if event["event"] == "status"]
+    shown = [line for line in lines if line]
+    assert len(lines) > 50
+    assert [line[:8] for line in shown] == [f"+0:{10 * k:02d}:00" for k in range(6)]
+    assert max(map(len, shown)) < 200

@@ -18,6 +18,7 @@ from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.replanning import comparison_lines
 from pareto_ltl.run.rest_of_flight import warn_of_use
 from pareto_ltl.run.results import Results
+from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_verify.claims.replan import CLAIMS
@@ -165,6 +166,7 @@ def test_a_fix_outside_the_law_is_an_alarm_without_a_promise(made: Path, tmp_pat
     lines = "\n".join(comparison_lines(done))
     assert "ALARM" in lines
     assert "failure rate of" not in lines
+    assert "no files to fly are written (no mission.plan" in lines
     told = json.loads((place / "replan.json").read_text())
     assert told["old"] is told["new"] is told["difference"] is None
     assert json.loads((place / "plan.json").read_text())["promise"] is None
@@ -182,6 +184,9 @@ def alarmed(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_no_file_of_a_plan_after_an_alarm_has_a_probability(alarmed: Path) -> None:
     there = {file.name for file in alarmed.iterdir()}
+    files = {"kml", "qgc"}  # written by hand afterwards
+    assert not there & {name for key, name in EXPORT_FILES.items() if key not in files}
+    assert not (alarmed / "exports").exists()
     assert not there & {"front.csv", "front.npz", "deployments.npz"}
     metrics = json.loads((alarmed / "metrics.json").read_text())
     assert not [name for name in metrics if "failure" in name or "risk" in name or "promise" in name]

@@ -242,8 +242,8 @@ TOOL_COMMANDS = (
             DIR,
             (
                 argument("--log", "FILE", "telemetry: a CSV file with the columns "
-                         "time,heading_true,airspeed_m_s and, where measured, lat,lon,fix_sd_m; or a .tlog, "
-                         ".bin or .log file", type=Path),
+                         "time,heading_true,airspeed_tas_m_s (or airspeed_cas_m_s, if it is calibrated) and, "
+                         "where measured, lat,lon,fix_sd_m; or a .tlog, .bin or .log file", type=Path),
                 argument("--connect", "ADDRESS", "MAVLink, e.g. udpin:127.0.0.1:14550 or /dev/ttyUSB0,57600 "
                          "(needs the extra follow)"),
             ),
@@ -253,8 +253,10 @@ TOOL_COMMANDS = (
             flag("--resume", "continue the journal of a watch that ended"),
             argument("--truth", "FILE", "true positions, known afterwards: a CSV file with the columns "
                      "time,lat,lon; truth.json says how often the ellipses held them", type=Path),
-            argument("--every", "S", "seconds between two lines", type=float, default=60.0),
-            argument("--alarm", "P", "failure rate that is an alarm", type=float, default=0.2),
+            argument("--every", "S", "seconds between two lines; events and alarms have lines at once, and "
+                     "alarms are looked for every minute", type=float, default=600.0),
+            argument("--alarm", "P", "failure rate that is an alarm, and again when it doubles", type=float,
+                     default=0.2),
             argument("--flights", "N", "simulated flights", type=int, default=1000),
             argument("--wind-age", "H", "age of the forecast [h] that is an alarm", type=float, default=inf),
             flag("--bell", "ring the bell of the terminal at alarms"),

@@ -16,9 +16,12 @@ from pareto_ltl.support.extras import require_extra
 
 if TYPE_CHECKING:
     from pareto_ltl.inflight.following import Listener, Session
+    from pareto_ltl.inflight.rules import Event
     from pareto_ltl.inflight.telemetry import Reading, Typed
-    from pareto_ltl.inflight.watch import Event
-    from pareto_ltl.world.scene import Scene
+    from pareto_ltl.run.results import Results
+
+
+ASSESSED = 60.0  # [s] at most between two statuses, from which alarms follow
 
 
 def follow(options: Namespace, output: Output) -> int:
@@ -35,11 +38,19 @@ def follow(options: Namespace, output: Output) -> int:
     results = load_results(options.directory)
     complain = partial(print, file=sys.stderr, flush=True)
     typed = None if options.connect is None or sys.stdin is None else Typed(sys.stdin, complain)
-    readings, listener = _source(options, results.scene, typed)
+    readings, listener = _source(options, results, typed)
+    if options.resume:
+        _resumed(options.out or options.directory / FOLDER)
     session = Session(
         results,
         options.out or options.directory / FOLDER,
-        WatchSettings(options.every, options.alarm, options.flights, wind_age=3600.0 * options.wind_age),
+        WatchSettings(
+            min(options.every, ASSESSED),
+            options.alarm,
+            options.flights,
+            wind_age=3600.0 * options.wind_age,
+            lines=options.every,
+        ),
         ReplanSettings(options.replan, options.wind_folder, options.auto),
         [] if listener is None else [listener],
         typed,
@@ -71,6 +82,14 @@ def follow(options: Namespace, output: Output) -> int:
     return 0
 
 
+def _resumed(folder: Path) -> None:
+    """Say what is left out of the journal of ``folder``."""
+    from pareto_ltl.inflight.journal import damaged_end, require_place
+
+    if left := damaged_end(require_place(folder, resume=True)):
+        print(f"the last {left} bytes of the journal are no event, and are left out", file=sys.stderr)
+
+
 def _check(options: Namespace) -> None:
     if options.connect is None:
         for name in ("send", "signing_key", "vehicle"):
@@ -97,7 +116,7 @@ def _add_page(session: Session, port: int) -> None:
 
 def _shown(event: Event, output: Output) -> str:
     """The line of an event; empty for one that is not shown."""
-    from pareto_ltl.inflight.journal import event_line
+    from pareto_ltl.inflight.lines import event_line
 
     if output is Output.JSON:
         return json.dumps(event)
@@ -105,16 +124,19 @@ def _shown(event: Event, output: Output) -> str:
 
 
 def _source(
-    options: Namespace, scene: Scene, typed: Typed | None
+    options: Namespace, results: Results, typed: Typed | None
 ) -> tuple[Iterable[Reading] | Path, Listener | None]:
     """The telemetry, and what answers to events."""
+    scene = results.scene
     if options.log is not None and options.log.suffix.lower() not in (".tlog", ".bin", ".log"):
         return options.log, None
+    from pareto_ltl.inflight.airspeeds import airspeeds_of
     from pareto_ltl.inflight.link import Link, LinkSettings, logged_readings, signing_key
-    from pareto_ltl.inflight.vehicle import prologue_of
+    from pareto_ltl.inflight.sends import prologue_of
 
+    airspeeds = airspeeds_of(results.settings)
     if options.log is not None:
-        return logged_readings(options.log, scene.time_zero, options.departure), None
+        return logged_readings(options.log, scene.time_zero, options.departure, airspeeds), None
     sends = tuple(kind for kind in options.send.split(",") if kind)
     if scene.crs is None and (on_earth := {"position", "prologue"} & {*sends}):
         raise ConfigError(f"--send {min(on_earth)}: the map of this plan has no place on Earth; leave it out")
@@ -122,7 +144,7 @@ def _source(
         departure=options.departure, sends=sends, system=options.vehicle,
         key=b"" if options.signing_key is None else signing_key(options.signing_key),
         prologue=prologue_of(scene, options.ground) if "prologue" in sends else (),
-        own_clock=options.vehicle_clock,
+        own_clock=options.vehicle_clock, airspeeds=airspeeds,
     )  # fmt: skip
     link = Link(options.connect, scene.time_zero, settings, typed)
     return link.readings(), link.answers

@@ -50,6 +50,7 @@ def mavlink_script(exported: ExportedPlan) -> bytes:
         "dialect": "all",
         "firmware": FIRMWARE,
         "mode": MODE,
+        "before_take_off": plain_data(first_wind(exported)),
         "prologue": plain_data(prologue(log.lat[0], log.lon[0], start_sd(exported))),
     }
     return listed_json(head, "messages", plain_data(script_messages(exported)))
@@ -76,6 +77,24 @@ def prologue(lat: float, lon: float, sd: float) -> list[dict[str, Any]]:
     ]
 
 
+def first_wind(exported: ExportedPlan) -> list[dict[str, Any]]:
+    """The wind of the first leg, if it is uncertain, to be sent on the ground: PX4 takes none in the air."""
+    log = exported.log
+    if not log.legs or not log.wind_speed_sd[0] > 0.0:  # an estimate without an error would claim certainty
+        return []
+    return [{
+        "message": "COMMAND_LONG", "command": WIND_ESTIMATE, "name": NAMES[WIND_ESTIMATE],
+        "params": [*_wind(exported, 0), 0, 0, 0],
+    }]  # fmt: skip
+
+
+def _wind(exported: ExportedPlan, k: int) -> list[float]:
+    """Speed [m/s], its sd, direction it comes from [deg] and its sd of the wind of leg ``k``."""
+    log = exported.log
+    columns = (log.wind_speed, log.wind_speed_sd, log.wind_from, log.wind_from_sd)
+    return [float(column[k]) for column in columns]
+
+
 def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:
     """At the start of each leg wind if uncertain, airspeed, heading; at a fix of the plan, the position.
 
@@ -99,9 +118,8 @@ def script_messages(exported: ExportedPlan) -> list[dict[str, Any]]:
             }  # fmt: skip
         if k == log.legs:
             break
-        if log.wind_speed_sd[k] > 0.0:  # an estimate without an error would claim certainty
-            wind = log.wind_speed[k], log.wind_speed_sd[k], log.wind_from[k], log.wind_from_sd[k]
-            add(k, WIND_ESTIMATE, *wind, 0, 0, 0)
+        if log.wind_speed_sd[k] > 0.0:
+            add(k, WIND_ESTIMATE, *_wind(exported, k), 0, 0, 0)
         add(k, CHANGE_SPEED, AIRSPEED, exported.autopilot_airspeed[k], AT_ONCE, 0, 0, 0, 0)
         if math.isfinite(log.heading[k]):
             add(k, CHANGE_HEADING, HEADING, log.heading[k], turn_of(exported), 0, 0, 0, 0)

@@ -8,6 +8,9 @@ the plan. At each leg the wind, the airspeed and the heading are set, and again 
 Outside of GUIDED nothing is set while the clock goes on; disarming ends the flight. The script never arms,
 disarms or changes a mode, and it sets no height. After the last leg the last heading is held: choose a mode.
 
+Before the departure the wind of the first leg is set. ArduPilot gives winds to DCM only, not to EKF3: they help an
+aeroplane that flies by DCM.
+
 Without a satellite fix the script gives the autopilot the start of the plan as its origin, its home and its position
 before the departure. For that it needs the height of the ground there: set GROUND.
 ]]
@@ -26,6 +29,7 @@ local PERIOD = 200 -- [ms]
 local WARNING, INFO = 4, 6
 
 local begun, leg, waiting, warned, prepared, over = nil, 0, {}, false, false, false
+local winded = false -- whether the wind of the first leg was taken before the departure
 
 local function say(severity, text)
     gcs:send_text(severity, "plan: " .. text)
@@ -62,6 +66,15 @@ local function commands_of(number)
     return all
 end
 
+-- On the ground: the wind of the first leg.
+local function set_first_wind()
+    for _, one in ipairs(winded and {} or commands_of(1)) do
+        if one[1] == WIND then
+            winded = gcs:run_command_int(one[1], one[2]) == 0
+        end
+    end
+end
+
 -- Send what is not accepted yet.
 local function send()
     local left = {}
@@ -81,6 +94,7 @@ local function update()
     if not arming:is_armed() then
         begun, leg, waiting, over = nil, 0, {}, false
         prepare()
+        set_first_wind()
         return update, PERIOD
     end
     local guided = vehicle:get_mode() == GUIDED

@@ -25,9 +25,11 @@ from pareto_ltl.exports.degrees import outline_degrees
 from pareto_ltl.exports.ellipses import ellipse_outlines, ellipse_scale
 from pareto_ltl.exports.geojson import feature
 from pareto_ltl.exports.xml_files import boundary, coordinates_text, element, kml_bytes, placemark, style_of
-from pareto_ltl.inflight.journal import NAME, flows_of, read_journal
+from pareto_ltl.inflight.journal import NAME, read_journal
+from pareto_ltl.inflight.lines import flows_of
+from pareto_ltl.inflight.rules import Event
 from pareto_ltl.inflight.telemetry import read_places
-from pareto_ltl.inflight.watch import ELLIPSE, Event
+from pareto_ltl.inflight.watch import ELLIPSE
 from pareto_ltl.run.results import Results
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson

@@ -11,15 +11,19 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pareto_ltl.inflight.airspeeds import planned_density_ratio
 from pareto_ltl.inflight.journal import NAME, SCHEMA, Journal, read_journal, require_place
 from pareto_ltl.inflight.replans import Replans, ReplanSettings
+from pareto_ltl.inflight.rules import Event, alarm, event_of
 from pareto_ltl.inflight.telemetry import Reading, Typed, read_log
-from pareto_ltl.inflight.watch import Event, Watch, WatchSettings, alarm, event_of
+from pareto_ltl.inflight.watch import Watch, WatchSettings
 from pareto_ltl.run.records import PLAN, PROBLEM, SCENE, WIND
 from pareto_ltl.run.rest_of_flight import issued
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.run.stage_table import stage_seeds
+from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     from pareto_ltl.run.results import PlanningResult, Results
@@ -74,8 +78,14 @@ def follow(
     place = None if out is None else require_place(Path(out), resume=resume)
     earlier = list(read_journal(place)) if place is not None and resume else []
     if isinstance(readings, str | Path):
-        readings = read_log(Path(readings), scene.time_zero, on_earth=scene.crs is not None)
+        readings = _table(Path(readings), scene, run.settings)
     return _events(watch, readings, [begin, *begun], earlier, place, listener)
+
+
+def _table(path: Path, scene: Scene, settings: Settings) -> Iterator[Reading]:
+    """The readings of a table, with the air at the height of the plan."""
+    ratio = planned_density_ratio(settings)
+    return read_log(path, scene.time_zero, on_earth=scene.crs is not None, density_ratio=ratio)
 
 
 def _events(
@@ -110,7 +120,7 @@ def _noted(event: Event, watch: Watch, journal: Journal | None, listener: Listen
             working = not journal.failed
             journal.write(one)
             if working and journal.failed:
-                text = f"the journal cannot be written any longer ({journal.failed}): free space"
+                text = f"the journal cannot be written any longer ({journal.failed})"
                 yield alarm(event["time"], "journal", text)
         yield one
 
@@ -165,7 +175,7 @@ class Session:
 
         scene, begun = self.results.scene, list[Event]()
         if isinstance(readings, Path):
-            readings = read_log(readings, scene.time_zero, on_earth=scene.crs is not None)
+            readings = _table(readings, scene, self.results.settings)
         stream, late = iter(readings), 0.0
         while True:
             if self.opened is not None:

@@ -1,30 +1,82 @@
-"""The events of a watch: as a journal, and in words for the pilot, one line each.
+"""The journal of a watch: ``follow.jsonl`` has every event, one JSON object a line, appended and flushed.
 
-``follow.jsonl`` has every event, one JSON object a line, appended and flushed. Its lines ``flown`` and
-``fix`` are all that the belief depends on: :func:`read_journal` gives them back after the process was killed,
-and the watch continues with the same belief.
+Its lines ``flown`` and ``fix`` are all that the belief depends on: :func:`read_journal` gives them back after
+the process was killed, and the watch continues with the same belief. :data:`FIELDS` is the schema: what every
+event of a kind has, and what type; other keys, and events of other kinds, are passed on as they are.
 """
 
 from __future__ import annotations
 
 import json
-import math
 import os
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
-from pareto_ltl.inflight.telemetry import refused_text
-from pareto_ltl.inflight.watch import Event
-from pareto_ltl.support.display import distance_text, in_kilometres, probability_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.links import open_unlinked
-from pareto_ltl.support.medium import AIR, MEDIA
+from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.reading import refuse_special
 
 NAME = "follow.jsonl"
-SCHEMA = "pareto_ltl.follow/1"
+SCHEMA = "pareto_ltl.follow/2"
 SAFE = ("fix", "status", "alarm", "end")  # events after which the disk has all of them
+LONGEST = 1_000_000  # characters of a line
+HUGE = 1e12  # of a number; also keeps out NaN
+FASTEST = 1e3  # [m/s] of what was flown
+
+
+def _number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < HUGE
+
+
+def _pair(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(map(_number, value))
+
+
+def _text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _flag(value: object) -> bool:
+    return isinstance(value, bool)
+
+
+def _positive(value: object) -> bool:
+    return isinstance(value, int | float) and _number(value) and value > 0.0
+
+
+def _one_of(*allowed: str) -> Callable[[object], bool]:
+    return lambda value: value in allowed
+
+
+def _or_null(check: Callable[[object], bool]) -> Callable[[object], bool]:
+    return lambda value: value is None or check(value)
+
+
+Fields = dict[str, Callable[[object], bool]]
+BELIEVED: Fields = {
+    "x": _number, "y": _number, "major": _number, "minor": _number, "angle": _number, "failure": _number,
+    "energy": _or_null(_number), "shown": _flag, "law": _text,
+}  # fmt: skip
+FIELDS: dict[str, Fields] = {
+    "begin": {"schema": _text, "plan": _text, "formula": _text, "departure": _or_null(_text),
+              "members": _number},
+    "waiting": {"seconds": _number},
+    "flown": {"seconds": _positive, "east": _number, "north": _number},
+    "fix": {"place": _pair, "given": _pair, "sd": _positive, "distance": _number,
+            "use": _one_of("learnt", "refused", "restarted")},
+    "status": BELIEVED,
+    "goal": {"goal": lambda value: isinstance(value, list), "planned": _number, "probability": _number,
+             "late": _flag},
+    "alarm": {"kind": _text, "text": _text, "advice": _text},
+    "sent": {"text": _text},
+    "answered": {"text": _text},
+    "replanned": {"directory": _text, "at": _number},
+    "switched": {"directory": _text, "at": _number, "known": lambda value: isinstance(value, list)},
+    "unused": {"refused": lambda value: isinstance(value, dict)},
+    "end": {**BELIEVED, "complete": _number, "refused": lambda value: isinstance(value, dict)},
+}  # fmt: skip
 
 
 class Journal:
@@ -36,8 +88,7 @@ class Journal:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.file: TextIO = os.fdopen(open_unlinked(path, os.O_RDWR | os.O_APPEND), "a", encoding="utf-8")
-            # without a line that was cut off when a watch was killed
-            os.truncate(self.file.fileno(), path.read_bytes().rfind(b"\n") + 1)
+            os.truncate(self.file.fileno(), _whole(path.read_bytes()))  # without a last line that is damaged
         except OSError as error:
             raise DataError(f"{path}: cannot be written ({error}); name another folder with --out") from None
 
@@ -58,26 +109,66 @@ class Journal:
         self.file.close()
 
 
+def _whole(data: bytes) -> int:
+    """How many bytes are whole lines, of which the last one is an event."""
+    end = data.rfind(b"\n") + 1
+    last = data[data.rfind(b"\n", 0, max(end - 1, 0)) + 1 : end]
+    return end if not last or not isinstance(_parsed(last), str) else end - len(last)
+
+
 def read_journal(path: Path) -> Iterator[dict[str, Any]]:
-    """The events of a file; a last line without an end was cut off, and is left out.
+    """The events of a file; a last line that was cut off or is damaged is left out.
 
     Raises
     ------
     DataError
-        If the file cannot be read, or another line is damaged.
+        If the file cannot be read, or another line is damaged or no event of :data:`FIELDS`.
     """
+    refuse_special(path)
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        data = path.read_bytes()
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error}); start without --resume") from None
-    for number, line in enumerate(text[: text.rfind("\n") + 1].splitlines(), 1):
-        try:
-            event = json.loads(line)
-            if not isinstance(event, dict) or not isinstance(event.get("event"), str):
-                raise ValueError
-        except ValueError:
-            raise DataError(f"{path}, line {number}: no event; start without --resume") from None
+    for number, line in enumerate(data[: _whole(data)].splitlines(), 1):
+        event = _parsed(line)
+        if number == 1 and isinstance(event, dict) and event.get("schema") != SCHEMA:
+            event = f"expected the schema {SCHEMA!r}, found {shown_value(event.get('schema'))}"
+        if isinstance(event, str):
+            raise DataError(
+                f"{path}, line {number}: {event}; start a new watch with another --out, without --resume"
+            )
         yield event
+
+
+def _parsed(line: bytes) -> dict[str, Any] | str:
+    """The event of a line, or what is wrong with it."""
+    try:
+        event = json.loads(line.decode("utf-8", "replace"), parse_constant=lambda _: None)
+    except (ValueError, RecursionError):
+        event = None
+    if len(line) > LONGEST or not isinstance(event, dict) or not isinstance(event.get("event"), str):
+        return "no event"
+    event = {_readable(key): _readable(value) for key, value in event.items()}
+    kind = event["event"]
+    for name, check in {"time": _number, **FIELDS.get(kind, {})}.items():
+        if name not in event:
+            return f"the event {kind} has no {name}"
+        if not check(event[name]):
+            return f"{name} of the event {kind} is {shown_value(event[name])}"
+    if kind == "flown" and max(abs(event["east"]), abs(event["north"])) > FASTEST * event["seconds"]:
+        return f"the event {kind} is faster than {FASTEST:g} m/s"
+    return event
+
+
+def _readable(value: Any) -> Any:
+    """``value`` without halves of characters, which cannot be printed or written."""
+    return value.encode("utf-8", "replace").decode() if isinstance(value, str) else value
+
+
+def damaged_end(path: Path) -> int:
+    """Bytes at the end of a journal that are no event, and are left out."""
+    data = path.read_bytes()
+    return len(data) - _whole(data)
 
 
 def require_place(folder: Path, *, resume: bool) -> Path:
@@ -88,114 +179,3 @@ def require_place(folder: Path, *, resume: bool) -> Path:
     if resume and not path.exists():
         raise ConfigError(f"{path}: there is no journal to resume; start without --resume")
     return path
-
-
-# --- events in words ----------------------------------------------------------------------------
-
-
-def event_line(event: Event) -> str:
-    """``event`` as a line for the pilot; empty for events that only the journal has."""
-    text = LINES[event["event"]](event)
-    return f"{clock_text(event['time'])}  {text}" if text else ""
-
-
-def flows_of(event: Event) -> str:
-    """The flows of the law of ``event``: ``coherent winds``, or currents."""
-    return f"{event['law']} {MEDIA[event['medium']].flows}"
-
-
-def clock_text(seconds: float) -> str:
-    """``+2:05:30`` after departure."""
-    hours, rest = divmod(round(seconds), 3600)
-    return f"+{hours:d}:{rest // 60:02d}:{rest % 60:02d}"
-
-
-def _place(event: Event) -> str:
-    if "lat" in event:
-        return f"{event['lat']:.4f},{event['lon']:.4f}"
-    return f"{event['x'] / 1e3:.2f},{event['y'] / 1e3:.2f} km"
-
-
-def _length(metres: float) -> str:
-    """A length as text: whole metres from 10 m to 2 km."""
-    return distance_text(metres, 0 if metres >= 10.0 and not in_kilometres(metres) else 1)
-
-
-def _hours(joules: float) -> str:
-    """An energy [J] in Wh as text, whole numbers from 100 Wh."""
-    value = joules / 3600.0
-    return f"{value:,.0f}" if abs(value) >= 100.0 else f"{value:.1f}"
-
-
-def _status(event: Event) -> str:
-    goal = ""
-    if event["goal"]:
-        late = event["goal_time"] - event["time"]
-        goal = f"; next {' and '.join(event['goal'])} in {clock_text(late)[1:]}"
-    promised = "" if event["promised"] is None else f" (promised {probability_text(event['promised'])})"
-    energy = ""
-    if event["energy"] is not None:
-        energy = f"; {_hours(event['energy'])} Wh used of {_hours(event['energy_needed'])} by the end"
-    if event["battery"] is not None:
-        energy += f"; battery {100.0 * event['battery']:.0f} %"
-    flights = (
-        f"{probability_text(event['failure'])} (at most {probability_text(event['high'])}) of "
-        f"{event['flights']:,} flights of the rest fail in {flows_of(event)}{promised}"
-    )
-    return (
-        f"at {_place(event)}, 95 % within {_length(event['major'])} x {_length(event['minor'])}; "
-        f"{event['corridor']:.1f} sd from the plan{goal}; {flights}; {_flow(event)}{energy}"
-    )
-
-
-def _flow(event: Event) -> str:
-    """The estimated wind by the direction it blows from, or the current by the direction it sets to."""
-    in_air = MEDIA[event["medium"]] is AIR
-    name, turn, digits = ("wind", 0.0, 1) if in_air else ("current to", 180.0, 2)
-
-    def text(come_from: float, speed: float) -> str:
-        return f"{(come_from + turn) % 360.0:03.0f}/{speed:.{digits}f}"
-
-    estimated, heard = text(event["wind_from"], math.hypot(*event["wind"])), event["heard_wind"]
-    autopilot = "" if heard is None else f" (autopilot: {text(*heard)})"
-    return f"{name} {estimated} m/s, sd {event['wind_sd']:.{digits}f}{autopilot}"
-
-
-def _fix(event: Event) -> str:
-    first, second = event["given"]
-    done = {"learnt": "used", "refused": "NOT used", "restarted": "believed anew"}[event["use"]]
-    return (
-        f"position fix {first:.4f},{second:.4f}, sd {_length(event['sd'])}: "
-        f"{event['distance']:.1f} standard deviations off, {done}"
-    )
-
-
-def _replanned(event: Event) -> str:
-    why = "" if event["wind"] is None else f" with the forecast {event['wind']}"
-    if event["new"] is None:
-        return f"a new plan{why} in {event['directory']} promises nothing: {'; '.join(event['alarms'])}"
-    new, old = (probability_text(event[key]) for key in ("new", "old"))
-    end = "type y to fly it" if event["better"] else "no better: the old one is flown on"
-    return (
-        f"a new plan{why} from {clock_text(event['at'])} on fails {new}, the rest of the old one {old}, in "
-        f"the same {flows_of(event)}: {event['directory']}; {end}"
-    )
-
-
-def _end(event: Event) -> str:
-    refused = refused_text(Counter(event["refused"]))
-    lost = f"; readings that were not used: {refused}" if refused else ""
-    return f"end of the telemetry; {_status(event)}{lost}"
-
-
-LINES: dict[str, Callable[[Event], str]] = {
-    "begin": lambda event: f"watching {event['plan']}: {event['formula']}",
-    "flown": lambda _: "",
-    "sent": lambda event: f"sent {event['text']}",
-    "status": _status,
-    "fix": _fix,
-    "replanned": _replanned,
-    "switched": lambda event: f"SWITCHED to the plan in {event['directory']}; times count from its departure",
-    "alarm": lambda event: f"ALARM: {event['text']}",
-    "end": _end,
-}

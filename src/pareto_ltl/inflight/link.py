@@ -6,20 +6,38 @@ Nothing here arms, disarms or changes a mode.
 from __future__ import annotations
 
 import hashlib
+import io
 import math
 import os
 import sys
 import time as clock
+from collections import deque
 from collections.abc import Iterator
-from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from contextlib import closing, redirect_stderr, redirect_stdout, suppress
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pareto_ltl.exports.mavlink import NAMES
+from pareto_ltl.inflight.airspeeds import Airspeeds
+from pareto_ltl.inflight.clocks import StampClock, SteadyClock, VehicleClock
+from pareto_ltl.inflight.rules import Event, alarm, event_of
+from pareto_ltl.inflight.sends import (
+    ACCEPTED,
+    KINDS,
+    PATIENCE,
+    TRIES,
+    Command,
+    Sender,
+    at_leg,
+    at_status,
+    trusted,
+    wind_command,
+)
 from pareto_ltl.inflight.telemetry import Reading, Typed
-from pareto_ltl.inflight.vehicle import KINDS, Sender, Vehicle, at_leg, at_status
-from pareto_ltl.inflight.watch import Event, Watch, alarm, event_of
+from pareto_ltl.inflight.vehicle import OURS, Vehicle
+from pareto_ltl.inflight.watch import Watch
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.reading import refuse_special
@@ -28,9 +46,10 @@ from pareto_ltl.world.windows import utc_moment
 STALE = 5.0  # [s] after its last heartbeat the mode of a vehicle is not known any longer
 BEAT = 1.0  # [s] between two heartbeats, and the longest wait for a message
 REOPENING = 0.2  # [s] between attempts to open a serial port again
-IDLE = 5.0  # [s] without a message after which the time is passed on
+IDLE = 2.0  # [s] without a message after which the time is passed on
 KEY_BYTES = 32
-LITTLE = 1e-3  # [s] between messages of one time of the vehicle
+DAMAGED = "damaged record"
+STUMBLES = 1000  # records of a log in a row that pymavlink cannot read, after which there is no other
 
 
 def departure_time(time_zero: str | None, given: str | None) -> float | None:
@@ -72,8 +91,10 @@ def signing_key(path: Path) -> bytes:
     return hashlib.sha256(text.encode()).digest()
 
 
-def logged_readings(path: Path, time_zero: str | None, given: str | None) -> Iterator[Reading]:
-    """The readings of a ``.tlog``, ``.bin`` or ``.log`` file.
+def logged_readings(
+    path: Path, time_zero: str | None, given: str | None, airspeeds: Airspeeds | None = None
+) -> Iterator[Reading]:
+    """The readings of a ``.tlog``, ``.bin`` or ``.log`` file; damaged records are readings with a fault.
 
     Raises
     ------
@@ -83,19 +104,68 @@ def logged_readings(path: Path, time_zero: str | None, given: str | None) -> Ite
     mavutil = _mavutil()
     if not path.is_file():
         raise DataError(f"{path}: no such file; give a .tlog, .bin, .log or .csv file")
-    try:
-        log = mavutil.mavlink_connection(str(path), dialect="all")
-    except (OSError, ValueError, IndexError, KeyError) as error:
-        raise DataError(f"{path}: cannot be read as a log of an autopilot ({error})") from None
-    departure, vehicle = departure_time(time_zero, given), Vehicle()
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # a line a damaged byte
+        try:
+            log = _opened(mavutil, path)
+        except Exception as error:  # whatever a damaged log makes pymavlink raise
+            raise DataError(f"{path}: cannot be read as a log of an autopilot ({error})") from None
+    departure = departure_time(time_zero, given)
+    vehicle = Vehicle(clock=StampClock(), airspeeds=airspeeds or Airspeeds())
     with closing(log):
-        while (message := log.recv_msg()) is not None:
-            if message.get_type() == "BAD_DATA":
-                yield Reading(math.nan)
+        for message in _records(log):
+            if message is None:
+                yield Reading(math.nan, fault=DAMAGED)
                 continue
             departure = message._timestamp if departure is None else departure  # noqa: SLF001
-            if (reading := vehicle.reading(message, departure)) is not None:
+            try:
+                reading = vehicle.reading(message, message._timestamp - departure)  # noqa: SLF001
+            except (TypeError, ValueError, AttributeError, ArithmeticError):  # fields of another kind
+                reading = Reading(math.nan, fault=DAMAGED)
+            if reading is not None:
                 yield reading
+            while vehicle.clock.jumps:
+                vehicle.clock.jumps.pop()
+                yield Reading(math.nan, fault="step of a clock")
+
+
+def _records(log: Any) -> Iterator[Any]:
+    """The messages of a log of pymavlink; None for a piece that is damaged, once however long it is."""
+    stumbled, damaged = 0, False
+    while stumbled < STUMBLES:
+        before, message = getattr(log, "offset", 0), None
+        try:
+            with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # a line a damaged byte
+                message = log.recv_msg()
+        except Exception:
+            stumbled, bad = stumbled + 1, True
+        else:
+            bad = _skipped(log, message, before)
+        if bad and not damaged:
+            yield None
+        damaged = bad and (message is None or message.get_type() == "BAD_DATA")
+        if message is None and not (bad and stumbled):
+            return
+        if message is not None and message.get_type() != "BAD_DATA":
+            stumbled = 0
+            yield message
+
+
+def _skipped(log: Any, message: Any, before: int) -> bool:
+    """Whether pymavlink has left out bytes before ``message``, or at the end of a ``.bin`` file."""
+    if message is not None and message.get_type() == "BAD_DATA":
+        return True
+    if not hasattr(log, "HEAD1"):  # of .bin files alone: others name what is damaged
+        return False
+    read, end = (0, log.data_len) if message is None else (message.fmt.len, log.offset)
+    return bool(end - before > read)
+
+
+def _opened(mavutil: Any, path: Path) -> Any:
+    """The log of pymavlink; of two readers of ``.tlog`` files the one that survives damaged ones."""
+    if path.suffix.lower() == ".tlog":
+        mavutil.set_dialect("all")
+        return mavutil.mavlogfile(str(path))
+    return mavutil.mavlink_connection(str(path), dialect="all")
 
 
 def _mavutil() -> Any:
@@ -127,8 +197,10 @@ class LinkSettings:
     prologue : tuple of mapping
         Messages before the departure, with their heights.
     own_clock : bool
-        Whether time is taken from the vehicle, since its first message, and not from the arrival of its
-        messages: for a simulated vehicle that flies faster than real time.
+        Whether time is taken from the vehicle, since its first message, and not from our clock: for a
+        simulated vehicle that flies faster than real time.
+    airspeeds : Airspeeds
+        Turns true airspeeds into the calibrated ones of the autopilot, and back.
     """
 
     departure: str | None = None
@@ -137,39 +209,7 @@ class LinkSettings:
     key: bytes = b""
     prologue: tuple[dict[str, Any], ...] = ()
     own_clock: bool = False
-
-
-@dataclass(slots=True)
-class VehicleClock:
-    """Time after departure by the clock of a vehicle, which may be faster than ours.
-
-    ``first`` and ``last`` are the time of the vehicle [s], seconds after departure, and our time [s] of a
-    message; ``same`` counts the messages since the last one that have its time.
-    """
-
-    first: tuple[float, float, float] | None = None
-    last: tuple[float, float, float] | None = None
-    same: int = 0
-
-    def of_message(self, boot: float, now: float, after: float) -> float:
-        """Time of a message sent at ``boot``; ``after``, by our clock, for the first one and without it.
-
-        Of several messages at one time of the vehicle, each is a little later.
-        """
-        if self.first is None or not math.isfinite(boot):
-            self.first = self.last = (boot, after, now) if math.isfinite(boot) else None
-            return after
-        assert self.last is not None
-        self.same = self.same + 1 if boot == self.last[0] else 0
-        self.last = (boot, self.first[1] + boot - self.first[0], now)
-        return self.last[1] + LITTLE * self.same
-
-    def without_message(self, now: float) -> float | None:
-        """Time if the vehicle's clock went on at its rate since the last message; None before the second."""
-        if self.first is None or self.last is None or self.last[2] <= self.first[2]:
-            return None
-        rate = (self.last[1] - self.first[1]) / (self.last[2] - self.first[2])
-        return self.last[1] + rate * (now - self.last[2])
+    airspeeds: Airspeeds = field(default_factory=Airspeeds)
 
 
 class Link:
@@ -191,31 +231,37 @@ class Link:
     ) -> None:
         if unknown := [kind for kind in settings.sends if kind not in KINDS]:
             raise ConfigError(f"--send {','.join(unknown)}: expected some of {', '.join(KINDS)}")
-        self.departure, self.settings = departure_time(time_zero, settings.departure), settings
+        departure = departure_time(time_zero, settings.departure)
+        # The wall clock is read once: its later steps are no time of flight.
+        self.departure = None if departure is None else departure - clock.time() + clock.monotonic()
+        self.settings = settings
         device, _, rate = address.partition(",")
         try:
             self.port = _mavutil().mavlink_connection(
-                device, baud=int(rate or 57600), dialect="all", source_system=255, autoreconnect=True
-            )
+                device, baud=int(rate or 57600), dialect="all", source_system=OURS[0],
+                source_component=OURS[1], autoreconnect=True,
+            )  # fmt: skip
         except (OSError, ValueError) as error:
             raise DataError(
                 f"{address}: cannot be opened ({error}); give an address such as udpin:127.0.0.1:14550"
             ) from None
         if settings.key:
             self.port.setup_signing(settings.key)
-        self.vehicle, self.typed = Vehicle(settings.system), typed
-        self.sender = Sender(self.port.mav, self.vehicle)
+        times = VehicleClock() if settings.own_clock else SteadyClock()
+        self.vehicle = Vehicle(settings.system, clock=times, airspeeds=settings.airspeeds)
+        self.typed, self.sender = typed, Sender(self.port.mav, self.vehicle)
         self.leg: tuple[int, int] | None = None  # the watch and its step whose heading was sent
-        self.beaten, self.prepared, self.known = -math.inf, False, 0
-        self.clock = VehicleClock() if settings.own_clock else None
+        self.beaten, self.prepared, self.known, self.damaged = -math.inf, False, 0, False
+        self.notes: deque[Event] = deque()  # of what was sent on the ground
+        self.wind: Command | None = None  # the expected wind at the start
 
     def readings(self) -> Iterator[Reading]:
         """The readings of the vehicle; without any for a while, the time alone. Ctrl-C ends them."""
         if self.typed is not None:
             self.typed.start()
-        quiet = clock.time()
+        quiet = clock.monotonic()
         while True:
-            now = clock.time()
+            now = clock.monotonic()
             if self.settings.sends and now > self.beaten + BEAT:
                 self.beaten = now
                 self.port.mav.heartbeat_send(6, 8, 0, 0, 4)  # a ground station, active
@@ -228,64 +274,104 @@ class Link:
                 clock.sleep(REOPENING)
                 if hasattr(self.port, "reset"):  # a serial port; others are opened again by pymavlink
                     self.port.reset()
-            if message is not None and message.get_type() != "BAD_DATA":
-                self.departure = message._timestamp if self.departure is None else self.departure  # noqa: SLF001
-                if (reading := self.vehicle.reading(message, self.departure)) is not None:
-                    quiet = now
-                    yield replace(reading, time=self._time(now))
+            now = clock.monotonic()
+            if message is not None:
+                self.departure = now if self.departure is None else self.departure
+                if (reading := self._heard(message, now - self.departure)) is not None:
+                    quiet = quiet if reading.fault else now
+                    yield reading
             if self.departure is not None:
+                self._on_ground(now - self.departure)
+                time = self.vehicle.clock.without_message(now - self.departure)
                 while self.typed is not None and self.typed.fixes:
                     first, second, sd = self.typed.fixes.popleft()
-                    yield Reading(self._time(now), place=(first, second), sd=sd)
+                    yield Reading(time, place=(first, second), sd=sd)
                 if now > quiet + IDLE:
                     quiet = now
-                    own = None if self.clock is None else self.clock.without_message(now)
-                    yield Reading(now - self.departure if own is None else own)
+                    yield Reading(time, lost=self.vehicle.lost(time))
 
-    def _time(self, now: float) -> float:
-        """Seconds after departure of the last message."""
-        assert self.departure is not None
-        after = now - self.departure
-        return after if self.clock is None else self.clock.of_message(self.vehicle.boot, now, after)
+    def _heard(self, message: Any, arrival: float) -> Reading | None:
+        """The reading of a message; one that is damaged is counted."""
+        again, self.damaged = self.damaged, message.get_type() == "BAD_DATA"
+        if self.damaged:
+            return None if again else Reading(math.nan, fault=DAMAGED)
+        return self.vehicle.reading(message, arrival)
+
+    @property
+    def now(self) -> float:
+        """Seconds after departure by our clock; before the first message of ``--departure now``, 0."""
+        return 0.0 if self.departure is None else clock.monotonic() - self.departure
 
     # --- sending ---
 
     def answers(self, watch: Watch, event: Event) -> Iterator[Event]:
         """Send what follows from an event; yields what was sent, and alarms about it."""
         time, sends = event["time"], self.settings.sends
-        for kind, text in self.sender.checked():
-            yield alarm(time, kind, text)
+        if event["event"] == "begin" and "wind" in sends:
+            self.wind = wind_command(watch.wind_now(watch.belief.estimate()))
+        while self.notes:
+            yield self.notes.popleft() | {"time": time}
+        yield from self._heard_of(time)
+        if not self.vehicle.heard or not sends:
+            return
+        if event["event"] == "status":
+            yield from self._sent(at_status(trusted(sends, watch, time), event), time)
+        leg = (id(watch), watch.belief.step)
+        if event["event"] in ("flown", "status") and leg != self.leg and not watch.over:
+            if not self.vehicle.guided or self.now > self.vehicle.beaten + STALE:
+                return  # no mode is changed: headings follow once the pilot has chosen GUIDED
+            self.leg = leg
+            factor = self.vehicle.airspeeds.calibrated(1.0, time)
+            yield from self._sent(at_leg(sends, watch.plan, watch.belief.step, factor), time)
+
+    def _heard_of(self, time: float) -> Iterator[Event]:
+        """What the autopilot has answered, and alarms about its answers, its clock and other vehicles."""
+        for command, result in self.sender.answers():
+            name = NAMES.get(command, command)
+            if result != ACCEPTED:
+                yield alarm(time, "refused", f"the autopilot refuses {name} (result {result})")
+            elif text := self.sender.explanation(command):
+                yield event_of("answered", time, text=text, command=command, result=result)
+        for command in self.sender.unanswered(clock.monotonic()):
+            text = f"the autopilot does not acknowledge {NAMES[command]} within {TRIES * PATIENCE:g} s"
+            yield alarm(time, "unacknowledged", text)
+        while self.vehicle.clock.jumps:
+            jump = self.vehicle.clock.jumps.pop(0)
+            yield alarm(time, "clock", f"the clock of the vehicle jumped by {jump:+.0f} s: ours counts")
         if len(self.vehicle.strangers) > self.known:
             self.known = len(self.vehicle.strangers)
             others = ", ".join(map(str, sorted(self.vehicle.strangers)))
             text = f"vehicle {self.vehicle.system} is followed; others on this link are ignored: {others}"
             yield alarm(time, "vehicles", text)
-        if not self.vehicle.heard or not sends:
-            return
-        if "prologue" in sends and not self.prepared:
-            yield from self._prologue(time)
-        if event["event"] == "status":
-            yield from self._sent(at_status(sends, event), time)
-        leg = (id(watch), watch.belief.step)
-        if event["event"] in ("flown", "status") and leg != self.leg and not watch.over:
-            if not self.vehicle.guided or clock.time() > self.vehicle.beaten + STALE:
-                return  # no mode is changed: headings follow once the pilot has chosen GUIDED
-            self.leg = leg
-            yield from self._sent(at_leg(sends, watch), time)
 
-    def _prologue(self, time: float) -> Iterator[Event]:
-        """Origin, home and position of an aeroplane of ArduPilot that reports no satellite fix, once."""
-        vehicle = self.vehicle
-        if not vehicle.plane or vehicle.satellites is not False or clock.time() > vehicle.beaten + STALE:
+    def _on_ground(self, now: float) -> None:
+        """Send once, before the take-off, what the autopilot must know then.
+
+        These are origin, home and position for an aeroplane of ArduPilot that reports no satellite fix, and
+        the expected wind at the start, which PX4 takes on the ground only.
+        """
+        vehicle, sends = self.vehicle, self.settings.sends
+        if self.prepared or not {"prologue", "wind"} & {*sends} or not vehicle.heard:
+            return
+        if now > vehicle.beaten + STALE:
+            return
+        if "prologue" in sends and vehicle.plane and vehicle.satellites is None:
+            return  # it has not reported yet whether it has satellites
+        if vehicle.armed:
+            self.prepared = True
+            if "prologue" in sends and vehicle.plane and not vehicle.satellites:
+                text = "the vehicle is armed already: origin, home and position are not sent"
+                self.notes.append(alarm(now, "prologue", text))
             return
         self.prepared = True
-        if vehicle.armed:
-            text = "the vehicle is armed already: origin, home and position are not sent; set them by hand"
-            yield alarm(time, "prologue", text)
-            return
-        yield from self._sent(((f"{message['name']}", message) for message in self.settings.prologue), time)
+        messages = list[Command]()
+        if "prologue" in sends and vehicle.plane and not vehicle.satellites:
+            messages += [(f"{message['name']}", message) for message in self.settings.prologue]
+        if self.wind is not None:
+            messages.append(self.wind)
+        self.notes += self._sent(iter(messages), now)
 
-    def _sent(self, messages: Iterator[tuple[str, dict[str, Any]]], time: float) -> Iterator[Event]:
+    def _sent(self, messages: Iterator[Command], time: float) -> Iterator[Event]:
         for text, message in messages:
-            self.sender.send(message)
+            self.sender.send(message, clock.monotonic())
             yield event_of("sent", time, text=text, command=message.get("command"))

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.inflight.rules import Event, alarm, event_of
 from pareto_ltl.inflight.telemetry import Typed
-from pareto_ltl.inflight.watch import Event, Watch, alarm, event_of
+from pareto_ltl.inflight.watch import Watch
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.files import write_csv
 

@@ -12,24 +12,28 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.atmosphere import true_airspeed
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.world.windows import seconds_after
 
-NEEDED = ("time", "heading_true", "airspeed_m_s")
+NEEDED = ("time", "heading_true")
+TRUE, CALIBRATED = "airspeed_tas_m_s", "airspeed_cas_m_s"  # columns of the two airspeeds
+SHORT = {TRUE: "airspeed_tas", CALIBRATED: "airspeed_cas"}  # without the unit, which is the same
 PLACES = {True: ("lat", "lon"), False: ("x", "y")}  # by whether the map is on Earth
 SD = "fix_sd_m"
 FASTEST = 1.5  # of the largest airspeed of the robot: a faster reading is an error
 JUMP = 3600.0  # [s] a reading so much later than the last one is a jump of the clock until a second agrees
 MICROSECONDS = 6  # decimal places of times [s]
+LATE = 1.0  # [s] a position may be older than the last reading: its error grows by the way flown since
 LEAST_SD, MOST_SD = 0.01, 1e6  # [m] of a usable fix
 
 
@@ -42,7 +46,7 @@ class Reading:
     time : float
         Seconds after departure.
     heading, airspeed : float
-        True heading of the airspeed [deg] and its size [m/s]; NaN if they are not known.
+        True heading of the airspeed [deg] and the true airspeed [m/s]; NaN if they are not known.
     place : (float, float) or None
         Measured latitude and longitude [deg], or x and y [m] on a map without a place on Earth.
     sd : float
@@ -52,6 +56,10 @@ class Reading:
         reported, and not used.
     battery : float
         Share of the energy that the autopilot believes is left.
+    lost : tuple of str
+        Signals that were older than 2 s: ``heading``, ``airspeed``.
+    fault : str
+        Why a record could not be used; it has no time then.
     """
 
     time: float
@@ -61,11 +69,16 @@ class Reading:
     sd: float = math.nan
     wind: tuple[float, float] | None = None
     battery: float = math.nan
+    lost: tuple[str, ...] = ()
+    fault: str = ""
 
 
 @dataclass(slots=True)
 class Sieve:
     """Passes the usable readings of a stream on, in order of time; ``refused`` counts the others by fault.
+
+    Several readings may have one time: only one that is the same in all values is doubled. A position that is
+    a little late is passed on at the time of the last reading.
 
     Parameters
     ----------
@@ -77,23 +90,32 @@ class Sieve:
     refused: Counter[str] = field(default_factory=Counter)
     last: float = -math.inf
     ahead: float | None = None
+    known: set[str] = field(default_factory=set)  # readings of the last time
 
     def usable(self, readings: Iterable[Reading]) -> Iterator[Reading]:
         """The usable readings; a reading with a wrong place or airspeed keeps its other values."""
         for reading in readings:
-            if reading.time is None or not math.isfinite(reading.time):
-                self.refused["no time"] += 1
+            if reading.fault or reading.time is None or not math.isfinite(reading.time):
+                self.refused[reading.fault or "no time"] += 1
                 continue
             time = round(reading.time, MICROSECONDS)  # so that the parts of a step add up to it
-            if time <= self.last:
-                self.refused["doubled" if time == self.last else "late"] += 1
+            text = repr(replace(reading, time=time))
+            if time < self.last:
+                if reading.place is None or time < self.last - LATE:
+                    self.refused["late"] += 1
+                    continue
+                yield Reading(self.last, math.nan, math.nan, *self._fix(reading, self.last - time))
+            elif time == self.last and text in self.known:
+                self.refused["doubled"] += 1
             elif self._jumps(time):
                 self.refused["clock jumps ahead"] += 1
             else:
+                self.known = {text} if time > self.last else {*self.known, text}
                 self.last, self.ahead = time, None
                 wind = reading.wind if reading.wind and all(map(math.isfinite, reading.wind)) else None
                 battery = reading.battery if 0.0 <= reading.battery <= 1.0 else math.nan
-                yield Reading(time, *self._motion(reading), *self._fix(reading), wind, battery)
+                motion, fix = self._motion(reading), self._fix(reading)
+                yield Reading(time, *motion, *fix, wind, battery, reading.lost)
 
     def _jumps(self, time: float) -> bool:
         """Whether ``time`` is far ahead of the last one, and no reading before it was as far ahead."""
@@ -115,19 +137,23 @@ class Sieve:
             return heading % 360.0, airspeed
         return math.nan, math.nan
 
-    def _fix(self, reading: Reading) -> tuple[tuple[float, float] | None, float]:
+    def _fix(self, reading: Reading, late: float = 0.0) -> tuple[tuple[float, float] | None, float]:
+        """The place and its standard deviation [m], with the way that can be flown while it was ``late``."""
         if reading.place is None:
             return None, math.nan
         if not all(map(math.isfinite, reading.place)) or not LEAST_SD <= reading.sd <= MOST_SD:
             self.refused["position"] += 1
             return None, math.nan
-        return reading.place, reading.sd
+        return reading.place, math.hypot(reading.sd, FASTEST * self.u_max * late)
 
 
-def read_log(path: Path, time_zero: str | None, *, on_earth: bool) -> Iterator[Reading]:
+def read_log(
+    path: Path, time_zero: str | None, *, on_earth: bool, density_ratio: float = 1.0
+) -> Iterator[Reading]:
     """The readings of a table, as they come; UTC counts from the departure ``time_zero``.
 
-    The columns are ``time,heading_true,airspeed_m_s`` and, where the position was measured,
+    The columns are ``time,heading_true``, one of ``airspeed_tas_m_s`` (true) and ``airspeed_cas_m_s``
+    (calibrated; ``density_ratio`` is ρ / ρ0 of its air) and, where the position was measured,
     ``lat,lon,fix_sd_m`` (or ``x,y,fix_sd_m``).
 
     Raises
@@ -139,17 +165,31 @@ def read_log(path: Path, time_zero: str | None, *, on_earth: bool) -> Iterator[R
     try:
         with path.open(encoding="utf-8", errors="replace", newline="") as file:
             rows = csv.DictReader(file)
-            names = [str(name).strip() for name in rows.fieldnames or ()]
-            if missing := [name for name in NEEDED if name not in names]:
-                raise DataError(
-                    f"{path}: no column {', '.join(missing)}; expected {','.join(NEEDED)} in the first line "
-                    f"and, for measured positions, {','.join((*PLACES[on_earth], SD))}"
-                )
-            rows.fieldnames = names
+            rows.fieldnames = names = [str(name).strip() for name in rows.fieldnames or ()]
+            airspeed = _airspeed_column(path, names, PLACES[on_earth])
+            factor = 1.0 if airspeed in (TRUE, SHORT[TRUE]) else true_airspeed(1.0, density_ratio)
             for row in rows:
-                yield _reading(row, PLACES[on_earth], time_zero)
+                yield _reading(row, airspeed, factor, PLACES[on_earth], time_zero)
     except (OSError, csv.Error) as error:
         raise DataError(f"{path}: cannot be read ({error}); give a CSV file of telemetry") from None
+
+
+def _airspeed_column(path: Path, names: Sequence[str], places: Sequence[str]) -> str:
+    """The column of the airspeed; DataError if its kind is not known, or another column is missing."""
+    found = [name for name in (*SHORT, *SHORT.values()) if name in names]
+    if missing := [name for name in NEEDED if name not in names]:
+        raise DataError(
+            f"{path}: no column {', '.join(missing)}; expected {','.join((*NEEDED, TRUE))} (or {CALIBRATED}) "
+            f"in the first line and, for measured positions, {','.join((*places, SD))}"
+        )
+    if len(found) != 1:
+        unknown = [name for name in names if "airspeed" in name]
+        have = f"an airspeed of unknown kind, {shown_value(unknown[0])}" if unknown else "no airspeed"
+        raise DataError(
+            f"{path}: {'two airspeeds' if found else have}; give one column, {TRUE} if it is the true "
+            f"airspeed, or {CALIBRATED} if it is calibrated, as of a pitot tube or of VFR_HUD"
+        )
+    return found[0]
 
 
 def read_places(path: Path, time_zero: str | None, *, on_earth: bool) -> tuple[FloatArray, FloatArray]:
@@ -188,7 +228,9 @@ def _seconds(text: str, time_zero: str | None) -> float:
         return math.nan
 
 
-def _reading(row: dict[str, str], places: Sequence[str], time_zero: str | None) -> Reading:
+def _reading(
+    row: dict[str, str], airspeed: str, factor: float, places: Sequence[str], time_zero: str | None
+) -> Reading:
     def number(name: str) -> float:
         try:
             return float(row.get(name) or "nan")
@@ -198,7 +240,7 @@ def _reading(row: dict[str, str], places: Sequence[str], time_zero: str | None) 
     place = (number(places[0]), number(places[1])) if (row.get(places[0]) or "").strip() else None
     return Reading(
         _seconds((row.get("time") or "").strip(), time_zero), number("heading_true"),
-        number("airspeed_m_s"), place, number(SD),
+        factor * number(airspeed), place, number(SD),
     )  # fmt: skip
 
 

@@ -1,36 +1,40 @@
-"""What an autopilot reports by MAVLink messages and in ArduPilot's logs, and the commands for it.
+"""What an autopilot reports by MAVLink messages and in ArduPilot's logs.
 
-A position is trusted from a satellite receiver that reports a fix in three dimensions, from odometry of a
-camera or lidar with its covariance, and from an external estimate that somebody else sends to the vehicle.
-The position that an autopilot estimates without satellites is not a measurement. Commands are acknowledged,
-and sent again where they are not. Nothing here arms, disarms or changes a mode.
+Sensors count from the component of the autopilot only: a gimbal or a companion computer has an attitude and a
+receiver too. A position is trusted from a satellite receiver that reports a fix in three dimensions, from
+odometry of a camera or lidar with its covariance, and from an external estimate that somebody else sends to
+the vehicle. What an autopilot believes of its position without satellites is no measurement, nor is what this
+program has sent and a router sends back. A heading or an airspeed older than :data:`AGE` is not flown.
 """
 
 from __future__ import annotations
 
 import math
-import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from pareto_ltl.exports import mavlink
+from pareto_ltl.inflight.airspeeds import Airspeeds
+from pareto_ltl.inflight.clocks import ODD, Clock, SteadyClock
 from pareto_ltl.inflight.telemetry import Reading
-from pareto_ltl.inflight.watch import ELLIPSE, Event, Watch
-from pareto_ltl.world.projection import to_geographic
-from pareto_ltl.world.scene import Scene
 
 GUIDED = 15  # custom mode of ArduPlane in which it takes headings and airspeeds
 FIX_3D, NO_AUTOPILOT = 3, 8  # GPS_FIX_TYPE_3D_FIX, MAV_AUTOPILOT_INVALID
-ARDUPILOT = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
+ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_PX4
 AEROPLANES = (1, *range(19, 26))  # MAV_TYPE of ArduPlane: fixed wings, and those that take off vertically
+NO_VEHICLES = (6, 18, 26, 27, 30)  # MAV_TYPE: ground station, companion computer, gimbal, ADS-B, camera
+AUTOPILOT1 = 1  # MAV_COMP_ID_AUTOPILOT1
+OURS = (255, 25)  # system and component that we send as: a ground station, MAV_COMP_ID_USER1
 ARMED = 128  # bit of base_mode
 USUAL_SD = 5.0  # [m] of a satellite fix without an accuracy
 MEASURED = (2, 3, 4, 6, 7)  # MAV_ESTIMATOR_TYPE: vision, vision with inertia, GPS, motion capture, lidar
 LOCAL_NED = 1  # MAV_FRAME with its axes to north and east
 EARTH = 6_371_008.8  # [m] mean radius, for the few kilometres of odometry
+AGE = 2.0  # [s] above which a heading or an airspeed is not flown any longer
+SIGNALS = ("heading", "airspeed")
+REPEATS = 100  # messages of a component among which one is looked for again; their numbers repeat after 256
 
 Values = dict[str, Any]
 
@@ -40,7 +44,8 @@ def _receiver(message: Any) -> Values:
         return {"satellites": False}
     accuracy = float(getattr(message, "h_acc", 0) or 0) / 1e3
     place = (message.lat / mavlink.DEGREE, message.lon / mavlink.DEGREE)
-    return {"satellites": True, "place": place, "sd": accuracy or USUAL_SD}
+    at = (message.time_usec, place) if message.time_usec else None
+    return {"satellites": True, "place": place, "sd": accuracy or USUAL_SD, "measured": at}
 
 
 def _logged_receiver(message: Any) -> Values:
@@ -54,14 +59,17 @@ def _odometry(message: Any) -> Values:
     variance = message.pose_covariance[0], message.pose_covariance[6]  # of north and east
     if message.estimator_type not in MEASURED or message.frame_id != LOCAL_NED or not min(variance) > 0.0:
         return {}
-    return {"north_east": (message.x, message.y), "sd": math.sqrt(0.5 * sum(variance))}
+    at = (message.time_usec, message.x, message.y) if message.time_usec else None
+    return {"north_east": (message.x, message.y), "sd": math.sqrt(0.5 * sum(variance)), "measured": at}
 
 
 def _external(message: Any) -> Values:
     """The position of a command ``EXTERNAL_POSITION_ESTIMATE``, with its standard deviation."""
     if message.command != mavlink.POSITION_ESTIMATE or message.frame != mavlink.GLOBAL:
         return {}
-    return {"place": (message.x / mavlink.DEGREE, message.y / mavlink.DEGREE), "sd": float(message.param3)}
+    place = (message.x / mavlink.DEGREE, message.y / mavlink.DEGREE)
+    at = (message.param1, place) if message.param1 else None
+    return {"place": place, "sd": float(message.param3), "measured": at}
 
 
 def _charge(message: Any) -> Values:
@@ -72,6 +80,7 @@ def _charge(message: Any) -> Values:
 MESSAGES: dict[str, Callable[[Any], Values]] = {
     "VFR_HUD": lambda message: {"airspeed": float(message.airspeed)},
     "ATTITUDE": lambda message: {"heading": math.degrees(message.yaw) % 360.0},
+    "SCALED_PRESSURE": lambda message: {"pressure": 100.0 * float(message.press_abs)},
     "GPS_RAW_INT": _receiver,
     "ODOMETRY": _odometry,
     "GPS_GLOBAL_ORIGIN": lambda message: {
@@ -82,8 +91,10 @@ MESSAGES: dict[str, Callable[[Any], Values]] = {
     "BATTERY_STATUS": _charge,
     "ARSP": lambda message: {"airspeed": float(message.Airspeed)},
     "ATT": lambda message: {"heading": float(message.Yaw) % 360.0},
+    "BARO": lambda message: {"pressure": float(message.Press)},
     "GPS": _logged_receiver,
 }  # of MAVLink, and of ArduPilot's logs
+OTHERS = ("HEARTBEAT", "COMMAND_ACK", "COMMAND_INT")
 
 
 @dataclass(slots=True)
@@ -95,67 +106,163 @@ class Vehicle:
     system, component : int
         Numbers of the vehicle; ``system`` 0: the first autopilot that is ``heard``.
     guided, armed, plane : bool
-        As reported by the heartbeat at ``beaten`` [Unix time, s].
+        As reported by the heartbeat at ``beaten`` [s after departure, by our clock].
+    autopilot : int
+        MAV_AUTOPILOT.
     satellites : bool or None
         Whether its receiver has a fix; None: it has not reported this yet.
-    boot : float
-        Time of the vehicle [s], from its last message with a time.
+    clock : Clock
+        Tells the times of messages.
+    airspeeds : Airspeeds
+        Turns its airspeeds into true ones.
     strangers : set of int
         Other vehicles on the same link, which are ignored.
+    signals : dict of str to float
+        When heading and airspeed were measured last [s after departure].
     """
 
     system: int = 0
     component: int = 0
+    clock: Clock = field(default_factory=SteadyClock)
+    airspeeds: Airspeeds = field(default_factory=Airspeeds)
     heard: bool = False
     guided: bool = False
     beaten: float = -math.inf
     heading: float = math.nan
     armed: bool = False
     plane: bool = False
+    autopilot: int = 0
     satellites: bool | None = None
     origin: tuple[float, float] | None = None
-    boot: float = math.nan
+    signals: dict[str, float] = field(default_factory=dict)
     acknowledged: list[tuple[int, int]] = field(default_factory=list)
     strangers: set[int] = field(default_factory=set)
+    recent: dict[tuple[int, int], deque[bytes]] = field(default_factory=dict)
+    newest: dict[str, float] = field(default_factory=dict)  # time of the vehicle of the last of each kind [s]
+    measured: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # the last position of each source
 
-    def reading(self, message: Any, departure: float) -> Reading | None:
-        """The reading of a message of this vehicle, or of a position that somebody sends to it; else None."""
-        kind, source = message.get_type(), (0, 0)
-        if hasattr(message, "get_srcSystem"):  # logs that ArduPilot writes itself are of one vehicle
-            source = message.get_srcSystem(), message.get_srcComponent()
-        time = message._timestamp - departure  # noqa: SLF001
-        if kind == "COMMAND_INT" and message.target_system in (0, self.system) and self.heard:
-            return self._reading(_external(message), time)
-        if kind == "HEARTBEAT" and message.autopilot != NO_AUTOPILOT:
-            if not self.heard and self.system in (0, source[0]):
-                (self.system, self.component), self.heard = source, True
-            elif source[0] != self.system:
-                self.strangers.add(source[0])
-        if source[0] != self.system:  # nothing is known of a vehicle before its first heartbeat
+    def reading(self, message: Any, arrival: float) -> Reading | None:
+        """The reading of a message of this vehicle, or of a position that somebody sends to it; else None.
+
+        ``arrival`` is when it came [s after departure].
+        """
+        kind = message.get_type()
+        if kind not in MESSAGES and kind not in OTHERS:
             return None
-        if kind == "HEARTBEAT" and source == (self.system, self.component):
+        if not hasattr(message, "get_srcSystem"):  # logs that ArduPilot writes itself are of one vehicle
+            second = getattr(message, "I", 0) != 0  # instance of a sensor
+            return None if second else self._of_autopilot(message, kind, arrival)
+        source = message.get_srcSystem(), message.get_srcComponent()
+        if source == OURS:
+            return None
+        if self._repeated(message, source):
+            return Reading(math.nan, fault="doubled")
+        if kind == "COMMAND_INT":
+            return self._estimate(message, source, arrival)
+        if kind == "HEARTBEAT":
+            self._choose(message, source)
+        if not self.heard or source != (self.system, self.component):
+            return None  # nothing is known of a vehicle before its first heartbeat
+        if kind == "HEARTBEAT":
+            self.autopilot = message.autopilot
             self.plane = message.autopilot == ARDUPILOT and message.type in AEROPLANES
             self.armed = bool(message.base_mode & ARMED)
             self.guided = self.plane and message.custom_mode == GUIDED and self.armed
-            self.beaten = message._timestamp  # noqa: SLF001
-        if hasattr(message, "time_boot_ms"):
-            self.boot = message.time_boot_ms / 1e3
-        if kind == "COMMAND_ACK":
+            self.beaten = arrival
+        if kind == "COMMAND_ACK" and getattr(message, "target_system", 0) in (0, OURS[0]):
             self.acknowledged.append((message.command, message.result))
-        return self._reading(MESSAGES[kind](message), time) if kind in MESSAGES else None
+        return self._of_autopilot(message, kind, arrival)
 
-    def _reading(self, values: Values, time: float) -> Reading | None:
-        for name in ("heading", "satellites", "origin"):
+    # --- whose message it is ---
+
+    def _choose(self, message: Any, source: tuple[int, int]) -> None:
+        """Take the first autopilot that is heard; of several of one vehicle, its first autopilot."""
+        if message.autopilot == NO_AUTOPILOT or message.type in NO_VEHICLES:
+            return
+        if not self.heard and self.system in (0, source[0]):
+            (self.system, self.component), self.heard = source, True
+        elif source[0] != self.system:
+            self.strangers.add(source[0])
+        elif source[1] == AUTOPILOT1:
+            self.component = AUTOPILOT1
+
+    def _repeated(self, message: Any, source: tuple[int, int]) -> bool:
+        """Whether the same bytes with the same number have come from ``source`` a moment ago."""
+        data = message.get_msgbuf()
+        if not data:
+            return False
+        recent = self.recent.setdefault(source, deque(maxlen=REPEATS))
+        if (data := bytes(data)) in recent:
+            return True
+        recent.append(data)
+        return False
+
+    # --- what it says ---
+
+    def _estimate(self, message: Any, source: tuple[int, int], arrival: float) -> Reading | None:
+        """The position of a command to this vehicle."""
+        theirs = message.target_system in (0, self.system) and message.target_component in (0, self.component)
+        if not self.heard or not theirs:
+            return None
+        time = self.clock.of_message(math.nan, arrival)
+        assert time is not None  # without a time of the vehicle
+        return self._place(_external(message), time, (*source, "COMMAND_INT"), ())
+
+    def _of_autopilot(self, message: Any, kind: str, arrival: float) -> Reading | None:
+        """The reading of a message of the autopilot."""
+        boot, jumps = _boot(message), len(self.clock.jumps)
+        time = self.clock.of_message(boot, arrival)
+        if time is None:
+            return Reading(math.nan, fault="old, or of another clock")
+        if len(self.clock.jumps) > jumps:
+            self.newest.clear()
+        if kind in MESSAGES and self.newest.get(kind, -math.inf) - ODD < boot <= self.newest.get(kind, -1.0):
+            return Reading(math.nan, fault="doubled")
+        self.newest[kind] = boot
+        for name in SIGNALS:
+            self.signals.setdefault(name, time)
+        lost, values = self.lost(time), MESSAGES[kind](message) if kind in MESSAGES else {}
+        for name in ("satellites", "origin"):
             setattr(self, name, values.get(name, getattr(self, name)))
+        if "pressure" in values:
+            self.airspeeds.take_pressure(values["pressure"], time)
         if "north_east" in values and self.origin is not None:
             values["place"] = beside(self.origin, *values["north_east"])
+        for name in SIGNALS:
+            if math.isfinite(values.get(name, math.nan)):
+                self.signals[name] = time
+        self.heading = values.get("heading", self.heading)
         if "place" in values:
-            return Reading(time, place=values["place"], sd=values["sd"])
-        if "airspeed" in values and math.isfinite(self.heading):
-            return Reading(time, self.heading, values["airspeed"])
-        if "wind" in values or "battery" in values:
-            return Reading(time, wind=values.get("wind"), battery=values.get("battery", math.nan))
+            return self._place(values, time, (kind,), lost)
+        if "airspeed" in values and "heading" not in self.lost(time) and math.isfinite(self.heading):
+            airspeed = self.airspeeds.true(values["airspeed"], time)
+            return Reading(time, self.heading, airspeed, lost=lost)
+        if "wind" in values or "battery" in values or lost:
+            return Reading(
+                time, wind=values.get("wind"), battery=values.get("battery", math.nan), lost=self.lost(time)
+            )
         return None
+
+    def lost(self, time: float) -> tuple[str, ...]:
+        """The signals that are older than :data:`AGE` at ``time``."""
+        return tuple(name for name in SIGNALS if time - self.signals.get(name, time) > AGE)
+
+    def _place(
+        self, values: Values, time: float, source: tuple[Any, ...], lost: tuple[str, ...]
+    ) -> Reading | None:
+        """The reading of a position; one that the same sensor has measured at the same time is doubled."""
+        if "place" not in values:
+            return None
+        if values.get("measured") is not None and self.measured.get(source) == values["measured"]:
+            return Reading(math.nan, fault="doubled")
+        self.measured[source] = values.get("measured")
+        return Reading(time, place=values["place"], sd=values["sd"], lost=lost)
+
+
+def _boot(message: Any) -> float:
+    """Time of the vehicle of a message [s]; NaN if it has none: senders without a clock write 0."""
+    milliseconds = getattr(message, "time_boot_ms", 0) or 1e-3 * getattr(message, "TimeUS", 0)
+    return milliseconds / 1e3 if milliseconds > 0 else math.nan
 
 
 def beside(origin: tuple[float, float], north: float, east: float) -> tuple[float, float]:
@@ -165,120 +272,3 @@ def beside(origin: tuple[float, float], north: float, east: float) -> tuple[floa
         lat + math.degrees(north / EARTH),
         lon + math.degrees(east / (EARTH * math.cos(math.radians(lat)))),
     )
-
-
-# --- commands -----------------------------------------------------------------------------------
-
-
-KINDS = ("wind", "heading", "speed", "position", "prologue")
-ACCEPTED = (0, 5)  # MAV_RESULT_ACCEPTED, MAV_RESULT_IN_PROGRESS
-TRIES, PATIENCE = 3, 2.0  # how often a command is sent, and seconds to wait for its acknowledgement
-
-
-@dataclass(slots=True)
-class Waiting:
-    """A command that is not acknowledged yet."""
-
-    message: dict[str, Any]
-    tries: int
-    since: float
-
-
-class Sender:
-    """Sends commands to ``vehicle`` through ``mav``, an encoder of pymavlink.
-
-    A command is an object of ``mavlink_script.json``: ``command`` and ``params``, with ``x``, ``y`` and ``z``
-    for a COMMAND_INT.
-    """
-
-    def __init__(self, mav: Any, vehicle: Vehicle) -> None:
-        self.mav, self.vehicle = mav, vehicle
-        self.waiting: dict[int, Waiting] = {}
-
-    def send(self, message: dict[str, Any]) -> None:
-        """Send a command for the first time; one of the same kind is not waited for any longer."""
-        self._encode(message, 0)
-        if message.get("message") != mavlink.SET_ORIGIN:  # which has no acknowledgement
-            self.waiting[message["command"]] = Waiting(message, 1, clock.time())
-
-    def _encode(self, message: dict[str, Any], confirmation: int) -> None:
-        target = (self.vehicle.system, self.vehicle.component)
-        z = math.nan if message.get("z") is None else float(message["z"])
-        if message.get("message") == mavlink.SET_ORIGIN:
-            self.mav.set_gps_global_origin_send(target[0], message["x"], message["y"], round(1e3 * z))
-        elif "x" in message:
-            place = (message["x"], message["y"], z)
-            self.mav.command_int_send(
-                *target, mavlink.GLOBAL, message["command"], 0, 0, *message["params"], *place
-            )
-        else:
-            self.mav.command_long_send(*target, message["command"], confirmation, *message["params"])
-
-    def checked(self) -> Iterator[tuple[str, str]]:
-        """Take acknowledgements, and send again what has none; yields kinds and texts of alarms."""
-        while self.vehicle.acknowledged:
-            command, result = self.vehicle.acknowledged.pop()
-            if self.waiting.pop(command, None) is not None and result not in ACCEPTED:
-                yield (
-                    "refused",
-                    f"the autopilot refuses {mavlink.NAMES.get(command, command)} (result {result})",
-                )
-        for command, one in list(self.waiting.items()):
-            if clock.time() < one.since + PATIENCE:
-                continue
-            if one.tries < TRIES:
-                self._encode(one.message, one.tries)
-                one.tries, one.since = one.tries + 1, clock.time()
-                continue
-            del self.waiting[command]
-            yield (
-                "unacknowledged",
-                f"the autopilot does not acknowledge {mavlink.NAMES[command]}, sent {TRIES} times",
-            )
-
-
-def prologue_of(scene: Scene, ground: float) -> tuple[dict[str, Any], ...]:
-    """Origin, home and position at the start of ``scene``, ``ground`` [m] above mean sea level."""
-    assert scene.crs is not None
-    lon, lat = to_geographic(scene.crs, scene.start[None])
-    return tuple(
-        message | {"z": ground if "z" in message["fill_in"] else None}
-        for message in mavlink.prologue(float(lat[0]), float(lon[0]), mavlink.LEAST_SD)
-    )
-
-
-# --- what is sent ---------------------------------------------------------------------------------
-
-
-def at_status(sends: Sequence[str], event: Event) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Text and command of the wind and the position that a status reports."""
-    if "wind" in sends:
-        speed, sd, come_from = math.hypot(*event["wind"]), event["wind_sd"], event["wind_from"]
-        doubt = min(math.degrees(math.atan2(sd, max(speed, 1e-6))), 180.0)
-        text = f"wind {come_from:03.0f}/{speed:.1f} m/s, sd {sd:.1f} m/s and {doubt:.0f} deg"
-        yield text, {"command": mavlink.WIND_ESTIMATE, "params": [speed, sd, come_from, doubt, 0, 0, 0]}
-    if "position" in sends:
-        sd = math.sqrt(0.5 * (event["major"] ** 2 + event["minor"] ** 2)) / ELLIPSE
-        yield f"position estimate, sd {sd:.0f} m", {
-            "command": mavlink.POSITION_ESTIMATE, "params": [event["time"], 0.0, sd, 0.0],
-            "x": round(event["lat"] * mavlink.DEGREE), "y": round(event["lon"] * mavlink.DEGREE),
-        }  # fmt: skip
-
-
-def at_leg(sends: Sequence[str], watch: Watch) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Text and command of the airspeed and the heading of the step that the watch is in."""
-    step, navigation = watch.belief.step, watch.plan.navigation
-    east, north = watch.plan.path.u[step]
-    if "speed" in sends:
-        u = float(np.hypot(east, north))
-        yield (
-            f"airspeed {u:.1f} m/s",
-            {"command": mavlink.CHANGE_SPEED, "params": [mavlink.AIRSPEED, u, mavlink.AT_ONCE, 0, 0, 0, 0]},
-        )
-    if "heading" in sends:
-        heading = math.degrees(math.atan2(east, north)) % 360.0  # on a map without a place on Earth
-        if navigation is not None and navigation.heading_true is not None:
-            heading = float(navigation.heading_true[step])
-        if math.isfinite(heading):
-            params = [mavlink.HEADING, heading, mavlink.TURN, 0, 0, 0, 0]
-            yield f"heading {heading:.0f} deg", {"command": mavlink.CHANGE_HEADING, "params": params}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,9 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.exports.ellipses import axes_of, ellipse_scale
-from pareto_ltl.inflight.belief import LAW, Belief
+from pareto_ltl.inflight.belief import LAW, Belief, Estimate
+from pareto_ltl.inflight.goals import BELIEVED, Goal, completed, planned_goals, reached
+from pareto_ltl.inflight.rules import ADVICE, Event, Rules, alarm, event_of
 from pareto_ltl.inflight.telemetry import MICROSECONDS, Reading, Sieve
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
@@ -19,19 +21,18 @@ from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.position_fixes import causes, chance, in_plane, on_map
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
+from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl.world.projection import meridian_convergence, to_geographic
 
-Event = dict[str, Any]  # ``event``, its kind, ``time`` [s after departure], and what belongs to its kind
 TICK = 1.0  # [s] at least, between two lines of what was flown
 SURPRISE = 4.0  # standard deviations above which a fix is an alarm and not used
 AGREEING = 3  # such fixes in a row that agree with each other are believed
 DRIFT = 3.0  # [m/s] by which the drift between two fixes may differ from the believed one
+WAITING = 10.0  # [s] between two events before the departure
 APART = 10.0  # [s] between two fixes that are used: the errors of closer ones are not independent
-RESERVE = 0.1  # share of a battery below which the end of the plan is an alarm
 DRAWN = 60  # flights of the rest that are drawn
-CORRIDOR = -2.0 * math.log(0.01)  # squared distance of two components that 99 % keep
 USES = {
     "refused": "it is not used",
     "restarted": f"{AGREEING} such fixes agree with each other: the position is believed from here, and what "
@@ -47,15 +48,17 @@ class WatchSettings:
     Attributes
     ----------
     every : float
-        Seconds between two statuses.
+        Seconds between two statuses, from which alarms follow.
     alarm : float
-        Failure rate of the rest of the plan above which an alarm is raised.
+        Failure rate of the rest of the plan above which an alarm is raised, and again where it doubles.
     members : int
         Simulated flights of the rest of the plan.
     silence : float
         Seconds without telemetry after which the controls of the plan are assumed.
     wind_age : float
         Age of the forecast [s] above which an alarm is raised.
+    lines : float
+        Seconds between two statuses that are shown to the pilot.
     """
 
     every: float = 60.0
@@ -63,6 +66,7 @@ class WatchSettings:
     members: int = 1000
     silence: float = 120.0
     wind_age: float = math.inf
+    lines: float = 600.0
 
     def __post_init__(self) -> None:
         if not 1.0 <= self.every <= 86_400.0:
@@ -73,16 +77,8 @@ class WatchSettings:
             raise ConfigError(f"--wind-age must be above 0 h, got {self.wind_age / 3600.0:g}")
         if not 50 <= self.members <= 100_000:
             raise ConfigError(f"--flights must be 50 to 100,000, got {self.members}")
-
-
-def event_of(event: str, time: float, /, **values: Any) -> Event:
-    """An event of a kind, at ``time`` [s after departure]."""
-    return {"event": event, "time": time} | values
-
-
-def alarm(time: float, kind: str, text: str) -> Event:
-    """The event of an alarm."""
-    return event_of("alarm", time, kind=kind, text=text)
+        if not 1.0 <= self.lines <= 86_400.0:
+            raise ConfigError(f"--every must be 1 to 86,400 s, got {self.lines:g}")
 
 
 class Watch:
@@ -102,12 +98,13 @@ class Watch:
         self.velocity: FloatArray | None = None  # through the air, by the last reading [m/s]
         self.pending, self.air, self.energy = 0.0, np.zeros(2), 0.0
         self.due, self.heard, self.last_fix = 0.0, 0.0, -math.inf
+        self.line_due = 0.0  # when a status is shown again [s]
+        self.waited = -math.inf  # time of the last event before the departure
+        self.goals, self.missed = list(planned_goals(problem, plan.path)), list[Goal]()
         self.suspects: list[tuple[float, FloatArray, FloatArray]] = []
         self.raised: set[str] = set()
-        self.issued = issued if math.isfinite(issued) else 0.0  # no older than the departure, at best
+        self.rules = Rules(self, issued if math.isfinite(issued) else 0.0)  # no older than the departure
         self.heard_wind: tuple[float, float] | None = None
-        self.battery = math.nan  # share left
-        self.charged = 0.0, math.nan  # when it was heard first, and what
         self.rest = np.empty((0, 1, 2)), np.empty(0, bool)  # flights of the last status, and which fail
         self.turn, self.turned = 0.0, -1  # meridian convergence [rad], and the step it was computed at
 
@@ -134,34 +131,71 @@ class Watch:
             if self.over:
                 break
         yield from self.flushed()
-        end = self.status() | {"event": "end", "refused": dict(self.sieve.refused)}
+        yield from self._passed_goals()
+        if self.sieve.refused:
+            yield event_of("unused", self.time, refused=dict(self.sieve.refused))
+        end = self.status() | {"event": "end", "refused": dict(self.sieve.refused), "over": self.over}
+        end["complete"] = completed(self.problem, self.belief)
         yield end | {"ahead": self._ahead()}
 
     def take(self, reading: Reading) -> Iterator[Event]:
         """The events of one usable reading."""
         if reading.time < 0.0:
             self.sieve.refused["before departure"] += 1
+            if reading.time >= self.waited + WAITING:
+                first, self.waited = not math.isfinite(self.waited), reading.time
+                yield event_of("waiting", 0.0, seconds=-reading.time, shown=first)
             return
         yield from self._fly_until(reading.time)
+        yield from self._passed_goals()
+        if reading.lost:
+            yield from self._lost(reading.lost)
         if math.isfinite(reading.heading):
             self.velocity, self.heard = reading.airspeed * self._direction(reading.heading), reading.time
-            self.raised.discard("silence")
+            self.raised -= {"silence", "signals"}
         self.heard_wind = reading.wind or self.heard_wind
         if math.isfinite(reading.battery):
-            if not math.isfinite(self.battery):
-                self.charged = reading.time, reading.battery
-            self.battery = reading.battery
+            self.rules.take_battery(reading.time, reading.battery)
         if reading.place is not None:
             yield from self._fix(reading.place, reading.sd)
         if self.time >= self.due:
             yield from self.flushed()
             yield from self._reported()
 
+    def _lost(self, signals: Sequence[str]) -> Iterator[Event]:
+        """An alarm about signals that are older than they may be."""
+        yield from self._alarm(
+            "signals", f"no {' and no '.join(signals)} for more than 2 s: the last ones are flown until "
+            f"{self.settings.silence:.0f} s have passed, then the controls of the plan; no estimate is sent",
+        )  # fmt: skip
+
+    def _passed_goals(self) -> Iterator[Event]:
+        """An event for each goal whose planned time has come; an alarm where the plan leaves it in vain."""
+        while self.goals and self.belief.step >= self.goals[0].step:
+            goal = self.goals.pop(0)
+            probability = reached(self.problem, self.belief, goal)
+            yield self._goal(goal, probability, late=False)
+            if probability < BELIEVED:
+                self.missed.append(goal)
+        for goal in self.missed:
+            kind = f"goal {goal.step}"
+            if self.belief.step >= goal.left and kind not in self.raised:
+                text = probability_text(reached(self.problem, self.belief, goal))
+                yield from self._alarm(
+                    kind, f"the plan leaves {goal.name}, which is reached with probability {text}"
+                )
+
+    def _goal(self, goal: Goal, probability: float, *, late: bool) -> Event:
+        planned = goal.step * self.problem.motion.dt
+        return event_of(
+            "goal", self.time, goal=list(goal.labels), planned=planned, probability=probability, late=late
+        )
+
     def _fly_until(self, time: float) -> Iterator[Event]:
         """Fly on, no longer than the plan, with the last known airspeed, or as planned in a long silence."""
         elapsed, velocity, silent = time - self._flown_until, self.velocity, time - self.heard
         if silent > self.settings.silence:
-            text = f"no telemetry for {silent:.0f} s: the controls of the plan are assumed"
+            text = f"no heading and airspeed for {silent:.0f} s: the controls of the plan are assumed"
             yield from self._alarm("silence", text)
             velocity = None
         if velocity is None:
@@ -223,6 +257,11 @@ class Watch:
                 self._believe(event)
             elif event["event"] == "status":
                 self.energy, self.due = event["energy"] or 0.0, event["time"] + self.settings.every
+                self.line_due = event["time"] + self.settings.lines if event["shown"] else self.line_due
+        while self.goals and self.belief.step >= self.goals[0].step:
+            goal = self.goals.pop(0)
+            if reached(self.problem, self.belief, goal) < BELIEVED:
+                self.missed.append(goal)
         self.sieve.last = self.heard = self.time
 
     # --- fixes ---
@@ -231,8 +270,11 @@ class Watch:
         place = in_plane(self.problem, *given)
         if place is None or not on_map(self.problem, place):
             self.sieve.refused["position off the map"] += 1
+            where = ",".join(f"{value:.4f}" for value in given)
+            none = ", as receivers report that have no position" if given == (0.0, 0.0) else ""
+            yield from self._alarm("map", f"a position fix at {where} is off the map{none}; it is not used")
             return
-        if self.time < self.last_fix + APART:
+        if self.time < max(self.last_fix, self.suspects[-1][0] if self.suspects else -math.inf) + APART:
             self.sieve.refused[f"position within {APART:g} s of the last"] += 1
             return
         yield from self.flushed()
@@ -248,10 +290,11 @@ class Watch:
             self.raised.discard("fix")
             yield from self._alarm(
                 "fix", f"a position fix lies {far:.1f} standard deviations from where {LAW} "
-                f"{self.medium.flows} allow the robot (probability {chance(far):.1g}); {USES[use]}; {why}",
+                f"{self.medium.flows} allow the robot (probability {chance(far):.1g}): {USES[use]}; {why}",
             )  # fmt: skip
         if self._believe(event):
-            self.due = self.time
+            self.due = self.line_due = self.time
+            self.raised -= {"map"} if far > SURPRISE else {"map", "fix"}
 
     def _believe(self, fix: Mapping[str, Any]) -> bool:
         """Give an event ``fix`` to the belief; returns whether it is used."""
@@ -276,54 +319,31 @@ class Watch:
     # --- what is reported ---
 
     def _alarm(self, kind: str, text: str) -> Iterator[Event]:
-        """An alarm of a kind, once until it ends."""
+        """An alarm of a kind with what can be done, once until it ends."""
         if kind not in self.raised:
             self.raised.add(kind)
-            yield alarm(self.time, kind, text)
+            name = kind.partition(" ")[0]
+            yield alarm(self.time, name, text, ADVICE[name])
 
     def _reported(self) -> Iterator[Event]:
         """A status, and the alarms that follow from it."""
-        status = self.status()
-        self.due = self.time + self.settings.every
+        status, now = self.status(), self.time
+        self.due = now + self.settings.every
+        if now >= self.line_due:
+            status["shown"], self.line_due = True, now + self.settings.lines
+        for goal in list(self.missed) if status["shown"] else []:
+            if (probability := reached(self.problem, self.belief, goal)) >= BELIEVED:
+                self.missed.remove(goal)
+                self.raised.discard(f"goal {goal.step}")
+                yield self._goal(goal, probability, late=True)
+            else:
+                status["missed"].append({"goal": list(goal.labels), "probability": probability})
         yield status
-        rules = {
-            "energy": self._energy_fault(status),
-            "age": (
-                self.time - self.issued > self.settings.wind_age,
-                f"the forecast is {(self.time - self.issued) / 3600.0:.1f} h old, more than "
-                f"{self.settings.wind_age / 3600.0:g} h: plan again with a newer one",
-            ),
-            "corridor": (
-                status["corridor"] ** 2 > CORRIDOR,
-                f"{status['corridor']:.1f} standard deviations from the plan, outside the corridor of 99 %",
-            ),
-            "promise": (
-                status["failure"] > self.settings.alarm,
-                f"{status['fails']:,} of {status['flights']:,} flights of the rest of the plan fail in {LAW} "
-                f"{self.medium.flows}, more than --alarm {self.settings.alarm:g}: plan again, e.g. with "
-                "pareto-ltl replan",
-            ),
-        }  # fmt: skip
-        for kind, (on, text) in rules.items():
-            if on:
+        for kind, text in self.rules.faults(status):
+            if text:
                 yield from self._alarm(kind, text)
             else:
                 self.raised.discard(kind)
-
-    def _energy_fault(self, status: Event) -> tuple[bool, str]:
-        """Whether the energy ends before the plan: by the power curve, else by the battery so far."""
-        model, (since, first) = self.problem.energy, self.charged
-        if model is not None and model.capacity is not None:
-            needed, capacity = status["energy_needed"], model.capacity
-            text = (
-                f"{needed / 3600.0:.4g} Wh are needed until the end of the plan, of {capacity / 3600.0:.4g}"
-            )
-            return needed > capacity, text
-        if not math.isfinite(self.battery) or self.time <= since:
-            return False, ""
-        left = self.battery - (first - self.battery) / (self.time - since) * (status["end"] - self.time)
-        text = f"at the rate so far {100.0 * max(left, 0.0):.0f} % of the battery are left at the end"
-        return left < RESERVE, text
 
     def status(self) -> Event:
         """The estimated position of the robot, and the failure rate of the rest of the plan from there."""
@@ -335,18 +355,26 @@ class Watch:
         self.rest = flown[:DRAWN, self.belief.step :].copy(), failed[:DRAWN]
         fails, flights, promise = int(failed.sum()), len(failed), self.plan.promise
         low, high = clopper_pearson(fails, flights)
-        east, north = now.wind
         return event_of(
             "status", self.time, step=step, **self.placed(now.mean), **self._ellipse(now.cov),
             corridor=float(np.sqrt(gap @ np.linalg.solve(spread, gap))), law=LAW, medium=self.medium.matter,
             failure=fails / flights, low=low, high=high, fails=fails, flights=flights,
             promised=promise and promise.rate.failure,
-            wind=now.wind.tolist(), wind_from=math.degrees(math.atan2(-east, -north) + self._turn()) % 360.0,
-            wind_sd=float(np.sqrt(np.trace(now.wind_cov) / 2.0)),
+            **self.wind_now(now),
             energy=None if self.problem.energy is None else self.energy,
             energy_needed=self._energy_needed(), heard_wind=self.heard_wind and list(self.heard_wind),
-            battery=self.battery if math.isfinite(self.battery) else None, **self._next_goal(),
+            battery=self.rules.battery if math.isfinite(self.rules.battery) else None,
+            shown=False, missed=[], **self._next_goal(),
         )  # fmt: skip
+
+    def wind_now(self, now: Estimate) -> Event:
+        """The estimated wind [m/s], the true direction it comes from [deg], and its sd in a component."""
+        east, north = now.wind
+        return {
+            "wind": now.wind.tolist(),
+            "wind_from": math.degrees(math.atan2(-east, -north) + self._turn()) % 360.0,
+            "wind_sd": float(np.sqrt(np.trace(now.wind_cov) / 2.0)),
+        }
 
     def _planned_place(self) -> tuple[FloatArray, FloatArray]:
         """Expected position (2,) [m] and its covariance (2, 2) [m²] now by the plan, linear along a leg."""

@@ -45,7 +45,12 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 STREAM = "replan"  # stream of the compared flights
-OF_RATES = ("front", "forecasts", "deployment")  # stages whose files are probabilities: not after an alarm
+# Stages that are left out after an alarm: their files are probabilities, or are flown.
+NOT_ALARMED = ("front", "forecasts", "deployment", "exports")
+GROUNDED = (
+    "no files to fly are written (no mission.plan, mavlink_script.json or tables), since they would be flown "
+    "without a promise; when the alarm is explained, pareto-ltl export DIR writes them"
+)
 TRIES = 3  # paths of the front that are compared if the rule's choice is the worse plan
 ADVICE = {
     "new": "the new plan is safer",
@@ -311,7 +316,7 @@ def write_replanned(done: Replanned, run: Run, place: Path, source: str) -> None
             settings, records = done.run.settings, done.run.records
             mission = replace(settings.mission, automaton=str(place / AUTOMATON_FILE))
             if done.situation.alarms:
-                left = [name for name in settings.pipelines.stages if name not in OF_RATES]
+                left = [name for name in settings.pipelines.stages if name not in NOT_ALARMED]
                 settings = replace(settings, pipelines=replace(settings.pipelines, stages=left))
                 records = Records({key: records[key] for key in records if key is not keys.FRONT})
             written = Run(
@@ -383,7 +388,8 @@ def comparison_lines(done: Replanned) -> list[str]:
     rest, new = (distance_text(path.objectives.length) for path in (done.rest, done.plan.path))
     if at.alarms:
         alarms = [f"ALARM: {alarm}" for alarm in at.alarms]
-        return [*lines, *alarms, f"new plan: {new}; planned in {done.seconds:.1f} s", ADVICE["alarm"]]
+        planned = f"new plan: {new}; planned in {done.seconds:.1f} s"
+        return [*lines, *alarms, planned, GROUNDED, ADVICE["alarm"]]
     fails = f"failure rate of the new plan ({new}): {done.new}"
     if done.old is None:
         return [*lines, fails, f"planned in {done.seconds:.1f} s", ADVICE[done.advice]]

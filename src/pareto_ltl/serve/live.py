@@ -16,8 +16,9 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from pareto_ltl.inflight.journal import event_line
-from pareto_ltl.inflight.watch import Event, Watch
+from pareto_ltl.inflight.lines import event_line
+from pareto_ltl.inflight.rules import Event
+from pareto_ltl.inflight.watch import Watch
 from pareto_ltl.report.page.ground import map_places, north_turn, shown_map
 from pareto_ltl.report.page.points import plan_spread
 from pareto_ltl.serve.app import page_routes

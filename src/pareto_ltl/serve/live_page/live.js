@@ -115,7 +115,7 @@ function draw() {
   const alarms = events.filter(event => event.event === "alarm"), last = events.at(-1)?.time ?? 0;
   byId("alarms").replaceChildren(...alarms.slice(-3).reverse().map(one => html("p", { class: last - one.time > 600 ? "alarm old" : "alarm" }, one.line)));
   document.documentElement.dataset.ready = "flight";
-  byId("events").replaceChildren(...events.slice(-LISTED).reverse().map(one => html("li", { class: one.event === "alarm" ? "alarmed" : "" }, one.line)));
+  byId("events").replaceChildren(...events.filter(one => one.line).slice(-LISTED).reverse().map(one => html("li", { class: one.event === "alarm" ? "alarmed" : "" }, one.line)));
 }
 
 function fact(name, value, note = "", kind = "") {
