@@ -153,7 +153,8 @@ def input_files(settings: Settings) -> list[Path]:
     """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
     from pareto_ltl.wind.sources import wind_source
 
-    named = [Path(name).expanduser() for name in (settings.scene.file, settings.mission.automaton) if name]
+    drawn = [settings.scene.file, *map(str, settings.scene.zones)] if settings.scene.file else []
+    named = [Path(name).expanduser() for name in (*drawn, settings.mission.automaton) if name]
     if settings.wind.forecast_error not in LAW_WORDS:
         named.append(Path(settings.wind.forecast_error).expanduser())
     maps = [path for path in named if path.is_file()]  # the stage that reads a missing one reports it

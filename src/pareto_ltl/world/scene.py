@@ -20,6 +20,8 @@ from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.display import Displayed, distance_text, listed_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.world.map_lengths import length_in_metres
+from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.windows import Window
 
 FIX_KEYS = ("sd", "along", "across", "bearing")
@@ -132,6 +134,11 @@ class Scene(Displayed):
             raise ValueError(f"forbidden: {sorted(missing)} have no window")
 
     @property
+    def frame(self) -> Frame | None:
+        """The plane of the map, with positions to and from longitude and latitude; None if not on Earth."""
+        return None if self.crs is None else Frame(self.crs)
+
+    @property
     def walled(self) -> bool:
         """Whether leaving the map is a failure."""
         return self.border == "wall"
@@ -237,6 +244,8 @@ def read_fix(where: str, what: str, value: Any) -> FixShape | None:
 
 
 def _number(begin: str, key: str, value: Any) -> float:
+    if key != "bearing" and isinstance(value, str):
+        value = length_in_metres(f"{begin}: {key}", value)
     fits = isinstance(value, int | float) and not isinstance(value, bool)
     if key == "bearing" and fits and abs(value) <= 360.0:
         return float(value)

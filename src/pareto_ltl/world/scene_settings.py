@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from string import ascii_lowercase
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -13,14 +15,20 @@ from numpy.random import Generator
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.settings.heights import Height
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
+from pareto_ltl.world.map_file import MapFile
+from pareto_ltl.world.map_formats import read_map_file
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_checks import checked_scene
+from pareto_ltl.world.scene_checks import check_parts, checked_scene
+from pareto_ltl.world.scene_features import FeatureReader, in_degrees
 from pareto_ltl.world.scene_files import sketch_file
+from pareto_ltl.world.scene_geojson import sketch_features
+from pareto_ltl.world.scene_roles import RoleRules
 from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, SceneSketch, unknown_use
 
+LOG = logging.getLogger(__name__)
 PLACEMENT_TRIES = 20_000  # random positions tried for one disc
 CORNER_RANGE = (5, 9)  # of a polygon: smallest number, largest number + 1
 
@@ -59,14 +67,74 @@ def scene_from_settings(
         If the scene is incomplete or inconsistent.
     """
     sketch = _sketch(cfg)
-    known = (sketch.border or border) if cfg.border == "auto" else cfg.border
+    sketch.unread.log(sketch.where)
+    known = _known_border(cfg, sketch, border)
     departure, faults = time_zero or sketch.time_zero, MapFaults(sketch.where, sketch.faults)
     times = faults.each(sketch.timed, lambda place: place.window(sketch.where, departure))
     windows = {place.name: window for place, window in times}
     sketch = replace(sketch, faults=tuple(faults.texts))
-    scene = checked_scene(sketch, DrawingRules(use, cfg.simplify, height, known == "wall"))
+    scene = checked_scene(
+        sketch,
+        DrawingRules(
+            use, cfg.simplify, cfg.altitude if height is None else height, cfg.ground, known == "wall"
+        ),
+    )
     forbidden = tuple(place.name for place in sketch.timed if place.forbidden)
     return replace(scene, time_zero=departure, border=known, windows=windows, forbidden=forbidden)
+
+
+def read_map(path: str | Path, altitude: float | None = None) -> Scene:
+    """The checked map of a file: GeoJSON, KML, KMZ, or a run's ``scene.json``.
+
+    Parameters
+    ----------
+    altitude : float, optional
+        Height of the flight [m], in the datum of the map: places that are not active there are left out.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read or the map has faults; one message names all of them.
+    """
+    return scene_from_settings(SceneConfig(file=str(path), altitude=altitude))
+
+
+def opened_features(path: Path) -> tuple[list[dict[str, Any]], tuple[str, ...], Mapping[str, Any]]:
+    """The features of a map file with their roles [deg], what was not read, and the file's other members.
+
+    The map may lack its start or regions, so that somebody can draw them.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, is in metres, or has a fault for which a plan would be refused.
+    """
+    found = read_map_file(path)
+    if not isinstance(found, MapFile):
+        raise DataError(f"scene file {path} is a run's scene.json, in metres; open a map in degrees")
+    reader = FeatureReader(RoleRules())
+    sketch = sketch_features([found], reader)
+    if len(sketch.start) and sketch.regions:
+        checked_scene(sketch, DrawingRules())
+    else:
+        check_parts(sketch)
+    plain = reader.plain if found.crs is None else [in_degrees(one, found) for one in reader.plain]
+    texts = tuple(text for text in (reader.unread.warning(), reader.unread.note()) if text)
+    return plain, texts, found.members
+
+
+def _known_border(cfg: SceneConfig, sketch: SceneSketch, border: str) -> str:
+    """Whether leaving the map is a failure; never by default if its author drew no border."""
+    if cfg.border != "auto":
+        return cfg.border
+    if sketch.drawn_border:
+        return sketch.border or border
+    if border == "wall":
+        LOG.info(
+            "%s: it has no border, so the sky is open: leaving the map is no failure; draw a border to make "
+            "one", sketch.where,
+        )  # fmt: skip
+    return "open"
 
 
 def scene_sketch(cfg: SceneConfig) -> SceneSketch:
@@ -77,7 +145,11 @@ def scene_sketch(cfg: SceneConfig) -> SceneSketch:
 
 
 def _sketch(cfg: SceneConfig) -> SceneSketch:
-    return sketch_file(Path(cfg.file).expanduser()) if cfg.file else _sketch_settings(cfg)
+    if cfg.file:
+        return sketch_file(Path(cfg.file).expanduser(), cfg.zones, cfg.roles)
+    if cfg.zones:
+        raise ConfigError("scene.zones are added to the map of scene.file, which is not set: name a map file")
+    return _sketch_settings(cfg)
 
 
 def _sketch_settings(cfg: SceneConfig) -> SceneSketch:

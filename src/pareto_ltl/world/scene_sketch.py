@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from pareto_ltl.settings.heights import Height
+from pareto_ltl.settings.heights import Height as FlightHeight
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import LONGEST_LINE, shown_text
+from pareto_ltl.world.map_file import Unread
+from pareto_ltl.world.map_lengths import HIGHEST, LOWEST, Height
 from pareto_ltl.world.scene import AbsentPlace, FixShape, read_fix
 from pareto_ltl.world.windows import TimedPlace
 
@@ -46,8 +48,8 @@ class Place:
         Points (n = 1) and lines, which get an area by the buffer.
     buffer : float
         Safety distance of polygons, radius of points and lines [m on the ground].
-    floor, ceiling : float
-        Altitudes between which the place is active [m]; infinite: no limit.
+    floor, ceiling : Height
+        Heights between which the place is active; infinite: no limit.
     solid : bool
         Whether a region is an obstacle that is active for a limited time.
     fix : FixShape or None
@@ -59,8 +61,8 @@ class Place:
     polygons: tuple[tuple[FloatArray, ...], ...] = ()
     lines: tuple[FloatArray, ...] = ()
     buffer: float = 0.0
-    floor: float = -np.inf
-    ceiling: float = np.inf
+    floor: Height = LOWEST
+    ceiling: Height = HIGHEST
     solid: bool = False
     fix: FixShape | None = None
 
@@ -73,11 +75,11 @@ class Place:
     @property
     def banded(self) -> bool:
         """Whether the place is active only at some heights."""
-        return self.floor > -np.inf or self.ceiling < np.inf
+        return self.floor.metres > -np.inf or self.ceiling.metres < np.inf
 
     def counts_at(self, metres: float) -> bool:
         """Whether the place is active at a height of ``metres``; the limits are included."""
-        return self.floor <= metres <= self.ceiling
+        return self.floor.metres <= metres <= self.ceiling.metres
 
     def moved(self, change: Callable[[FloatArray], FloatArray]) -> Place:
         """The place with ``change`` applied to all coordinates (n, 2)."""
@@ -116,6 +118,10 @@ class SceneSketch:
         Places that are above or below the flight.
     faults : tuple of str
         Messages about places that could not be read; they are left out of the sketch.
+    unread : Unread
+        What the map file has and the sketch has not.
+    drawn_border : bool
+        Whether the author drew a border; if not, ``bounds`` is a box around the drawing.
     """
 
     where: str
@@ -133,6 +139,8 @@ class SceneSketch:
     simplified: float = 0.0
     absent: tuple[AbsentPlace, ...] = ()
     faults: tuple[str, ...] = ()
+    unread: Unread = field(default_factory=Unread)
+    drawn_border: bool = True
 
     @property
     def tolerance(self) -> float:
@@ -162,15 +170,19 @@ class DrawingRules:
         Returns how the mission uses the regions, or None if it is not known; called only if it is needed.
     simplify : float or str
         How far the outlines of polygons with many corners may move [m]; 0: not at all; or ``auto``.
-    height : Height or None
-        Of the flight: places with another band of heights are not active. None: all are active.
+    height : Height or float or None
+        Of the flight: places with another band of heights are not active. A number is in the datum of the
+        map. None: all are active.
+    ground : float or None
+        Height of the ground above mean sea level [m].
     walled : bool
         Whether leaving the map is a failure.
     """
 
     use: Callable[[], MissionUse | None] = unknown_use
     simplify: float | str = 0.0
-    height: Height | None = None
+    height: FlightHeight | float | None = None
+    ground: float | None = None
     walled: bool = False
 
 
