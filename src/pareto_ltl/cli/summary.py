@@ -53,7 +53,7 @@ def run_answer(
     lines: list[object] = [
         _summary_table(settings.name, [*rows, *limit_rows(plan, settings.medium), last]),
         *warning_paragraphs(warnings, directory),
-        *([] if plan is None else plan_paragraphs(settings, directory)),
+        *([] if plan is None else plan_paragraphs(settings, directory, plan)),
         *(f"{key.replace('_', ' ').capitalize()}: {text}" for key, text in covers.items()),
     ]
     if (tables := directory / "tables.md").is_file():  # of an evaluation
@@ -82,13 +82,18 @@ def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str
         yield f"Warning: {len(warnings) - MOST_WARNINGS} more in {directory / 'run.log'}"
 
 
-def plan_paragraphs(settings: Settings, directory: Path) -> Iterator[str]:
+def plan_paragraphs(settings: Settings, directory: Path, plan: Plan) -> Iterator[str]:
     """Which path of the front is the plan, where flights judge; what detours through landmarks would save."""
+    from pareto_ltl.planning.costs import remedies_text
     from pareto_ltl.planning.selection_rules import selection_rule
 
     cfg = settings.selection
-    if settings.fidelity.judge == "flights" and (words := selection_rule(cfg).in_words(cfg)):
+    if not plan.epsilon_kept:
+        yield "The plan is the path nearest to planner.epsilon, which no path keeps; the front has no other."
+    elif settings.fidelity.judge == "flights" and (words := selection_rule(cfg).in_words(cfg)):
         yield f"The plan is {words}; `pareto-ltl choose {directory}` takes another point of the front."
+    if plan.remedies:
+        yield f"What helps, {remedies_text(plan.remedies)}."
     if not all((directory / name).is_file() for name in ("front.csv", "scene.json")):
         return
     from pareto_ltl.run.results import Results
@@ -102,7 +107,13 @@ def plan_paragraphs(settings: Settings, directory: Path) -> Iterator[str]:
 
 def limit_rows(plan: Plan | None, medium: Medium = AIR) -> Iterator[tuple[str, str]]:
     """The segment of ``plan`` that is closest to its chance constraint, if there is one."""
-    if plan is not None and plan.limits is not None:
+    if plan is not None and plan.worst is not None and not plan.epsilon_kept:
+        risk, most = (probability_text(p) for p in (plan.worst.probability, plan.epsilon))
+        yield (
+            f"worst segment, {plan.models.law} {medium.flows}",
+            f"{plan.worst.nearest} at step {plan.worst.step + 1}: collides {risk}, above the limit of {most}",
+        )
+    elif plan is not None and plan.limits is not None:
         k = int(plan.limits.probability.argmax())
         risk = probability_text(float(plan.limits.probability[k]))
         most = "no limit" if plan.epsilon >= 1.0 else f"at most {probability_text(plan.epsilon)}"

@@ -8,7 +8,7 @@ others; costs of other packages are entry points in the group ``pareto_ltl.costs
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from pareto_ltl.settings import PowerConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, energy_text
+from pareto_ltl.support.display import distance_text, energy_text, probability_text
 from pareto_ltl.support.extensions import COST_GROUP, extension_names, known_kind
 
 if TYPE_CHECKING:
@@ -170,6 +170,55 @@ class SegmentLimits:
         return SegmentLimits(
             self.nearest[step:], self.deviations[step:], self.probability[step:], self.price[step:]
         )
+
+
+@dataclass(frozen=True, slots=True)
+class WorstSegment:
+    """The segment of a path that is most likely to collide.
+
+    Attributes
+    ----------
+    step : int
+        Number of the segment, the first has the number 0.
+    nearest : str
+        Its closest barrier: ``obstacle 3``, ``the western border``, ``region c`` that the mission forbids.
+    probability : float
+        Σ_lines Q(z) over obstacles, walls and forbidden regions; Eq. (M73) of docs/mathematics.md.
+    """
+
+    step: int
+    nearest: str
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """A change that was tried on a plan, and the figures of the same path after it.
+
+    Attributes
+    ----------
+    change : str
+        For people: ``position feedback, robot.feedback_time=300``.
+    worst_segment_probability : float
+        Collision probability of the worst segment.
+    failure : float
+        Share of ``runs`` flights that fail.
+    """
+
+    change: str
+    worst_segment_probability: float
+    failure: float
+    runs: int
+
+
+def remedies_text(remedies: Sequence[Remedy]) -> str:
+    """The figures of changes that help, at least one, for people."""
+    shown = (
+        f"{remedy.change}: worst segment {probability_text(remedy.worst_segment_probability)}, fails "
+        f"{probability_text(remedy.failure)}"
+        for remedy in remedies
+    )
+    return f"tried with {remedies[0].runs:,} flights of the same path each: {'; '.join(shown)}"
 
 
 @dataclass(frozen=True, slots=True)

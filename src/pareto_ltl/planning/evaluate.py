@@ -202,6 +202,20 @@ def mission_order_text(problem: Problem, q: IntArray, cell: IntArray) -> str:
 
 def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArray, IntArray]:
     """Automaton state and cell of every step of a path without a fault."""
+    q, cell, fault, where = _flown_until(problem, flight, fast)
+    if fault:
+        raise InfeasibleError(f"the path {FAULTS[fault]} at step {where} of {len(q) - 1}")
+    return q, cell
+
+
+def steps_flown(problem: Problem, x: FloatArray) -> int:
+    """How many steps of the means ``x`` (T+1, 2) [m] a robot can fly before it breaks a limit."""
+    _, _, fault, where = _flown_until(problem, propagate(problem, x), 1.0 + 1e-6)
+    return where - 1 if fault else len(x) - 1
+
+
+def _flown_until(problem: Problem, flight: Flight, fast: float) -> tuple[IntArray, IntArray, int, int]:
+    """Automaton state and cell of every step, the number of the first fault, 0 for none, and its step."""
     from pareto_ltl.kernels import path as kernel
 
     n, world = len(flight.x), judged_world(problem)
@@ -209,9 +223,7 @@ def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
     memory = collision_memory(world.collision, 2)
     known = min(n - 1, len(problem.wind.slot))
     fault, where = kernel.check_path(world, flight, known, fast, memory, q, cell)
-    if fault != kernel.FLOWN:
-        raise InfeasibleError(f"the path {FAULTS[fault]} at step {where} of {n - 1}")
-    return q, cell
+    return q, cell, int(fault), int(where)
 
 
 def judged_world(problem: Problem) -> kd.World:

@@ -7,6 +7,7 @@ the number of threads.
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -25,9 +26,9 @@ from pareto_ltl.kernels.dijkstra import Product
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.kernels.neighbours import Bins
 from pareto_ltl.kernels.parents import Dominance, Scaled
-from pareto_ltl.planning.evaluate import collision_memory, law_memory
+from pareto_ltl.planning.evaluate import collision_memory, judged_world, law_memory
 from pareto_ltl.planning.pack_logic import empty_letters, live_rows, tree_rows
-from pareto_ltl.planning.problem import Problem, start_risk
+from pareto_ltl.planning.problem import Problem, start_breach, start_risk
 from pareto_ltl.planning.product_graph import cell_fans, empty_heap, product_graph
 from pareto_ltl.planning.records import Forest, Tree
 from pareto_ltl.settings import PlannerConfig
@@ -38,6 +39,7 @@ from pareto_ltl.support.machine import cores, require_memory
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.world.windows import missed_windows
 
+LOG = logging.getLogger(__name__)
 ITERATIONS_PER_VERTEX = 50  # growth ends after this many extensions for each vertex of planner.n_max
 LOOK = 0.02  # [s] between two checks of the time limits
 GROWTH_SHARE = 0.2  # share of a time budget after which growth ends
@@ -210,13 +212,19 @@ def _mission_scratch(problem: Problem) -> kd.OrderedMemory | None:
     return kd.OrderedMemory(rows, np.full(2, -1, np.int64), letters)
 
 
-def _for_trees(problem: Problem) -> Problem:
+def _for_trees(cfg: PlannerConfig, problem: Problem) -> Problem:
     """The problem as trees use it: the path bound limits single steps, and R is an objective without limit.
 
-    A path of a tree is not straight, so its R, a sum over steps, is several times the R of the same path
-    after smoothing. Only finished paths are held to planner.delta.
+    A path of a tree is not straight: its R is several times the R of the same path after smoothing. Only
+    finished paths are held to planner.delta. Where the start breaks planner.epsilon, so does every path, and
+    trees for flights grow without that limit.
     """
     bound = problem.world.collision
+    if start_risk(problem) > problem.epsilon:
+        if problem.fidelity.judge == "bound" or cfg.epsilon_strict:
+            raise InfeasibleError(start_breach(problem))
+        LOG.warning("%s", start_breach(problem))
+        return replace(problem, world=judged_world(problem))
     if not isinstance(bound, kd.PathBound):
         return problem
     return replace(problem, world=problem.world._replace(collision=bound._replace(delta=math.inf)))
@@ -251,12 +259,10 @@ def grow_forest(
     ConfigError
         If the trees do not fit into memory.
     """
-    problem = _for_trees(problem)
+    problem = _for_trees(cfg, problem)
     graph = product_graph(problem.decomposition, problem.logic, problem.scene.bounds)
     task = GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
     _require_memory(cfg, problem)
-    if start_risk(problem) > problem.epsilon:
-        raise InfeasibleError(_start_too_close(problem))
     grove = Grove(task, seeds.spawn(cfg.trees), options)
     _check_lead(task, grove.plant(0))
     began = time.perf_counter()
@@ -325,19 +331,8 @@ def plant_tree(task: GrowthTask, seed: SeedSequence, number: int, options: Growt
     tree = GrowingTree(search, np.array([rule.beta_length, rule.beta_risk]), rng, state.tally)
     task.grow(tree, 0, 0)  # makes the root, and loads compiled code before time is measured
     if tree.size == 0:
-        raise InfeasibleError(_start_too_close(problem))
+        raise InfeasibleError(start_breach(problem))
     return tree
-
-
-def _start_too_close(problem: Problem) -> str:
-    """The error for a start that itself breaks the chance constraint."""
-    walled = problem.scene.walled
-    barrier = "an obstacle or the wall around the map" if walled else "an obstacle"
-    cure = ", raise planner.epsilon or set scene.border=open" if walled else " or raise planner.epsilon"
-    return (
-        f"the start lies closer to {barrier} than planner.epsilon = {problem.epsilon:g} allows; move it, "
-        f"lower robot.start_sd{cure}"
-    )
 
 
 def _growth_settings(

@@ -15,14 +15,17 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning import shortest_mission as line
+from pareto_ltl.planning.evaluate import completing_path, steps_flown
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.pack import pack_barriers, pack_collision, pack_nearby
 from pareto_ltl.planning.pack_logic import helpful_delta
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath
+from pareto_ltl.planning.refine.sampled import path_length
+from pareto_ltl.planning.refine.starts import first_starts
 from pareto_ltl.planning.selection import tree_front
 from pareto_ltl.settings import PlannerConfig, RobotConfig
-from pareto_ltl.support.display import probability_text, round_up
+from pareto_ltl.support.display import distance_text, probability_text, round_up
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.time_step import too_long
 
@@ -109,17 +112,28 @@ def explain_no_path(
     )
 
 
-def explain_refused(cfg: PlannerConfig, problem: Problem, fault: str) -> str:
-    """Text where refined paths were refused for ``fault``; empty without a fault.
+def explain_no_line(cfg: PlannerConfig, problem: Problem) -> str:
+    """The reason why no line of the map can be flown: what stops the one that comes farthest.
 
-    Refined paths do not depend on the limits of the trees: growing those anew, which takes a minute, would
-    find no cause.
+    Empty without lines, and if one can be flown. Every refined path begins as such a line or in a tree.
     """
-    if not fault:
+    if fault := line.mission_fault(problem):
+        return fault
+    starts = list(first_starts(problem).values())
+    if not starts:
         return ""
-    if long_step := _step_advice(cfg, problem, FAR_TOO_LONG):
-        return f"no path completes the mission: {fault}; {long_step}"
-    return line.mission_fault(problem) or f"no path completes the mission: {fault}"
+    best = max(starts, key=lambda start: steps_flown(problem, start.x) / len(start.x))
+    try:
+        completing_path(problem, best.x, best.origin, tight=False)
+    except InfeasibleError as error:
+        length, advice = path_length(best.x), _step_advice(cfg, problem, FAR_TOO_LONG)
+        return (
+            f"no path completes the mission: of {len(starts)} lines of the map the one that comes farthest "
+            f"({best.origin}, {distance_text(length)}, {len(best.x) - 1} steps) cannot be flown: {error}"
+            + f"; {advice}"
+            * bool(advice)
+        )
+    return ""
 
 
 def explain_no_safe_path(cfg: PlannerConfig, problem: Problem, seeds: SeedSequence) -> str:

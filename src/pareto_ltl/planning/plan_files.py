@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.planning.costs import Price, SegmentLimits, cost_named, known_costs
+from pareto_ltl.planning.costs import Price, Remedy, SegmentLimits, WorstSegment, cost_named, known_costs
 from pareto_ltl.planning.records import (
     RISKS,
     FailureRate,
@@ -54,7 +54,8 @@ PLAN_SCHEMAS = {
 }  # identifier in the file: name of the schema file
 TABLE_HEADER = ("step", "t_s", "x_m", "y_m", "u_x_m_s", "u_y_m_s", "cov_xx", "cov_xy", "cov_yy", "q", "label")
 AS_STORED = (  # values of a plan that the file has as they are
-    "formula", "dt", "u_min", "u_max", "capacity", "epsilon", "fidelity", "covered", "not_covered",
+    "formula", "dt", "u_min", "u_max", "capacity", "epsilon", "epsilon_kept", "fidelity", "covered",
+    "not_covered",
 )  # fmt: skip
 LIMIT_KEYS = tuple(field.name for field in fields(SegmentLimits))  # of each segment
 NAVIGATION_KEYS = tuple(field.name for field in fields(Navigation))
@@ -286,6 +287,7 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "u_max": plan.u_max,
         **({} if plan.capacity is None else {"capacity": plan.capacity}),
         "epsilon": plan.epsilon,
+        **_nearness(plan),
         "fidelity": plan.fidelity,
         "models": {key: value for key, value in asdict(plan.models).items() if key != "name"},
         "objectives": path.objectives.as_dict(),
@@ -315,6 +317,16 @@ def promise_document(promise: Promise) -> dict[str, Any]:
     document = asdict(promise)
     rate: dict[str, Any] = document.pop("rate")
     return rate | document
+
+
+def _nearness(plan: Plan) -> dict[str, Any]:
+    """Whether the plan keeps epsilon, its worst segment, and what helps; only where flights judge."""
+    if plan.worst is None:
+        return {}
+    remedies = [asdict(remedy) for remedy in plan.remedies]
+    return {"epsilon_kept": plan.epsilon_kept, "worst_segment": asdict(plan.worst)} | (
+        {"remedies": remedies} if remedies else {}
+    )
 
 
 def _segments(limits: SegmentLimits) -> list[dict[str, Any]]:
@@ -357,6 +369,8 @@ def read_plan(place: Path | str) -> Plan:
             navigation=_navigation(content),
             limits=_limits(content),
             prices=tuple(Price(**price) for price in content.get("prices", ())),
+            worst=WorstSegment(**content["worst_segment"]) if "worst_segment" in content else None,
+            remedies=tuple(Remedy(**remedy) for remedy in content.get("remedies", ())),
         )
 
 

@@ -296,3 +296,14 @@ def start_risk(problem: Problem) -> float:
     corners, v = barrier_polygons(problem), problem.start_variance
     asked, x = np.ones((1, len(corners.radius)), bool), np.tile(problem.scene.start, (2, 1))
     return float(lines_of(corners, asked, x, np.tile([v, 0.0, v], (2, 1)), 1).risk[0])
+
+
+def start_breach(problem: Problem) -> str:
+    """Text for a start that itself breaks the chance constraint."""
+    walled = problem.scene.walled
+    barrier = "an obstacle or the wall around the map" if walled else "an obstacle"
+    cure = ", raise planner.epsilon or set scene.border=open" if walled else " or raise planner.epsilon"
+    return (
+        f"the start lies closer to {barrier} than planner.epsilon = {problem.epsilon:g} allows; move it, "
+        f"lower robot.start_sd{cure}"
+    )

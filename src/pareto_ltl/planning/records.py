@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.costs import Price, SegmentLimits, cost_named
+from pareto_ltl.planning.costs import Price, Remedy, SegmentLimits, WorstSegment, cost_named, hours_text
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import Displayed, distance_text, interval_text, probability_text, rate_text
 from pareto_ltl.world.projection import Navigation
+from pareto_ltl.world.scene import Scene
 
 FLIGHTS, WEIGHTED = "flights", "importance sampling"  # methods of failure rates
 NO_PROMISE = "no failure rate is promised: the law of the plan does not explain what was measured"
@@ -356,6 +357,12 @@ class Plan(Displayed):
         None without barriers, and in files of earlier versions.
     prices : tuple of Price
         What easier limits would save, the largest of each kind first.
+    worst : WorstSegment or None
+        The segment that is most likely to collide, where flights judge; None in files of earlier versions.
+    epsilon_kept : bool
+        False if ``worst`` is above ``epsilon``: no path keeps it, and the plan is the nearest one.
+    remedies : tuple of Remedy
+        Changes that were tried if epsilon is not kept, or if hardly any flight succeeds.
     """
 
     path: PlannedPath
@@ -376,6 +383,9 @@ class Plan(Displayed):
     capacity: float | None = None
     limits: SegmentLimits | None = None
     prices: tuple[Price, ...] = ()
+    worst: WorstSegment | None = None
+    epsilon_kept: bool = True
+    remedies: tuple[Remedy, ...] = ()
 
     def __post_init__(self) -> None:
         models_of(self.fidelity)
@@ -390,12 +400,25 @@ class Plan(Displayed):
         """Whether the plan was made after an alarm: its law does not hold, and it has no probabilities."""
         return math.isnan(self.path.objectives.mission_risk)
 
+    def breach(self, scene: Scene) -> str:
+        """Where the plan, the path nearest to ``epsilon``, breaks it; names are those of ``scene``."""
+        assert self.worst is not None
+        begin, end = (hours_text(float(t)) for t in self.path.t[self.worst.step : self.worst.step + 2])
+        fails = "" if self.promise is None else f"; it fails {self.promise.rate}"
+        return (
+            f"no path keeps planner.epsilon = {probability_text(self.epsilon)}, and the plan is the path "
+            f"nearest to it: segment {self.worst.step + 1} of {len(self.path.u)}, {begin} to {end} after "
+            f"departure, collides with a probability of {probability_text(self.worst.probability)}, "
+            f"closest to {scene.barrier_title(self.worst.nearest)}{fails}"
+        )
+
     def without_promise(self) -> Plan:
         """The plan without any probability, for a flight whose wind is outside the law."""
         costs_alone = Objectives(self.path.objectives.costs, **dict.fromkeys(RISKS, math.nan))
         return replace(
-            self, path=replace(self.path, objectives=costs_alone), promise=None, limits=None, prices=()
-        )
+            self, path=replace(self.path, objectives=costs_alone), promise=None, limits=None, prices=(),
+            worst=None, remedies=(),
+        )  # fmt: skip
 
     def facts(self) -> Mapping[str, str]:
         """Formula, length, steps, further costs and what the plan promises."""

@@ -362,6 +362,15 @@ def within_capacity(cfg: SelectionConfig, front: Front, problem: Problem) -> Fro
     return front if len(possible) == len(energies) else part_of_front(front, possible.tolist())
 
 
+def safest_of_front(front: Front) -> Front:
+    """The front with only its path of the least failure rate, of equal ones the shortest."""
+    rows = [
+        (rate.failure, path.objectives.length, k)
+        for k, (rate, path) in enumerate(zip(front.rates, front.paths, strict=True))
+    ]
+    return part_of_front(front, [min(rows)[-1]])
+
+
 def part_of_front(front: Front, kept: Sequence[int]) -> Front:
     """The front with only the paths of the indices ``kept``."""
     return replace(

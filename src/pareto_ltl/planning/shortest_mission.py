@@ -2,7 +2,8 @@
 
 The line keeps 2 m from obstacles, the border and the regions that the mission forbids at that moment; errors
 of the wind and chance constraints do not matter here. Tested are, in this order: whether there is a line at
-all, the strength of the wind, the end of the wind data or of ``planner.max_steps``, and time spans.
+all, the strength of the wind, the end of the wind data or of ``planner.max_steps``, and time spans. A
+setting is advised only if a line of the map has been flown with it.
 For a mission that needs more energy than the robot has: another airspeed, or another vehicle.
 """
 
@@ -23,7 +24,7 @@ from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.costs import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front
-from pareto_ltl.planning.refine.starts import line_starts, paced_line
+from pareto_ltl.planning.refine.starts import flown_lines, line_starts, paced_line
 from pareto_ltl.planning.routes.obligations import MissionOrder, completes, possible_orders
 from pareto_ltl.planning.routes.taut_lines import CAP, longest_share, taut_line, walk_line
 from pareto_ltl.planning.wind_lookup import interpolate
@@ -40,6 +41,7 @@ SLACK = 1.15  # plans are longer than the shortest line: needed time, over the t
 TIMES_LONGER = 2  # that many times the steps tell whether the time is too short
 LONGER = 32  # a flight this many times as long as the wind is known counts as stopped by the wind
 FASTEST = 16.0  # largest factor of robot.u_max that is tried
+TRIALS, LARGER = 4, 1.1  # larger values of a setting that are tried, and the ratio of two of them
 CLOSE = 1.01  # ratio of airspeeds at which the search of the smallest one ends
 
 
@@ -190,7 +192,7 @@ def _stages_reached(problem: Problem, order: MissionOrder) -> int:
 def _too_windy(problem: Problem, lines: Sequence[FloatArray]) -> str:
     """The wind is too strong for the robot somewhere on every line."""
     known, now = problem.horizon * problem.motion.dt, problem.motion.u_max
-    u_max = _least_airspeed(problem, partial(_fits, lines=lines, seconds=known))
+    u_max = flyable_airspeed(problem, partial(_fits, lines=lines, seconds=known))
     cure = f"set robot.u_max={u_max:g}" if u_max else "give the robot more airspeed"
     return (
         "no path completes the mission: on the shortest line the expected wind, up to "
@@ -212,19 +214,22 @@ def _strongest_wind(problem: Problem, lines: Sequence[FloatArray]) -> float:
 def _too_long(problem: Problem, lines: Sequence[FloatArray], seconds: float, slack: float) -> str:
     """The wind data, or ``planner.max_steps``, end before a flight ``slack`` times as long as the line."""
     dt, known = problem.motion.dt, problem.horizon
-    u_max = _least_airspeed(problem, partial(_fits, lines=lines, seconds=known * dt, slack=slack))
+    u_max = flyable_airspeed(problem, partial(_fits, lines=lines, seconds=known * dt, slack=slack))
     cures = [f"set robot.u_max={u_max:g}"] if u_max else []
     lasts = f"no path completes the mission: the shortest line {_duration(problem, seconds)}"
     if seconds <= known * dt:
         lasts += f", a path that keeps its distance from obstacles {_time(slack * seconds)}"
-    enough = math.ceil(slack * seconds / dt) + max(map(len, lines))
-    more = f"planner.max_steps={enough}"
+    enough = flyable_steps(problem, math.ceil(slack * seconds / dt) + max(map(len, lines)))
     if known == problem.max_steps:
         limit = f"planner.max_steps = {known} steps of {dt:g} s are {_time(known * dt)}"
-        return f"{lasts}, and {limit}: {', or '.join([f'set {more}', *cures])}"
+        cures = [f"set planner.max_steps={enough}"] * bool(enough) + cures
+        return f"{lasts}, and {limit}: {', or '.join(cures) or 'give the robot more airspeed'}"
     why = f" ({problem.wind_ends})" if problem.wind_ends else ""
     cures += [f"start {_time(slack * seconds - known * dt)} earlier if the wind is known then"]
-    cures += ["give later wind fields", "set wind.hold_last=true" + f" {more}" * (enough > problem.max_steps)]
+    cures += ["give later wind fields"]
+    if enough:
+        more = f" planner.max_steps={enough}" * (enough > problem.max_steps)
+        cures += [f"set wind.hold_last=true{more}"]
     wind = f"the wind is known for {_time(known * dt)}{_end_of_wind(problem)}{why}"
     return f"{lasts}, and {wind}: {', or '.join(cures)}"
 
@@ -251,7 +256,7 @@ def _too_late(problem: Problem, lines: Sequence[FloatArray], seconds: float) -> 
     spans = late_spans(problem.automaton)
     if not spans:
         return ""
-    u_max = _least_airspeed(problem, partial(_in_time, lines=lines, slack=SLACK))
+    u_max = flyable_airspeed(problem, partial(_in_time, lines=lines, slack=SLACK))
     cure = f", or set robot.u_max={u_max:g}" if u_max else ""
     return (
         f"no path completes the mission in time: the shortest line {_duration(problem, seconds)} and is too "
@@ -268,6 +273,35 @@ def late_spans(automaton: Automaton) -> list[str]:
     ]
 
 
+def flyable_airspeed(problem: Problem, works: Callable[[Problem], bool]) -> float | None:
+    """The smallest robot.u_max [m/s] that ``works`` and with which a line can be flown; None if none is."""
+    u_max = _least_airspeed(problem, works)
+    for _ in range(TRIALS if u_max else 0):
+        assert u_max is not None
+        if can_be_flown(with_airspeed(problem, u_max)):
+            return u_max
+        u_max = _rounded_up(LARGER * u_max)
+    return None
+
+
+def flyable_steps(problem: Problem, steps: int) -> int | None:
+    """The smallest planner.max_steps, from ``steps`` on, with which a line can be flown; None if none is.
+
+    After the wind data their last field is held.
+    """
+    for _ in range(TRIALS):
+        longer = with_longer_wind(problem, math.ceil(steps / problem.horizon))
+        if can_be_flown(replace(longer, max_steps=steps)):
+            return steps
+        steps = math.ceil(LARGER * steps)
+    return None
+
+
+def can_be_flown(problem: Problem) -> bool:
+    """Whether a line of the map can be flown as it is and completes the mission, whatever its risks are."""
+    return bool(flown_lines(replace(problem, fidelity=replace(problem.fidelity, judge="flights"))))
+
+
 def _least_airspeed(problem: Problem, works: Callable[[Problem], bool]) -> float | None:
     """The smallest robot.u_max [m/s] that ``works``, rounded up to 2 digits; None if none does."""
     low = problem.motion.u_max
@@ -277,8 +311,13 @@ def _least_airspeed(problem: Problem, works: Callable[[Problem], bool]) -> float
     while high > CLOSE * low:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if works(with_airspeed(problem, middle)) else (middle, high)
-    digit = 10.0 ** (math.floor(math.log10(high)) - 1)
-    return math.ceil(high / digit - 1e-9) * digit
+    return _rounded_up(high)
+
+
+def _rounded_up(speed: float) -> float:
+    """``speed`` rounded up to 2 digits."""
+    digit = 10.0 ** (math.floor(math.log10(speed)) - 1)
+    return math.ceil(speed / digit - 1e-9) * digit
 
 
 # --- energy -----------------------------------------------------------------------------------------

@@ -135,6 +135,7 @@ class PlanLimits:
                 f"collision probability of a segment, {self.law}, {allowed} (planner.epsilon); at most "
                 f"{probability_text(segments[0].probability)}"
             )
+            yield from self.breach()
             for row in segments:
                 yield (
                     f"{row.step:>4}  {row.begin} - {row.end}; {row.barrier}, {row.deviations:.1f} "
@@ -155,6 +156,14 @@ class PlanLimits:
         if unsure:
             yield unsure
 
+    def breach(self) -> Iterator[str]:
+        """Sentences on a plan that breaks ``planner.epsilon``, and the changes that help a plan."""
+        if not self.plan.epsilon_kept and self.plan.worst is not None:
+            yield self.plan.breach(self.scene)
+        for remedy in self.plan.remedies:
+            worst, fails = map(probability_text, (remedy.worst_segment_probability, remedy.failure))
+            yield f"tried: {remedy.change}: worst segment {worst}, fails {fails}"
+
     def tables(self) -> dict[str, Any]:
         """Rows of both tables of a page, and the texts around them."""
         plan = self.plan
@@ -165,6 +174,14 @@ class PlanLimits:
             "no_prices": self.unsure() or NO_PRICES,
             "unsure": self.unsure(),
             "no_segments": NO_SEGMENTS,
+            "breach": "" if plan.epsilon_kept or plan.worst is None else plan.breach(self.scene),
+            "remedies": [
+                {
+                    "change": remedy.change, "worst": probability_text(remedy.worst_segment_probability),
+                    "fails": probability_text(remedy.failure), "runs": f"{remedy.runs:,}",
+                }
+                for remedy in plan.remedies
+            ],
             "prices": [
                 {
                     "limit": row.limit, "time": row.time or "–", "change": row.change,

@@ -5,14 +5,19 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
-from pareto_ltl.planning import no_path, selection
+from pareto_ltl.planning import no_path, selection, selection_rules
 from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.planning.evaluate import completing_path
+from pareto_ltl.planning.evaluate import completing_path, evaluate_path
 from pareto_ltl.planning.plan_files import read_extra_paths
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.planning.refine import MORE_FLIGHTS, flown_lines, sampled_paths, smooth_paths
-from pareto_ltl.planning.refine.separation import keeps_epsilon, within_limits
+from pareto_ltl.planning.refine.separation import (
+    breach_text,
+    keeps_epsilon,
+    nearest_paths,
+    within_limits,
+)
 from pareto_ltl.run.records import CANDIDATES, FOREST, PROBLEM
 from pareto_ltl.run.stage_table import FOREST_STREAM, StageInputs, named_child, stage_seeds
 from pareto_ltl.simulation.common_flights import draw_flights, is_certain
@@ -21,10 +26,6 @@ from pareto_ltl.support.errors import InfeasibleError
 
 LOG = logging.getLogger(__name__)
 JUDGING = "judging"  # child of the front's stream that refinement does not use
-NO_TREE_PATH = (
-    "no path of the trees keeps planner.epsilon in every segment: set fidelity.refine=sampled, which looks "
-    "for one, or planner.epsilon=null for no limit"
-)
 
 
 def make_front(inputs: StageInputs) -> Front:
@@ -50,32 +51,61 @@ def _bounded_front(inputs: StageInputs) -> Front:
     """The front by mission risk, collision risk and length, as published."""
     settings, problem = inputs.settings, inputs[PROBLEM]
     if not len(inputs[FOREST].accepted):
-        raise InfeasibleError(_no_path(inputs))
+        raise InfeasibleError(_no_tree_path(inputs))
     raw = selection.tree_front(problem, inputs[FOREST])
-    refined, fault = _refined_paths(inputs, raw)
-    if not raw and not refined:
+    refined, extra = _refined_paths(inputs, raw)
+    kept = (*within_limits(problem, refined), *extra)
+    if not raw and not kept:
+        if refined:  # they complete the mission, too close to obstacles
+            raise InfeasibleError(breach_text(problem, refined))
         grown_from = stage_seeds(settings.seed, FOREST_STREAM)
-        why = no_path.explain_no_safe_path(settings.planner, problem, grown_from)
-        if why:
-            raise InfeasibleError(why + fault)
-    return selection.build_front(refined, raw, settings.fidelity)
+        if why := no_path.explain_no_safe_path(settings.planner, problem, grown_from):
+            raise InfeasibleError(why)
+    return selection.build_front(kept, raw, settings.fidelity)
 
 
 def _flown_front(inputs: StageInputs) -> Front:
-    """The front by failure rate and length, in flights that refinement has not used."""
+    """The front by failure rate and length, in flights that refinement has not used.
+
+    If no path keeps ``planner.epsilon``, it is the one nearest to it: of equally near paths, the one that
+    fails least often.
+    """
     settings, problem = inputs.settings, inputs[PROBLEM]
     raw = selection.unlike_paths(problem, inputs[FOREST])
-    refined, fault = _refined_paths(inputs, raw)
-    if not refined and not any(keeps_epsilon(problem, path) for path in raw):
-        if raw:
-            raise InfeasibleError(fault.removeprefix("; ") or NO_TREE_PATH)
-        refused = no_path.explain_refused(settings.planner, problem, fault.removeprefix("; "))
-        raise InfeasibleError(refused or _no_path(inputs))
-    seeds = named_child(inputs.seeds, JUDGING)
-    return judge_front(problem, refined, raw, settings.selection.draws, seeds)
+    refined, extra = _refined_paths(inputs, raw)
+    paths = refined + extra
+    kept = any(keeps_epsilon(problem, path) for path in (*paths, *raw))
+    if not kept and settings.fidelity.refine != "none":  # as they are, lines of the map may be nearer
+        paths += tuple(evaluate_path(problem, line.x, line.origin) for line in flown_lines(problem))
+        kept = any(keeps_epsilon(problem, path) for path in paths)
+    chosen = within_limits(problem, paths) if kept else _nearest_paths(inputs, (*paths, *raw))
+    if kept and paths and not chosen:
+        LOG.warning("only paths of the search trees are left: %s", breach_text(problem, paths))
+    seeds, strict = named_child(inputs.seeds, JUDGING), settings.planner.epsilon_strict
+    front = judge_front(problem, chosen, raw, settings.selection.draws, seeds, strict=strict)
+    return front if kept else selection_rules.safest_of_front(front)
 
 
-def _no_path(inputs: StageInputs) -> str:
+def _nearest_paths(inputs: StageInputs, paths: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
+    """The paths nearest to ``planner.epsilon``, none of which keeps it.
+
+    Raises
+    ------
+    InfeasibleError
+        If there are none, and with ``planner.epsilon_strict``.
+    """
+    problem, settings = inputs[PROBLEM], inputs.settings
+    if not paths:
+        no_line = settings.fidelity.refine != "none" and no_path.explain_no_line(settings.planner, problem)
+        raise InfeasibleError(no_line or _no_tree_path(inputs))
+    if settings.planner.epsilon_strict:
+        raise InfeasibleError(
+            f"{breach_text(problem, paths)}; with planner.epsilon_strict=false this path is the plan"
+        )
+    return nearest_paths(problem, paths)
+
+
+def _no_tree_path(inputs: StageInputs) -> str:
     """Text with the reason why the trees have no path that completes the mission."""
     settings = inputs.settings
     grown_from = stage_seeds(settings.seed, FOREST_STREAM)
@@ -85,22 +115,12 @@ def _no_path(inputs: StageInputs) -> str:
 FRONT_MAKERS: dict[str, Callable[[StageInputs], Front]] = {"bound": _bounded_front, "flights": _flown_front}
 
 
-def _refined_paths(inputs: StageInputs, raw: Sequence[PlannedPath]) -> tuple[tuple[PlannedPath, ...], str]:
-    """Refined paths, with the paths of ``selection.extra_paths`` and ``CANDIDATES``; why none is refined."""
-    problem, fault = inputs[PROBLEM], ""
-    extra = extra_paths(inputs.settings.selection.extra_paths, problem) + (inputs.get(CANDIDATES) or ())
-    refined: tuple[PlannedPath, ...] = ()
-    try:
-        refined = REFINERS[inputs.settings.fidelity.refine](inputs, raw)
-        refined = within_limits(problem, refined)
-    except InfeasibleError as error:
-        left = any(keeps_epsilon(problem, path) for path in (*raw, *extra))
-        if refined and not left:  # they complete the mission, too close to obstacles
-            raise
-        if left:
-            LOG.warning("only paths of the search trees are left: %s", error)
-        refined, fault = (), f"; {error}"
-    return (*refined, *extra), fault
+def _refined_paths(
+    inputs: StageInputs, raw: Sequence[PlannedPath]
+) -> tuple[tuple[PlannedPath, ...], tuple[PlannedPath, ...]]:
+    """Refined paths; and the paths of ``selection.extra_paths`` and of ``CANDIDATES``."""
+    extra = extra_paths(inputs.settings.selection.extra_paths, inputs[PROBLEM])
+    return REFINERS[inputs.settings.fidelity.refine](inputs, raw), extra + (inputs.get(CANDIDATES) or ())
 
 
 def extra_paths(place: str | None, problem: Problem) -> tuple[PlannedPath, ...]:

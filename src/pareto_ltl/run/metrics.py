@@ -118,6 +118,11 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
         **{cost_named(name).column: value for name, value in o.further_costs.items()},
         **({} if plan.capacity is None else {"energy_share": o.costs["energy"] / plan.capacity}),
     }
+    if plan.worst is not None:
+        table |= {
+            "epsilon_kept": float(plan.epsilon_kept),
+            "worst_segment_probability": plan.worst.probability,
+        }
     if promise is None:
         return table
     return table | {

@@ -97,7 +97,7 @@ def candidates_of(problem: Problem, rest: PlannedPath) -> tuple[PlannedPath, ...
     if len(rest.u) > known:
         return ()
     same = propagate_controls(problem, np.ascontiguousarray(rest.u), problem.world.law).x
-    found: list[PlannedPath] = []
+    found, near = list[PlannedPath](), list[PlannedPath]()
     for origin, x in (("rest of the old plan, same controls", same), *_ways_back(problem, rest)):
         if len(found) > 1 or (found and origin == found[-1].origin):
             break
@@ -105,9 +105,8 @@ def candidates_of(problem: Problem, rest: PlannedPath) -> tuple[PlannedPath, ...
             path = completing_path(problem, x, origin)
         except InfeasibleError:
             continue
-        if keeps_epsilon(problem, path):
-            found.append(path)
-    return tuple(found)
+        (found if keeps_epsilon(problem, path) else near).append(path)
+    return tuple(found or near)
 
 
 def _ways_back(problem: Problem, rest: PlannedPath) -> list[tuple[str, FloatArray]]:

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 PRICING = "prices"  # child of the seed of the flights that price limits
+REMEDIES = "remedies"  # child of the seed of the flights that try changes
 PRICING_BLOCKS, PRICING_RUNS = 8, 5_000  # blocks of these flights, and the flights of each
 
 
@@ -210,12 +211,29 @@ def make_plan(inputs: StageInputs) -> Plan:
         for child in seed.spawn(PRICING_BLOCKS)
     )
     limits, prices = limits_of(problem, plan.path, blocks)
-    return replace(plan, limits=limits, prices=prices)
+    return _with_remedies(inputs, replace(plan, limits=limits, prices=prices))
+
+
+def _with_remedies(inputs: StageInputs, plan: Plan) -> Plan:
+    """``plan`` with the changes that help it, if it breaks ``planner.epsilon`` or hardly ever succeeds."""
+    from pareto_ltl.planning.costs import remedies_text
+    from pareto_ltl.run.remedies import HOPELESS, Trial, tried_remedies
+
+    if plan.epsilon_kept and (plan.promise is None or plan.promise.rate.failure < HOPELESS):
+        return plan
+    seed = named_child(inputs.seeds, REMEDIES)
+    remedies = tried_remedies(Trial(inputs.settings, inputs[keys.PROBLEM], inputs[keys.WIND], plan, seed))
+    if remedies:
+        LOG.info("what helps, %s", remedies_text(remedies))
+    else:
+        LOG.info("neither position feedback nor a beacon, a younger forecast or a larger region helps")
+    return replace(plan, remedies=remedies)
 
 
 def make_unpriced_plan(inputs: StageInputs) -> Plan:
     """The path of the front that the rule picks; with ``judge=flights``, after a test with fresh flights."""
     from pareto_ltl.planning.records import Plan
+    from pareto_ltl.planning.refine.separation import keeps_epsilon, worst_segment
     from pareto_ltl.planning.selection_rules import (
         bound_warning,
         choose_path,
@@ -241,7 +259,7 @@ def make_unpriced_plan(inputs: StageInputs) -> Plan:
     held = held_warning(inputs[keys.WIND], float(path.t[-1]), problem.scene.time_zero)
     for warning in filter(None, (bound_warning(path, settings.fidelity), held)):
         LOG.warning("%s", warning)
-    return Plan(
+    plan = Plan(
         path=path,
         formula=problem.automaton.formula,
         atoms=tuple(problem.atoms),
@@ -258,7 +276,12 @@ def make_unpriced_plan(inputs: StageInputs) -> Plan:
         navigation=navigate(problem.scene, path.t, path.x, path.u),
         covered=coverage.covered,
         not_covered=coverage.not_covered,
+        worst=worst_segment(problem, path) if front.rates else None,
+        epsilon_kept=not front.rates or keeps_epsilon(problem, path),
     )
+    if not plan.epsilon_kept:
+        LOG.warning("%s", plan.breach(problem.scene))
+    return plan
 
 
 def make_forecasts(inputs: StageInputs) -> Mapping[str, Forecast]:

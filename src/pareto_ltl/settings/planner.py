@@ -36,6 +36,12 @@ class PlannerConfig(CheckedSettings, section="planner"):
         "of the obstacles and the walls; null: no limit",
         "(0, 1)",
     )
+    epsilon_strict: bool = setting(
+        False,
+        "refuse (exit code 2) if no path satisfies planner.epsilon in every segment, or if every simulated "
+        "flight of every path fails; false: the path nearest to planner.epsilon is then the plan, with a "
+        "warning; with fidelity.judge=bound, trees have no other path, and the mission is always refused",
+    )
     delta: float = setting(
         0.8,
         "collision probability allowed on a whole path, with fidelity.collision_bound=path and judge=bound",

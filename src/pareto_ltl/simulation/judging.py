@@ -9,6 +9,7 @@ rarely fail look like shorter ones until thousands of flights are flown.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -28,6 +29,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.machine import on_all_cores, require_memory
 
+LOG = logging.getLogger(__name__)
 RAW_DRAWS = 500  # flights of each path in the race among the trees' paths
 LAST_LOOK = 1000  # flights for the message if every flight of every path fails
 CROWD = 40  # paths of trees retained after each comparison, for each cost other than the failure rate
@@ -42,6 +44,8 @@ def judge_front(
     raw: Sequence[PlannedPath],
     draws: int,
     seed: SeedSequence,
+    *,
+    strict: bool = True,
 ) -> Front:
     """The paths of ``raw`` and ``refined`` that are non-dominated in failure rate and costs.
 
@@ -56,11 +60,14 @@ def judge_front(
         Flights of every path that survives the race, in the winds of ``fidelity.law``.
     seed : SeedSequence
         Seed of the flights; the optimisation must use another one, or its paths look better than they are.
+    strict : bool
+        Refuse paths of which every flight fails; otherwise a warning says how they fail.
 
     Raises
     ------
     InfeasibleError
-        If there is no path, a path lasts longer than the known wind, or all flights of all paths fail.
+        If there is no path, a path lasts longer than the known wind, or ``strict`` and all flights of all
+        paths fail.
     """
     if not refined and not raw:
         raise InfeasibleError("no path completes the mission; raise planner.n_max")
@@ -69,7 +76,11 @@ def judge_front(
     if not refined and not admitted:  # those that keep it lost the race to others that do not
         admitted = [path for path in raw if keeps_epsilon(problem, path)]
     judged = fly_race(problem, [*refined, *admitted], draws, seed)
-    _require_success(problem, judged)
+    if all(flown.failed.all() for flown in judged):
+        text = _how_all_fail(problem, judged)
+        if strict:
+            raise InfeasibleError(text)
+        LOG.warning("%s", text)
     grown = {id(path) for path in raw}
     before, after = (
         [final_bound(problem, flown) if id(flown.path) in grown else flown for flown in unbeaten(paths)]
@@ -90,10 +101,8 @@ def judge_front(
     )
 
 
-def _require_success(problem: Problem, judged: Sequence[Flown]) -> None:
-    """Raise InfeasibleError if no flight of any path succeeds; the message states how the best path fails."""
-    if any(not flown.failed.all() for flown in judged):
-        return
+def _how_all_fail(problem: Problem, judged: Sequence[Flown]) -> str:
+    """Text for paths of which no flight succeeds: how the best path fails."""
     seed = SeedSequence(0)  # a text says the same about the same paths
 
     def outcome(path: PlannedPath) -> Deployment:
@@ -108,7 +117,7 @@ def _require_success(problem: Problem, judged: Sequence[Flown]) -> None:
     parts = [f"{100 * (~flights.accepted).mean():.0f} % miss the mission"]
     parts += [f"{100 * flights.collided.mean():.0f} % touch an obstacle"]
     parts += [f"{100 * flights.off_map.mean():.0f} % leave the map"] if problem.scene.walled else []
-    raise InfeasibleError(
+    return (
         f"every path fails in all {len(judged[0].failed):,} flights in {problem.fidelity.law} winds; of "
         f"{LAST_LOOK:,} flights of the nearest ({path.order}, {path.objectives.length / 1e3:.1f} km), "
         f"{', '.join(parts)}: give the robot more airspeed (robot.u_max), position fixes "

@@ -103,10 +103,7 @@ def sampled_paths(
 ) -> tuple[PlannedPath, ...]:  # fmt: skip
     """Paths of many lengths on which few of the common ``flights`` fail, shortest first.
 
-    Raises
-    ------
-    InfeasibleError
-        If there were starts and none became a path; the message says what is wrong with the best one.
+    It is empty if there is no start, or if none became a path that can be flown; a warning then says why.
     """
     with ThreadPoolExecutor(1) as pool:
         found = pool.submit(first_starts, problem, forest)

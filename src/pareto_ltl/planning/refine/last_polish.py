@@ -158,12 +158,7 @@ def planned_paths(
 ) -> tuple[PlannedPath, ...]:
     """The candidates that can be flown and whose expected path completes the mission, as paths.
 
-    ``repairs`` gives variants of one that is not; a warning names candidates without such a variant.
-
-    Raises
-    ------
-    InfeasibleError
-        If there are candidates and none of them is such a path.
+    ``repairs`` gives variants of one that is not; a warning names the best candidate without such a variant.
     """
     paths, faults = list[PlannedPath](), list[tuple[Candidate, str]]()
     for k in found:
@@ -176,13 +171,13 @@ def planned_paths(
             faults.append((k, fault))
         else:
             paths.append(path)
-    if not faults:
-        return tuple(paths)
-    k, fault = min(faults, key=lambda row: row[0].smoothed)
-    best = f"({k.origin}, {k.length / 1e3:.1f} km, {k.steps} steps, fails {100 * k.failed:.2g} %): {fault}"
-    if not paths:
-        raise InfeasibleError(f"none of the refined paths can be flown; the best of them {best}")
-    LOG.warning("%d of %d refined paths cannot be flown; the best of them %s", len(faults), len(found), best)
+    if faults:
+        k, fault = min(faults, key=lambda row: row[0].smoothed)
+        best = f"{k.origin}, {k.length / 1e3:.1f} km, {k.steps} steps, fails {100 * k.failed:.2g} %"
+        LOG.warning(
+            "%d of %d refined paths cannot be flown; the best of them (%s): %s",
+            len(faults), len(found), best, fault,
+        )  # fmt: skip
     return tuple(paths)
 
 

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.path import Flight
+from pareto_ltl.planning.costs import WorstSegment
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.pack import NO_LIMIT, pack_faces
 from pareto_ltl.planning.pack_logic import pack_corners
@@ -22,12 +23,12 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.routes.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.display import probability_text, round_up
-from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.display import distance_text, probability_text, round_up
 
 LOG = logging.getLogger(__name__)
 
 ROWS = 2  # lines of a segment in a programme, the closest ones (3 take half as long again)
+ALIKE = 0.02  # relative difference of two risks of a segment that does not decide which path is nearer
 ROUNDING = 1e-6  # relative excess over epsilon that is rounding
 KEPT = 1.4  # standard deviations that taut lines keep where polygons share epsilon as they need it
 WALLS = ("western", "eastern", "southern", "northern")
@@ -81,16 +82,21 @@ def forbidden_polygons(problem: Problem, avoid: BoolArray) -> tuple[list[FloatAr
 
     Where many cells with one label are merged into one shape, it is avoided at steps where all of them are.
     """
-    polygons: list[FloatArray] = []
-    asked = [np.zeros((len(avoid), 0), bool)]
-    for group in search_map(problem).shown.values():
+    found = list(_forbidden_groups(problem, avoid))
+    polygons = [polygon for _, group, _ in found for polygon in group]
+    return polygons, np.hstack([np.zeros((len(avoid), 0), bool), *(asked for *_, asked in found)])
+
+
+def _forbidden_groups(
+    problem: Problem, avoid: BoolArray
+) -> Iterator[tuple[frozenset[str], list[FloatArray], BoolArray]]:
+    """The propositions that cells to avoid show, their k polygons, and when to avoid each (T+1, k)."""
+    for names, group in search_map(problem).shown.items():
         hit = avoid[:, group.cells]
         if group.united:
             hit = np.repeat(np.all(hit, axis=1, keepdims=True), len(group.around), axis=1)
         wanted = np.flatnonzero(hit.any(axis=0))
-        polygons += [group.around[k] for k in wanted]
-        asked.append(hit[:, wanted])
-    return polygons, np.hstack(asked)
+        yield names, [group.around[k] for k in wanted], hit[:, wanted]
 
 
 def _avoided(problem: Problem, flight: Flight, avoid: BoolArray | None) -> tuple[list[FloatArray], BoolArray]:
@@ -227,39 +233,69 @@ def _limit(problem: Problem) -> float:
     return allowed_risk(problem) * (1.0 + ROUNDING)
 
 
-def within_limits(problem: Problem, paths: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
-    """The paths that keep ``planner.epsilon`` in every segment; a line in the log states how many do not.
+def worst_segment(problem: Problem, path: PlannedPath) -> WorstSegment:
+    """The segment of ``path`` that is most likely to collide, and its closest barrier."""
+    flight = propagate(problem, path.x)
+    part = separation(problem, flight)
+    step = int(part.risk.argmax())
+    name = _polygon_name(problem, flight, int(part.owner[step, 0]))
+    return WorstSegment(step, name, min(1.0, float(part.risk[step])))
 
-    Raises
-    ------
-    InfeasibleError
-        If none of the paths does; the message says by how much, where, and what would admit one.
-    """
-    epsilon, limit = allowed_risk(problem), _limit(problem)
+
+def nearest_paths(problem: Problem, paths: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
+    """The paths whose worst segment exceeds ``planner.epsilon`` least, within :data:`ALIKE` of the least."""
+    worst = _largest_risks(problem, paths)
+    return tuple(path for path, risk in zip(paths, worst, strict=True) if risk <= (1.0 + ALIKE) * worst.min())
+
+
+def within_limits(problem: Problem, paths: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
+    """The paths that keep ``planner.epsilon`` in every segment; a line in the log states how many do not."""
+    limit = _limit(problem)
     if not paths or math.isinf(limit):
         return tuple(paths)
-    parts = [separation(problem, propagate(problem, path.x)) for path in paths]
-    worst = np.array([part.risk.max() for part in parts])
+    worst = _largest_risks(problem, paths)
     kept = tuple(path for path, risk in zip(paths, worst, strict=True) if risk <= limit)
-    if len(kept) == len(paths):
-        return kept
-    k = int(np.argmin(np.where(worst > limit, worst, np.inf)))
-    least = min(round_up(1.05 * float(worst[k])), 0.99)
-    if not kept:
-        step = int(parts[k].risk.argmax())
-        names, number = barrier_names(problem), int(parts[k].owner[step, 0])
-        nearest = problem.scene.barrier_title(names[number]) if number < len(names) else "a forbidden region"
-        raise InfeasibleError(
-            f"no path keeps planner.epsilon = {epsilon:g} in every segment: the best of {len(paths)} refined "
-            f"paths comes closest to {nearest} at step {step + 1}, with a collision probability of "
-            f"{probability_text(worst[k])}; set planner.epsilon={least:g}, or null for no limit"
-        )
-    LOG.info(
-        "%d of %d refined paths are not on the front: a segment of each is more likely to collide than "
-        "planner.epsilon = %g allows; planner.epsilon=%g would admit the next",
-        len(paths) - len(kept), len(paths), epsilon, least,
-    )  # fmt: skip
+    if len(kept) < len(paths):
+        LOG.info(
+            "%d of %d refined paths are not on the front: a segment of each is more likely to collide than "
+            "planner.epsilon = %g allows; planner.epsilon=%g would admit the next",
+            len(paths) - len(kept), len(paths), problem.epsilon, _admitting(worst[worst > limit].min()),
+        )  # fmt: skip
     return kept
+
+
+def breach_text(problem: Problem, paths: Sequence[PlannedPath]) -> str:
+    """Which of ``paths`` is nearest to ``planner.epsilon``, where none keeps it, and its worst segment."""
+    path = min(nearest_paths(problem, paths), key=lambda path: path.objectives.length)
+    worst = worst_segment(problem, path)
+    least = _admitting(_largest_risks(problem, paths).min())
+    barrier, steps = problem.scene.barrier_title(worst.nearest), len(path.u)
+    return (
+        f"no path keeps planner.epsilon = {problem.epsilon:g} in every segment: the nearest of {len(paths)} "
+        f"paths ({path.order or 'no region'}, {distance_text(path.objectives.length)}) comes closest to "
+        f"{barrier} at step {worst.step + 1} of {steps}, with a collision probability of "
+        f"{probability_text(worst.probability)}; set planner.epsilon={least:g}, or null for no limit"
+    )
+
+
+def _largest_risks(problem: Problem, paths: Sequence[PlannedPath]) -> FloatArray:
+    """The risk of the worst segment of each path (P,)."""
+    return np.array([separation(problem, propagate(problem, path.x)).risk.max() for path in paths])
+
+
+def _admitting(risk: float) -> float:
+    """A value of ``planner.epsilon`` that admits a path whose worst segment has ``risk``."""
+    return min(round_up(1.05 * float(risk)), 0.99)
+
+
+def _polygon_name(problem: Problem, flight: Flight, number: int) -> str:
+    """The name of the polygon ``number`` of a separation: a barrier, then the forbidden cells of the path."""
+    names = barrier_names(problem)
+    if number >= len(names):
+        avoid = path_obligations(problem, flight.x, flight.cov).avoid
+        groups = _forbidden_groups(problem, avoid)
+        names += [f"region {' and '.join(sorted(shown))}" for shown, parts, _ in groups for _ in parts]
+    return names[number] if number >= 0 else "no barrier"
 
 
 def barrier_names(problem: Problem) -> list[str]:

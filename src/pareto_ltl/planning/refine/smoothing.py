@@ -17,7 +17,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
 from pareto_ltl.planning.refine.programme import Programme, programme
 from pareto_ltl.planning.refine.sampled import path_length
-from pareto_ltl.planning.refine.separation import kept_deviations, within_limits
+from pareto_ltl.planning.refine.separation import breach_text, kept_deviations, within_limits
 from pareto_ltl.planning.refine.starts import Start, first_starts, paced_line
 from pareto_ltl.planning.routes.obligations import MissionOrder, completes, mission_order, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
@@ -268,4 +268,7 @@ def steered_path(problem: Problem, cfg: SmoothingConfig, weight: float) -> Plann
             "no path leads from the start to the goal within the limits of airspeed and planner.epsilon"
         )
     paths = [evaluate_path(problem, path.x, "steered") for path in found]
-    return min(within_limits(problem, paths), key=lambda path: task.merit(path, weight))
+    kept = within_limits(problem, paths)
+    if not kept:
+        raise InfeasibleError(breach_text(problem, paths))
+    return min(kept, key=lambda path: task.merit(path, weight))
