@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Callable
 from contextlib import suppress
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError
@@ -20,7 +20,17 @@ Value = TypeVar("Value", int, float, str)
 
 
 class CommandArguments(argparse.ArgumentParser):
-    """An argument parser that raises ConfigError instead of leaving the program."""
+    """An argument parser that raises ConfigError instead of leaving the program.
+
+    A word that begins with one minus sign is a value, unless it is ``-h``: half of all coordinates are
+    negative, and commands have no other short flags.
+    """
+
+    def _parse_optional(self, arg_string: str) -> Any:
+        """What :mod:`argparse` asks of each word: None says that it is not a flag."""
+        if arg_string.startswith("-") and arg_string[1:2] != "-" and arg_string != "-h":
+            return None
+        return super()._parse_optional(arg_string)
 
     def error(self, message: str) -> NoReturn:
         """Raise ConfigError with ``message`` and the command for help."""

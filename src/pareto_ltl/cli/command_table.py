@@ -220,7 +220,7 @@ TOOL_COMMANDS = (
             argument("--time", "T", "2018-10-09T06:00:00Z, 6h or 21600 (s after departure); with --fixes it "
                      "is the time of the last fix"),
             argument("--fix", "LAT,LON,SD", "measured position [deg] and its standard deviation [m]; X,Y,SD "
-                     "[m] on a map without a place on Earth; write --fix=... if the first number is negative",
+                     "[m] on a map without a place on Earth",
                      type=read.read_fix),
             argument("--fixes", "FILE.csv", "several fixes: columns time,lat,lon,sd_m or time,x,y,sd_m, with "
                      "times as for --time", type=Path),
