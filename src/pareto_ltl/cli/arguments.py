@@ -20,10 +20,17 @@ Value = TypeVar("Value", int, float, str)
 
 
 class CommandArguments(argparse.ArgumentParser):
-    """An argument parser that raises ConfigError instead of leaving the program.
+    """An argument parser that raises ConfigError instead of leaving the program."""
 
-    A word that begins with one minus sign is a value, unless it is ``-h``: half of all coordinates are
-    negative, and commands have no other short flags.
+    def error(self, message: str) -> NoReturn:
+        """Raise ConfigError with ``message`` and the command for help."""
+        raise ConfigError(f"{message}; see {self.prog} --help")
+
+
+class ToolArguments(CommandArguments):
+    """The parser of a command with arguments, which has no short flag except ``-h``.
+
+    Any other word that begins with one minus sign is a value: half of all coordinates are negative.
     """
 
     def _parse_optional(self, arg_string: str) -> Any:
@@ -31,10 +38,6 @@ class CommandArguments(argparse.ArgumentParser):
         if arg_string.startswith("-") and arg_string[1:2] != "-" and arg_string != "-h":
             return None
         return super()._parse_optional(arg_string)
-
-    def error(self, message: str) -> NoReturn:
-        """Raise ConfigError with ``message`` and the command for help."""
-        raise ConfigError(f"{message}; see {self.prog} --help")
 
 
 def accepted(

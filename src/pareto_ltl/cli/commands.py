@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 
 from pareto_ltl import __version__
-from pareto_ltl.cli.arguments import CommandArguments
+from pareto_ltl.cli.arguments import ToolArguments
 from pareto_ltl.cli.command_table import Argument, Command, PipelineCommand, ToolCommand, command_named
 from pareto_ltl.cli.output import (
     Answer,
@@ -74,7 +74,7 @@ def parsed_options(command: ToolCommand, words: Sequence[str]) -> argparse.Names
     DataError
         If the results directory does not exist.
     """
-    parser = CommandArguments(
+    parser = ToolArguments(
         prog=f"pareto-ltl {command.name}", usage=command.usage, description=command.purpose
     )
     for row in command.arguments:
