@@ -125,6 +125,24 @@ PLAN_LIES = (
         ("plan: limits of its segments",),
     ),
     Lie(
+        "epsilon is not kept, as if no path kept it",
+        both(in_plan(lambda p: p.update(epsilon_kept=False)), in_metrics({"epsilon_kept": 0.0})),
+        ("plan: whether it keeps epsilon",),
+        only="full",
+    ),
+    Lie(
+        "the worst segment is less likely to collide",
+        both(
+            in_plan(lambda p: scaled(p, "worst_segment", "probability", factor=0.9)),
+            in_json(
+                "metrics.json",
+                lambda m: m.update(worst_segment_probability=0.9 * m["worst_segment_probability"]),
+            ),
+        ),
+        ("plan: whether it keeps epsilon",),
+        only="full",
+    ),
+    Lie(
         "a segment has no limit",
         in_plan(lambda p: p["segments"].pop()),
         ("plan: limits of its segments",),

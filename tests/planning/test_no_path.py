@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
+from pareto_ltl.planning import no_path
 from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.growth import grow_forest
-from pareto_ltl.planning.no_path import explain_no_path, explain_no_safe_path, explain_refused
+from pareto_ltl.planning.no_path import explain_no_line, explain_no_path, explain_no_safe_path
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.starts import Start
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.selection import tree_front
 from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, preset
@@ -176,17 +178,35 @@ def test_a_deadline_that_is_too_early_is_named_and_a_later_one_finds_a_path() ->
     assert plans(CFG, make_problem("F[0,10min] a", scene, None, faster(text), CFG)) > 0
 
 
-def test_refused_paths_are_the_cause_unless_the_shortest_line_has_one() -> None:
+def test_without_a_plan_the_cause_is_what_stops_the_best_line() -> None:
     scene = make_scene({"a": box(15, 8, 17, 12)}, start=(3, 10))
-    refused = "none of the refined paths can be flown"
-    possible = make_problem("F a", scene, planner=CFG)
-    assert explain_refused(CFG, possible, refused) == f"no path completes the mission: {refused}"
-    assert explain_refused(CFG, possible, "") == ""
-    late = explain_refused(CFG, make_problem("F[0,10min] a", scene, planner=CFG), refused)
-    assert "is too late" in late
-    assert refused not in late
-    large_steps = make_problem("F a", scene, None, RobotConfig(dt=1800.0, u_max=10.0), CFG)
-    assert f"{refused}; a full step of 18.0 km" in explain_refused(CFG, large_steps, refused)
+    assert explain_no_line(CFG, make_problem("F a", scene, planner=CFG)) == ""
+    late = explain_no_line(CFG, make_problem("F[0,10min] a", scene, planner=CFG))
+    assert "is too late for its time spans" in late
+    closed = make_scene({"a": box(15, 8, 17, 12)}, [box(9, 0, 10, 20)], start=(3, 10))
+    assert "close every way from the start to region 'a'" in explain_no_line(
+        CFG, make_problem("F a", closed, planner=CFG)
+    )
+
+
+def test_the_line_that_comes_farthest_is_named_with_its_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lines that cannot be flown as they are, though the shortest one in straight legs can."""
+    scene = make_scene({"a": box(15, 8, 17, 12)}, start=(3, 10))
+    problem = make_problem("F a", scene, planner=CFG)
+    ends = (6e3, 13e3)  # both too short: neither reaches the region
+    short = [Start(np.linspace([3e3, 10e3], [end, 10e3], 30), f"to {end:g}") for end in ends]
+    fast = Start(np.linspace([3e3, 10e3], [16e3, 10e3], 3), "three steps")
+    monkeypatch.setattr(no_path, "first_starts", lambda _: dict(enumerate([fast, *short])))
+    text = explain_no_line(CFG, problem)
+    assert (
+        "of 3 lines of the map the one that comes farthest (to 6000, 3.0 km, 29 steps) cannot be flown"
+        in text
+    )
+    assert "the expected path does not complete the mission: at its end a is still to be visited" in text
+    monkeypatch.setattr(no_path, "first_starts", lambda _: {0: fast})
+    assert "cannot be flown: the path needs more airspeed than robot.u_max at step 1 of 2" in explain_no_line(
+        CFG, problem
+    )
 
 
 @pytest.mark.parametrize(

@@ -366,22 +366,6 @@ def test_numbers_of_a_record_of_ones_own_are_metrics(tmp_path: Path) -> None:
     assert table["completed"] == 0.0
 
 
-def test_paths_that_all_break_epsilon_are_the_cause_that_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not that the trees have none."""
-
-    def too_close(*_: object) -> tuple[()]:
-        raise InfeasibleError("no path keeps planner.epsilon")
-
-    monkeypatch.setitem(front_stage.REFINERS, "sampled", lambda *_: (object(),))
-    monkeypatch.setattr("pareto_ltl.run.front_stage.within_limits", too_close)
-    settings = Settings(
-        scene=phi1(), mission=MissionConfig(formula="F a"), planner=PlannerConfig(trees=1, n_max=2)
-    )
-    with pytest.raises(InfeasibleError) as told:
-        Run(settings).make(FRONT)
-    assert str(told.value) == "no path keeps planner.epsilon"
-
-
 @pytest.mark.parametrize("fidelity", ["paper", "full"])
 def test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees_stay(
     fidelity: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture

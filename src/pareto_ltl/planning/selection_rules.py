@@ -16,7 +16,7 @@ import numpy as np
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath, objective_row
-from pareto_ltl.planning.selection import chance_of_failures
+from pareto_ltl.planning.selection import chance_of_failures, hypervolume
 from pareto_ltl.settings import FidelityConfig, SelectionConfig
 from pareto_ltl.support import extensions
 from pareto_ltl.support.arrays import FloatArray
@@ -365,10 +365,12 @@ def within_capacity(cfg: SelectionConfig, front: Front, problem: Problem) -> Fro
 def safest_of_front(front: Front) -> Front:
     """The front with only its path of the least failure rate, of equal ones the shortest."""
     rows = [
-        (rate.failure, path.objectives.length, k)
-        for k, (rate, path) in enumerate(zip(front.rates, front.paths, strict=True))
+        (rate.failure, *path.objectives.costs.values())
+        for rate, path in zip(front.rates, front.paths, strict=True)
     ]
-    return part_of_front(front, [min(rows)[-1]])
+    best = min(range(len(rows)), key=lambda k: rows[k])
+    volume = hypervolume(np.array(rows[best : best + 1]), front.reference)
+    return replace(part_of_front(front, [best]), hypervolume=volume)
 
 
 def part_of_front(front: Front, kept: Sequence[int]) -> Front:

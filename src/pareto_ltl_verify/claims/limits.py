@@ -14,12 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray
-from pareto_ltl_verify.claims import Claim, Verdict, no_fault, same
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl_verify.claims import Claim, Verdict, no_fault, same, unlike
 from pareto_ltl_verify.claims.plan import FILES, LEAST_RISK, RISK
 from pareto_ltl_verify.evidence import Evidence
-from pareto_ltl_verify.flights import Ground, failures
-from pareto_ltl_verify.geometry import Convex, outline_distance, within
+from pareto_ltl_verify.flights import NONE, Ground, failures
+from pareto_ltl_verify.formula import losing
+from pareto_ltl_verify.gaussians import segment_risks
+from pareto_ltl_verify.geometry import Convex, convex, outline_distance, within
 
 DEVIATIONS = 2e-3  # largest allowed difference of two distances, relative to one standard deviation and more
 RISK_OF_SEGMENT = 0.02  # largest allowed relative difference of two risks of a segment
@@ -30,6 +32,8 @@ SIDES = ("western", "southern", "eastern", "northern")  # rows of the bounds: we
 FACTOR = 2.5  # by which a price may differ from the counts on either side
 FAR = 12.0  # [sd] with a risk below 1e-32: which of two such barriers is nearer has no meaning
 SPREADS = 5.0  # standard deviations of a count, beside the factor
+ROUNDING = 1e-6  # relative excess over epsilon that is rounding
+BY_REGIONS = 1.25  # by which polygons around many cells of a region may raise a probability
 TIGHT = 0.8  # share of epsilon above which multipliers of chance constraints may be part of a price
 FULL_SPEED = 0.98  # share of u_max below which a step does not use all airspeed
 ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
@@ -59,9 +63,73 @@ def segment_limits(result: Evidence) -> Verdict | None:
             faults.append(f"step {k}: probability {row['probability']:.4g}, computed {risks[k]:.4g}")
     worst = float(risks.max(initial=0.0))
     limited = fidelity["judge"] == "flights" or fidelity["collision_bound"] == "step"
+    limited = limited and result.plan.get("epsilon_kept", True)  # else ``nearness`` tests it
     large = limited and worst > epsilon * (1.0 + RISK_OF_SEGMENT)
     above = {f"largest probability {worst:.4g}, above epsilon {epsilon:g}": large}
     return no_fault(f"at most {worst:.4g} a segment", faults, above)
+
+
+def nearness(result: Evidence) -> Verdict | None:
+    """Whether every segment keeps epsilon, and which segment is the worst; also in the metrics.
+
+    A mission that can be lost in a region has no exact rule of which cells a path avoids at a step: there the
+    probability may be anything from that of the barriers to that with all cells that lose the mission.
+    """
+    stated, plan, epsilon = result.plan.get("epsilon_kept"), result.plan, result.epsilon
+    if stated is None:
+        return None
+    worst, limit = plan["worst_segment"], epsilon * (1.0 + ROUNDING)
+    low, high = _segment_risks(result)
+    k, told = worst["step"], worst["probability"]
+    if k >= len(low):
+        return same(f"segment {k}", f"one of {len(low)} segments")
+    slack = 1.0 + RISK_OF_SEGMENT
+    most = BY_REGIONS if (high > low).any() else slack
+    numbers = {"epsilon_kept": float(stated), "worst_segment_probability": told}
+    faults = {
+        f"segment {k} collides {told:.4g}, computed {low[k]:.4g} to {high[k]:.4g}": not (
+            low[k] / slack - LEAST_RISK <= told <= most * high[k] + LEAST_RISK
+        ),
+        f"another segment collides {low.max(initial=0.0):.4g}": low.max(initial=0.0)
+        > slack * told + LEAST_RISK,
+        f"closest to {worst['nearest']}": not _may_be_nearest(result, k, worst["nearest"]),
+        f"keeps epsilon {epsilon:g}: {stated}, with {told:.4g}": stated != (told <= limit),
+        f"metrics: {unlike(result.metrics, numbers)}": bool(unlike(result.metrics, numbers)),
+    }
+    return no_fault(f"at most {told:.4g} a segment", faults)
+
+
+def _may_be_nearest(result: Evidence, step: int, name: str) -> bool:
+    """Whether ``name`` is the closest barrier of a segment, or a region that the mission may forbid."""
+    if name.startswith("region "):
+        return set(name.removeprefix("region ").split(" and ")) <= set(result.dfa.atoms)
+    if not result.barriers:
+        return name == "no barrier"
+    z, names = result.segments[0][step], np.array(barrier_names(result))
+    return bool(z[names == name].min(initial=np.inf) <= z.min() + DEVIATIONS * (1.0 + abs(z.min()))) or bool(
+        z.min() > FAR
+    )
+
+
+def _segment_risks(result: Evidence) -> tuple[FloatArray, FloatArray]:
+    """The collision probability of each segment (T,): of barriers, and with cells that lose the mission."""
+    steps, cov = len(result.u), result.course.cov
+    low = np.minimum(result.segments[1], 1.0) if result.barriers else np.zeros(steps)
+    if result.settings["fidelity"]["collision_bound"] == "step":  # faces give more than supporting lines
+        return low, np.ones(steps)
+    high = low.copy()
+    states = result.ground.states(result.x[None])[0]
+    labels, cells = result.cells["labels"], [convex(corners) for corners in result.cells["cells"]]
+    for t in range(steps):
+        way = result.timetable.way(t + 1)
+        lost = losing(result.dfa, result.ground.letter(NONE, way))[states[t : t + 2]].any(axis=0)
+        letters = result.letter_numbers(labels, way)
+        parts = [cell for cell, k, label in zip(cells, letters, labels, strict=True) if label and lost[k]]
+        if parts:
+            ends = slice(t, t + 2)
+            every = (*result.barriers, *parts)
+            high[t] = min(1.0, float(segment_risks(every, result.x[ends], cov[ends])[1][0]))
+    return low, np.maximum(low, high)
 
 
 def barrier_names(result: Evidence) -> list[str]:
@@ -216,5 +284,6 @@ PRICES: dict[str, Callable[[Evidence, Mapping[str, Any]], str]] = {
 
 CLAIMS = (
     Claim("plan: limits of its segments", FILES, segment_limits),
+    Claim("plan: whether it keeps epsilon", FILES, nearness),
     Claim("plan: prices of its limits", (*FILES, "deployments.npz", "front.csv"), prices),
 )

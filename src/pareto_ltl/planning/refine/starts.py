@@ -39,6 +39,7 @@ BEYOND = 0.03  # of the map's size: distance from the obstacle on the other side
 OVERSHOOT = 1.5  # standard deviations by which a path flies past a place before it returns to it
 SHUTTLE = 0.8  # share of a full step that a robot with a least airspeed flies to and fro where it waits
 TOO_SLOW = 0.8  # of the least airspeed: refinement lengthens a line that is flown a little too slowly
+SLOWER = (0, 1, 2, 4, 8)  # steps added to a line that needs more airspeed than there is
 STOPS = 12  # places along a line at which a stop is tried
 
 
@@ -148,12 +149,21 @@ def roadmap_starts(problem: Problem) -> list[Start]:
 
 
 def flown_lines(problem: Problem) -> list[PlannedPath]:
-    """The taut lines and lines of the roadmap that can be flown as they are, one of each class."""
-    found = []
-    for start in first_starts(problem).values():
+    """The taut lines and lines of the roadmap that can be flown, one of each class, some in more steps."""
+    paths = (_flown_line(problem, start) for start in first_starts(problem).values())
+    return [path for path in paths if path is not None]
+
+
+def _flown_line(problem: Problem, start: Start) -> PlannedPath | None:
+    """The line of ``start`` as it is, or else in the fewest more steps; None if none is a path."""
+    steps = len(start.x) - 1
+    for more in SLOWER:
+        if steps + more > problem.horizon:
+            break
+        x = start.x if more == 0 else retimed_means(problem, start.x, steps + more)
         with suppress(InfeasibleError):
-            found.append(completing_path(problem, start.x, start.origin, tight=False))
-    return found
+            return completing_path(problem, x, start.origin, tight=False)
+    return None
 
 
 def _walked(problem: Problem, line: FloatArray, origin: str) -> list[Start]:
