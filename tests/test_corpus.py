@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from hydra.types import RunMode
 
 from corpus import judging, missions, page, running
 from corpus.drawing import BORDERS, Place
 from corpus.winds import WINDS
+from levels import AT_NIGHT
+from pareto_ltl.cli import composition
 from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.cli.setting_keys import settings_from
+from pareto_ltl.planning.refine import flown_lines
+from pareto_ltl.planning.refine.separation import ROUNDING
+from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.records import PLAN, PROBLEM
+from pareto_ltl.run.stages import UNPRICED_TABLE
 from pareto_ltl.settings import SceneConfig
+from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import scene_from_settings
 from quick_wind import wind_words
@@ -42,6 +54,26 @@ def test_a_mission_of_each_kind_has_a_plan(mission: missions.Mission, tmp_path: 
     assert 0.0 <= row["low"] <= row["promise"] <= row["high"] <= 1.0
     assert row["length"] > 0.0
     assert row["front"]
+
+
+@pytest.mark.parametrize("number", range(100 if AT_NIGHT else 3))
+def test_a_mission_that_a_line_can_fly_has_a_plan(number: int) -> None:
+    """Winds that drift far from their forecast, and robots that do not know where they are."""
+    kind = replace(missions.KINDS[0], winds=("held", "forecast"), vehicles=missions.AIRCRAFT)
+    mission = missions.make(kind, "m", np.random.SeedSequence(20261127, spawn_key=(number,)))
+    with TemporaryDirectory() as folder:
+        words = [word for word in mission.write(Path(folder)) if "feedback_time" not in word]
+        arguments = composition.parse_flags([*words, *SMALL, "planner.trees=2", "planner.n_max=500"])
+        with composition.opened_hydra(arguments) as hydra:
+            settings = settings_from(composition.composed_config(hydra, arguments, RunMode.RUN))
+        run = Run(settings, UNPRICED_TABLE)
+        try:
+            plan = run.make(PLAN)
+        except InfeasibleError as error:
+            assert "robot.power.capacity" in str(error) or not flown_lines(run[PROBLEM]), error
+        else:
+            assert plan.worst is not None
+            assert plan.epsilon_kept is (plan.worst.probability <= plan.epsilon * (1.0 + ROUNDING))
 
 
 def test_every_kind_that_needs_no_other_files_is_planned_here() -> None:
@@ -198,6 +230,9 @@ def test_the_summary_counts_what_the_rows_say() -> None:
     goals = {goal.text: goal for goal in judging.summary(judging.judge(rows, {"m": {}}), 4.0)}
     assert goals["runs by exit code"].value == "0: 5, 1: 1"
     assert goals["runs with an internal error"].met is False
+    rows[0] |= {"epsilon_kept": 0.0}
+    goals = {goal.text: goal for goal in judging.summary(judging.judge(rows, {"m": {}}), 4.0)}
+    assert goals["plans that satisfy planner.epsilon"].value == "4 of 5"
     assert goals["worst seed promises at most 1.3 x the median"].value == "0 of 1 (0 %)"
     assert goals["full is worse than quick, beyond the noise"].value == "1 of 2 runs"
     assert goals["landmarks hurt, beyond the noise"].met is True

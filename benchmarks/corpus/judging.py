@@ -152,9 +152,14 @@ def summary(judged: Sequence[Judged], unit: float | None) -> list[Goal]:
     largest, usual = max(cpu, default=0.0), median(cpu) if cpu else 0.0
     codes = Counter(row["code"] for row in every)
     crashed = codes[1] + sum(number for code, number in codes.items() if code < 0)
+    plans = [row for row in every if row["code"] == 0]
     found = [
         Goal("missions with a plan", f"{len(known)} of {len(judged)}"),
         Goal("runs by exit code", ", ".join(f"{code}: {number}" for code, number in sorted(codes.items()))),
+        Goal(
+            "plans that satisfy planner.epsilon",
+            f"{sum(row.get('epsilon_kept', 1.0) == 1.0 for row in plans)} of {len(plans)}",
+        ),
         Goal("runs with an internal error", str(crashed), crashed == 0),
         _share(
             f"worst seed promises at most {SPREAD} x the median", several, [one.agrees for one in several]

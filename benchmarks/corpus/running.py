@@ -209,6 +209,7 @@ def results(folder: Path) -> dict[str, Any]:
         "low": metrics["promise_low"],
         "high": metrics["promise_high"],
         "length": metrics["length_m"],
+        "epsilon_kept": metrics.get("epsilon_kept", 1.0),  # earlier versions have no other plan
         "front": front,
         "origin": plan["origin"],
         "order": plan["order"],

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning import no_path
+from pareto_ltl.planning import no_path, shortest_mission
 from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.no_path import explain_no_line, explain_no_path, explain_no_safe_path
@@ -187,6 +187,22 @@ def test_without_a_plan_the_cause_is_what_stops_the_best_line() -> None:
     assert "close every way from the start to region 'a'" in explain_no_line(
         CFG, make_problem("F a", closed, planner=CFG)
     )
+
+
+def test_an_airspeed_is_advised_after_a_line_has_been_flown_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The estimate is too small, as if the line were straighter than what can be flown."""
+    scene = make_scene({"a": box(2, 8, 5, 12)}, start=(15, 10))
+    storm = steady_wind(scene, mean=(11.0, 0.0), hours=6.0)
+    problem = make_problem("F a", scene, storm, RobotConfig(dt=100.0, u_max=10.0), CFG)
+    monkeypatch.setattr(shortest_mission, "_least_airspeed", lambda *_: 10.5)
+    assert not shortest_mission.can_be_flown(shortest_mission.with_airspeed(problem, 10.5))
+    text = explain_no_line(CFG, problem)
+    assert "is too strong for robot.u_max = 10 m/s: set robot.u_max=" in text
+    u_max = float(text.partition("set robot.u_max=")[2].split(",")[0])
+    faster_robot = RobotConfig(dt=100.0, u_max=u_max)
+    assert explain_no_line(CFG, make_problem("F a", scene, storm, faster_robot, CFG)) == ""
+    monkeypatch.setattr(shortest_mission, "TRIALS", 1)
+    assert "give the robot more airspeed" in explain_no_line(CFG, problem)
 
 
 def test_the_line_that_comes_farthest_is_named_with_its_fault(monkeypatch: pytest.MonkeyPatch) -> None:
