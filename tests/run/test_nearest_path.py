@@ -98,6 +98,16 @@ def test_the_nearest_path_is_the_plan_and_every_file_says_so(planned: PlanningRe
     assert ("What helps, tried with 4,000 flights" in " ".join(paragraphs)) is bool(plan.remedies)
 
 
+def test_prices_of_a_plan_that_breaks_epsilon_are_of_flights_alone(planned: PlanningResult) -> None:
+    """Multipliers about such a path measure the breach: one metre would save more than all flights."""
+    prices = planned.plan.prices
+    assert prices
+    assert {price.kind for price in prices} <= {"obstacle", "border", "region"}
+    assert planned.plan.promise is not None
+    sd = float(np.sqrt(np.linalg.eigvalsh(planned.plan.path.cov[-1])[-1]))
+    assert max(price.saving for price in prices) < planned.plan.promise.rate.failure / (0.1 * sd)
+
+
 def test_no_candidate_is_nearer_than_the_plan(
     planned: PlanningResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:

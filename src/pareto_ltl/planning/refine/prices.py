@@ -35,7 +35,7 @@ from pareto_ltl.planning.problem import Problem, barrier_outlines, barrier_polyg
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.programme import Descent, Solution, programme_for
 from pareto_ltl.planning.refine.sampled import deviations_from
-from pareto_ltl.planning.refine.separation import barrier_names
+from pareto_ltl.planning.refine.separation import barrier_names, keeps_epsilon
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 WIDTH = 0.001  # τ as a share of the map's size: half the last width of a polish, with more flights
@@ -122,9 +122,12 @@ def _block_bindings(
 def _solution(problem: Problem, path: PlannedPath, model: Descent) -> Solution | None:
     """The programme about ``path``; None where paths do not end in it, or it has no solution.
 
-    Paths of more than ``MOST_STEPS`` steps do not end in it either.
+    Paths of more than ``MOST_STEPS`` steps do not end in it either. About a path that breaks epsilon its
+    multipliers measure the breach, not failures.
     """
     if len(path.u) > MOST_STEPS or problem.fidelity.judge != "flights" or problem.fidelity.refine == "none":
+        return None
+    if not keeps_epsilon(problem, path):
         return None
     length = path.objectives.length
     return programme_for(problem, len(path.u)).descend(propagate(problem, path.x), model, TRUST, length)
