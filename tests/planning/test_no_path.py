@@ -192,7 +192,8 @@ def test_without_a_plan_the_cause_is_what_stops_the_best_line() -> None:
 def test_an_airspeed_is_advised_after_a_line_has_been_flown_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """The estimate is too small, as if the line were straighter than what can be flown."""
     scene = make_scene({"a": box(2, 8, 5, 12)}, start=(15, 10))
-    storm = steady_wind(scene, mean=(11.0, 0.0), hours=6.0)
+    storm = steady_wind(scene, mean=(11.0, 0.0), until=np.inf)
+    storm.mean[:, 0, 0] = 0.0  # calm enough somewhere
     problem = make_problem("F a", scene, storm, RobotConfig(dt=100.0, u_max=10.0), CFG)
     monkeypatch.setattr(shortest_mission, "_least_airspeed", lambda *_: 10.5)
     assert not shortest_mission.can_be_flown(shortest_mission.with_airspeed(problem, 10.5))

@@ -401,7 +401,7 @@ class Plan(Displayed):
         return math.isnan(self.path.objectives.mission_risk)
 
     def breach(self, scene: Scene) -> str:
-        """Where the plan, the path nearest to ``epsilon``, breaks it; names are those of ``scene``."""
+        """Where the plan, the path nearest to ``epsilon``, breaks it, with the names on the map ``scene``."""
         assert self.worst is not None
         begin, end = (hours_text(float(t)) for t in self.path.t[self.worst.step : self.worst.step + 2])
         fails = "" if self.promise is None else f"; it fails {self.promise.rate}"

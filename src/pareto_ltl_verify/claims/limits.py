@@ -73,7 +73,7 @@ def nearness(result: Evidence) -> Verdict | None:
     """Whether every segment keeps epsilon, and which segment is the worst; also in the metrics.
 
     A mission that can be lost in a region has no exact rule of which cells a path avoids at a step: there the
-    probability may be anything from that of the barriers to that with all cells that lose the mission.
+    probability lies between two values, of the barriers alone and with all cells that lose the mission.
     """
     stated, plan, epsilon = result.plan.get("epsilon_kept"), result.plan, result.epsilon
     if stated is None:
