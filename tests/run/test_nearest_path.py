@@ -16,6 +16,7 @@ from numpy.random import SeedSequence
 import pareto_ltl
 from lies.editing import Lie, both, edited, in_json, in_metrics, in_plan
 from pareto_ltl.cli.summary import limit_rows, plan_paragraphs
+from pareto_ltl.planning.costs import EnergyModel, Wing
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
@@ -24,6 +25,7 @@ from pareto_ltl.run import front_stage
 from pareto_ltl.run.pipeline import Run
 from pareto_ltl.run.records import FOREST, FRONT, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.run.results import PlanningResult, Results
+from pareto_ltl.run.stage_table import StageInputs
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.reading import read_json
@@ -129,6 +131,24 @@ def test_no_candidate_is_nearer_than_the_plan(
     rivals = [one for one, risk in zip(paths, worst, strict=True) if risk <= 1.02 * worst.min()]
     failures = [count_failures(problem, one, 4000, SeedSequence(8)) for one in rivals]
     assert count_failures(problem, path, 4000, SeedSequence(8)) <= min(failures) + 5 * 4000**0.5
+
+
+def test_a_path_that_needs_too_much_energy_is_not_the_nearest(planned: PlanningResult) -> None:
+    """Two paths, the nearer one beyond the capacity; if both are, energy is the cause that is named."""
+    run = front_again(planned)
+    curve = Wing(base=100.0, drag=0.0, lift=0.0)
+    path = planned.plan.path
+    costs = path.objectives.costs
+    spent = [2e6, 1e6]
+    near, far = (
+        replace(path, x=x, objectives=replace(path.objectives, costs={**costs, "energy": energy}))
+        for x, energy in zip((path.x, np.add(path.x, [0.0, 20e3])), spent, strict=True)
+    )
+    for capacity, expected in ((3e6, near), (1.5e6, far), (0.5e6, near)):
+        problem = replace(run[PROBLEM], energy=EnergyModel(curve, capacity))
+        inputs = StageInputs(run.table.maker_of(FRONT), run.with_record(PROBLEM, problem))
+        (found,) = front_stage.nearest_to_epsilon(inputs, (near, far))
+        assert found is expected
 
 
 def test_a_strict_epsilon_refuses_and_its_advice_gives_the_plan(planned: PlanningResult) -> None:

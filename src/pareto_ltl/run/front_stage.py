@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from pareto_ltl.planning import no_path, selection, selection_rules
@@ -78,7 +79,7 @@ def _flown_front(inputs: StageInputs) -> Front:
     if not kept and settings.fidelity.refine != "none":  # as they are, lines of the map may be nearer
         paths += tuple(evaluate_path(problem, line.x, line.origin) for line in flown_lines(problem))
         kept = any(keeps_epsilon(problem, path) for path in paths)
-    chosen = within_limits(problem, paths) if kept else _nearest_paths(inputs, (*paths, *raw))
+    chosen = within_limits(problem, paths) if kept else nearest_to_epsilon(inputs, (*paths, *raw))
     if kept and paths and not chosen:
         LOG.warning("only paths of the search trees are left: %s", breach_text(problem, paths))
     seeds, strict = named_child(inputs.seeds, JUDGING), settings.planner.epsilon_strict
@@ -86,8 +87,8 @@ def _flown_front(inputs: StageInputs) -> Front:
     return front if kept else selection_rules.safest_of_front(front)
 
 
-def _nearest_paths(inputs: StageInputs, paths: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
-    """The paths nearest to ``planner.epsilon``, none of which keeps it.
+def nearest_to_epsilon(inputs: StageInputs, paths: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
+    """The paths nearest to ``planner.epsilon``, none of which keeps it; within the energy if any is.
 
     Raises
     ------
@@ -102,7 +103,9 @@ def _nearest_paths(inputs: StageInputs, paths: Sequence[PlannedPath]) -> tuple[P
         raise InfeasibleError(
             f"{breach_text(problem, paths)}; with planner.epsilon_strict=false this path is the plan"
         )
-    return nearest_paths(problem, paths)
+    capacity = math.inf if problem.energy is None else problem.energy.capacity or math.inf
+    able = [path for path in paths if path.objectives.costs.get("energy", 0.0) <= capacity]
+    return nearest_paths(problem, able or paths)
 
 
 def _no_tree_path(inputs: StageInputs) -> str:
