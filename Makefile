@@ -1,10 +1,12 @@
-# make demo   plan the first mission, offline, on the packaged wind
+# make demo   install what a run needs, and plan the first mission, offline, on the packaged wind
+# make desk   draw missions and plan them in a browser
 # make test   run the tests of the day; make test-all: those before a change is taken in; make test-night: all,
 #             with fuzz, kills and the corpus (tests/levels.py); make coverage: which lines they run
 # make fuzz   read CASES=100000 spoilt files and texts of every kind (ARGS="scenes automata" for some kinds)
 # make docs   build the docs site into site/
 # make peers  compare with OMPL, Drake and MONA, each in an environment of its own (docs/peers.md)
-# All install exactly requirements.lock into .venv first, with uv where it is on PATH, else with pip.
+# demo and desk first install requirements.lock into .venv, the others requirements-dev.lock, which has more: with
+# uv, which is fetched if it is not on PATH, else with pip (release/environment.py).
 # Another interpreter: make demo PYTHON=python3.12
 
 PYTHON ?= python3
@@ -17,16 +19,25 @@ COVERAGE ?= $(abspath build/coverage)
 UNCOMPILED := tests/kernels tests/planning/test_step_programme.py
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-UV := $(shell command -v uv 2>/dev/null)
+RUN_READY := $(VENV)/.ready-run
+PINS ?=
+PIN = UV_NO_CONFIG=1 $(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-annotate \
+  --no-emit-index-url --no-emit-find-links --python-version 3.11 $(PINS)
+# Hydra 1.3, the newest that is final, fails on Python 3.14.
+SUPPORTED = $(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else \
+  "pareto_ltl needs Python 3.11, 3.12 or 3.13, and $(PYTHON) is %d.%d%s: name one, e.g. make PYTHON=python3.13" % \
+  (v + (", for which Hydra 1.4 is awaited" if v > (3, 13) else "",)))' || exit 2
 
 PEERS := build/peers
 
-.PHONY: demo test test-all test-night coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist archives lock install clean
+.PHONY: demo desk test test-all test-night coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist archives lock install clean
 .DELETE_ON_ERROR:
 
-demo: $(READY)
-	@echo "planning a first mission; if its kernels are not compiled yet, that takes about a minute, once"
-	$(BIN)/python -m pareto_ltl +experiment=phi1
+demo: $(RUN_READY)
+	@$(BIN)/python release/demo.py
+
+desk: $(RUN_READY)-serve
+	$(BIN)/pareto-ltl serve
 
 test: $(READY)
 	PARETO_LTL_TESTS=day $(BIN)/python -m pytest -n logical $(ARGS)
@@ -50,7 +61,7 @@ coverage-report: $(READY)
 	COVERAGE_FILE=$(COVERAGE)/data $(BIN)/coverage report --fail-under=92
 
 fuzz: $(READY)
-	cd tests && $(abspath $(BIN))/python -m fuzz.harness --cases $(CASES) $(ARGS)
+	cd tests && "$(abspath $(BIN))/python" -m fuzz.harness --cases $(CASES) $(ARGS)
 
 # Kill runs and sweeps at 200 random moments each, which takes about half an hour.
 faults: $(READY)
@@ -62,11 +73,11 @@ bench: $(READY)
 # Plan 100 missions of many kinds with five seeds each; the page of results is outputs/corpus/index.html. Many hours;
 # ARGS="--tenth --seeds 0,1" plans one mission of each kind (docs/corpus.md).
 corpus: $(READY)
-	cd benchmarks && $(abspath $(BIN))/python -m corpus $(ARGS)
+	cd benchmarks && "$(abspath $(BIN))/python" -m corpus $(ARGS)
 
 # Seconds and memory against the size of a problem, with figures in outputs/scale (ARGS="states steps" for some).
 scale: $(READY)
-	cd benchmarks && $(abspath $(BIN))/python -m scale $(ARGS)
+	cd benchmarks && "$(abspath $(BIN))/python" -m scale $(ARGS)
 
 # Pictures of missions planned anew, and docs/gallery.md that shows them; some minutes.
 gallery: $(READY)
@@ -106,25 +117,22 @@ docs: $(READY)
 install: $(READY)
 	$(BIN)/python -m pareto_ltl +experiment=phi1 report=none exports=none hydra.run.dir=build/compiled > /dev/null
 
-$(READY): requirements.lock pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
-	{ echo "pareto_ltl needs Python 3.11, 3.12 or 3.13; '$(PYTHON)' is not: name one, e.g. make PYTHON=python3.12" >&2; exit 2; }
-	@echo "installing requirements.lock into $(VENV), 1.5 GB: half a minute with uv, two minutes with pip"
-ifdef UV
-	$(UV) venv --quiet --clear --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" $(VENV)
-	$(UV) pip install --quiet --python $(BIN)/python --no-deps --require-hashes -r requirements.lock
-	$(UV) pip install --quiet --python $(BIN)/python --no-deps --editable .
-else
-	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pep517 --no-deps --require-hashes -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
-endif
-	@touch $@
+# What a run needs; what tests, checks and documentation need besides, in the same environment.
+$(RUN_READY): requirements.lock pyproject.toml
+	@$(SUPPORTED)
+	@$(PYTHON) release/environment.py "$(VENV)" run
 
-# Pins for all supported Python versions; no addresses or paths end up in it.
-lock:
-	uv pip compile --quiet --universal --generate-hashes --no-header --no-annotate --no-emit-index-url \
-	  --no-emit-find-links --all-extras --python-version 3.11 pyproject.toml -o requirements.lock
+$(READY): requirements-dev.lock requirements.lock pyproject.toml
+	@$(SUPPORTED)
+	@$(PYTHON) release/environment.py "$(VENV)" dev
+
+$(RUN_READY)-%: $(RUN_READY)
+	@$(PYTHON) release/environment.py "$(VENV)" $*
+
+# Pins for all supported Python versions; no addresses or paths end up in them. PINS="--upgrade" takes new versions.
+lock: $(READY)
+	$(PIN) pyproject.toml -o requirements.lock
+	$(PIN) --all-extras -c requirements.lock pyproject.toml -o requirements-dev.lock
 
 clean:
 	rm -rf $(VENV) build dist site .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

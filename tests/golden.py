@@ -27,7 +27,17 @@ KEPT = Path(__file__).with_name("golden.json")
 CASES = [(mission, seed) for mission in ("phi1", "phi2") for seed in (0, 1, 2)]
 FILES = ("plan.json", "front.csv", "trees.npz")
 COLUMNS = ("length_m", "mission_risk_paper", "mission_risk", "collision_risk", "mission_risk_ordered")
-LIBRARIES = ("numpy", "scipy", "numba", "cvxpy", "clarabel", "moocore", "pyproj", "scikit-learn", "shapely")
+LIBRARIES = (
+    "numpy",
+    "scipy",
+    "numba",
+    "cvxpy-base",
+    "clarabel",
+    "moocore",
+    "pyproj",
+    "scikit-learn",
+    "shapely",
+)
 
 
 def fingerprint() -> dict[str, str]:

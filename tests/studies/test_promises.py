@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from pareto_ltl.report.study_forecast_test import promises_figure
 from pareto_ltl.studies import calibration
 from pareto_ltl.studies import promises as study
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import DataError
 
 Table = list[dict[str, object]]
 
@@ -196,6 +197,6 @@ def test_what_the_command_cannot_do_is_one_line(
         assert run_command_line(["scores", *words]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert message in line
-    monkeypatch.setattr(study, "find_spec", lambda name: None)
-    with pytest.raises(ConfigError, match=r"pip install 'pareto-ltl\[scores\]'"):
-        study.require_scores()
+    monkeypatch.setitem(sys.modules, "scores", None)
+    assert run_command_line(["scores", str(honest)]) == 2
+    assert 'pip install "pareto-ltl[scores]"' in capsys.readouterr().err

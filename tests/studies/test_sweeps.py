@@ -285,7 +285,7 @@ def test_a_launcher_that_is_not_installed_is_named_with_its_extra(
 ) -> None:
     monkeypatch.setattr(composition, "find_spec", lambda name: None)
     assert app.run_hydra(["-m", "+experiment=phi1", "seed=0,1", "hydra/launcher=joblib"]) == 2
-    assert "pip install 'pareto-ltl[sweep]'" in capsys.readouterr().err
+    assert 'pip install "pareto-ltl[sweep]"' in capsys.readouterr().err
 
 
 # --- one job ---------------------------------------------------------------------------------

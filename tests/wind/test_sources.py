@@ -618,7 +618,7 @@ def test_nodes_outside_the_models_domain_are_left_out(eccodes, tmp_path):
 
 def test_without_eccodes_the_message_names_the_extra(gribs, monkeypatch):
     monkeypatch.setitem(sys.modules, "eccodes", None)
-    with pytest.raises(DataError, match=r"pip install 'pareto-ltl\[grib\]'"):
+    with pytest.raises(DataError, match=r'pip install "pareto-ltl\[grib\]"'):
         grib_snapshots((gribs / "gfs.00",), 75.0)
 
 

@@ -245,7 +245,7 @@ TOOL_COMMANDS = (
                          "time,heading_true,airspeed_m_s and, where measured, lat,lon,fix_sd_m; or a .tlog, "
                          ".bin or .log file", type=Path),
                 argument("--connect", "ADDRESS", "MAVLink, e.g. udpin:127.0.0.1:14550 or /dev/ttyUSB0,57600 "
-                         "(needs the extra follow: pip install 'pareto-ltl[follow]')"),
+                         "(needs the extra follow)"),
             ),
             argument("--departure", "TIME", "when the robot departed, for MAVLink: now (the first message) "
                      "or a time in UTC; default: the departure of the plan"),

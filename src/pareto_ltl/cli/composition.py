@@ -42,6 +42,7 @@ from pareto_ltl.run.provenance import one_line
 from pareto_ltl.settings import Settings
 from pareto_ltl.studies.stages import application_stages
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
+from pareto_ltl.support.extras import install_command
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import Advice
 from pareto_ltl.support.resources import resource_folder
@@ -289,10 +290,7 @@ def _check_launcher(config: DictConfig) -> None:
         if find_spec(module) is not None:
             return
     if name in LAUNCHER_EXTRAS:
-        raise ConfigError(
-            f"hydra/launcher={name} is not installed; "
-            f"it comes with pip install 'pareto-ltl[{LAUNCHER_EXTRAS[name]}]'"
-        )
+        raise ConfigError(f"hydra/launcher={name} is not installed: {install_command(LAUNCHER_EXTRAS[name])}")
 
 
 # --- overrides -------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl.cli.output import Output
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.extras import require_extra
 
 if TYPE_CHECKING:
     from pareto_ltl.inflight.following import Listener, Session
@@ -86,10 +87,9 @@ def _check(options: Namespace) -> None:
 
 def _add_page(session: Session, port: int) -> None:
     """Show the session on a page, whose address is printed."""
-    try:
-        from pareto_ltl.serve.live import LivePage
-    except ImportError:
-        raise ConfigError("--page needs starlette and uvicorn: pip install 'pareto-ltl[serve]'") from None
+    require_extra("serve", "--page")
+    from pareto_ltl.serve.live import LivePage
+
     page = LivePage()
     session.opened, session.listeners = page.opened, [*session.listeners, page.heard]
     print(f"page: {page.serve(port)}", file=sys.stderr, flush=True)

@@ -8,13 +8,13 @@ import textwrap
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.cli.output import Answer, Output, print_answer, print_problem, shown_table
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError, FormulaError
+from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.messages import shown_text, shown_value
 
 if TYPE_CHECKING:
@@ -42,8 +42,7 @@ def sweep(options: Namespace) -> Answer:
 
 def serve(options: Namespace, output: Output) -> int:
     """Serve the desk until Ctrl-C or a signal; return 0."""
-    if missing := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
-        raise ConfigError(f"serve needs {' and '.join(missing)}: pip install 'pareto-ltl[serve]'")
+    require_extra("serve", "serve")
     from pareto_ltl.serve.app import serve_desk
 
     def opened(address: str) -> None:
@@ -204,7 +203,7 @@ def scores(options: Namespace) -> Answer:
     from pareto_ltl.report.study_forecast_test import draw_promises
     from pareto_ltl.studies import promises
 
-    promises.require_scores()
+    require_extra("scores", "scores")
     names = options.names or (None, None)
     mine = promises.read_promises(options.folder, options.fidelity, names[0])
     others = [*promises.references(mine)]

@@ -21,6 +21,7 @@ from pareto_ltl.inflight.telemetry import Reading, Typed
 from pareto_ltl.inflight.vehicle import KINDS, Sender, Vehicle, at_leg, at_status
 from pareto_ltl.inflight.watch import Event, Watch, alarm, event_of
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.world.windows import utc_moment
 
@@ -99,10 +100,9 @@ def logged_readings(path: Path, time_zero: str | None, given: str | None) -> Ite
 
 def _mavutil() -> Any:
     os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads it when a connection is opened
-    try:
-        from pymavlink import mavutil
-    except ImportError:
-        raise ConfigError("MAVLink needs pymavlink: pip install 'pareto-ltl[follow]'") from None
+    require_extra("follow", "MAVLink")
+    from pymavlink import mavutil
+
     mavutil.print = partial(print, file=sys.stderr)  # it prints what it does to the standard output
     return mavutil
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 ANSWERS = ("ok", "infeasible")  # a mission without a plan is an answer too
 PACKAGES = (
-    "clarabel", "cvxpy", "hydra-core", "moocore", "networkx", "numba", "numpy", "pyproj", "scikit-learn",
+    "clarabel", "cvxpy-base", "hydra-core", "moocore", "networkx", "numba", "numpy", "pyproj", "scikit-learn",
     "scipy", "shapely", "xarray",
 )  # fmt: skip
 

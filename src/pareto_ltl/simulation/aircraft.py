@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import DataError
 
 MODEL = "c172x"
 FOOT = 0.3048  # [m]
@@ -64,16 +64,6 @@ class Track:
     lon: FloatArray
     airspeed: FloatArray
     climb: float
-
-
-def require_jsbsim() -> None:
-    """Raise ConfigError if JSBSim is not installed."""
-    from importlib.util import find_spec
-
-    if find_spec("jsbsim") is None:
-        raise ConfigError(
-            "JSBSim, which flies the plan, is not installed; it comes with pip install 'pareto-ltl[sim]'"
-        )
 
 
 def read_orders(path: Path) -> Orders:

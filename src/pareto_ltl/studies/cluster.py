@@ -15,6 +15,7 @@ from socket import gethostname
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.fingerprints import code_fingerprint
 
 if TYPE_CHECKING:
@@ -41,10 +42,9 @@ def connected(address: str) -> Iterator[Client]:
     ConfigError
         If the extra is missing, nothing answers, or a worker has several threads.
     """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise ConfigError("a Dask cluster needs distributed: pip install 'pareto-ltl[dask]'") from None
+    require_extra("dask", "a cluster of Dask")
+    from distributed import Client
+
     try:
         client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:

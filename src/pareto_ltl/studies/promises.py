@@ -13,7 +13,6 @@ import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +22,7 @@ from pareto_ltl.report.records import Compared, PromiseDiagrams
 from pareto_ltl.settings import PRESETS, preset
 from pareto_ltl.studies import calibration
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import Advice, read_text
 
@@ -257,12 +256,3 @@ def diebold_mariano(differences: FloatArray) -> tuple[FloatArray, FloatArray, Fl
     above = np.asarray(found["confidence_gt_0"].values, float)
     mean, low, high = (np.asarray(found[name].values, float) for name in ("mean", "ci_lower", "ci_upper"))
     return mean, low, high, 2.0 * np.minimum(above, 1.0 - above)
-
-
-def require_scores() -> None:
-    """Raise ConfigError if the package ``scores`` is not installed."""
-    if find_spec("scores") is None:
-        raise ConfigError(
-            "the package scores, which computes the diagrams, is not installed; it comes with "
-            "pip install 'pareto-ltl[scores]'"
-        )

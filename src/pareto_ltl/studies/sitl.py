@@ -32,6 +32,7 @@ from pareto_ltl.studies.tables import mcnemar_test, rate_columns
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.extras import require_extra
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, to_plane
 
 LOWEST = 300.0  # least height of the aircraft, for winds of a lower level [m]
@@ -71,7 +72,7 @@ def run_sitl(settings: Settings, world: Records, _: Path, progress: Progress = N
         If the plan was not exported as a dead-reckoning table, or the robot has feedback.
     """
     cfg, problem, plan = settings.sitl, world[PROBLEM], world[PLAN]
-    jsbsim.require_jsbsim()
+    require_extra("sim", "a flight in JSBSim")
     table = next((path for path in world[EXPORTS] if path.name == TABLE), None)
     if table is None:
         raise DataError(

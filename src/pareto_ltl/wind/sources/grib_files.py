@@ -31,6 +31,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.extras import missing_extra
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.levels import HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.wind.readings import iso
@@ -312,9 +313,7 @@ def _grib_messages(file: Path) -> Iterator[Iterator[Message]]:
         import cfgrib
         import eccodes
     except (ImportError, RuntimeError):
-        raise DataError(
-            f"reading GRIB ({file}) needs cfgrib: pip install 'pareto-ltl[grib]', or use wind.source=csv"
-        ) from None
+        raise DataError(missing_extra("grib", f"reading GRIB ({file})")) from None
     with wind_file(file, "GRIB", eccodes.CodesInternalError), suppress(EOFError):  # EOFError: no message
         with file.open("rb") as stream:
             check_frames(file, stream)

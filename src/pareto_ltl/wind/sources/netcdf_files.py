@@ -17,6 +17,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
@@ -148,6 +149,7 @@ def netcdf_snapshots(
 @contextmanager
 def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
     """In the block, the open file; errors of the libraries become a DataError in one line."""
+    require_extra("netcdf", f"reading NetCDF ({path})")
     import cf_xarray  # noqa: F401 - the accessor ``cf`` of coordinates
     import xarray as xr
 
