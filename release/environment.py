@@ -74,9 +74,12 @@ def complete(venv: Path, state: str) -> None:
     if marked(venv, state) or (state != DEV and marked(venv, DEV)):
         write_marker(marker, state)
         return
-    if state in LOCKS and not (state == DEV and marked(venv, RUN)):
+    added = (
+        state == DEV and marked(venv, RUN) and not marker.exists()
+    )  # with one, it has an old lock's packages
+    if state in LOCKS and not added:
         create(venv, NEEDED[state])
-    elif state == DEV:
+    elif added:
         check_space(venv, NEEDED[DEV] - NEEDED[RUN])
     marker.unlink(missing_ok=True)
     (venv / MARKERS[RUN]).unlink(missing_ok=True)  # until it is complete again

@@ -27,6 +27,7 @@ Case = TypeVar("Case")
 NOT_BY_DAY = [
     "test_corpus",
     "test_documented_commands",
+    "test_environment",
     "test_examples",
     "test_golden",
     "test_machine_code_wheel",

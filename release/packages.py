@@ -1,0 +1,143 @@
+"""The tables of ``docs/install.md``: what an installation brings, with size, licence and purpose.
+
+``python release/packages.py``, in an environment with all extras, prints them; ``--write`` puts them into the
+page.
+"""
+
+from __future__ import annotations
+
+import platform
+import re
+import sys
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+
+from packaging.requirements import Requirement
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "install.md"
+BEGIN, END = "<!-- packages: python release/packages.py --write -->", "<!-- end of packages -->"
+PROJECT = "pareto-ltl"
+OF_CLASSIFIER = "License :: OSI Approved :: "
+PURPOSES = {
+    "clarabel": "solver of the last programme of every path",
+    "cvxpy-base": "statement of that programme (cvxpy without solvers)",
+    "fastjsonschema": "checks of results that are read",
+    "filelock": "locks of directories and of the cache",
+    "h5netcdf": "wind.nc of every run, NetCDF exports",
+    "h5py": "the HDF5 library for h5netcdf",
+    "hydra-core": "settings, sweeps",
+    "jinja2": "the page of a result",
+    "joblib": "processes of sweeps and studies",
+    "matplotlib": "figures",
+    "moocore": "non-dominated points, hypervolume",
+    "networkx": "graph of the cells, and its product with the automaton",
+    "numba": "compiles the kernels",
+    "numpy": "arrays",
+    "platformdirs": "the cache folder of a user",
+    "psutil": "memory, processes",
+    "pyproj": "map projections",
+    "pyyaml": "settings, pipelines",
+    "rich": "progress, tables on a terminal",
+    "scikit-learn": "Gaussian process of the wind",
+    "scipy": "linear algebra, distributions, sparse matrices",
+    "shapely": "geometry of maps",
+}
+EXTRAS = {
+    "netcdf": "winds and currents from NetCDF files",
+    "grib": "winds from GRIB files",
+    "serve": "the planning desk, the page in flight",
+    "follow": "telemetry and messages of autopilots",
+    "sweep": "sweeps on all cores",
+    "cluster": "sweeps through SLURM",
+    "dask": "sweeps and studies on a cluster of Dask",
+    "scores": "diagrams and comparisons of forecast tests",
+    "sim": "flights of an independent aircraft (JSBSim)",
+}
+
+
+def normal(name: str) -> str:
+    """The name of a package as indexes compare it."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def needed(extras: tuple[str, ...] = ()) -> dict[str, tuple[Distribution, list[str]]]:
+    """The installed packages that the project needs with ``extras``, with what needs each, by name."""
+    found: dict[str, tuple[Distribution, list[str]]] = {}
+    users: dict[str, list[str]] = {}
+    queue, seen = [(PROJECT, extras)], {(PROJECT, extras)}
+    while queue:
+        name, wanted = queue.pop()
+        try:
+            package = distribution(name)
+        except PackageNotFoundError:
+            continue
+        found[name] = package, users.setdefault(name, [])
+        for line in package.requires or ():
+            requirement = Requirement(line)
+            marker = requirement.marker
+            if marker is None or any(marker.evaluate({"extra": extra}) for extra in ("", *wanted)):
+                key = normal(requirement.name)
+                if name not in users.setdefault(key, []):
+                    users[key].append(name)
+                entry = key, tuple(sorted(requirement.extras))
+                if entry not in seen:
+                    seen.add(entry)
+                    queue.append(entry)
+    del found[PROJECT]
+    return dict(sorted(found.items()))
+
+
+def licence(package: Distribution) -> str:
+    """The licence that a package states: its SPDX expression, else its classifiers, else its first line."""
+    fields = package.metadata
+    classifiers = [
+        c.removeprefix(OF_CLASSIFIER) for c in fields.get_all("Classifier") or () if OF_CLASSIFIER in c
+    ]
+    first = (fields["License"] or "").strip().split("\n")[0][:60]
+    return fields["License-Expression"] or ", ".join(classifiers) or first or "not stated"
+
+
+def megabytes(package: Distribution) -> float:
+    """Size of the installed files of a package, without compiled Python [MB]."""
+    paths = (Path(str(file.locate())) for file in package.files or () if file.suffix != ".pyc")
+    return sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
+
+
+def purpose(name: str, users: list[str]) -> str:
+    """What a package is for: our use of it, else what needs it."""
+    return PURPOSES.get(name) or "for " + ", ".join(sorted(users))
+
+
+def tables() -> str:
+    """Both tables: the packages of the core, and what each extra adds."""
+    core = needed()
+    sizes = {name: megabytes(package) for name, (package, _) in core.items()}
+    system = f"Python {'.'.join(map(str, sys.version_info[:2]))} on {platform.system()} {platform.machine()}"
+    lines = [
+        f"Without extras, with {system}: {len(core)} packages, {sum(sizes.values()):.0f} MB.",
+        "",
+        "| package | version | licence | MB | what for |", "|---|---|---|---|---|",
+    ]  # fmt: skip
+    for name, (package, users) in core.items():
+        cells = (name, package.version, licence(package), f"{sizes[name]:.1f}", purpose(name, users))
+        lines.append(f"| {' | '.join(cells)} |")
+    lines += ["", "| extra | what for | MB more | packages |", "|---|---|---|---|"]
+    for extra, use in EXTRAS.items():
+        more = {name: package for name, (package, _) in needed((extra,)).items() if name not in core}
+        size = sum(megabytes(package) for package in more.values())
+        lines.append(f"| `{extra}` | {use} | {size:.1f} | {', '.join(more)} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print the tables, or write them into the page."""
+    if "--write" not in sys.argv[1:]:
+        print(tables())
+        return
+    text = PAGE.read_text(encoding="utf-8")
+    before, _, rest = text.partition(BEGIN)
+    PAGE.write_text(f"{before}{BEGIN}\n\n{tables()}\n\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
