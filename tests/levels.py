@@ -28,6 +28,7 @@ NOT_BY_DAY = [
     "test_corpus",
     "test_documented_commands",
     "test_environment",
+    "test_packages",
     "test_examples",
     "test_golden",
     "test_machine_code_wheel",

@@ -1,4 +1,4 @@
-"""Files that nobody runs here: the workflow of the forge, the Containerfile, the table of licences."""
+"""Files that nobody runs here: the workflow of the forge, and the Containerfile."""
 
 from __future__ import annotations
 
@@ -41,15 +41,3 @@ def test_the_container_installs_extras_that_exist_and_runs_as_a_user() -> None:
     assert any(line.startswith("USER ") and line != "USER root" for line in lines)
     assert 'ENTRYPOINT ["pareto-ltl"]' in lines
     assert PROJECT["scripts"]["pareto-ltl"]
-
-
-def test_every_dependency_of_the_core_has_its_licence_in_the_table() -> None:
-    text = (ROOT / "docs" / "install.md").read_text()
-    rows = re.findall(r"^\| ([\w.-]+) \| ([\w.]+) \| ([^|]+) \| ([\d.]+) \|$", text, re.MULTILINE)
-    licences = {name.lower(): licence.strip() for name, _, licence, _ in rows}
-    wanted = {re.match(r"[\w-]+", line)[0].lower() for line in PROJECT["dependencies"]}  # type: ignore[index]
-    assert wanted <= set(licences)
-    assert all(licences.values())
-    copyleft = {name for name, licence in licences.items() if re.search(r"\b[AL]?GPL", licence)}
-    assert copyleft == {"moocore"}
-    assert "**moocore is LGPL-2.1-or-later**" in text

@@ -23,7 +23,7 @@ from pareto_ltl.support import resources, schemas
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-LOCK = (ROOT / "requirements.lock").read_text()
+RUN_LOCK, LOCK = ((ROOT / f"requirements{part}.lock").read_text() for part in ("", "-dev"))
 
 
 def test_a_checkout_finds_its_own_folders() -> None:
@@ -141,20 +141,22 @@ def test_the_conda_recipe_asks_for_what_the_wheel_does() -> None:
     assert recipe["about"]["summary"] == PROJECT["project"]["description"]
 
 
-def test_the_lock_pins_every_dependency_by_hash() -> None:
-    pins = set(re.findall(r"^([a-z0-9._-]+)==", LOCK, re.M))
-    groups = [PROJECT["project"]["dependencies"], *PROJECT["project"]["optional-dependencies"].values()]
-    for requirement in (requirement for group in groups for requirement in group):
-        name = re.match(r"[A-Za-z0-9._-]+", requirement)
-        assert name is not None
-        assert re.sub(r"[._-]+", "-", name[0]).lower() in pins, requirement
-    blocks = re.split(r"^(?=\S)", LOCK, flags=re.M)[1:]
-    assert len(blocks) == len(re.findall(r"^[a-z0-9._-]+==", LOCK, re.M))
-    assert all("--hash=sha256:" in block for block in blocks)
+def test_the_locks_pin_every_dependency_by_hash() -> None:
+    extras = [line for group in PROJECT["project"]["optional-dependencies"].values() for line in group]
+    for lock, wanted in ((RUN_LOCK, []), (LOCK, extras)):
+        pins = set(re.findall(r"^([a-z0-9._-]+)==", lock, re.M))
+        for requirement in (*PROJECT["project"]["dependencies"], *wanted):
+            name = re.match(r"[A-Za-z0-9._-]+", requirement)
+            assert name is not None
+            assert re.sub(r"[._-]+", "-", name[0]).lower() in pins, requirement
+        blocks = re.split(r"^(?=\S)", lock, flags=re.M)[1:]
+        assert len(blocks) == len(re.findall(r"^[a-z0-9._-]+==", lock, re.M))
+        assert all("--hash=sha256:" in block for block in blocks)
 
 
-def test_the_lock_holds_no_address_and_no_path() -> None:
-    assert not re.search(r"://|--index|--find-links|file:|\s/|\.\./", LOCK)
+def test_the_locks_hold_no_address_and_no_path() -> None:
+    for lock in (RUN_LOCK, LOCK):
+        assert not re.search(r"://|--index|--find-links|file:|\s/|\.\./", lock)
 
 
 # --- provenance ------------------------------------------------------------------------------
