@@ -43,7 +43,8 @@ PLACES = {  # what is not imported by name: where it is run or plugged in, or wh
     "hydra-submitit-launcher": "conf/hydra/launcher", "ipykernel": "benchmarks/notebooks.py",
     "eccodeslib": "the library of eccodes", "eckitlib": "a library of eccodeslib",
     "fckitlib": "a library of eccodeslib", "pyserial": "serial ports of pymavlink, which does not require it",
-    "deprecated": "stormpy requires it", "wrapt": "deprecated requires it", "nodeenv": "pre-commit requires it",
+    "deprecated": "stormpy requires it", "wrapt": "deprecated requires it",
+    "nodeenv": "pre-commit requires it",
     "mkdocs-material-extensions": "mkdocs-material requires it", "lxml": "fastkml[lxml]",
 }  # fmt: skip
 

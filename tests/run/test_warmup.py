@@ -20,6 +20,7 @@ from pareto_ltl.run.records import PROBLEM
 from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings
 from pareto_ltl.settings.building import build_settings
+from pareto_ltl.support import compiling
 from pareto_ltl.support.budget import Budget
 
 
@@ -110,8 +111,7 @@ def started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
 
 
 def announce(kernel: str) -> None:
-    for watcher in code_cache.WATCHERS:
-        watcher(kernel)
+    compiling.compilation_begins(kernel)
 
 
 def test_a_second_process_is_started_when_growth_is_compiled_and_only_then(started: list[str]) -> None:
@@ -121,7 +121,7 @@ def test_a_second_process_is_started_when_growth_is_compiled_and_only_then(start
         announce("growth.grow")
         announce("growth.grow")
         assert started == ["full"]
-    assert code_cache.WATCHERS == []
+    assert compiling.WATCHERS == []
 
 
 def test_of_two_runs_one_has_a_second_process(started: list[str]) -> None:

@@ -19,8 +19,8 @@ import pickle
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ from numba.misc.appdirs import AppDirs
 
 from pareto_ltl.kernels.code_files import SUFFIX, read_code, write_code
 from pareto_ltl.kernels.shipped_code import Target, shipped_code, unusable_reason
+from pareto_ltl.support.compiling import compilation_begins, compilation_ends
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.fingerprints import file_fingerprint, text_fingerprint
 
@@ -46,9 +47,8 @@ KERNELS = Path(__file__).parent
 IMPORT = re.compile(
     r"^[ \t]*from[ ]+pareto_ltl\.kernels(?:\.(\w+))?[ ]+import[ ]+(\((?:[^()#]|#.*)*\)|[^\n]*)", re.MULTILINE
 )
-COMPILING = "compiling for this machine, about a minute; later runs find the machine code on disk"
+COMPILING = "compiling for this machine, once: a minute or two; later runs find the machine code on disk"
 DRAFT_LIFE = 600.0  # [s] writing a file takes less
-WATCHERS: list[Callable[[str], None]] = []
 
 
 class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
@@ -68,11 +68,7 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
 
     def folders(self) -> list[Path]:
         """``NUMBA_CACHE_DIR`` if it is set; else ``__pycache__`` beside the source, and the user's cache."""
-        inside = f"{self.source.parent.name}_{text_fingerprint(str(self.source.parent))[:40]}"
-        if config.CACHE_DIR:
-            return [Path(config.CACHE_DIR) / inside]
-        users = Path(AppDirs(appname="numba", appauthor=False).user_cache_dir)
-        return [self.source.parent / "__pycache__", users / inside]
+        return code_folders(self.source.parent)
 
     def file_name(self, signature: Any, target: Target) -> str:
         """The name of the file with the code for the types ``signature`` and the processor ``target``."""
@@ -103,11 +99,17 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write the code ``data`` for the types ``sig``, if it does not depend on addresses in memory."""
+        try:
+            self._save(sig, data)
+        finally:
+            compilation_ends(self.start[:-1])
+
+    def _save(self, signature: Any, data: Any) -> None:
         if not self.enabled or data.lifted or data.library.has_dynamic_globals:
             return
         # The text of the annotated source, with paths of this machine, is left out.
         reduced = tuple("" if isinstance(part, str) else part for part in data._reduce())  # noqa: SLF001
-        name, content = self.file_name(sig, Target(*data.codegen.magic_tuple())), dumps(reduced)
+        name, content = self.file_name(signature, Target(*data.codegen.magic_tuple())), dumps(reduced)
         refused = ""
         for folder in self.folders():
             try:
@@ -146,6 +148,22 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
                     found.unlink(missing_ok=True)
 
 
+def code_folders(place: Path) -> list[Path]:
+    """The folders with the code of sources in the folder ``place``."""
+    inside = f"{place.name}_{text_fingerprint(str(place))[:40]}"
+    if config.CACHE_DIR:
+        return [Path(config.CACHE_DIR) / inside]
+    users = Path(AppDirs(appname="numba", appauthor=False).user_cache_dir)
+    return [place / "__pycache__", users / inside]
+
+
+def has_code(kernel: str) -> bool:
+    """Whether there is code of ``kernel``, as "growth.grow", for its present source and any types."""
+    source = KERNELS / f"{kernel.partition('.')[0]}.py"
+    pattern = f"{kernel}-*-{_mark(source)}.*{SUFFIX}"
+    return any(any(folder.glob(pattern)) for folder in code_folders(KERNELS))
+
+
 @lru_cache
 def _warn_unwritable(text: str) -> None:
     """Say once that code is compiled in every run; ``text`` is a folder and what happened."""
@@ -159,8 +177,7 @@ def _warn_unwritable(text: str) -> None:
 def _announce(kernel: str) -> None:
     """Say once in the log, and on a terminal, that this process compiles; tell the watchers of ``kernel``."""
     _say_compiling(unusable_reason())
-    for watcher in tuple(WATCHERS):
-        watcher(kernel)
+    compilation_begins(kernel)
 
 
 @lru_cache
@@ -172,16 +189,6 @@ def _say_compiling(reason: str) -> None:
         print(
             f"pareto-ltl: {COMPILING}", *[f"pareto-ltl: {reason}"] * bool(reason), sep="\n", file=sys.stderr
         )
-
-
-@contextmanager
-def compilation_watched(watcher: Callable[[str], None]) -> Iterator[None]:
-    """In the block, call ``watcher`` with the name of each kernel before it is compiled."""
-    WATCHERS.append(watcher)
-    try:
-        yield
-    finally:
-        WATCHERS.remove(watcher)
 
 
 def code_stamp(file: Path) -> str:

@@ -272,6 +272,10 @@ def run_claimed(
     return carry_out(run, pipeline.stages, argv, overrides)
 
 
+def _bar_of(run: Run) -> ProgressBar:
+    return run.progress or ProgressBar(preset=run.settings.fidelity.name)
+
+
 def carry_out(
     run: Run, stages: Sequence[Stage[Any]], argv: Sequence[str] = (), overrides: Sequence[str] = ()
 ) -> dict[str, float]:
@@ -283,7 +287,7 @@ def carry_out(
     if place is None:
         raise ValueError("the run has no directory: create it with Run(..., directory=PATH)")
     place.mkdir(parents=True, exist_ok=True)
-    with logging_to(place / RUN_LOG), run.budget.ends_at_key(), run.progress or ProgressBar() as run.progress:
+    with logging_to(place / RUN_LOG), run.budget.ends_at_key(), _bar_of(run) as run.progress:
         record = provenance.begin(run.settings, argv, overrides)
         try:
             LOG.info("run %s, seed %d", run.settings.name, run.settings.seed)

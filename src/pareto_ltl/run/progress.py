@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.run.compile_time import COSTS, CompileTime, seconds_text
 from pareto_ltl.run.records import RecordKey, Records
+from pareto_ltl.support.compiling import compilation_watched
+from pareto_ltl.support.machine import cores
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
     from rich.progress import Progress, TaskID
 
     from pareto_ltl.support.arrays import FloatArray
@@ -54,16 +58,29 @@ class ProgressBar:
     paths.
     """
 
-    def __init__(self, shown: bool | None = None) -> None:
+    def __init__(self, shown: bool | None = None, preset: str = "full") -> None:
         self._shown = sys.stderr.isatty() if shown is None else shown
+        self._preset = preset  # whose kernels are compiled in a first run
         self._bar: Progress | None = None
         self._task: TaskID | None = None
+        self._compiling: TaskID | None = None
+        self._time: CompileTime | None = None
+        self._watching = ExitStack()
 
     def __enter__(self) -> ProgressBar:
         if self._shown:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
             from rich.table import Column
+
+            show_compiling = self._show_compiling
+
+            class Lines(Progress):
+                """Asks for the time of the compilation whenever it is drawn."""
+
+                def get_renderables(self) -> Iterable[RenderableType]:
+                    show_compiling()
+                    return super().get_renderables()
 
             columns = (
                 SpinnerColumn(),
@@ -72,11 +89,13 @@ class ProgressBar:
                 TimeElapsedColumn(Column(min_width=len("0:00:00"))),
                 TextColumn("{task.fields[state]}", table_column=Column(ratio=1)),
             )
-            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._bar = Lines(*columns, console=Console(stderr=True), transient=True)
             self._bar.start()
+            self._watching.enter_context(compilation_watched(self._begins, self._ends))
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._watching.close()
         if self._bar is not None:
             self._bar.stop()
 
@@ -100,6 +119,44 @@ class ProgressBar:
         if self._bar is not None and self._task is not None:
             counts = state or f"{done:,} of {total:,}"
             self._bar.update(self._task, completed=done, total=total, state=counts)
+
+    # --- what is compiled ---
+
+    def _begins(self, kernel: str) -> None:
+        """Show that ``kernel`` is compiled, in place of the stage that waits for it."""
+        from pareto_ltl.kernels.code_cache import has_code
+
+        if self._bar is None:
+            return
+        if self._time is None:
+            self._time = CompileTime(COSTS.get(self._preset, {}), has_code, min(cores(), 2))
+        self._time.begins(kernel)
+        if self._compiling is None:
+            self._compiling = self._bar.add_task("", total=1.0, state="")
+        words = f"Compiling {kernel.partition('.')[2] or kernel}"
+        self._bar.update(self._compiling, description=words)
+        self._show(self._task, visible=False)
+
+    def _ends(self, kernel: str) -> None:
+        """Show the stage again if nothing else is compiled."""
+        if self._bar is None or self._time is None:
+            return
+        self._time.ends(kernel)
+        if not self._time.busy and self._compiling is not None:
+            self._bar.remove_task(self._compiling)
+            self._compiling = None
+            self._show(self._task, visible=True)
+
+    def _show(self, task: TaskID | None, *, visible: bool) -> None:
+        if self._bar is not None and task is not None:
+            self._bar.update(task, visible=visible)
+
+    def _show_compiling(self) -> None:
+        """Bar and words of the compilation, as they are now."""
+        if self._bar is not None and self._time is not None and self._compiling is not None:
+            number = f"{min(self._time.done + 1, self._time.total)} of {self._time.total}"
+            words = f"{number}, once; {seconds_text(self._time.left())} left"
+            self._bar.update(self._compiling, completed=self._time.share(), state=words)
 
 
 # --- watchers -----------------------------------------------------------------------------------

@@ -27,6 +27,7 @@ import numpy as np
 from pareto_ltl.settings import PRESETS, Settings, preset
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.cache import LOCKS_FOLDER, cache_root
+from pareto_ltl.support.compiling import compilation_begins, compilation_ends, compilation_watched
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.files import process_lives
 from pareto_ltl.support.locks import TakenError, hold_lock
@@ -145,8 +146,6 @@ def warm_up(name: str, watcher: Callable[[str], None] = lambda _: None, *, grown
 
     Without ``grown``, growth is left out, which takes half of the time; a path is given instead of trees.
     """
-    from pareto_ltl.kernels.code_cache import compilation_watched
-
     began, compiled = time.monotonic(), list[str]()
 
     def note(kernel: str) -> None:
@@ -238,6 +237,7 @@ def _tell(report: Told, done: int, total: int, name: str, kernel: str) -> None:
 GROWTH = "growth.grow"
 LONGEST = 300.0  # [s] to wait for the second process
 PAUSE = 0.1  # [s]
+REST = "the rest, in a second process"
 CODE = "import sys; from pareto_ltl.run.warmup import second_process; second_process(*sys.argv[1:])"
 
 
@@ -251,8 +251,6 @@ def compiling_in_two(settings: Settings, budget: Budget) -> Iterator[None]:
 
     It ends earlier if ``budget`` is used up, or after :data:`LONGEST`; the second process is then ended.
     """
-    from pareto_ltl.kernels.code_cache import compilation_watched
-
     kind = kind_of(settings)
     if kind is None or not _may_start():
         yield
@@ -274,8 +272,11 @@ def compiling_in_two(settings: Settings, budget: Budget) -> Iterator[None]:
         with compilation_watched(start):
             yield
         latest = time.monotonic() + LONGEST
+        if started and started[0].poll() is None:
+            compilation_begins(REST)
         while started and started[0].poll() is None and time.monotonic() < latest and not budget.over():
             time.sleep(PAUSE)
+        compilation_ends(REST)
 
 
 def kind_of(settings: Settings) -> str | None:
