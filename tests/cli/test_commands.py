@@ -231,3 +231,12 @@ def test_a_configuration_is_shown_and_nothing_runs(here: Path, capsys: pytest.Ca
 def test_settings_made_by_hand_are_checked_by_the_runner() -> None:
     with pytest.raises(ConfigError, match=r"pipelines\.stages is empty"):
         check_pipeline(Settings(), application_stages(Settings()))
+
+
+def test_python_3_14_is_one_line_until_hydra_1_4(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "version_info", (3, 14, 0, "final", 0))
+    assert run_command_line(["+experiment=phi1"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "Python 3.14 needs Hydra 1.4, which is not final: use Python 3.13" in line

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
@@ -93,9 +94,22 @@ def parsed_options(command: ToolCommand, words: Sequence[str]) -> argparse.Names
 
 
 def _run_settings(argv: Sequence[str], command: str | None, output: Output) -> int:
+    if sys.version_info >= (3, 14) and not _hydra_is_new():
+        print_problem(
+            f"Python {sys.version_info[0]}.{sys.version_info[1]} needs Hydra 1.4, which is not final: use Python "
+            "3.13 for the command line, or plan from Python with pareto_ltl.plan, which does not use Hydra"
+        )
+        return 2
     from pareto_ltl.cli.hydra_app import run_hydra  # Hydra is slow to import
 
     return run_hydra(argv, command, output)
+
+
+def _hydra_is_new() -> bool:
+    """Whether the installed Hydra is at least 1.4; older ones fail on Python 3.14."""
+    from importlib.metadata import version
+
+    return tuple(map(int, version("hydra-core").split(".")[:2])) >= (1, 4)
 
 
 def _command_place(argv: Sequence[str]) -> int | None:

@@ -19,8 +19,11 @@ COSTS: dict[str, dict[str, float]] = {
     },
     "paper": {
         "supporting_lines.segment_lines": 5.6, "growth.grow": 22.2, "dijkstra.shortest_lead": 1.5,
-        "margin.smoothed_failure": 14.6, "path.propagate_flight": 4.6, "path.covariance_across_time": 0.5,
-        "flight.fly_batch": 2.1,
+        "path.propagate_flight": 4.5, "path.check_path": 3.8, "path_collision.collision_bound": 2.4,
+        "ordered_bound.ordered_risk": 5.8, "mission_risk.theorem2_risks": 0.9, "visibility.arrivals": 1.8,
+        "visibility.see_places": 2.4, "visibility.clear_crossings": 0.6, "letters.states_along": 0.7,
+        "flight.fly_batch": 2.1, "margin.smoothed_failure": 14.6, "path.covariance_across_time": 0.5,
+        "flight.judge_batch": 2.1,
     },
 }  # fmt: skip
 PRIOR = 10.0  # [s] of work at the measured speed that count beside what this machine has shown

@@ -1,0 +1,113 @@
+"""A missing package of an extra: one line with the command that installs it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.inflight import link
+from pareto_ltl.studies import cluster
+from pareto_ltl.support import extras
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.wind.sources import WINDS, netcdf_snapshots
+
+ROOT = Path(__file__).resolve().parents[2]
+EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+
+
+def open_cluster() -> None:
+    with cluster.connected("tcp://127.0.0.1:1"):
+        pass
+
+
+def test_extras_and_their_modules_exist() -> None:
+    assert set(extras.MODULES) < set(EXTRAS)
+    for extra, modules in extras.MODULES.items():
+        assert all(extras.find_spec(module) is not None for module in modules), extra
+
+
+@pytest.mark.parametrize(("extra", "module"), [(e, m) for e, ms in extras.MODULES.items() for m in ms])
+def test_each_missing_package_is_named_with_the_command(
+    extra: str, module: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    extras.require_extra(extra, "this")
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ConfigError) as caught:
+        extras.require_extra(extra, "this")
+    assert str(caught.value).startswith(f"this needs {module}: ")
+    assert f'pip install "pareto-ltl[{extra}]"' in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("module", "extra", "use"),
+    [
+        ("xarray", "netcdf", lambda: netcdf_snapshots((Path("wind.nc"),), WINDS, "10m", 75.0)),
+        ("cf_xarray", "netcdf", lambda: netcdf_snapshots((Path("wind.nc"),), WINDS, "10m", 75.0)),
+        ("distributed", "dask", open_cluster),
+        ("pymavlink", "follow", link._mavutil),  # noqa: SLF001
+    ],
+)
+def test_what_reads_with_a_missing_package_says_how_to_install_it(
+    module: str, extra: str, use: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ConfigError, match=rf'pip install "pareto-ltl\[{extra}\]"'):
+        use()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("words", "module", "extra"),
+    [
+        (["serve"], "uvicorn", "serve"),
+        (["serve"], "pmtiles", "serve"),
+        (["scores", "."], "scores", "scores"),
+        (["+experiment=phi1", "wind=netcdf", f"wind.path={ROOT / 'tests'}"], "xarray", "netcdf"),
+    ],
+)
+def test_a_command_ends_with_one_line(
+    words: list[str], module: str, extra: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, module, None)
+    assert run_command_line(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f'pip install "pareto-ltl[{extra}]"' in line
+
+
+def test_the_command_is_for_this_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    python, other = tmp_path / "my env" / "python", tmp_path / "other" / "pip"
+    for path in (python, python.with_name("pip"), other):
+        path.parent.mkdir(exist_ok=True)
+        path.touch(mode=0o755)
+    monkeypatch.setattr(extras.sys, "executable", str(python))
+    monkeypatch.setattr(extras, "find_spec", lambda name: object())
+    monkeypatch.setenv("PATH", str(python.parent))
+    assert extras.install_command("grib") == 'pip install "pareto-ltl[grib]"'
+    monkeypatch.setenv("PATH", str(other.parent))
+    assert extras.install_command("grib") == f"'{python}' -m pip install \"pareto-ltl[grib]\""
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    (other.parent / "uv").touch(mode=0o755)
+    assert extras.install_command("grib") == f"uv pip install \"pareto-ltl[grib]\" --python '{python}'"
+
+
+def test_a_plan_in_python_loads_neither_hydra_nor_the_readers_of_other_files() -> None:
+    code = (
+        "import sys, pareto_ltl\n"
+        "from small_plans import COMMON, MISSIONS\n"
+        "scene, formula, sections = MISSIONS['paper']\n"
+        "result = pareto_ltl.plan(scene, formula, **COMMON | sections)\n"
+        "print(result.plan is not None)\n"
+        "unwanted = ('hydra', 'omegaconf', 'xarray', 'pandas', 'cf_xarray', 'starlette', 'IPython')\n"
+        "print([name for name in unwanted if name in sys.modules])\n"
+    )
+    folder = ROOT / "tests"  # of small_plans
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines() == ["True", "[]"], done.stderr
