@@ -96,8 +96,8 @@ def parsed_options(command: ToolCommand, words: Sequence[str]) -> argparse.Names
 def _run_settings(argv: Sequence[str], command: str | None, output: Output) -> int:
     if sys.version_info >= (3, 14) and not _hydra_is_new():
         print_problem(
-            f"Python {sys.version_info[0]}.{sys.version_info[1]} needs Hydra 1.4, which is not final: use Python "
-            "3.13 for the command line, or plan from Python with pareto_ltl.plan, which does not use Hydra"
+            f"Python {sys.version_info[0]}.{sys.version_info[1]} needs Hydra 1.4, which is not final: "
+            "use Python 3.13"
         )
         return 2
     from pareto_ltl.cli.hydra_app import run_hydra  # Hydra is slow to import
