@@ -38,7 +38,7 @@ def install_command(extra: str) -> str:
 
 
 def install_words(package: str) -> str:
-    """What to type to install ``package`` here, also if the ``pip`` on PATH is that of another environment.
+    """What to type to install ``package`` here, also if the ``pip`` on PATH belongs to another one.
 
     A package with brackets is given in double quotation marks: ``cmd`` of Windows does not know single ones.
     """
