@@ -12,17 +12,17 @@ from __future__ import annotations
 
 import hashlib
 import os
-import queue
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Iterator, Mapping, Sequence
+import zipfile
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Thread
+
+from watching import watched
 
 ROOT = Path(__file__).resolve().parents[1]
 RUN, DEV = "run", "dev"
@@ -31,7 +31,6 @@ MARKERS = {RUN: ".ready-run", DEV: ".ready"}
 NEEDED = {RUN: 0.8, DEV: 2.3}  # [GB] of the environment while it is made; measured: 0.68 and 2.0
 CACHED = 0.8  # [GB] that uv keeps of the packages of a run
 SECONDS = {"uv": {RUN: 10, DEV: 30}, "pip": {RUN: 90, DEV: 240}}  # on two cores, at 50 MB/s
-PACE = {True: 0.2, False: 10.0}  # [s] between two lines of progress, on a terminal and in a file
 INDEX = {  # settings of pip that uv has under other names; hashes make every index as good as another
     "index-url": "UV_DEFAULT_INDEX", "extra-index-url": "UV_INDEX", "find-links": "UV_FIND_LINKS",
     "no-index": "UV_NO_INDEX", "cert": "SSL_CERT_FILE", "proxy": "ALL_PROXY",
@@ -233,6 +232,8 @@ def create(venv: Path, needed: float) -> None:
     check_space(venv, needed - reclaimed)
     if uv := shutil.which("uv"):
         command = [uv, "venv", "--quiet", "--clear", "--python", base_python(), str(venv)]
+    elif pip := bundled_pip():
+        command = [base_python(), "-m", "venv", "--clear", "--without-pip", str(venv)]
     else:
         command = [base_python(), "-m", "venv", "--clear", str(venv)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -240,6 +241,20 @@ def create(venv: Path, needed: float) -> None:
         said = " ".join((done.stderr + done.stdout).split())
         cure = "on Debian and Ubuntu: apt install python3-venv" if "ensurepip" in said else "see above"
         raise FailedError(f"python -m venv failed ({said[:300]}); {cure}")
+    if not uv and pip:
+        (packages,) = venv.glob("lib/python*/site-packages")
+        with zipfile.ZipFile(pip) as wheel:
+            wheel.extractall(packages)
+
+
+def bundled_pip() -> str:
+    """The pip that comes with Python: unpacking it takes 0.2 s, and ``venv`` takes 4 s to install it."""
+    try:
+        import ensurepip  # Debian has it in a package of its own
+    except ImportError:
+        return ""
+    wheels = [str(path) for path in Path(ensurepip.__file__).parent.glob("_bundled/pip-*.whl")]
+    return wheels[0] if len(wheels) == 1 else ""
 
 
 class Installer:
@@ -255,6 +270,7 @@ class Installer:
         for name in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "PIP_TARGET", "PIP_USER", "PIP_PREFIX"):
             self.environment.pop(name, None)
         self.uv = shutil.which("uv") or self._fetched()
+        self._finish_pip()
         if self.uv:
             self._find_cache()
         return self
@@ -286,6 +302,22 @@ class Installer:
         if said is not None:
             print(said.rstrip()[-3000:], file=sys.stderr)
             raise FailedError(f"installing {what}: {reason_of(said) or last_line(said)}")
+
+    def _finish_pip(self) -> None:
+        """Add the program ``pip`` where the package was only unpacked."""
+        pip = bundled_pip()
+        if (
+            not pip
+            or not list(self.venv.glob("lib/python*/site-packages/pip"))
+            or (self.venv / "bin/pip").exists()
+        ):
+            return
+        words = ["--no-index", "--no-deps", "--force-reinstall", pip]
+        if self.uv:
+            command = [self.uv, "pip", "install", "--quiet", "--python", self.python, *words]
+        else:
+            command = [*self._pip(), *words]
+        subprocess.run(command, capture_output=True, check=False, env=self.environment)
 
     def _pip(self) -> list[str]:
         return [self.python, "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar", "off"]
@@ -330,97 +362,7 @@ class Installer:
             self.environment["UV_CACHE_DIR"] = str(self.scratch / "cache")
 
 
-# --- progress -----------------------------------------------------------------------------------
-
-
-def watched(
-    command: list[str], what: str, seconds: int, total: int, environment: Mapping[str, str]
-) -> str | None:
-    """Run ``command`` and show how far it is; None, or what it said if it failed.
-
-    ``seconds`` is how long it usually takes, ``total`` the number of packages, 0 where it is not known.
-    """
-    print(f"installing {what}" + (f": about {seconds} s" if seconds else ""), flush=True)
-    process = subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        errors="replace", env=dict(environment), cwd=ROOT,
-    )  # fmt: skip
-    lines: queue.Queue[str | None] = queue.Queue()
-    Thread(target=_read_lines, args=(process, lines), daemon=True).start()
-    progress, terminal = Progress(total), sys.stdout.isatty()
-    began = shown_at = time.monotonic()
-    try:
-        while True:
-            with suppress(queue.Empty):
-                line = lines.get(timeout=0.1)
-                if line is None:
-                    break
-                progress.heard(line)
-            now = time.monotonic()
-            if now - shown_at >= PACE[terminal]:
-                shown_at = now
-                text = progress.line(now - began)
-                print(f"\r\033[K{text[:78]}" if terminal else text, end="" if terminal else "\n", flush=True)
-    except BaseException:
-        process.terminate()
-        process.wait()
-        raise
-    finally:
-        if terminal:
-            print("\r\033[K", end="", flush=True)
-    failed = process.wait() != 0
-    if not failed:
-        print(f"  done in {time.monotonic() - began:.0f} s", flush=True)
-    return "".join(progress.said) or f"ended with {process.returncode}" if failed else None
-
-
-def _read_lines(process: subprocess.Popen[str], lines: queue.Queue[str | None]) -> None:
-    assert process.stdout is not None
-    for line in process.stdout:
-        lines.put(line)
-    lines.put(None)
-
-
-class Progress:
-    """How far an installer is, from the lines that it prints: MB of uv, packages of pip."""
-
-    def __init__(self, total: int) -> None:
-        self.total, self.said, self.collected, self.now = total, list[str](), 0, "asking the package index"
-        self.sizes: dict[str, float] = {}
-        self.fetched: set[str] = set()
-
-    def heard(self, line: str) -> None:
-        """Take a line of the installer into account."""
-        self.said.append(line)
-        words = line.split()
-        if match := re.match(r"\s*Downloading ([\w.-]+) \(([\d.]+)([KMG])iB\)", line):  # uv
-            self.sizes[match[1]] = float(match[2]) * {"K": 1e-3, "M": 1.049, "G": 1074.0}[match[3]]
-            self.now = "downloading"
-        elif line.startswith(" Downloaded"):
-            self.fetched.add(words[1])
-        elif line.startswith("Prepared"):
-            self.now = "unpacking"
-        elif words[:1] in (["Collecting"], ["Processing"]):  # pip
-            self.collected += 1
-            self.now = words[1].partition("==")[0]
-        elif line.startswith(("Building", "Installing collected")):
-            self.now = "unpacking" if words[0] == "Installing" else " ".join(words[:4])
-
-    def line(self, elapsed: float) -> str:
-        """What is done after ``elapsed`` seconds, and how long the rest takes."""
-        whole = sum(self.sizes.values())
-        done = sum(size for name, size in self.sizes.items() if name in self.fetched)
-        parts = [f"  {elapsed:.0f} s"]
-        share = 0.0
-        if whole:
-            parts.append(f"{done:.0f} of {whole:.0f} MB")
-            share = done / whole
-        elif self.collected and self.total:
-            parts.append(f"{min(self.collected, self.total)} of {self.total} packages")
-            share = min(self.collected / self.total, 1.0)
-        if 0.1 < share < 1.0 and self.now != "unpacking":
-            parts.append(f"about {elapsed * (1 - share) / share:.0f} s left")
-        return ", ".join([*parts, self.now])
+# --- what installers say -------------------------------------------------------------------------
 
 
 def reason_of(said: str) -> str:

@@ -86,7 +86,7 @@ class Project:
         self.root, self.wheels = folder / "a checkout", folder / "wheels"
         (self.root / "release").mkdir(parents=True)
         self.wheels.mkdir()
-        for name in ("Makefile", "release/environment.py"):
+        for name in ("Makefile", "release/environment.py", "release/watching.py"):
             shutil.copy(ROOT / name, self.root / name)
         runs, tested, desk = (make_wheel(self.wheels, name) for name in ("runs", "tested", "desk"))
         fetched = make_wheel(self.wheels, "uv", FETCHED_UV, "uv = uv:main")
@@ -144,8 +144,9 @@ def project(tmp_path: Path) -> Project:
     return Project(tmp_path, uv=True)
 
 
-def environment() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("environment", ROOT / "release" / "environment.py")
+def environment(monkeypatch: pytest.MonkeyPatch, name: str = "environment") -> ModuleType:
+    monkeypatch.syspath_prepend(str(ROOT / "release"))
+    spec = importlib.util.spec_from_file_location(name, ROOT / "release" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -160,7 +161,8 @@ def test_pip_fetches_uv_which_installs_what_a_run_needs_and_tests_only_add(bare:
     done = bare.make(".venv/.ready-run")
     assert done.returncode == 0, done.stdout + done.stderr
     assert bare.packages() == {"uv", "runs", "pareto_ltl"}
-    assert len(bare.installed()) == 2  # the lock, and the project
+    assert len(bare.installed()) == 3  # pip as a program, the lock, and the project
+    assert (bare.root / ".venv" / "bin" / "pip").exists()
     assert "index https://mirror.example/simple" in bare.calls.read_text()
     for words in ("installing uv", "1 packages of requirements.lock into .venv, with uv: about", "done in"):
         assert words in done.stdout
@@ -324,7 +326,7 @@ def test_a_python_that_is_not_supported_is_one_line(
 def test_a_disk_that_is_too_small_is_named_before_anything_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    module = environment()
+    module = environment(monkeypatch)
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(module.shutil, "disk_usage", lambda _: usage(10**10, 10**10 - 10**8, 10**8))
     assert module.main([str(tmp_path / "venv"), "run"]) == 2
@@ -333,8 +335,10 @@ def test_a_disk_that_is_too_small_is_named_before_anything_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_progress_of_uv_and_of_pip_has_an_amount_and_the_time_that_is_left() -> None:
-    module = environment()
+def test_progress_of_uv_and_of_pip_has_an_amount_and_the_time_that_is_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    module = environment(monkeypatch, "watching")
     uv, pip = module.Progress(50), module.Progress(4)
     for line in (
         "Resolved 46 packages in 2ms\n",
