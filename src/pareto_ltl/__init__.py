@@ -11,6 +11,8 @@
     pareto_ltl.beacons(result)                   # where a beacon would reduce the failure most
     pareto_ltl.follow(result, "telemetry.csv")   # a flight watched: position, promise of the rest, alarms
     pareto_ltl.simulate(result, runs=1000, law="coherent")
+    pareto_ltl.read_map("map.kml")               # the checked map; its frame converts longitude and latitude
+    pareto_ltl.read_formula("F(a & F b)").accepts([{"a"}, {"b"}])  # what a mission means
     pareto_ltl.steer(result, (0, 0), (9e4, 2e4))  # a path between two points, by the convex programme
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
     pareto_ltl.verify("outputs/phi1/...")  # every claim of its files derived again, without the planner
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from pareto_ltl.inflight.following import follow
     from pareto_ltl.inflight.telemetry import Reading
     from pareto_ltl.inflight.watch import WatchSettings
+    from pareto_ltl.logic.mission import read_formula
     from pareto_ltl.run.beacons import beacons
     from pareto_ltl.run.choosing import choose
     from pareto_ltl.run.interface import export, plan, simulate, steer
@@ -47,6 +50,7 @@ if TYPE_CHECKING:
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField
     from pareto_ltl.world.scene import Scene
+    from pareto_ltl.world.scene_settings import read_map
     from pareto_ltl_verify.judge import verify
 
 __version__ = "1.0.0rc1"
@@ -74,6 +78,8 @@ __all__ = [
     "load_results",
     "page",
     "plan",
+    "read_formula",
+    "read_map",
     "replan",
     "show",
     "simulate",
@@ -85,6 +91,7 @@ _EXPORTS = {
     "pareto_ltl.inflight.following": ("follow",),
     "pareto_ltl.inflight.telemetry": ("Reading",),
     "pareto_ltl.inflight.watch": ("WatchSettings",),
+    "pareto_ltl.logic.mission": ("read_formula",),
     "pareto_ltl.run.beacons": ("beacons",),
     "pareto_ltl.run.choosing": ("choose",),
     "pareto_ltl.run.interface": ("export", "plan", "simulate", "steer"),
@@ -98,6 +105,7 @@ _EXPORTS = {
     "pareto_ltl.wind.readings": ("Readings",),
     "pareto_ltl.wind.records": ("WindField",),
     "pareto_ltl.world.scene": ("Scene",),
+    "pareto_ltl.world.scene_settings": ("read_map",),
     "pareto_ltl_verify.judge": ("verify",),
 }  # fmt: skip
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
+from unicodedata import normalize
 
 import numpy as np
 
@@ -31,11 +32,30 @@ DONE: Rest = frozenset({frozenset()})
 NEVER: Rest = frozenset()
 
 WORDS = {
-    **{"~": "!", "not": "!", "next": "X", "eventually": "F", "<>": "F", "until": "U"},
-    **{"&&": "&", "and": "&", "||": "|", "or": "|", "[]": "G", "t": "true", "f": "false"},
+    **dict.fromkeys(("~", "not", "NOT", "¬", "∼", "˜", "\\lnot", "\\neg"), "!"),
+    **dict.fromkeys(("next", "○", "◯", "∘", "⃝", "\\bigcirc", "\\circ", "\\Circle"), "X"),
+    **dict.fromkeys(("eventually", "finally", "<>", *"◇♢⋄◊⬦"), "F"),
+    **dict.fromkeys(("\\Diamond", "\\diamond", "\\lozenge", "\\Finally", "\\Eventually"), "F"),
+    **dict.fromkeys(
+        ("[]", "always", "globally", *"□◻☐⬜▢", "\\Box", "\\square", "\\Globally", "\\Always"), "G"
+    ),
+    **dict.fromkeys(("until", "\\until", "\\Until"), "U"),
+    **dict.fromkeys(("release", "\\release", "\\Release"), "R"),
+    **dict.fromkeys(("&&", "and", "AND", "/\\", "∧", "⋀", "\\land", "\\wedge", "\\bigwedge"), "&"),
+    **dict.fromkeys(("||", "or", "\\/", "∨", "⋁", "\\lor", "\\vee", "\\bigvee"), "|"),
+    **dict.fromkeys(("^", "XOR", "⊕", "⊻", "\\oplus", "\\veebar"), "xor"),
+    **dict.fromkeys(("=>", "==>", "-->", "implies", *"→⇒⟶⟹⊃", "\\to", "\\rightarrow", "\\Rightarrow"), "->"),
+    **dict.fromkeys(("\\implies", "\\longrightarrow", "\\Longrightarrow"), "->"),
+    **dict.fromkeys(("<=>", "<==>", "<-->", "iff", *"↔⇔⟷⟺≡", "\\leftrightarrow", "\\Leftrightarrow"), "<->"),
+    **dict.fromkeys(("\\iff", "\\longleftrightarrow", "\\Longleftrightarrow", "\\equiv"), "<->"),
+    **dict.fromkeys(("1", "tt", "True", "TRUE", "⊤", "\\top"), "true"),
+    **dict.fromkeys(("0", "ff", "False", "FALSE", "⊥", "\\bot"), "false"),
 }
-LEVELS = (("<->", "xor"), ("->",), ("|",), ("&",), ("U", "R", "W", "M"))  # the weakest first
-TO_THE_RIGHT = ("->", "U", "R", "W", "M")
+LABEL_WORDS = {**WORDS, "t": "true", "f": "false", "0": "0", "1": "1"}  # of HOA: numbers are propositions
+LEVELS = (("->", "<->"), ("|",), ("xor",), ("&",), ("U", "R", "W", "M"))  # the weakest first, as in Spot
+TO_THE_RIGHT = ("->", "<->", "U", "R", "W", "M")
+TEX_SPACE = r"(?<!/)\\[,;:! ]|\\(?:left|right)(?![a-zA-Z])|\\q?quad(?![a-zA-Z])|^\s*\$+|\$+\s*$|\ufeff"
+TEX_FONT = r"\\(?:math\w+|text\w*|operatorname|mbox)\s*\{\s*(\w+)\s*\}"
 DUAL = {"&": "|", "|": "&", "X": "X", "F": "G", "G": "F", "U": "R", "R": "U", "W": "M", "M": "W"}
 
 
@@ -44,13 +64,21 @@ DUAL = {"&": "|", "|": "&", "X": "X", "F": "G", "G": "F", "U": "R", "R": "U", "W
 
 def read_formula(text: str, short: bool = False) -> Node:
     """The tree of a formula; ``short`` allows ``t`` and ``f`` for true and false, as in HOA labels."""
-    words = re.findall(rf"<->|->|<>|\[\]|\[[^\[\]]*\]|&&|\|\||[!~&|()]|{QUOTED}|\w+|\S", text)
-    names = WORDS if short else {key: value for key, value in WORDS.items() if key not in ("t", "f")}
-    tokens = [names.get(word, word) for word in words]
+    plain = re.sub(TEX_FONT, r" \1 ", re.sub(TEX_SPACE, " ", text))
+    arrows = r"<-->|<==>|<->|<=>|-->|==>|->|=>|<>|/\\|\\/|\\[a-zA-Z]+"
+    words = re.findall(rf"{QUOTED}|{arrows}|\[\]|\[[^\[\]]*\]|&&|\|\||\w+|\S", plain)
+    names = LABEL_WORDS if short else WORDS
+    tokens = [names.get(word) or _letter_operator(word) for word in words]
     tree = _binary(tokens, 0)
     if tokens:
         raise DataError(f"formula {text!r}: {tokens[0]!r} is not expected")
     return tree
+
+
+def _letter_operator(word: str) -> str:
+    """An operator in mathematical letters, such as 𝒰, as a plain letter; other words unchanged."""
+    plain = normalize("NFKC", word)
+    return plain if plain in ("X", "F", "G", *LEVELS[-1]) else WORDS.get(plain, word)
 
 
 def _binary(tokens: list[str], level: int) -> Node:
@@ -71,6 +99,8 @@ def _unary(tokens: list[str]) -> Node:
     if token in ("F", "G") and tokens and tokens[0].startswith("["):
         begin, end = _span(tokens.pop(0))
         return ("within", token, begin, end, _unary(tokens))
+    if token == "X" and tokens and tokens[0] == "[!]":
+        tokens.pop(0)
     if token in ("!", "X", "F", "G"):
         return (token, _unary(tokens))
     if token == "(":

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pareto_ltl.logic import parse_formula, positive_normal_form
 from pareto_ltl.logic.automaton import translate
-from pareto_ltl.logic.formula import parse_formula, positive_normal_form
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.logic.timed import keep_clear, letter_of, timed_letters, window_patterns
 from pareto_ltl.planning.pack_logic import epochs_of

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
+import re
+
+import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.logic import FormulaError, parse_formula, positive_normal_form, translate
@@ -14,7 +18,9 @@ from pareto_ltl.logic.formula import (
     Formula,
     caret_lines,
     check_names,
+    disputed_reading,
 )
+from pareto_ltl.logic.mission import read_formula
 
 names = st.sampled_from(["a", "b", "c", "Goal_1", "x2", "2nd", "höhe", "Fa"]).map(
     lambda name: Formula("name", name=name)
@@ -71,7 +77,12 @@ def test_any_text_is_read_or_refused_in_one_line_that_points_into_it(text):
         ("a | b -> c", "(a | b) -> c"),
         ("a -> b -> c", "a -> (b -> c)"),
         ("a <-> b -> c", "a <-> (b -> c)"),
-        ("a <-> b <-> c", "(a <-> b) <-> c"),
+        ("a <-> b <-> c", "a <-> (b <-> c)"),
+        ("a -> b <-> c", "a -> (b <-> c)"),
+        ("a -> b xor c", "a -> (b xor c)"),
+        ("a | b xor c", "a | (b xor c)"),
+        ("a xor b & c", "a xor (b & c)"),
+        ("a xor b xor c", "(a xor b) xor c"),
         ("X F a", "X (F a)"),
         ("! X a U b", "(!(X a)) U b"),
     ],
@@ -92,6 +103,22 @@ def test_operators_bind_in_the_promised_order(text, meaning):
         ("a until b", "a U b"),
         ("[]a", "G a"),
         ("(((a)))", "a"),
+        ("1 U a", "true U a"),
+        ("tt & True & TRUE & ⊤", "true & true & true & true"),
+        ("0 | ff | False | FALSE | ⊥", "false | false | false | false | false"),
+        ("a /\\ b \\/ ¬ c", "a & b | !c"),
+        ("◇(a ∧ ◇b) ∨ ○ c", "F(a & F b) | X c"),
+        ("a => b", "a -> b"),
+        ("a --> b iff c", "a -> b <-> c"),
+        ("a <=> b ⇔ c", "a <-> b <-> c"),
+        ("a ⊕ b ^ c", "a xor b xor c"),
+        ("F(a & X[!] b)", "F(a & X b)"),
+        ("finally a implies always b", "F a -> G b"),
+        ("a 𝒰 b ℛ c", "a U b R c"),
+        (r"$\Diamond \left( a \land \lnot b \right)$", "F(a & !b)"),
+        (r"a \mathcal{U} \mathrm{b} \to \bigcirc c", "a U b -> X c"),
+        (r"\Box\, a \leftrightarrow \top", "G a <-> true"),
+        ('F "1" & "tt"', 'F "1" & "tt"'),
         ("\ta\n& b ", "a&b"),
     ],
 )
@@ -112,8 +139,7 @@ def test_spellings_mean_the_same(text, same):
         ("a)", 1, "found ')'"),
         ("FF a", 3, "write 'F F'"),
         ("a $ b", 2, "'$' has no meaning"),
-        ("a /\\ b", 2, "write '&'"),
-        ("a => b", 2, "write '->'"),
+        ("a == b", 2, "write '<->'"),
         ("F U", 2, "expected a proposition"),
         ("F " * (MAX_DEPTH + 1) + "a", 2 * MAX_DEPTH, "deeper than"),
         ("(" * (MAX_DEPTH + 1) + "a", MAX_DEPTH, "deeper than"),
@@ -218,3 +244,99 @@ def test_tracebacks_show_the_caret():
     with pytest.raises(FormulaError) as caught:
         translate("F a & G b")
     assert caught.value.__notes__ == ["F a & G b\n      ^"]
+
+
+# --- formulas of other tools ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "reading"),
+    [
+        ("a | b xor c", "a | (b xor c)"),
+        ("a -> b <-> c", "a -> (b <-> c)"),
+        ("F a & (b U c U d)", "F a & (b U (c U d))"),
+        ("a R b U c", "a R (b U c)"),
+    ],
+)
+def test_the_reading_is_printed_where_tools_disagree(text, reading, caplog):
+    assert reading in disputed_reading(text)
+    assert disputed_reading(reading) == ""
+    translate_text = text.replace("R", "M")
+    read_formula(translate_text)
+    assert "other tools read it in another order" in caplog.text
+
+
+@pytest.mark.parametrize("text", ["a | b & c", "a -> b -> c", "a xor b xor c", "F a U b", "a & b | !c"])
+def test_there_is_no_note_where_tools_agree(text, caplog):
+    assert disputed_reading(text) == ""
+    read_formula(text)
+    assert caplog.text == ""
+
+
+def test_a_region_with_the_name_of_a_constant_is_not_lost():
+    with pytest.raises(FormulaError, match='a region of the map has this name: write "1" in double quotes'):
+        check_names(parse_formula("F 1"), ["1"])
+    check_names(parse_formula('F "1"'), ["1"])
+    check_names(parse_formula("1 U a"), ["a"])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("HOA: v1", "mission.automaton"),
+        ("LTLSPEC F a", "NuSMV"),
+        ("ltl p { <> a }", "Spin"),
+        ("P>=0.9 [ F a ]", "PRISM"),
+        ("Pmax=? [ F a ]", "PRISM"),
+        ("F<=5 a", "F[0,6h] a"),
+        ("F_[0,5] a", "signal temporal logic"),
+        ("F[0:5] a", "range of steps"),
+        ("(and (visited a) (visited b))", "PDDL"),
+        ("A F a", "CTL"),
+        ("F x > 3", "comparison of numbers"),
+        ("∀ x F x", "quantifier"),
+        (r"\foo a", "no operator of TeX"),
+    ],
+)
+def test_a_formula_of_another_kind_is_named_with_the_way_out(text, said):
+    with pytest.raises(FormulaError, match=re.escape(said)) as caught:
+        parse_formula(text)
+    assert "\n" not in str(caught.value)
+
+
+AVOIDING = st.recursive(
+    st.sampled_from(["a", "c", "!a"]),
+    lambda inner: st.one_of(
+        inner.map(lambda p: f"F({p})"),
+        inner.map(lambda p: f"X({p})"),
+        st.tuples(inner, st.sampled_from("&|"), inner).map(lambda t: f"(({t[0]}) {t[1]} ({t[2]}))"),
+        inner.map(lambda p: f"(c U ({p}))"),
+    ),
+    max_leaves=4,
+)
+LETTERS = [frozenset(s) for n in range(4) for s in itertools.combinations("abc", n)]
+
+
+@settings(max_examples=150, deadline=None)
+@given(AVOIDING, st.sampled_from(["G !b", "!F b", "[] !b", "!<> b"]))
+def test_the_way_out_of_reach_avoid_is_the_mission_that_was_meant(goal, never):
+    """A word completes the suggested formula exactly if it completes the goal before it meets b."""
+    with pytest.raises(FormulaError, match="promises something for ever") as caught:
+        translate(f"({goal}) & {never}")
+    cure = re.search(r"write '(.*?)'(, or|$| \()", str(caught.value))[1]
+    suggested, wanted = translate(cure, LETTERS), translate(goal, LETTERS)
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        word = [LETTERS[k] for k in rng.integers(len(LETTERS), size=rng.integers(1, 7))]
+        met = next((k for k, letter in enumerate(word) if "b" in letter), len(word))
+        before = [k for k in range(1, met + 1) if wanted.accepts(word[:k])]
+        if wanted.tautology:
+            continue
+        assert suggested.accepts(word) == bool(before), (cure, word)
+
+
+def test_regions_to_avoid_can_be_drawn_as_obstacles():
+    with pytest.raises(FormulaError, match=r"write '!b U \(a & !b\)', or draw b as an obstacle"):
+        translate("F a & G !b")
+    with pytest.raises(FormulaError, match=r"or draw b, c as obstacles"):
+        translate("F a & G(!b & !c)")

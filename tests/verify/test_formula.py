@@ -22,6 +22,9 @@ TEXTS = (
     "a M (b | X c)", "!(G !a)", "X a <-> X b", "a -> F b", "F(a xor b)", "true", "false", "a | !a",
     "X X true",
     "!(a W b)", "!(a R b) & F c", "F(a) && <>b || next c", "~a until (b and not c)",
+    "a | b xor c", "a -> b <-> c", "a xor b & c", "1 U a & F tt", "◇(a ∧ ◇b)", "a => F b", "F(a /\\ X[!] b)",
+    r"$\Diamond \left(a \land b\right) \lor \bigcirc c$", "a 𝒰 (b ∨ ⊥)", r"a \mathcal{U} \mathit{b}",
+    "!globally a", "finally a implies c",
 )  # fmt: skip
 
 literals = st.sampled_from(["a", "!b", "c", "!a", "b", "true", "false"])

@@ -111,8 +111,9 @@ def formula(options: Namespace) -> Answer:
     import numpy as np
 
     from pareto_ltl.logic.automaton import translate
-    from pareto_ltl.logic.formula import caret_lines, parse_formula, positive_normal_form
+    from pareto_ltl.logic.formula import caret_lines, disputed_reading, parse_formula
     from pareto_ltl.logic.hoa import hoa_text
+    from pareto_ltl.logic.normal_form import positive_normal_form
     from pareto_ltl.logic.picture import dot_text, save_picture
 
     text = options.formula
@@ -135,6 +136,7 @@ def formula(options: Namespace) -> Answer:
     normal = positive_normal_form(tree)
     document = {
         "formula": str(tree),
+        "note": disputed_reading(text),
         "normal_form": str(normal),
         "propositions": automaton.atoms,
         "letters": len(automaton.letters),
@@ -146,6 +148,8 @@ def formula(options: Namespace) -> Answer:
         "written": written,
     }
     meaning = _meaning(tree, normal, automaton)
+    if note := document["note"]:
+        meaning["note"] = shown_text(str(note), 1000)
     return Answer(document, [f"{name:<14}{value}" for name, value in meaning.items()], written)
 
 

@@ -16,7 +16,8 @@ import numpy as np
 
 from pareto_ltl.logic import dfa as tables
 from pareto_ltl.logic.dfa import TransitionArray, TransitionTable
-from pareto_ltl.logic.formula import Formula, parse_formula, positive_normal_form
+from pareto_ltl.logic.formula import Formula, parse_formula
+from pareto_ltl.logic.normal_form import positive_normal_form
 from pareto_ltl.logic.progression import Progression
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed

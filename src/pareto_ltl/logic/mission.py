@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pareto_ltl.logic import hoa, patterns
 from pareto_ltl.logic.automaton import Automaton, Letter, translate
-from pareto_ltl.logic.formula import check_names, parse_formula, positive_normal_form
+from pareto_ltl.logic.formula import check_names, disputed_reading, parse_formula
+from pareto_ltl.logic.normal_form import positive_normal_form
 from pareto_ltl.logic.timed import keep_clear, timed_letters
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError
 from pareto_ltl.support.messages import shown_text
@@ -16,6 +18,8 @@ from pareto_ltl.world.windows import Window, clock_windows
 
 if TYPE_CHECKING:
     from pareto_ltl.settings import MissionConfig
+
+LOG = logging.getLogger(__name__)
 
 
 def automaton_of(
@@ -68,9 +72,32 @@ def automaton_of(
     return replace(result, windows=timed) if timed else result
 
 
+def read_formula(text: str, letters: Iterable[Iterable[str]] | None = None) -> Automaton:
+    """The minimal automaton of a co-safe formula; ``accepts`` tells whether a word completes the mission.
+
+    Operators may be written as in Spot, NuSMV, Spin, papers and TeX, with the precedence of Spot
+    (:mod:`pareto_ltl.logic.formula_words`). A text that other tools read in another order is logged with its
+    parentheses.
+
+    Parameters
+    ----------
+    letters : iterable of sets of names, optional
+        The labels that can occur; default: all subsets of the propositions.
+
+    Raises
+    ------
+    FormulaError
+        If the text has a syntax error or is not co-safe; the message says what to write instead.
+    """
+    _formula_atoms(text, None)
+    return translate(text, letters)
+
+
 def _formula_atoms(text: str, known: set[str] | None) -> set[str]:
     """Propositions of a formula, including clocks; FormulaError for a name that is not in ``known``."""
     tree = parse_formula(text)
+    if reading := disputed_reading(text):
+        LOG.warning("%s", shown_text(reading, 1000))
     if known is not None:
         check_names(tree, known)
     return {*tree.atoms, *positive_normal_form(tree, text).atoms}

@@ -118,7 +118,7 @@ def _check_mission(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
     if AUTOMATON not in made or settings.mission.automaton:
         return
     from pareto_ltl.logic.formula import parse_formula as parse
-    from pareto_ltl.logic.formula import positive_normal_form as positive
+    from pareto_ltl.logic.normal_form import positive_normal_form as positive
     from pareto_ltl.logic.patterns import formula_of
 
     formula = formula_of(settings.mission)

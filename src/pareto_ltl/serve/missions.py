@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl.logic.automaton import translate
-from pareto_ltl.logic.formula import parse_formula
+from pareto_ltl.logic.formula import disputed_reading, parse_formula
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.logic.patterns import formula_of
 from pareto_ltl.report.page.ground import shown_map
@@ -81,6 +81,7 @@ def explained_formula(asked: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "formula": text,
         "words": mission_in_words(text),
+        "note": disputed_reading(text),
         "names": sorted(tree.atoms),
         "states": automaton.n_states,
         "impossible": bool(automaton.contradiction),

@@ -165,7 +165,7 @@ export class Panels {
     if (!told) place.replaceChildren(this.store.names.size ? "Choose what to do." : "Draw a region first.");
     else if (told.error) place.replaceChildren(...told.column === null || told.column === undefined ? [] : [html("code", {}, told.formula.slice(0, told.column), html("mark", {}, told.formula.slice(told.column, told.column + 1) || "␣"), told.formula.slice(told.column + 1)), html("br")], `${told.error[0].toUpperCase()}${told.error.slice(1)}.`);
     else if (this.strange.length) place.replaceChildren(`No region has the name ${this.strange.join(", ")}.`);
-    else place.replaceChildren(told.words ? `${told.words[0].toUpperCase()}${told.words.slice(1).replace(/\b[a-z_]\w*\b/g, name => told.names.includes(name) ? this.store.titleOf(name) : name)}.` : "", told.impossible ? " No flight can do this." : "");
+    else place.replaceChildren(told.words ? `${told.words[0].toUpperCase()}${told.words.slice(1).replace(/\b[a-z_]\w*\b/g, name => told.names.includes(name) ? this.store.titleOf(name) : name)}.` : "", told.impossible ? " No flight can do this." : "", told.note ? ` ${told.note[0].toUpperCase()}${told.note.slice(1)}.` : "");
   }
 
   drawMachine() {
