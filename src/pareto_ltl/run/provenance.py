@@ -152,7 +152,8 @@ def input_files(settings: Settings) -> list[Path]:
     """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
     from pareto_ltl.wind.sources import wind_source
 
-    maps = [Path(settings.scene.file).expanduser()] if settings.scene.file else []
+    names = [settings.scene.file, *settings.scene.zones] if settings.scene.file else []
+    maps = [Path(str(name)).expanduser() for name in names]
     if settings.selection.extra_paths:
         maps.append(inside(Path(settings.selection.extra_paths).expanduser(), "front.npz"))
     return [*maps, *wind_source(settings.wind).files(settings.wind, wanted_wind(settings))]

@@ -21,9 +21,8 @@ from pareto_ltl.serve.folder import MAPS, DeskFolder
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.reading import parse_json
-from pareto_ltl.world.scene_files import SCENE_FILES, SUFFIXES, kml_features
-from pareto_ltl.world.scene_sketch import MapFaults
+from pareto_ltl.world.map_file import MapFile
+from pareto_ltl.world.map_formats import SUFFIXES, read_map_file
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -55,23 +54,14 @@ def backdrop(folder: DeskFolder, name: str) -> dict[str, Any]:
 
 def _all_shapes(path: Path, name: str) -> list[dict[str, Any]]:
     """Name, kind (area, line, point) and lines [deg] of all shapes of a file."""
-    if path.suffix in SUFFIXES:
-        features = kml_features(path, SCENE_FILES, MapFaults(name), "backdrop")
-    else:
-        features = _features(parse_json(path.read_bytes(), name, SCENE_FILES))
+    read = read_map_file(path)
+    features = read.features if isinstance(read, MapFile) else []
     shapes = [shape for feature in features for shape in _shapes(name, feature)]
     if not shapes:
         raise DataError(f"{name} has no areas, lines or points; give GeoJSON, KML, PMTiles or GeoTIFF")
     if (count := sum(len(line) for shape in shapes for line in shape["lines"])) > MOST_CORNERS:
         raise DataError(f"{name} has {count:,} corners, at most {MOST_CORNERS:,} are drawn: simplify it")
     return shapes
-
-
-def _features(read: Any) -> list[Any]:
-    if not isinstance(read, dict):
-        return []
-    inner = read.get("features")
-    return inner if isinstance(inner, list) else [read if "geometry" in read else {"geometry": read}]
 
 
 def _shapes(where: str, feature: Any) -> Iterator[dict[str, Any]]:

@@ -46,6 +46,16 @@ class SceneConfig(CheckedSettings, section="scene"):
     file: str | None = setting(
         None, "map file instead of the keys below: GeoJSON, KML (degrees) or scene.json (metres)"
     )
+    zones: list[str] = setting(
+        [],
+        "files whose features are added to the map of scene.file: airspace (OpenAir, ED-269, OpenAIP, FAA), "
+        "fences (.plan, .waypoints), GeoJSON, KML; features without a role are obstacles",
+    )
+    roles: Any = setting(
+        {},
+        "what features without a role are: region, obstacle, start, border, landmark or none; one for "
+        "all, or {FILE: role, PROPERTY: {VALUE: role}, else: role}, e.g. {class: {D: obstacle, E: none}}",
+    )
     unit: float = setting(1.0, "length of a coordinate unit", "[1e-3, 1e7]", unit="m")
     centre: list[float] | None = setting(
         None, "[latitude, longitude] of the middle of the bounds", unit="deg"

@@ -20,6 +20,7 @@ from pareto_ltl.world import scene_shapes as draw
 from pareto_ltl.world.cells import convex_pieces
 from pareto_ltl.world.polygons import outlines_of
 from pareto_ltl.world.scene import FixShape, Scene
+from pareto_ltl.world.scene_altitude import sketch_at_altitude
 from pareto_ltl.world.scene_simplify import MANY_CORNERS, DrawnMap, simplified_map
 from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, Place, SceneSketch
 from pareto_ltl.world.windows import TimedPlace
@@ -53,7 +54,7 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
     faults.each(sketch.regions, lambda place: _check_region_name(sketch, place.name))
     faults.each(sketch.timed, lambda window: _check_window(sketch, window))
     with faults.noted():
-        sketch = draw.sketch_at_altitude(sketch, rules)
+        sketch = sketch_at_altitude(sketch, rules)
     with faults.noted():
         if sketch.fence is not None and rules.walled:
             sketch = replace(sketch, bounds=draw.straightened_bounds(sketch, sketch.fence))

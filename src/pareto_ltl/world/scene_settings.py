@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from pareto_ltl.world.scene_checks import checked_scene
 from pareto_ltl.world.scene_files import sketch_file
 from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, SceneSketch, unknown_use
 
+LOG = logging.getLogger(__name__)
 PLACEMENT_TRIES = 20_000  # random positions tried for one disc
 CORNER_RANGE = (5, 9)  # of a polygon: smallest number, largest number + 1
 
@@ -55,7 +57,8 @@ def scene_from_settings(
         If the scene is incomplete or inconsistent.
     """
     sketch = _sketch(cfg)
-    known = (sketch.border or border) if cfg.border == "auto" else cfg.border
+    sketch.unread.log(sketch.where)
+    known = _known_border(cfg, sketch, border)
     departure, faults = time_zero or sketch.time_zero, MapFaults(sketch.where, sketch.faults)
     times = faults.each(sketch.timed, lambda place: place.window(sketch.where, departure))
     windows = {place.name: window for place, window in times}
@@ -63,6 +66,36 @@ def scene_from_settings(
     scene = checked_scene(sketch, DrawingRules(use, cfg.simplify, cfg.altitude, known == "wall"))
     forbidden = tuple(place.name for place in sketch.timed if place.forbidden)
     return replace(scene, time_zero=departure, border=known, windows=windows, forbidden=forbidden)
+
+
+def read_map(path: str | Path, altitude: float | None = None) -> Scene:
+    """The checked map of a file: GeoJSON, KML, KMZ, or a run's ``scene.json``.
+
+    Parameters
+    ----------
+    altitude : float, optional
+        Height of the flight [m], in the datum of the map: places that are not active there are left out.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read or the map has faults; one message names all of them.
+    """
+    return scene_from_settings(SceneConfig(file=str(path), altitude=altitude))
+
+
+def _known_border(cfg: SceneConfig, sketch: SceneSketch, border: str) -> str:
+    """Whether leaving the map is a failure; never by default if its author drew no border."""
+    if cfg.border != "auto":
+        return cfg.border
+    if sketch.drawn_border:
+        return sketch.border or border
+    if border == "wall":
+        LOG.info(
+            "%s: it has no border, so the sky is open: leaving the map is no failure; draw a border to make "
+            "one", sketch.where,
+        )  # fmt: skip
+    return "open"
 
 
 def scene_sketch(cfg: SceneConfig) -> SceneSketch:
@@ -73,7 +106,11 @@ def scene_sketch(cfg: SceneConfig) -> SceneSketch:
 
 
 def _sketch(cfg: SceneConfig) -> SceneSketch:
-    return sketch_file(Path(cfg.file).expanduser()) if cfg.file else _sketch_settings(cfg)
+    if cfg.file:
+        return sketch_file(Path(cfg.file).expanduser(), cfg.zones, cfg.roles)
+    if cfg.zones:
+        raise ConfigError("scene.zones are added to the map of scene.file, which is not set: name a map file")
+    return _sketch_settings(cfg)
 
 
 def _sketch_settings(cfg: SceneConfig) -> SceneSketch:

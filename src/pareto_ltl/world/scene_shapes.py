@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import logging
 import math
-import re
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import shapely
 
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, listed_text
+from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import projection
-from pareto_ltl.world.scene_sketch import DrawingRules, Place, SceneSketch
-
-LOG = logging.getLogger(__name__)
+from pareto_ltl.world.scene_mend import enclosed_area
+from pareto_ltl.world.scene_sketch import Place, SceneSketch
 
 ALMOST_STRAIGHT = 5e-4  # of the longer side of the map: how far its sides move to straighten the border
 THINNEST = 1e-6  # of the longer side of the map: thinner parts along its edges are left out
@@ -30,17 +26,7 @@ def drawn_shape(sketch: SceneSketch, place: Place) -> shapely.Geometry:
 
     Parts that overlap or touch are merged. An outline without holes keeps its corners, counter-clockwise.
     """
-    found = []
-    for rings in place.polygons:
-        outline, *holes = [_simple_outline(sketch, place.what, ring) for ring in rings]
-        polygon = shapely.Polygon(outline, holes)
-        if holes and not polygon.is_valid:
-            at = _invalid_spot(polygon, outline)
-            raise DataError(
-                f"{sketch.where}: {place.what}: its holes cross its outline or each other at "
-                f"{sketch.show(at)}; redraw them"
-            )
-        found.append(polygon)
+    found = [enclosed_area(sketch, place.what, rings) for rings in place.polygons]
     return found[0] if len(found) == 1 else shapely.union_all(found)
 
 
@@ -150,95 +136,8 @@ def _is_thick(sketch: SceneSketch, part: Any) -> bool:
     return bool(part.geom_type == "Polygon" and 2 * part.area > THINNEST * size * part.length)
 
 
-def _simple_outline(sketch: SceneSketch, what: str, corners: FloatArray) -> FloatArray:
-    """``corners`` in counter-clockwise order; DataError if the polygon is degenerate or crosses itself."""
-    if _is_flat(corners, sketch.tolerance):
-        raise DataError(
-            f"{sketch.where}: {what} is degenerate: all its corners lie on one line, from "
-            f"{sketch.show(corners[0])} on; give it an inside, or remove it"
-        )
-    polygon = shapely.Polygon(corners)
-    if not polygon.is_valid:
-        raise DataError(
-            f"{sketch.where}: {what} crosses or touches its own outline at "
-            f"{sketch.show(_invalid_spot(polygon, corners))}; list its corners in order along the outline"
-        )
-    return corners if shapely.is_ccw(shapely.LinearRing(corners)) else corners[::-1].copy()
-
-
 def refuse_crossings(outlines: Sequence[FloatArray]) -> None:
     """ValueError if one of ``outlines``, each (n, 2), crosses itself, as no outline of a result does."""
     for corners in outlines:
         if not shapely.Polygon(corners).is_valid:
             raise ValueError(f"the outline from {corners[0].tolist()} on crosses itself")
-
-
-def _invalid_spot(polygon: shapely.Polygon, corners: FloatArray) -> FloatArray:
-    """The position at which GEOS finds ``polygon`` invalid, (2,) [m]."""
-    spot = re.search(r"\[(\S+) (\S+)\]", shapely.is_valid_reason(polygon))
-    return np.array([float(v) for v in spot.groups()]) if spot else corners[0]
-
-
-def _is_flat(corners: FloatArray, tolerance: float) -> bool:
-    """Whether all corners lie on one line, within ``tolerance`` [m]."""
-    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
-    return bool(spread[-1] <= tolerance)
-
-
-# --- altitude bands ---------------------------------------------------------------------------------
-
-
-def sketch_at_altitude(sketch: SceneSketch, rules: DrawingRules) -> SceneSketch:
-    """``sketch`` with only the places that are active at ``rules.altitude``.
-
-    A region that is not active remains without polygons, so that its proposition never holds. Without an
-    altitude, all places are active.
-
-    Raises
-    ------
-    DataError
-        If the mission visits a region that the robot flies above or below.
-    """
-    places = (*sketch.regions, *sketch.obstacles, *sketch.landmarks)
-    banded = [place for place in places if place.banded]
-    if not banded:
-        return sketch
-    if rules.altitude is None:
-        LOG.info(
-            "%s: scene.altitude is not set, so altitude limits are ignored: %s are always active",
-            sketch.where, listed_text([place.what for place in banded]),
-        )  # fmt: skip
-        return sketch
-    altitude = rules.altitude
-    absent = [place for place in banded if not place.counts_at(altitude)]
-    if not absent:
-        return sketch
-    use = rules.use()
-    for place in absent:
-        if use and place.name in use.visited and place in sketch.regions:
-            raise DataError(
-                f"{sketch.where}: the mission visits {place.what}, which lies {_band(place)}, and the robot "
-                f"flies at {altitude:g} m: change scene.altitude, or the floor and ceiling of the region"
-            )
-    LOG.info("at %g m these are not active: %s", altitude, listed_text([place.what for place in absent]))
-
-    def present(some: Iterable[Place]) -> tuple[Place, ...]:
-        return tuple(place for place in some if place.counts_at(altitude))
-
-    return replace(
-        sketch,
-        regions=tuple(
-            place if place.counts_at(altitude) else replace(place, polygons=(), lines=(), buffer=0.0)
-            for place in sketch.regions
-        ),
-        obstacles=present(sketch.obstacles),
-        landmarks=present(sketch.landmarks),
-    )
-
-
-def _band(place: Place) -> str:
-    if place.floor == -math.inf:
-        return f"up to {place.ceiling:g} m"
-    if place.ceiling == math.inf:
-        return f"above {place.floor:g} m"
-    return f"from {place.floor:g} to {place.ceiling:g} m"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -17,6 +17,8 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import LONGEST_LINE, shown_text
+from pareto_ltl.world.map_file import Unread
+from pareto_ltl.world.map_lengths import HIGHEST, LOWEST, Height
 from pareto_ltl.world.scene import FixShape, read_fix
 from pareto_ltl.world.windows import TimedPlace
 
@@ -45,8 +47,8 @@ class Place:
         Points (n = 1) and lines, which get an area by the buffer.
     buffer : float
         Safety distance of polygons, radius of points and lines [m on the ground].
-    floor, ceiling : float
-        Altitudes between which the place is active [m]; infinite: no limit.
+    floor, ceiling : Height
+        Heights between which the place is active; infinite: no limit.
     solid : bool
         Whether a region is an obstacle that is active for a limited time.
     fix : FixShape or None
@@ -58,8 +60,8 @@ class Place:
     polygons: tuple[tuple[FloatArray, ...], ...] = ()
     lines: tuple[FloatArray, ...] = ()
     buffer: float = 0.0
-    floor: float = -np.inf
-    ceiling: float = np.inf
+    floor: Height = LOWEST
+    ceiling: Height = HIGHEST
     solid: bool = False
     fix: FixShape | None = None
 
@@ -72,11 +74,11 @@ class Place:
     @property
     def banded(self) -> bool:
         """Whether the place is active only at some altitudes."""
-        return self.floor > -np.inf or self.ceiling < np.inf
+        return self.floor.metres > -np.inf or self.ceiling.metres < np.inf
 
     def counts_at(self, altitude: float) -> bool:
         """Whether the place is active at ``altitude`` [m]; the limits are included."""
-        return self.floor <= altitude <= self.ceiling
+        return self.floor.metres <= altitude <= self.ceiling.metres
 
     def moved(self, change: Callable[[FloatArray], FloatArray]) -> Place:
         """The place with ``change`` applied to all coordinates (n, 2)."""
@@ -113,6 +115,10 @@ class SceneSketch:
         For a ``scene.json``: largest distance by which outlines were moved to simplify them [m].
     faults : tuple of str
         Messages about places that could not be read; they are left out of the sketch.
+    unread : Unread
+        What the map file has and the sketch has not.
+    drawn_border : bool
+        Whether the author drew a border; if not, ``bounds`` is a box around the drawing.
     """
 
     where: str
@@ -129,6 +135,8 @@ class SceneSketch:
     fence: Place | None = None
     simplified: float = 0.0
     faults: tuple[str, ...] = ()
+    unread: Unread = field(default_factory=Unread)
+    drawn_border: bool = True
 
     @property
     def tolerance(self) -> float:
