@@ -85,7 +85,7 @@ _FOREIGN = (  # other kinds of formulas: a pattern of the text, what it is, the 
      "write time limits, such as F[0,6h] a, or X for each step"),
     (r"^\s*\(\s*(and|or|not|always|sometime|forall|exists)\b[^)]*\(", "a goal of PDDL",
      "write operators between their operands, as in F a & F b"),
-    (r"\b[AE]\s*\[|\b[AE]\s*[FGX]\b|\b[AE][FGX]\s*[\w(]", "a formula of CTL",
+    (r"\b[AE]\s*\[|\b[AE]\s*[FGX]\b|\b[AE][FGX](?=\s+[\w(!]|\()", "a formula of CTL",
      "leave out A and E: a mission is about one path, as in F a"),
     (r"[\w)\]]\s*(<=|>=|<|>|==|!=)\s*-?[\d.]+", "a comparison of numbers, as in signal temporal logic",
      "draw the set of positions as a region and write its name"),

@@ -19,15 +19,14 @@ from pareto_ltl.settings import MissionConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.errors import ConfigError, DataError, ParetoLtlError
 from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.reading import parse_json, shown_json
+from pareto_ltl.support.reading import shown_json
 from pareto_ltl.support.resources import choice_file, choices
 from pareto_ltl.world.projection import to_geographic
-from pareto_ltl.world.scene_files import SCENE_FILES, SUFFIXES, kml_features
-from pareto_ltl.world.scene_settings import scene_from_settings
-from pareto_ltl.world.scene_sketch import MapFaults
+from pareto_ltl.world.scene_settings import opened_features, scene_from_settings
 
 COMMANDS = ("plan", "departure", "wind")
 EXAMPLES = ("hop", "phi1", "phi2")
+SUFFIX = re.compile(r"\.[a-z0-9]{1,12}")  # of a map that is kept
 MOST_STATES = 500  # of an automaton that is explained while somebody types
 
 
@@ -91,18 +90,17 @@ def explained_formula(asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_map(folder: DeskFolder, name: str, content: bytes) -> dict[str, Any]:
-    """The features of a GeoJSON or KML file, with roles, in degrees; DataError if it cannot be read."""
+    """The features of a map file, with roles, in degrees, and ``warnings`` of what was not read.
+
+    DataError for a map that a plan would refuse, except that it may lack its start or regions.
+    """
     suffix = Path(name).suffix.lower()
-    if suffix in SUFFIXES:
-        path = folder.inside(folder.keep_map(content, suffix))
-        faults = MapFaults(name)
-        features = kml_features(path, SCENE_FILES, faults)
-        faults.refuse()
-        return {"type": "FeatureCollection", "features": features}
-    read = parse_json(content, name, SCENE_FILES)
-    if not isinstance(read, dict) or read.get("type") != "FeatureCollection":
-        raise DataError(f"{name} is neither a GeoJSON FeatureCollection nor KML")
-    return read
+    path = folder.inside(folder.keep_map(content, suffix if SUFFIX.fullmatch(suffix) else ".geojson"))
+    try:
+        features, warnings, members = opened_features(path)
+    except DataError as error:
+        raise DataError(str(error).replace(str(path), name)) from None
+    return {**members, "type": "FeatureCollection", "features": features, "warnings": list(warnings)}
 
 
 def choices_of_desk() -> dict[str, Any]:

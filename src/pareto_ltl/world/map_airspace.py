@@ -82,9 +82,9 @@ def _facility(
     if not own:
         value, unit = shown_value(simple["ceiling"]), shown_text(str(simple["unit"]))
         raise DataError(
-            f"{where}: {what}: ceiling is {value} with unit {unit}: if flight is permitted up to it, as in FAA "
-            "facility maps, write it as floor, with its unit; if the obstacle ends there, write the unit into "
-            "ceiling, e.g. '400 ft AGL'"
+            f"{where}: {what}: ceiling is {value} with unit {unit}: if flight is permitted up to it, as in "
+            "FAA facility maps, write it as floor, with its unit; if the obstacle ends there, write the unit "
+            "into ceiling, e.g. '400 ft AGL'"
         )
     factor = UNITS.get(str(simple["unit"]).strip().upper())
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -83,6 +84,8 @@ class MapFile:
         Everything in the file that is not in ``features``.
     faults : tuple of str
         Messages about parts of the file that cannot be read.
+    members : mapping
+        Members of a GeoJSON object that are not those of a FeatureCollection.
     """
 
     where: str
@@ -93,3 +96,4 @@ class MapFile:
     hint: str = "give it the property role"
     unread: Unread = field(default_factory=Unread)
     faults: tuple[str, ...] = ()
+    members: Mapping[str, Any] = field(default_factory=dict)

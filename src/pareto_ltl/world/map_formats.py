@@ -115,7 +115,9 @@ def _from_json(path: Path, where: str, content: bytes, advice: Advice) -> MapFil
     if isinstance(data, list) and airspace.is_openaip(data):
         return airspace.read_openaip(where, data)
     if not isinstance(data, dict):
-        raise DataError(f"{where} is {reading.json_kind(data)}; expected a GeoJSON FeatureCollection")
+        raise DataError(
+            f"{where} is {reading.json_kind(data)}, and so neither a GeoJSON FeatureCollection nor KML"
+        )
     if fences.is_plan(data):
         return fences.read_plan(where, data)
     if airspace.is_openaip(data.get("items")):
@@ -132,7 +134,11 @@ def _geojson(where: str, data: dict[str, Any]) -> MapFile | Mapping[str, Any]:
     ):
         if "geometryType" in data or "spatialReference" in data:
             raise DataError(f"{where} is JSON of Esri, not GeoJSON; {TO_GEOJSON}")
-        return MapFile(where, "GeoJSON", data.get("features", []), crs_name(where, data.get("crs")))
+        members = {
+            key: value for key, value in data.items() if key not in ("type", "features", "crs", "bbox")
+        }
+        crs = crs_name(where, data.get("crs"))
+        return MapFile(where, "GeoJSON", data.get("features", []), crs, members=members)
     if kind == "Feature":
         return MapFile(where, "GeoJSON", [data], crs_name(where, data.get("crs")))
     if kind in SHAPES:
@@ -187,8 +193,8 @@ def needs_a_map(found: MapFile) -> str:
     if found.kind in ("GeoJSON", "KML") or any(_role_of(feature) == "start" for feature in found.features):
         return ""
     return (
-        f"{found.where} is {_article(found.kind)}: it has no start and no regions; draw these as GeoJSON or KML "
-        f"and name this file in scene.zones, as in scene.zones=[{shown_text(Path(found.where).name)}]"
+        f"{found.where} is {_article(found.kind)}: it has no start and no regions; draw these as GeoJSON or "
+        f"KML, and name this file in scene.zones, as in scene.zones=[{shown_text(Path(found.where).name)}]"
     )
 
 

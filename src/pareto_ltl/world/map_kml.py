@@ -29,7 +29,10 @@ FOLDERS = {  # names of folders in lower case, without a plural s
 KEEP_OUT = re.compile(r"(no[- ]?fly|keep[- ]?out|restricted|prohibited|danger|exclusion)( (zone|area)s?)?")
 GEOMETRIES = ("Point", "LineString", "LinearRing", "Polygon", "MultiGeometry")
 SHAPELESS = ("Model", "Track", "MultiTrack")  # geometries that are not read
-HINT = "put it into a folder named Regions, Obstacles, Landmarks, Border or Start, or give it the ExtendedData role"
+HINT = (
+    "put it into a folder named Regions, Obstacles, Landmarks, Border or Start, or give it the ExtendedData "
+    "role"
+)
 NOT_SHAPES = (  # elements that cannot be obstacles
     "ScreenOverlay", "PhotoOverlay", "Tour", "Style", "StyleMap", "LookAt", "Camera", "TimeStamp", "Region",
     "ListStyle",
@@ -108,7 +111,8 @@ class _KmlReader:
         self.read_container(root, name, given)
         if len(self.features) > MAX_FEATURES:
             raise DataError(
-                f"{self.where} has more than {MAX_FEATURES:,} features with its links; keep those near the mission"
+                f"{self.where} has more than {MAX_FEATURES:,} features with its links; keep those near the "
+                "mission"
             )
 
     def read_container(self, element: Element, name: str, given: _Inherited) -> None:
@@ -178,8 +182,8 @@ class _KmlReader:
         }
         if modes and not {"floor", "ceiling"} & set(properties):
             self.unread.passed[
-                f"altitudes (altitudeMode {', '.join(sorted(modes))}): the areas are active at all heights unless "
-                "ExtendedData floor or ceiling limit them"
+                f"altitudes (altitudeMode {', '.join(sorted(modes))}): the areas are active at all heights "
+                "unless ExtendedData floor or ceiling limit them"
             ] += 1
         geometry = _geometry(f"{self.where}: {title}", shapes[0])
         self.features.append(

@@ -1,7 +1,7 @@
 """Lengths and heights with units, as map files state them: ``5 km``, ``0.5 NM``, ``500 ft AMSL``, ``FL95``.
 
-A number without a unit is in metres. A height has a datum: ``AMSL`` (mean sea level), ``AGL`` (ground), ``FL``
-(flight level: the height in the standard atmosphere, 100 ft each), or none, which is the datum of the map.
+A number without a unit is in metres. A height has a datum: ``AMSL`` (mean sea level), ``AGL`` (ground),
+``FL`` (flight level: the height in the standard atmosphere, 100 ft each), or none: the datum of the map.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def length_in_metres(what: str, value: Any) -> float | None:
 
 
 def height(what: str, value: Any, unit: str = "m") -> Height | None:
-    """The height ``value``, a number or a text; None if it is missing. ``unit`` is that of numbers without one.
+    """The height ``value``, a number in ``unit`` or a text; None if it is missing.
 
     ``above 400 ft`` is the lowest height above 400 ft.
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import timedelta
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -142,6 +142,31 @@ def _cached_projection(crs: str) -> pyproj.Proj:
     if proj.crs.is_geographic:
         raise DataError(f"scene.crs {shown_value(crs)} is in degrees; expected a plane in metres")
     return proj
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """The plane of a map on Earth [m]: x points east and y north at its centre.
+
+    Attributes
+    ----------
+    crs : str
+        PROJ string of the plane.
+    """
+
+    crs: str
+
+    def to_plane(self, lon: Any, lat: Any) -> FloatArray:
+        """Positions (N, 2) [m] of longitudes and latitudes (N,) [deg]; DataError if too far away."""
+        return to_plane(self.crs, np.asarray(lon, float), np.asarray(lat, float))
+
+    def to_geographic(self, xy: Any) -> tuple[FloatArray, FloatArray]:
+        """Longitudes and latitudes (N,) [deg] of positions (N, 2) [m]; DataError if outside the plane."""
+        return to_geographic(self.crs, np.asarray(xy, float))
+
+    def north(self, xy: Any) -> FloatArray:
+        """Angle from +y to true north at positions (N, 2) [m], counter-clockwise, (N,) [rad]."""
+        return meridian_convergence(self.crs, *self.to_geographic(xy))
 
 
 # --- navigation -------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.display import Displayed, distance_text, listed_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.windows import Window
 
 FIX_KEYS = ("sd", "along", "across", "bearing")
@@ -105,6 +106,11 @@ class Scene(Displayed):
                 raise ValueError(f"window {name!r} is of {window.region!r}, which is not a region of the map")
         if missing := set(self.forbidden) - set(self.windows):
             raise ValueError(f"forbidden: {sorted(missing)} have no window")
+
+    @property
+    def frame(self) -> Frame | None:
+        """The plane of the map, with positions to and from longitude and latitude; None if not on Earth."""
+        return None if self.crs is None else Frame(self.crs)
 
     @property
     def walled(self) -> bool:

@@ -88,7 +88,7 @@ def _in_one_datum(sketch: SceneSketch) -> SceneSketch:
     unknown = [place.what for place in sketch.obstacles if place.ceiling.datum == "AGL"]
     if unknown:
         LOG.warning(
-            "%s: the ground is not known, so these have no ceiling: %s end at a height above it", sketch.where,
+            "%s: the height of the ground is not known, so these have no ceiling: %s", sketch.where,
             listed_text(unknown),
         )  # fmt: skip
     obstacles = (

@@ -49,17 +49,7 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
         faults.add(f"{sketch.where} has no regions; a mission needs at least one place to visit")
     if len(sketch.start) == 0 and not sketch.faults:
         faults.add(f"{sketch.where} has no start; add a Point with the property role: start")
-    if not faults.each([_check_size, _check_distortion], lambda check: check(sketch))[1:]:
-        faults.refuse()  # other checks could take long, or fail for the same reason
-    faults.each(sketch.regions, lambda place: _check_region_name(sketch, place.name))
-    faults.each(sketch.timed, lambda window: _check_window(sketch, window))
-    with faults.noted():
-        sketch = sketch_at_altitude(sketch, rules)
-    with faults.noted():
-        if sketch.fence is not None and rules.walled:
-            sketch = replace(sketch, bounds=draw.straightened_bounds(sketch, sketch.fence))
-    drawn = _checked_shapes(sketch, rules, faults)
-    faults.refuse()
+    sketch, drawn = _checked_drawing(sketch, rules, faults)
     drawn, farthest = simplified_map(sketch, rules, drawn)
     if farthest or any(place.buffer for place in sketch.obstacles):
         drawn = _apart(sketch, drawn)
@@ -81,6 +71,29 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
     return replace(
         scene, landmarks=tuple(corners for corners, _ in marks), landmark_fixes=fixes if any(fixes) else ()
     )
+
+
+def check_parts(sketch: SceneSketch) -> None:
+    """Raise a DataError for the faults of a map that may lack its start or regions."""
+    _checked_drawing(sketch, DrawingRules(), MapFaults(sketch.where, sketch.faults))
+
+
+def _checked_drawing(
+    sketch: SceneSketch, rules: DrawingRules, faults: MapFaults
+) -> tuple[SceneSketch, DrawnMap]:
+    """``sketch`` at the height of the flight, and its shapes; DataError with ``faults`` and those found."""
+    if not faults.each([_check_size, _check_distortion], lambda check: check(sketch))[1:]:
+        faults.refuse()  # other checks could take long, or fail for the same reason
+    faults.each(sketch.regions, lambda place: _check_region_name(sketch, place.name))
+    faults.each(sketch.timed, lambda window: _check_window(sketch, window))
+    with faults.noted():
+        sketch = sketch_at_altitude(sketch, rules)
+    with faults.noted():
+        if sketch.fence is not None and rules.walled:
+            sketch = replace(sketch, bounds=draw.straightened_bounds(sketch, sketch.fence))
+    drawn = _checked_shapes(sketch, rules, faults)
+    faults.refuse()
+    return sketch, drawn
 
 
 def _check_window(sketch: SceneSketch, window: TimedPlace) -> None:

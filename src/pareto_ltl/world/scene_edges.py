@@ -15,7 +15,9 @@ import shapely
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.scene_sketch import Place
 
-BEND = 5e-5  # of the longer side of the map: how far a straight edge may pass from the true one
+BEND = 2e-4  # of the longer side of the map: how far a straight edge may pass from the true one
+CRS_BEND = 30.0  # [m] the same for edges of another system, before the size of the map is known
+DEGREE = 111_200.0  # [m] of latitude
 MOST_PARTS = 512  # of one edge
 ON_EDGE = 1e-8  # [deg], 1 mm: corners this close to an edge lie on it
 PROBES = np.array([0.25, 0.5, 0.75])  # of an edge, where its bend is measured
@@ -26,7 +28,8 @@ Plane = Callable[[FloatArray], FloatArray]
 def unwrapped(places: Sequence[Place]) -> list[Place]:
     """``places`` with longitudes in one range of 360 degrees whose ends lie in the widest empty arc.
 
-    The middle of the range lies between -180 and 180 degrees. Along a ring or a line, longitude changes by at most 180 degrees from corner to corner.
+    The middle of the range lies between -180 and 180 degrees. Along a ring or a line, longitude changes by at
+    most 180 degrees from corner to corner.
     """
     joined = [place.moved(_continuous) for place in places]
     arcs = np.array([_range(line) for place in joined for line in _all_lines(place)])
@@ -77,11 +80,14 @@ def _widest_gap(arcs: FloatArray) -> float:
 # --- straight edges ---------------------------------------------------------------------------------------
 
 
-def straight_in_degrees(places: Sequence[Place], metres: Plane, size: float) -> list[Place]:
+def straight_in_degrees(
+    places: Sequence[Place], metres: Plane, size: float, barriers: Sequence[bool]
+) -> list[Place]:
     """``places`` [deg] with corners added to their edges, to be moved to the plane by ``metres``.
 
     The edges of the result, straight in the plane, pass at most ``BEND * size`` [m] from edges that are
-    straight in longitude and latitude. Corners of one place on an edge of another are corners of both.
+    straight in longitude and latitude. ``barriers`` tells which places are obstacles or the border: a corner
+    of one on an edge of a region or landmark becomes a corner of both, and the reverse.
     """
     limit = BEND * size
     split = [
@@ -94,7 +100,7 @@ def straight_in_degrees(places: Sequence[Place], metres: Plane, size: float) -> 
         )
         for place in places
     ]
-    return _noded(split)
+    return _noded(split, barriers)
 
 
 def _subdivided(line: FloatArray, metres: Plane, limit: float, closed: bool) -> FloatArray:
@@ -117,6 +123,25 @@ def _subdivided(line: FloatArray, metres: Plane, limit: float, closed: bool) -> 
     return np.concatenate(pieces if closed else [*pieces, line[-1:]])
 
 
+def straight_in_crs(line: FloatArray, degrees: Plane, closed: bool) -> FloatArray:
+    """``line`` (n, 2) of another system in degrees, with corners added where its edges are bent there.
+
+    The edges pass from the true ones at most ``CRS_BEND`` [m], or ``BEND`` times their length.
+    """
+    if len(line) < 2:
+        return degrees(line)
+    first, after = (line, np.roll(line, -1, axis=0)) if closed else (line[:-1], line[1:])
+    start, end, middle = degrees(first), degrees(after), degrees((first + after) / 2)
+    scale = np.column_stack([np.cos(np.deg2rad(middle[:, 1])), np.ones(len(middle))])
+    chord = np.column_stack([_shortest(end[:, 0] - start[:, 0]), end[:, 1] - start[:, 1]])
+    away = np.column_stack([_shortest(middle[:, 0] - start[:, 0]), middle[:, 1] - start[:, 1]]) - chord / 2
+    limit = np.maximum(CRS_BEND, BEND * DEGREE * np.hypot(*(chord * scale).T))
+    bend = DEGREE * np.hypot(*(away * scale).T)
+    parts = np.clip(np.ceil(np.sqrt(bend / limit)), 1, MOST_PARTS).astype(np.int64)
+    pieces = [a + np.arange(n)[:, None] / n * (b - a) for a, b, n in zip(first, after, parts, strict=True)]
+    return degrees(np.concatenate(pieces if closed else [*pieces, line[-1:]]))
+
+
 def _shortest(turn: FloatArray) -> FloatArray:
     """Differences of longitude as the shorter way round, exact where they are short already."""
     return np.where(np.abs(turn) > 180.0, (turn + 180.0) % 360.0 - 180.0, turn)
@@ -135,30 +160,38 @@ def _parts(first: FloatArray, after: FloatArray, metres: Plane, limit: float) ->
     return np.clip(np.ceil(np.sqrt(bend / limit)), 1, MOST_PARTS).astype(np.int64)
 
 
-def _noded(places: list[Place]) -> list[Place]:
-    """``places`` with each corner that lies on an edge as a corner of this edge."""
-    rings = [ring for place in places for polygon in place.polygons for ring in polygon]
+def _noded(places: list[Place], barriers: Sequence[bool]) -> list[Place]:
+    """``places`` with corners of the same place, or of the other kind, that lie on an edge as its corners."""
+    rings = [
+        (number, ring)
+        for number, place in enumerate(places)
+        for polygon in place.polygons
+        for ring in polygon
+    ]
     if not rings:
         return places
-    corners = np.unique(np.concatenate(rings), axis=0)
-    edges = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
-    tree = shapely.STRtree(shapely.points(corners))
-    hits, on = tree.query(shapely.linestrings(edges), predicate="dwithin", distance=ON_EDGE)
-    a, b, p = edges[hits, 0], edges[hits, 1], corners[on]
+    owner = np.repeat([number for number, _ in rings], [len(ring) for _, ring in rings])
+    corners = np.concatenate([ring for _, ring in rings])
+    after = np.concatenate([np.roll(ring, -1, axis=0) for _, ring in rings])
+    kind = np.asarray(barriers, bool)[owner]
+    tree = shapely.STRtree(np.atleast_1d(np.asarray(shapely.points(corners))).tolist())
+    edges = shapely.linestrings(np.stack([corners, after], axis=1))
+    edge, corner = tree.query(edges, predicate="dwithin", distance=ON_EDGE)
+    a, b, p = corners[edge], after[edge], corners[corner]
     apart = (np.abs(p - a).max(axis=1) > 2 * ON_EDGE) & (np.abs(p - b).max(axis=1) > 2 * ON_EDGE)
-    added: dict[int, list[tuple[float, FloatArray]]] = {}
-    for edge, point in zip(hits[apart].tolist(), p[apart], strict=True):
-        start = edges[edge, 0]
-        added.setdefault(edge, []).append((float(np.abs(point - start).sum()), point))
+    apart &= (owner[edge] == owner[corner]) | (kind[edge] != kind[corner])
+    added: dict[int, dict[tuple[float, float], float]] = {}
+    for number, point, start in zip(edge[apart].tolist(), p[apart].tolist(), a[apart], strict=True):
+        added.setdefault(number, {})[tuple(point)] = float(np.abs(np.array(point) - start).sum())
     if not added:
         return places
-    count = iter(range(len(edges)))
+    count = iter(range(len(corners)))
 
     def with_corners(ring: FloatArray) -> FloatArray:
         found = []
-        for corner in ring:
-            found.append(corner)
-            found += [point for _, point in sorted(added.get(next(count), ()), key=lambda item: item[0])]
+        for one in ring:
+            more = added.get(next(count), {})
+            found += [one, *(np.array(point) for point in sorted(more, key=lambda point: more[point]))]
         return np.stack(found)
 
     return [

@@ -23,6 +23,7 @@ from pareto_ltl.world.map_airspace import with_limits
 from pareto_ltl.world.map_file import MapFile, Unread
 from pareto_ltl.world.map_lengths import HIGHEST, LOWEST, height, length_in_metres
 from pareto_ltl.world.scene import read_fix
+from pareto_ltl.world.scene_edges import straight_in_crs
 from pareto_ltl.world.scene_roles import FEATURE_ROLES, LEFT_OUT, SYNONYMS, RoleRules
 from pareto_ltl.world.scene_sketch import MapFaults, Place, called, read_corners, read_start
 from pareto_ltl.world.windows import TimedPlace
@@ -46,9 +47,8 @@ class FeatureReader:
     unread: Unread = field(default_factory=Unread)
     seen: set[tuple[str, str]] = field(default_factory=set)
     counts: dict[str, int] = field(default_factory=dict)
-    assumed: dict[str, int] = field(
-        default_factory=dict
-    )  # features that are obstacles without a role, by kind
+    assumed: dict[str, int] = field(default_factory=dict)  # obstacles without a role, by kind of airspace
+    plain: list[dict[str, Any]] = field(default_factory=list)  # the features with their roles
     total: int = 0
 
     def read(self, file: MapFile, faults: MapFaults) -> list[Drawn]:
@@ -60,8 +60,8 @@ class FeatureReader:
         read = faults.each(enumerate(file.features, 1), lambda item: self._drawn(*item))
         for kind, number in self.assumed.items():
             self.unread.passed[
-                f"the roles of {number:,} features, which are airspace ({kind}) and so obstacles; scene.roles "
-                "sets others"
+                f"the roles of {number:,} features: they are airspace ({kind}), and so obstacles; "
+                "scene.roles gives others"
             ] += 1
         self.assumed.clear()
         return [drawn for _, drawn in read if drawn is not None]
@@ -88,7 +88,10 @@ class FeatureReader:
         what = called(role, str(name or self.counts[role])) if many or role == "region" else role
         self._once(role, name, what)
         place = Place(str(name) if role == "region" else what, what)
-        geometry = _member(where, what, feature, "geometry")
+        geometry = _member(where, _title(number, feature), feature, "geometry")
+        self.plain.append(
+            {"type": "Feature", "properties": {**properties, "role": role}, "geometry": dict(geometry)}
+        )
         if role == "start":
             return role, self._in_degrees(replace(place, lines=(_start_point(where, geometry),))), None
         if role == "landmark":
@@ -134,16 +137,26 @@ class FeatureReader:
     def _in_degrees(self, place: Place) -> Place:
         name = self.file.crs if self.file is not None else None
         if name is not None:
-            place = place.moved(lambda corners: projection.degrees_of(self.where, name, corners))
+
+            def degrees(corners: FloatArray) -> FloatArray:
+                return projection.degrees_of(self.where, name, corners)
+
+            place = replace(
+                place,
+                polygons=tuple(
+                    tuple(straight_in_crs(ring, degrees, True) for ring in rings) for rings in place.polygons
+                ),
+                lines=tuple(straight_in_crs(line, degrees, False) for line in place.lines),
+            )
         corners = place.corners
         bad = (np.abs(corners[:, 1]) > 90) | (np.abs(corners[:, 0]) > 360)
         if not bad.any():
             return place
         if (np.abs(corners) > 360).any():
             raise DataError(
-                f"{self.where}: its coordinates are no degrees: if they are metres of a projected system, name it "
-                'with the member "crs", e.g. {"type": "name", "properties": {"name": "EPSG:32632"}}, or convert '
-                "the file to longitude and latitude (ogr2ogr -t_srs EPSG:4326)"
+                f"{self.where}: its coordinates are no degrees: if they are metres of a projected system, "
+                'name it with the member "crs", as in {"type": "name", "properties": {"name": "EPSG:3857"}}, '
+                "or convert the file to longitude and latitude (ogr2ogr -t_srs EPSG:4326)"
             )
         x, y = corners[bad][0]
         raise DataError(
@@ -188,7 +201,7 @@ class FeatureReader:
     def _note_labels(
         self, what: str, polygons: list[tuple[FloatArray, ...]], points: list[FloatArray]
     ) -> None:
-        """Add points beside areas to the unread: as labels within an area, elsewhere as possible obstacles."""
+        """Add points beside areas to what is not read: labels inside, elsewhere possible obstacles."""
         for point in points:
             inside = any(
                 shapely.Polygon(rings[0]).buffer(0).covers(shapely.Point(point[0])) for rings in polygons
@@ -197,6 +210,23 @@ class FeatureReader:
                 self.unread.passed[f"a label point in {what}"] += 1
             else:
                 self.unread.lost[f"a point outside of {what}: a tower needs the property buffer"] += 1
+
+
+def in_degrees(feature: Mapping[str, Any], file: MapFile) -> dict[str, Any]:
+    """A checked GeoJSON feature of ``file`` with longitudes and latitudes as coordinates."""
+    name = file.crs
+    assert name is not None
+
+    def moved(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {
+                key: moved(one) if key in ("coordinates", "geometries") else one for key, one in value.items()
+            }
+        if value and isinstance(value[0], list | dict):
+            return [moved(one) for one in value]
+        return projection.degrees_of(file.where, name, np.array([value[:2]], float))[0].tolist()
+
+    return {**feature, "geometry": moved(feature["geometry"])}
 
 
 def _title(number: int, feature: Any) -> str:

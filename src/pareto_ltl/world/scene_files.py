@@ -1,4 +1,4 @@
-"""Map files: GeoJSON, KML and others in degrees, and the ``scene.json`` and ``cells.json`` of a run in metres."""
+"""Map files in degrees, and the ``scene.json`` and ``cells.json`` of a run in metres."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.map_file import MapFile
 from pareto_ltl.world.map_formats import SCENE_FILES, needs_a_map, read_map_file
 from pareto_ltl.world.scene import Scene, fix_document, read_fix
+from pareto_ltl.world.scene_features import FeatureReader
 from pareto_ltl.world.scene_geojson import sketch_features
 from pareto_ltl.world.scene_roles import RoleRules
 from pareto_ltl.world.scene_shapes import refuse_crossings
@@ -101,13 +102,13 @@ def sketch_file(path: Path, zones: Sequence[str] = (), roles: Any = ()) -> Scene
     if not isinstance(found, MapFile):
         if zones:
             raise DataError(
-                f"scene file {path} is in metres, so scene.zones cannot be added to it; add them to the map in "
-                "degrees"
+                f"scene file {path} is in metres, so scene.zones cannot be added to it; add them to the map "
+                "in degrees"
             )
         return _sketch_results(path, found)
     if text := needs_a_map(found):
         raise DataError(text)
-    return sketch_features([found, *map(_zone_file, zones)], rules)
+    return sketch_features([found, *map(_zone_file, zones)], FeatureReader(rules))
 
 
 def _zone_file(name: str) -> MapFile:

@@ -15,21 +15,21 @@ from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
 from pareto_ltl.world.map_file import MapFile
 from pareto_ltl.world.scene_edges import straight_in_degrees, unwrapped
-from pareto_ltl.world.scene_features import FeatureReader
-from pareto_ltl.world.scene_roles import FEATURE_ROLES, RoleRules
+from pareto_ltl.world.scene_features import Drawn, FeatureReader
+from pareto_ltl.world.scene_roles import FEATURE_ROLES
 from pareto_ltl.world.scene_sketch import MapFaults, Place, SceneSketch
 
 LASTING_ERROR, USUAL_AIRSPEED = 0.35, 25.0  # [m/s] the part of a wind error that lasts; see open_bounds
 RECTANGULAR = 1e-9  # a border is a rectangle if it lacks at most this share of its bounding box
 
 
-def sketch_features(files: Sequence[MapFile], rules: RoleRules) -> SceneSketch:
+def sketch_features(files: Sequence[MapFile], reader: FeatureReader) -> SceneSketch:
     """Convert features to a map in a plane centred on it, with edges straight in longitude and latitude.
 
     Coordinates in another system are converted to degrees first. Features that are not valid are faults of
     the map and left out; DataError if none is valid.
     """
-    where, found, reader = files[0].where, [], FeatureReader(rules)
+    where, found = files[0].where, list[Drawn]()
     faults = MapFaults(where)
     for file in files:
         if not isinstance(file.features, list):
@@ -55,17 +55,21 @@ def sketch_features(files: Sequence[MapFile], rules: RoleRules) -> SceneSketch:
         return f"(longitude {lon[0]:.6g}, latitude {lat[0]:.6g})"
 
     size = float(np.ptp(metres(np.concatenate([place.corners for place in places])), axis=0).max())
-    places = straight_in_degrees([_turned(crs, place) for place in places], metres, size)
+    barriers = [role in ("obstacle", "border") for role in roles]
+    places = straight_in_degrees([_turned(crs, place) for place in places], metres, size, barriers)
     flat = [place.moved(metres) for place in places]
 
     def all_of(wanted: str) -> tuple[Place, ...]:
         return tuple(place for role, place in zip(roles, flat, strict=True) if role == wanted)
 
-    reach = np.concatenate([_reach(place) for place in flat])
-    bounds = _bounding_box(reach)
-    with faults.noted():
-        bounds = open_bounds(reach) if border is None else _border_bounds(where, border, metres)
     starts, fences = all_of("start"), all_of("border")
+    reach = np.concatenate([_reach(place) for place in flat])
+    bounds = _bounding_box(reach) if border is None else _bounding_box(fences[0].corners)
+    with faults.noted():
+        if border is None:
+            bounds = open_bounds(reach)
+        elif _is_rectangle(border):
+            bounds = _rectangle_bounds(where, border, metres)
     return SceneSketch(
         where=where,
         bounds=bounds,
@@ -103,12 +107,9 @@ def open_bounds(reach: FloatArray) -> FloatArray:
     return _bounding_box(reach, 5.0 * LASTING_ERROR / USUAL_AIRSPEED * side)
 
 
-def _border_bounds(where: str, border: Place, metres: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Bounds (2, 2) [m]: the box around ``border`` [deg]; a rectangle is moved inwards by its buffer."""
-    outline = border.polygons[0][0]
-    if not _is_rectangle(border):
-        return _bounding_box(metres(outline))
-    low, high = _bounding_box(metres(_subdivided_outline(outline)))
+def _rectangle_bounds(where: str, border: Place, metres: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Bounds (2, 2) [m]: the box around a rectangular ``border`` [deg], moved inwards by its buffer."""
+    low, high = _bounding_box(metres(_subdivided_outline(border.polygons[0][0])))
     bounds = np.stack([low + border.buffer, high - border.buffer])
     if (bounds[0] >= bounds[1]).any():
         raise DataError(f"{where}: nothing is left of the border within its buffer of {border.buffer:g} m")

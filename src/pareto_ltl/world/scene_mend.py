@@ -65,8 +65,8 @@ def _one_area(sketch: SceneSketch, what: str, corners: FloatArray) -> Any:
     signed = abs(0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
     if mended.is_empty or abs(signed - mended.area) > limit:
         raise DataError(
-            f"{sketch.where}: {what} crosses its own outline at "
-            f"{sketch.show(_invalid_spot(polygon, corners))}, so that its inside is in doubt; list its corners "
+            f"{sketch.where}: {what} crosses or touches its own outline at "
+            f"{sketch.show(_invalid_spot(polygon, corners))}, and its inside is in doubt; list its corners "
             "in order along the outline"
         )
     return mended
@@ -79,7 +79,7 @@ def _doubt(sketch: SceneSketch, shapes: list[Any]) -> float:
 
 
 def _areas(shape: Any, limit: float) -> Any:
-    """The polygons of ``shape`` without lines, points, and slivers below ``limit`` [m²]; counter-clockwise."""
+    """The polygons of ``shape``, counter-clockwise, without slivers below ``limit`` [m²]."""
     parts = [part for part in _polygons(shape) if part.area > min(limit, 0.01 * shape.area)]
     found = [shapely.orient_polygons(part) for part in parts]
     return found[0] if len(found) == 1 else shapely.MultiPolygon(found)

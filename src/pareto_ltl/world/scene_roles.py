@@ -47,7 +47,7 @@ class RoleRules:
         return cls(common, files, properties)
 
     def role(self, file: str, properties: Mapping[str, Any]) -> str:
-        """The role of a feature of ``file`` with ``properties``, whose names are in lower case; "" for none."""
+        """The role of a feature of ``file``; names of ``properties`` are in lower case; "" for none."""
         for key, roles in self.by_property.items():
             value = properties.get(key)
             text = f"{value:g}" if isinstance(value, float) else str(value)

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from string import ascii_lowercase
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
+from pareto_ltl.world.map_file import MapFile
+from pareto_ltl.world.map_formats import read_map_file
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_checks import checked_scene
+from pareto_ltl.world.scene_checks import check_parts, checked_scene
+from pareto_ltl.world.scene_features import FeatureReader, in_degrees
 from pareto_ltl.world.scene_files import sketch_file
+from pareto_ltl.world.scene_geojson import sketch_features
+from pareto_ltl.world.scene_roles import RoleRules
 from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, SceneSketch, unknown_use
 
 LOG = logging.getLogger(__name__)
@@ -82,6 +88,30 @@ def read_map(path: str | Path, altitude: float | None = None) -> Scene:
         If the file cannot be read or the map has faults; one message names all of them.
     """
     return scene_from_settings(SceneConfig(file=str(path), altitude=altitude))
+
+
+def opened_features(path: Path) -> tuple[list[dict[str, Any]], tuple[str, ...], Mapping[str, Any]]:
+    """The features of a map file with their roles [deg], what was not read, and the file's other members.
+
+    The map may lack its start or regions, so that somebody can draw them.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, is in metres, or has a fault for which a plan would be refused.
+    """
+    found = read_map_file(path)
+    if not isinstance(found, MapFile):
+        raise DataError(f"scene file {path} is a run's scene.json, in metres; open a map in degrees")
+    reader = FeatureReader(RoleRules())
+    sketch = sketch_features([found], reader)
+    if len(sketch.start) and sketch.regions:
+        checked_scene(sketch, DrawingRules())
+    else:
+        check_parts(sketch)
+    plain = reader.plain if found.crs is None else [in_degrees(one, found) for one in reader.plain]
+    texts = tuple(text for text in (reader.unread.warning(), reader.unread.note()) if text)
+    return plain, texts, found.members
 
 
 def _known_border(cfg: SceneConfig, sketch: SceneSketch, border: str) -> str:

@@ -96,7 +96,8 @@ function take(collection) {
   result.reset();
   const left = store.open(collection);
   map.fit(everything());
-  if (left) failed(new Error(left));
+  const words = [left, ...collection.warnings ?? []].filter(Boolean).join(" ");
+  if (words) failed(new Error(words));
 }
 
 async function openExample(name) {

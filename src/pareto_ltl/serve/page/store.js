@@ -145,7 +145,7 @@ function toGeojson(one) {
   if (one.role === "region") Object.assign(properties, { name: one.name });
   if (one.title && one.title !== one.name) properties[one.role === "region" ? "title" : "name"] = one.title;
   if (metres && one.role !== "start") properties.buffer = metres;
-  for (const key of ["from", "until"]) if (one[key]) properties[key] = one[key];
+  for (const key of ["from", "until", "floor", "ceiling"]) if (one[key]) properties[key] = one[key];
   if (one.role === "landmark" && one.fix) properties.fix = fixOf(one.fix) ?? one.fix;
   const geometry = one.shape === "polygon" ? { type: "Polygon", coordinates: [[...one.points, one.points[0]]] }
     : one.shape === "line" ? { type: "LineString", coordinates: one.points } : { type: "Point", coordinates: one.points[0] };
@@ -187,7 +187,7 @@ function fromGeojson(feature, taken) {
   const given = Object.fromEntries(Object.entries(feature?.properties ?? {}).map(([key, value]) => [key.trim().toLowerCase(), value])), role = roleOf(feature);
   if (!ROLES[role]) return [];
   const title = String(given.title ?? given.name ?? ""), text = key => String(given[key] ?? "");
-  const metres = given.buffer ?? given.radius, base = { role, title, name: "", buffer: metres === undefined || metres === null || metres === "" ? "" : `${metres} m`, from: text("from"), until: text("until"), fix: role === "landmark" ? fixText(given.fix) : "" };
+  const metres = given.buffer ?? given.radius, base = { role, title, name: "", buffer: metres === undefined || metres === null || metres === "" ? "" : Number.isNaN(Number(metres)) ? String(metres) : `${metres} m`, from: text("from"), until: text("until"), floor: text("floor"), ceiling: text("ceiling"), fix: role === "landmark" ? fixText(given.fix) : "" };
   if (role === "region") {
     base.name = /^[a-z_][a-z0-9_]*$/.test(text("name")) && !taken.has(text("name")) ? text("name") : nameOf(title, taken);
     base.title ||= base.name;
