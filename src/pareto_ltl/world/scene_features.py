@@ -155,8 +155,8 @@ class FeatureReader:
         if (np.abs(corners) > 360).any():
             raise DataError(
                 f"{self.where}: its coordinates are no degrees: if they are metres of a projected system, "
-                'name it with the member "crs", as in {"type": "name", "properties": {"name": "EPSG:3857"}}, '
-                "or convert the file to longitude and latitude (ogr2ogr -t_srs EPSG:4326)"
+                'name it with the member "crs", {"type": "name", "properties": {"name": "EPSG:32632"}}, or '
+                "convert the file to longitude and latitude (ogr2ogr -t_srs EPSG:4326)"
             )
         x, y = corners[bad][0]
         raise DataError(
