@@ -20,6 +20,7 @@ from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.display import Displayed, distance_text, listed_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.world.map_lengths import length_in_metres
 from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.windows import Window
 
@@ -218,6 +219,8 @@ def read_fix(where: str, what: str, value: Any) -> FixShape | None:
 
 
 def _number(begin: str, key: str, value: Any) -> float:
+    if key != "bearing" and isinstance(value, str):
+        value = length_in_metres(f"{begin}: {key}", value)
     fits = isinstance(value, int | float) and not isinstance(value, bool)
     if key == "bearing" and fits and abs(value) <= 360.0:
         return float(value)
