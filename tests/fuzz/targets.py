@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 from hypothesis import strategies as st
 
+import map_samples
 from fuzz import corpora
 from fuzz.mutations import json_bytes, mutants, tree_mutants, yaml_bytes
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
@@ -69,7 +70,24 @@ def formulas(place: Path) -> Fuzz:
         return translate(text, [(), *((name,) for name in tree.atoms)], 50)
 
     signs = ["X", "F", "U", "M", "G", "W", "R", "&", "|", "!", "->", "<->", "xor", "(", ")", "[]", "<>"]
-    names = ["a", "b", "true", "false", "and", "not", "é", "1", "\n", "$"]
+    names = [
+        "a",
+        "b",
+        "true",
+        "false",
+        "and",
+        "not",
+        "é",
+        "1",
+        "\n",
+        "$",
+        "X[!]",
+        "\\land",
+        "◇",
+        "=>",
+        "/\\",
+        "𝒰",
+    ]
     words = st.lists(st.sampled_from(signs + names), max_size=20)
     openings = st.sampled_from(["F ", "!", "(", "X", "a & ("])
     ends = st.sampled_from(["a", "", "a)"])
@@ -103,6 +121,72 @@ def geojson(place: Path) -> Fuzz:
 
 def kml(place: Path) -> Fuzz:
     return Fuzz(mutants([corpora.KML.encode()]), _from_file(place / "map.kml", _read_map))
+
+
+def _with_zones(path: Path) -> object:
+    """The map of the corpus with the zones of ``path``."""
+    from pareto_ltl.settings import SceneConfig
+    from pareto_ltl.world.scene_settings import scene_from_settings
+
+    whole = path.with_name("whole.geojson")
+    if not whole.exists():
+        whole.write_bytes(json_bytes(corpora.GEOJSON))
+    return scene_from_settings(SceneConfig(file=str(whole), zones=[str(path)], altitude=100.0))
+
+
+def airspace(place: Path) -> Fuzz:
+    """Airspace and fences in JSON."""
+    zone = {
+        "name": "CTR",
+        **map_samples.OPENAIP_LIMITS,
+        "geometry": {"type": "Polygon", "coordinates": map_samples.AREA},
+    }
+    cell = corpora.feature("", "Polygon", map_samples.AREA, CEILING=100, UNIT="Feet", APT1_ICAO="KXYZ")
+    faa = corpora.feature("", "Polygon", map_samples.AREA, UPPER_VAL=4000, UPPER_UOM="FT", UPPER_CODE="MSL")
+    collection = {
+        "type": "FeatureCollection",
+        "features": [cell, faa, {"type": "Feature", "properties": zone}],
+    }
+    trees = [map_samples.ED269, map_samples.PLAN, [zone], {"items": [zone]}, collection]
+    return Fuzz(tree_mutants(trees, json_bytes), _from_file(place / "zones.json", _with_zones))
+
+
+def zone_texts(place: Path) -> Fuzz:
+    """Airspace, fences and features in lines of text."""
+    lines = b"\n".join(json_bytes(one).replace(b"\n", b"") for one in corpora.GEOJSON["features"])
+    seeds = [
+        map_samples.OPENAIR.encode(),
+        map_samples.WAYPOINTS.encode(),
+        lines,
+        b"\x1e" + lines.replace(b"\n", b"\n\x1e"),
+    ]
+    return Fuzz(mutants(seeds), _from_file(place / "zones.txt", _with_zones))
+
+
+def archives(place: Path) -> Fuzz:
+    """KMZ archives with links, and KML files with links to a file beside them."""
+    import io
+    import zipfile
+
+    link = "<NetworkLink><name>no fly</name><Link><href>{}</href></Link></NetworkLink></Document></kml>"
+    linked = corpora.KML.strip().removesuffix("</Document></kml>") + link
+    (place / "beside.kml").write_text(corpora.KML)
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as file:
+        file.writestr("files/zones.kml", corpora.KML)
+        file.writestr("doc.kml", linked.format("files/zones.kml"))
+    seeds = [buffer.getvalue(), linked.format("beside.kml").encode()]
+    return Fuzz(mutants(seeds), _from_file(place / "map.kmz", _read_any_kml))
+
+
+def _read_any_kml(path: Path) -> object:
+    """The map of an archive, or of the same content as a KML file."""
+    content = path.read_bytes()
+    if content.startswith(b"PK"):
+        return _read_map(path)
+    plain = path.with_suffix(".kml")
+    plain.write_bytes(content)
+    return _read_map(plain)
 
 
 def scenes(place: Path) -> Fuzz:
@@ -364,6 +448,9 @@ TARGETS = (
     Target("automata", automata),
     Target("geojson", geojson),
     Target("kml", kml),
+    Target("airspace", airspace, share=0.25),
+    Target("zone_texts", zone_texts, share=0.25),
+    Target("archives", archives, share=0.25),
     Target("scenes", scenes),
     Target("settings_files", settings_files),
     Target("config_files", config_files, share=0.025),  # Hydra composes for 0.1 s and more

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 
 import numpy as np
@@ -41,7 +42,7 @@ def closed(scene, *places):
 
 def dense(ring, n=400):
     ring, share = np.array(ring, float), np.linspace(0, 1, n, endpoint=False)[:, None]
-    return np.concatenate([a + share * (b - a) for a, b in zip(ring[:-1], ring[1:], strict=True)])
+    return np.concatenate([a + share * (b - a) for a, b in itertools.pairwise(ring)])
 
 
 # --- edges ------------------------------------------------------------------------------------------------
@@ -117,7 +118,7 @@ def test_the_seam_lies_in_the_widest_gap(arcs, turns):
     assert np.ptp(lon) <= 360 - gaps / 2 + 1.5
     assert -180 <= (lon.min() + lon.max()) / 2 < 180
     assert np.isfinite(ends).all()
-    shifted = unwrapped([place.moved(lambda c: c + [360.0 * turns, 0.0]) for place in places])
+    shifted = unwrapped([place.moved(lambda c: c + np.array([360.0 * turns, 0.0])) for place in places])
     np.testing.assert_allclose(np.concatenate([p.corners for p in shifted])[:, 0], lon, atol=1e-9)
 
 
@@ -126,8 +127,8 @@ def test_the_seam_lies_in_the_widest_gap(arcs, turns):
 SQUARE = box(10, 60.4, 10.3, 60.5)
 SPIKE = [[10, 60.4], [10.3, 60.4], [10.3, 60.5], [10.4, 60.55], [10.3, 60.5], [10, 60.5], [10, 60.4]]
 KEYHOLE = [
-    [10, 60.4], [10.3, 60.4], [10.3, 60.55], [10, 60.55], [10, 60.47], [10.1, 60.47], [10.1, 60.5], [10.2, 60.5],
-    [10.2, 60.45], [10.1, 60.45], [10.1, 60.47], [10, 60.47], [10, 60.4],
+    [10, 60.4], [10.3, 60.4], [10.3, 60.55], [10, 60.55], [10, 60.47], [10.1, 60.47], [10.1, 60.5],
+    [10.2, 60.5], [10.2, 60.45], [10.1, 60.45], [10.1, 60.47], [10, 60.47], [10, 60.4],
 ]  # fmt: skip
 EIGHT = [[10, 60.4], [10.1, 60.45], [10.2, 60.4], [10.2, 60.5], [10.1, 60.45], [10, 60.5], [10, 60.4]]
 HOLES = {

@@ -12,6 +12,7 @@ import pytest
 import shapely
 
 import pareto_ltl
+from map_samples import AREA, ED269, OPENAIP_LIMITS, OPENAIR, PLAN, WAYPOINTS, box
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import LONGEST_LINE
@@ -19,10 +20,6 @@ from pareto_ltl.world.scene_settings import scene_from_settings
 
 KML = '<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document>{}</Document></kml>'
 START = "<Placemark><name>Start</name><Point><coordinates>10,60,0</coordinates></Point></Placemark>"
-
-
-def box(west, south, east, north):
-    return [[west, south], [east, south], [east, north], [west, north], [west, south]]
 
 
 def kml_ring(west, south, east, north, tag="LinearRing"):
@@ -70,7 +67,6 @@ DRAWN = (
     feature("start", "Point", [10, 60]),
     feature("region", "Polygon", [box(10.6, 60.1, 10.8, 60.2)], name="a"),
 )
-AREA = [box(10.2, 59.95, 10.4, 60.3)]
 
 
 def closed(scene, *places):
@@ -185,7 +181,8 @@ def test_one_line_lists_what_cannot_be_an_obstacle(tmp_path, caplog):
 
 
 def test_a_point_beside_an_area_may_be_a_tower(tmp_path, caplog):
-    far = f"<MultiGeometry><Point><coordinates>10.5,60.1</coordinates></Point>{kml_polygon(10.2, 59.95, 10.4, 60.3)}"
+    point = "<Point><coordinates>10.5,60.1</coordinates></Point>"
+    far = f"<MultiGeometry>{point}{kml_polygon(10.2, 59.95, 10.4, 60.3)}"
     content = START + GOAL + folder("Obstacles", ("R-44", far + "</MultiGeometry>"))
     pareto_ltl.read_map(written(tmp_path / "m.kml", KML.format(content)))
     assert "a point outside of obstacle R-44: a tower needs the property buffer" in caplog.text
@@ -294,39 +291,6 @@ def test_a_ceiling_with_a_separate_unit_is_not_guessed(tmp_path):
 
 # --- airspace and fences ---------------------------------------------------------------------------------
 
-OPENAIR = """* a comment
-AC D
-AN TEST CTR
-AL GND
-AH 2500ft
-DP 60:24:00 N 010:00:00 E
-DP 60:24:00 N 010:18:00 E * the corner
-DP 60:30:00 N 010:18:00 E
-DP 60:30:00 N 010:00:00 E
-
-AC R
-AN CIRCLE
-AL 1000ft MSL
-AH FL65
-V X=60:06:00 N 010:12:00 E
-DC 1.5
-
-AC Q
-AN WEDGE
-AL SFC
-AH UNL
-V X=60:00.0 N 010:30.0 E
-V D=+
-DP 60:00.0N 010:30.0E
-DA 2,0,90
-
-AC Q
-AN HALF
-AH NOTAM
-V D=-
-V X=60.25N 10.5E
-DB 60:17:00 N 010:30:00 E, 60:13:00 N 010:30:00 E
-"""
 NM = 1 / 60  # [deg] of latitude, nearly
 
 
@@ -351,32 +315,6 @@ def test_openair_is_read_beside_a_map(tmp_path, caplog):
     assert closed(scene_from_settings(cfg), *places[:2]) == [False, True]
     cfg.roles = {"class": {"Q": "none", "D": "none"}, "else": "obstacle"}
     assert closed(scene_from_settings(cfg), *places[:4]) == [False, True, False, False]
-
-
-PLAN = {
-    "fileType": "Plan", "groundStation": "QGroundControl", "version": 1,
-    "geoFence": {
-        "version": 2,
-        "circles": [{"circle": {"center": [60.25, 10.3], "radius": 2000.0}, "inclusion": False}],
-        "polygons": [
-            {"inclusion": True, "polygon": [[59.9, 9.9], [59.9, 10.9], [60.5, 10.9], [60.5, 9.9]]},
-            {"inclusion": False, "polygon": [[60.1, 10.2], [60.1, 10.4], [60.2, 10.4], [60.2, 10.2]]},
-        ],
-    },
-    "mission": {"plannedHomePosition": [60, 10, 100], "items": [{"command": 16}]},
-}  # fmt: skip
-WAYPOINTS = """QGC WPL 110
-0\t1\t0\t16\t0\t0\t0\t0\t60.0\t10.0\t100\t1
-1\t0\t0\t5001\t4\t0\t0\t0\t59.9\t9.9\t0\t1
-2\t0\t0\t5001\t4\t0\t0\t0\t59.9\t10.9\t0\t1
-3\t0\t0\t5001\t4\t0\t0\t0\t60.5\t10.9\t0\t1
-4\t0\t0\t5001\t4\t0\t0\t0\t60.5\t9.9\t0\t1
-5\t0\t0\t5002\t4\t0\t0\t0\t60.1\t10.2\t0\t1
-6\t0\t0\t5002\t4\t0\t0\t0\t60.1\t10.4\t0\t1
-7\t0\t0\t5002\t4\t0\t0\t0\t60.2\t10.4\t0\t1
-8\t0\t0\t5002\t4\t0\t0\t0\t60.2\t10.2\t0\t1
-9\t0\t0\t5004\t2000\t0\t0\t0\t60.25\t10.3\t0\t1
-"""
 
 
 @pytest.mark.parametrize(("name", "content"), [("fence.plan", PLAN), ("fence.waypoints", WAYPOINTS)])
@@ -406,40 +344,6 @@ def test_a_file_without_a_mission_is_named_with_the_way_to_use_it(tmp_path, name
     assert f"scene.zones=[{name}]" in text
 
 
-ED269 = {
-    "title": "zones",
-    "features": [
-        {
-            "identifier": "X1", "name": "prison", "type": "COMMON", "restriction": "PROHIBITED",
-            "applicability": [{"permanent": "YES"}],
-            "geometry": [
-                {
-                    "uomDimensions": "FT", "lowerLimit": 0, "lowerVerticalReference": "AGL", "upperLimit": 400,
-                    "upperVerticalReference": "AGL",
-                    "horizontalProjection": {"type": "Polygon", "coordinates": AREA},
-                }
-            ],
-        },
-        {
-            "identifier": "X2", "name": "race", "restriction": "CONDITIONAL",
-            "applicability": [
-                {"permanent": "NO", "startDateTime": "2026-01-01T06:00:00Z", "endDateTime": "2026-01-01T09:00:00Z"}
-            ],
-            "geometry": [
-                {
-                    "uomDimensions": "M", "lowerLimit": 0, "upperLimit": 500,
-                    "horizontalProjection": {"type": "Circle", "center": [10.5, 60.3], "radius": 1500},
-                }
-            ],
-        },
-        {
-            "identifier": "X3", "restriction": "NO_RESTRICTION",
-            "geometry": [{"horizontalProjection": {"type": "Polygon", "coordinates": AREA}}],
-        },
-    ],
-}  # fmt: skip
-
-
 def test_zones_of_ed_269_have_heights_and_times(tmp_path, caplog):
     zones = written(tmp_path / "uas.json", ED269)
     path = written(tmp_path / "m.geojson", collection(*DRAWN))
@@ -454,12 +358,6 @@ def test_zones_of_ed_269_have_heights_and_times(tmp_path, caplog):
     assert "NO_RESTRICTION" in caplog.text
     cfg.altitude = 130.0
     assert closed(scene_from_settings(cfg, "2026-01-01T00:00:00Z"), IN_WALL, FREE) == [False, False]
-
-
-OPENAIP_LIMITS = {
-    "lowerLimit": {"value": 1000, "unit": 1, "referenceDatum": 1},
-    "upperLimit": {"value": 65, "unit": 6, "referenceDatum": 2},
-}
 
 
 def test_airspace_of_openaip_has_its_limits_in_numbers(tmp_path):

@@ -11,7 +11,7 @@ Grammar, weakest binding first, with the precedence of Spot. A chain of ``&`` or
     unary    = ("!" | "X" | "F" | "G") unary | atom
     atom     = "true" | "false" | name | '"' name of any characters '"' | "(" formula ")"
 
-Other spellings are those of :mod:`pareto_ltl.logic.formula_words`. ``F`` and ``G`` may have a time span that
+:mod:`pareto_ltl.logic.formula_words` has the other spellings. ``F`` and ``G`` may have a time span that
 counts from departure, ``F[0,6h] a`` (:mod:`pareto_ltl.world.windows`). ``G``, ``R`` and ``W`` are part of the
 grammar, so that the error can name the operator that is not co-safe.
 """

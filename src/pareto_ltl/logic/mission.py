@@ -73,7 +73,7 @@ def automaton_of(
 
 
 def read_formula(text: str, letters: Iterable[Iterable[str]] | None = None) -> Automaton:
-    """The minimal automaton of a co-safe formula; ``accepts`` tells whether a word completes the mission.
+    """The minimal automaton of a co-safe formula; ``accepts`` returns whether a word completes the mission.
 
     Operators may be written as in Spot, NuSMV, Spin, papers and TeX, with the precedence of Spot
     (:mod:`pareto_ltl.logic.formula_words`). A text that other tools read in another order is logged with its

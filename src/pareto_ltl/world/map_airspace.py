@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text, shown_value
@@ -19,6 +19,7 @@ from pareto_ltl.world.map_file import MapFile, Unread
 from pareto_ltl.world.map_lengths import FOOT, Height
 from pareto_ltl.world.map_openair import limit_text
 
+Value = TypeVar("Value")
 OPENAIP_UNITS = {0: 1.0, 1: FOOT, 6: 100.0 * FOOT}  # metre, foot, flight level
 OPENAIP_DATUMS = {0: "AGL", 1: "AMSL", 2: "FL"}
 UNITS = {"M": 1.0, "MT": 1.0, "METERS": 1.0, "FT": FOOT, "FEET": FOOT, "FL": 100.0 * FOOT}
@@ -110,11 +111,16 @@ def _extent(geometry: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]
     return shape, {}
 
 
+def _entry(table: Mapping[int, Value], key: Any, missing: Value) -> Value:
+    """The entry of ``table`` for a number; ``missing`` for other numbers and other values."""
+    return table.get(key, missing) if isinstance(key, int) else missing
+
+
 def _openaip_limit(limit: Any, missing: str) -> str:
     if not isinstance(limit, dict):
         return missing
-    value, unit = limit.get("value"), OPENAIP_UNITS.get(limit.get("unit", 1), math.nan)
-    return _limit(value, unit, OPENAIP_DATUMS.get(limit.get("referenceDatum", 1), ""), missing)
+    value, unit = limit.get("value"), _entry(OPENAIP_UNITS, limit.get("unit", 1), math.nan)
+    return _limit(value, unit, _entry(OPENAIP_DATUMS, limit.get("referenceDatum", 1), ""), missing)
 
 
 def _faa_limit(properties: Mapping[str, Any], side: str, missing: str) -> str:

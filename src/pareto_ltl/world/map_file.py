@@ -85,7 +85,7 @@ class MapFile:
     faults : tuple of str
         Messages about parts of the file that cannot be read.
     members : mapping
-        Members of a GeoJSON object that are not those of a FeatureCollection.
+        Members of a GeoJSON object that no FeatureCollection has.
     """
 
     where: str

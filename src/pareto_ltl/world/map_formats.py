@@ -189,7 +189,7 @@ def crs_name(where: str, member: Any) -> str | None:
 
 
 def needs_a_map(found: MapFile) -> str:
-    """Why a file of airspace or of a fence is no map of its own, and the way out; empty for other files."""
+    """Why a file of airspace or of a fence is no whole map, and the way out; empty for other files."""
     if found.kind in ("GeoJSON", "KML") or any(_role_of(feature) == "start" for feature in found.features):
         return ""
     return (

@@ -56,7 +56,7 @@ def read_openair(where: str, text: str) -> MapFile:
 
 @dataclass(slots=True)
 class _OpenAirReader:
-    """Reads commands one after another; ``corners`` and ``properties`` are those of the current airspace."""
+    """Reads commands one after another; ``corners`` and ``properties`` belong to the current airspace."""
 
     where: str
     features: list[dict[str, Any]] = field(default_factory=list)

@@ -86,7 +86,7 @@ def straight_in_degrees(
     """``places`` [deg] with corners added to their edges, to be moved to the plane by ``metres``.
 
     The edges of the result, straight in the plane, pass at most ``BEND * size`` [m] from edges that are
-    straight in longitude and latitude. ``barriers`` tells which places are obstacles or the border: a corner
+    straight in longitude and latitude. ``barriers`` states which places are obstacles or the border: a corner
     of one on an edge of a region or landmark becomes a corner of both, and the reverse.
     """
     limit = BEND * size
@@ -148,7 +148,7 @@ def _shortest(turn: FloatArray) -> FloatArray:
 
 
 def _parts(first: FloatArray, after: FloatArray, metres: Plane, limit: float) -> IntArray:
-    """The number of parts of each edge; the bend of a part is that of the edge over its square."""
+    """The number of parts of each edge; n parts are each bent by 1/n² of the bend of the edge."""
     start, end = metres(first), metres(after)
     along = end - start
     length = np.maximum(np.linalg.norm(along, axis=1), 1e-9)

@@ -99,7 +99,7 @@ def open_bounds(reach: FloatArray) -> FloatArray:
     """The box (2, 2) [m] of a map whose author drew no border: ``reach`` (n, 2) [m] with a margin.
 
     The sky is open: leaving the box is no failure. Planned positions lie within it. The wind does not depend
-    on the map, so the margin is that of a usual flight across it: 5 standard deviations of the position,
+    on the map, so the margin is 5 standard deviations of the position after a usual flight across it,
 
         5 (LASTING_ERROR / USUAL_AIRSPEED) side = 7 % of the longer side
     """

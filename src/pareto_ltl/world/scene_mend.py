@@ -1,4 +1,4 @@
-"""Outlines that touch themselves, with the area that they enclose, where it is not in doubt.
+"""Outlines that touch themselves, with the area that they enclose, where it is certain.
 
 Spikes, keyholes (a hole joined to the outline by a cut), rings that meet in a corner, and holes that touch
 the outline enclose the same area by every rule. An outline that crosses itself does not: its parts have
@@ -17,7 +17,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.scene_sketch import SceneSketch
 
-DOUBT = 1e-7  # of the longer side of the map: mean width of an area that counts as a rounding error
+UNCERTAIN = 1e-7  # of the longer side of the map: mean width of an area that counts as a rounding error
 
 
 def enclosed_area(sketch: SceneSketch, what: str, rings: tuple[FloatArray, ...]) -> Any:
@@ -66,8 +66,8 @@ def _one_area(sketch: SceneSketch, what: str, corners: FloatArray) -> Any:
     if mended.is_empty or abs(signed - mended.area) > limit:
         raise DataError(
             f"{sketch.where}: {what} crosses or touches its own outline at "
-            f"{sketch.show(_invalid_spot(polygon, corners))}, and its inside is in doubt; list its corners "
-            "in order along the outline"
+            f"{sketch.show(_invalid_spot(polygon, corners))}, and its area is not certain; list its "
+            "corners in order along the outline"
         )
     return mended
 
@@ -75,7 +75,7 @@ def _one_area(sketch: SceneSketch, what: str, corners: FloatArray) -> Any:
 def _doubt(sketch: SceneSketch, shapes: list[Any]) -> float:
     """The area [m²] that counts as a rounding error along the outlines of ``shapes``."""
     size = float((sketch.bounds[1] - sketch.bounds[0]).max())
-    return DOUBT * size * float(sum(map(shapely.length, shapes)))
+    return UNCERTAIN * size * float(sum(map(shapely.length, shapes)))
 
 
 def _areas(shape: Any, limit: float) -> Any:
