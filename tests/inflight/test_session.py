@@ -166,5 +166,5 @@ def test_a_full_disk_is_an_alarm_and_the_watch_goes_on(
     events, _ = followed(made, tmp_path / "f")
     alarms = [event["text"] for event in events if event["event"] == "alarm" and event["kind"] == "journal"]
     assert len(alarms) == 1
-    assert "free space" in alarms[0]
+    assert "No space left" in alarms[0]
     assert events[-1]["event"] == "end"

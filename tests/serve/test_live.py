@@ -93,7 +93,8 @@ def test_old_events_are_forgotten_and_keep_their_numbers(
     monkeypatch.setattr("pareto_ltl.serve.live.MOST", 10)
     small, watch = LivePage(), SimpleNamespace(problem=PROBLEM)
     for number in range(25):
-        small.heard(watch, {"event": "alarm", "time": float(number), "text": str(number)})  # type: ignore[arg-type]
+        one = {"event": "alarm", "time": float(number), "text": str(number), "advice": "none"}
+        small.heard(watch, one)  # type: ignore[arg-type]
     assert len(small.events) == 10
     for since in (0, 20, 24, 25, 40):
         told = [event["text"] for event in small.state(since)["events"]]

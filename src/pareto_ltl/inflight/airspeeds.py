@@ -1,10 +1,10 @@
 """True and calibrated airspeeds in flight; inside the planner all airspeeds are true.
 
 ``VFR_HUD`` of a vehicle with an airspeed sensor, ``ARSP`` of ArduPilot's logs, and the airspeeds that
-autopilots take by ``GUIDED_CHANGE_SPEED`` and ``DO_CHANGE_SPEED`` are calibrated. The density of the air is
-that of the standard atmosphere at the pressure which the vehicle measures, or at the height of the plan where
-it sends none. ``SCALED_PRESSURE.temperature`` is of the sensor, 10 to 30 K above the air in a closed case
-(1.7 to 5 % of airspeed), so it is not used; air 10 K from the standard changes a true airspeed by 1.8 %.
+autopilots take by ``GUIDED_CHANGE_SPEED`` and ``DO_CHANGE_SPEED`` are calibrated. The air is the standard
+atmosphere at the pressure which the vehicle measures, or at the height of the plan where it sends none.
+``SCALED_PRESSURE.temperature`` is of the sensor, 10 to 30 K above the air in a closed case (1.7 to 5 % of
+airspeed), so it is not used; air 10 K from the standard changes a true airspeed by 1.8 %.
 """
 
 from __future__ import annotations

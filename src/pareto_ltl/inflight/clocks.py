@@ -2,7 +2,8 @@
 
 Our clock is monotonic while a vehicle is listened to, so that a step of the wall clock is no time of flight.
 ``time_boot_ms`` of a message says how old it is: a message that comes much later than its fellows is not
-used. The stamps of a log are of the wall clock of whoever wrote it; there the vehicle's time counts.
+used. The stamps of a log come from the wall clock of the program that wrote it; there the vehicle's time
+counts.
 """
 
 from __future__ import annotations

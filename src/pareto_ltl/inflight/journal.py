@@ -131,8 +131,8 @@ def read_journal(path: Path) -> Iterator[dict[str, Any]]:
         raise DataError(f"{path}: cannot be read ({error}); start without --resume") from None
     for number, line in enumerate(data[: _whole(data)].splitlines(), 1):
         event = _parsed(line)
-        if number == 1 and isinstance(event, dict) and event.get("schema") != SCHEMA:
-            event = f"expected the schema {SCHEMA!r}, found {shown_value(event.get('schema'))}"
+        if isinstance(event, dict) and event.get("schema", SCHEMA) != SCHEMA:
+            event = f"expected the schema {SCHEMA!r}, found {shown_value(event['schema'])}"
         if isinstance(event, str):
             raise DataError(
                 f"{path}, line {number}: {event}; start a new watch with another --out, without --resume"
