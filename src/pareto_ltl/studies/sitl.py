@@ -98,7 +98,7 @@ def fly_both(
     """Fly ``cfg.flights`` pairs, the aircraft and ours in the same wind."""
     law, u = problem.fidelity.law, plan.path.u
     flights.require_known_wind(problem, u, plan.path.x)
-    blocks = flights.block_rows(cfg.flights)
+    blocks, sd = flights.block_rows(cfg.flights), flights.own_errors(problem, law)
     pilot = flights.pilot_maker(problem, u, plan.path.x, law)
     ours, theirs, tracks = np.empty((cfg.flights, len(u) + 1, 2)), np.empty((cfg.flights, len(u) + 1, 2)), []
     for rows, child in zip(blocks, flights.unspawned(seeds).spawn(len(blocks)), strict=True):
@@ -106,9 +106,8 @@ def fly_both(
         flights.fly_block(problem, block, pilot, ours[rows])
         for i in range(rows.stop - rows.start):
             lon, lat = to_geographic(str(problem.scene.crs), block.start[i : i + 1])
-            begun = replace(
-                orders, start=np.concatenate([lat, lon])
-            )  # starts may differ from flight to flight
+            begun = erring_orders(orders, block.errors[i] * sd)
+            begun = replace(begun, start=np.concatenate([lat, lon]))  # starts may differ between flights
             track = jsbsim.fly_orders(begun, flight_air(problem, block.draws, i, len(u)), height, cfg.rate)
             theirs[rows.start + i] = to_plane(str(problem.scene.crs), track.lon, track.lat)
             tracks.append(track)
@@ -116,6 +115,21 @@ def fly_both(
                 progress(len(tracks), cfg.flights)
     aircraft, steps = (flights.judge_flights(problem, law, x) for x in (theirs, ours))
     return SitlFlights(orders, aircraft, steps, tuple(tracks))
+
+
+def erring_orders(orders: Orders, errors: FloatArray) -> Orders:
+    """``orders`` as a robot with ``errors`` flies them: of airspeed [1], heading [rad] and clock [s], or none.
+
+    The clock moves the changes between legs; departure and end stay where they are.
+    """
+    if not len(errors):
+        return orders
+    scale, turn, late = errors.tolist()
+    duration = orders.duration.copy()
+    duration[0] += late
+    duration[-1] -= late
+    heading = (orders.heading - np.degrees(turn)) % 360.0  # turn is counter-clockwise
+    return replace(orders, heading=heading, airspeed=orders.airspeed * (1.0 + scale), duration=duration)
 
 
 def flight_air(problem: Problem, draws: Any, i: int, steps: int) -> Air:
