@@ -354,3 +354,25 @@ def test_progress_of_uv_and_of_pip_has_an_amount_and_the_time_that_is_left(
     ):
         pip.heard(line)
     assert pip.line(2.0) == "  2 s, 1 of 4 packages, about 6 s left, numpy"
+
+
+def test_the_demo_ends_with_two_lines_of_commands_for_its_own_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = environment(monkeypatch, "demo")
+    monkeypatch.chdir(tmp_path)
+    for name, pid in (("early", 7), ("late", 8)):
+        (tmp_path / "outputs" / "phi1" / name).mkdir(parents=True)
+        (tmp_path / "outputs" / "phi1" / name / "run.json").write_text(f'{{"pid": {pid}}}')
+    (tmp_path / "outputs" / "phi1" / "damaged").mkdir()
+    (tmp_path / "outputs" / "phi1" / "damaged" / "run.json").write_text("{")
+    assert module.results_of(9) is None
+    folder = module.results_of(7)
+    assert folder == Path("outputs/phi1/early")
+    look, on = module.next_steps(folder)
+    program = look.removeprefix("look at it: ").split()[0]
+    assert look.endswith("/pareto-ltl show outputs/phi1/early")
+    assert (tmp_path / program).exists()  # as printed, from here
+    assert "make desk" in on
+    assert "install notebook" in on
+    assert (ROOT / "examples" / "tour.ipynb").exists()

@@ -104,7 +104,7 @@ def test_a_plan_in_python_loads_neither_hydra_nor_the_readers_of_other_files() -
         "scene, formula, sections = MISSIONS['paper']\n"
         "result = pareto_ltl.plan(scene, formula, **COMMON | sections)\n"
         "print(result.plan is not None)\n"
-        "unwanted = ('hydra', 'omegaconf', 'xarray', 'pandas', 'cf_xarray', 'starlette', 'IPython')\n"
+        "unwanted = ('hydra', 'omegaconf', 'xarray', 'cf_xarray', 'starlette', 'IPython')\n"
         "print([name for name in unwanted if name in sys.modules])\n"
     )
     folder = ROOT / "tests"  # of small_plans
