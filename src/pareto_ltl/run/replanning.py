@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 LOG = logging.getLogger(__name__)
 STREAM = "replan"  # stream of the compared flights
 # Stages that are left out after an alarm: their files are probabilities, or are flown.
-NOT_ALARMED = ("front", "forecasts", "deployment", "exports")
+NOT_ALARMED = ("front", "forecasts", "deployment", "export")
 GROUNDED = (
     "no files to fly are written (no mission.plan, mavlink_script.json or tables), since they would be flown "
     "without a promise; when the alarm is explained, pareto-ltl export DIR writes them"
