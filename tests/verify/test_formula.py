@@ -24,7 +24,7 @@ TEXTS = (
     "!(a W b)", "!(a R b) & F c", "F(a) && <>b || next c", "~a until (b and not c)",
     "a | b xor c", "a -> b <-> c", "a xor b & c", "1 U a & F tt", "◇(a ∧ ◇b)", "a => F b", "F(a /\\ X[!] b)",
     r"$\Diamond \left(a \land b\right) \lor \bigcirc c$", "a 𝒰 (b ∨ ⊥)", r"a \mathcal{U} \mathit{b}",
-    "!globally a", "finally a implies c",
+    "!globally a", "a implies finally c",
 )  # fmt: skip
 
 literals = st.sampled_from(["a", "!b", "c", "!a", "b", "true", "false"])

@@ -76,7 +76,11 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
 
 def check_parts(sketch: SceneSketch) -> None:
     """Raise a DataError for the faults of a map that may lack its start or regions."""
-    _checked_drawing(sketch, DrawingRules(), MapFaults(sketch.where, sketch.faults))
+    faults = MapFaults(sketch.where, sketch.faults)
+    if np.ptp(sketch.bounds, axis=0).min() == 0.0:  # a start alone
+        faults.refuse()
+        return
+    _checked_drawing(sketch, DrawingRules(), faults)
 
 
 def _checked_drawing(

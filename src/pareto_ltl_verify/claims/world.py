@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -401,8 +402,9 @@ def hoa(result: Evidence) -> Verdict:
     other = formula.read_hoa(text, dfa.letters)
     word = formula.unlike(dfa, other)
     alike = (other.initial, other.delta, set(other.atoms)) == (dfa.initial, dfa.delta, set(dfa.atoms))
+    plain = re.sub(r"\\(.)", r"\1", text)
     faults = true_of({
-        "names another formula": f'name: "{result.automaton["formula"]}"' not in text.replace("\\", ""),
+        "names another formula": f'name: "{result.automaton["formula"]}"' not in plain,
         f"differs on {word}": word is not None,
         "other states": not alike,
     })  # fmt: skip
