@@ -553,10 +553,18 @@ def test_a_forecast_is_valid_after_its_start(gribs, eccodes):
     assert readings.remarks[2] == "3 h forecast"
 
 
-def test_two_members_of_one_time_are_refused(gribs):
-    (gribs / "again").write_bytes((gribs / "gfs.00").read_bytes())
+def test_two_members_of_one_time_are_refused(gribs, eccodes):
+    (gribs / "again").write_bytes(message(eccodes, "10u", 1.0) + message(eccodes, "10v", -2.0))
     with pytest.raises(DataError, match=r"again and gfs.00 both hold u at 2018-10-09T00"):
         read(grib(gribs))
+
+
+def test_messages_that_are_there_twice_are_read_once(gribs):
+    plain = table_of(grib(gribs))
+    (gribs / "again").write_bytes((gribs / "gfs.00").read_bytes())
+    twice = table_of(grib(gribs))
+    np.testing.assert_array_equal(np.stack(twice.winds), np.stack(plain.winds))
+    assert twice.notes == (*plain.notes, "2 GRIB messages are there twice with the same values: read once")
 
 
 @pytest.mark.parametrize(

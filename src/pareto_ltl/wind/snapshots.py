@@ -177,8 +177,12 @@ def latest_readings(
         If two snapshots have the same time and lead, or levels differ.
     """
     best: dict[float, Snapshot] = {}
+    twice = 0
     for snap in snapshots:
         rival = best.get(snap.time)
+        if rival is not None and same_snapshot(rival, snap):
+            twice += 1
+            continue
         if rival is not None and (rival.lead == snap.lead or np.isnan(rival.lead + snap.lead)):
             names = " and ".join(dict.fromkeys(file.name for file in (*rival.files, *snap.files)))
             raise DataError(
@@ -187,7 +191,21 @@ def latest_readings(
             )
         if rival is None or snap.lead < rival.lead:
             best[snap.time] = snap
+    if twice:
+        notes = (*notes, f"{twice} fields are there twice with the same values: read once")
     return readings_of([best[time] for time in sorted(best)], files, notes=notes)
+
+
+def same_values(one: FloatArray, two: FloatArray) -> bool:
+    """Whether two fields have the same shape and values, and miss the same ones."""
+    return bool(one.shape == two.shape and np.array_equal(one, two, equal_nan=True))
+
+
+def same_snapshot(one: Snapshot, two: Snapshot) -> bool:
+    """Whether two fields have the same lead, level, places and winds."""
+    leads = np.array([one.lead]), np.array([two.lead])
+    pairs = (leads, (one.points, two.points), (one.winds, two.winds))
+    return one.level == two.level and all(same_values(*pair) for pair in pairs)
 
 
 def readings_of(

@@ -23,8 +23,9 @@ from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
 from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 from pareto_ltl.wind.sources.magic import first_bytes, format_of
-from pareto_ltl.wind.sources.netcdf_files import CURRENTS, WINDS, Quantity, netcdf_snapshots
+from pareto_ltl.wind.sources.netcdf_files import netcdf_snapshots
 from pareto_ltl.wind.sources.noaa import noaa_files, read_noaa
+from pareto_ltl.wind.sources.quantities import CURRENTS, WINDS
 from pareto_ltl.wind.sources.station_files import read_station_files
 
 SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
@@ -114,9 +115,16 @@ def _read_grib(cfg: WindConfig, wanted: Wanted) -> Readings:
     return latest_readings(*grib_snapshots_apart(data_files(cfg), cfg.max_speed, cfg.level, wanted.area))
 
 
-def _read_netcdf(cfg: WindConfig, wanted: Wanted, quantity: Quantity = WINDS) -> Readings:
+def _read_netcdf(cfg: WindConfig, wanted: Wanted) -> Readings:
+    return latest_readings(*netcdf_snapshots(data_files(cfg), WINDS, cfg.level, cfg.max_speed, wanted.area))
+
+
+def _read_currents(cfg: WindConfig, wanted: Wanted) -> Readings:
+    """Currents of GRIB or NetCDF files, all of one format."""
     files = data_files(cfg)
-    return latest_readings(*netcdf_snapshots(files, quantity, cfg.level, cfg.max_speed, wanted.area))
+    if all(format_of(first_bytes(file)) == "GRIB" for file in files):
+        return latest_readings(*grib_snapshots_apart(files, cfg.max_speed, cfg.level, wanted.area, CURRENTS))
+    return latest_readings(*netcdf_snapshots(files, CURRENTS, cfg.level, cfg.max_speed, wanted.area))
 
 
 def _ensemble_files(cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
@@ -168,7 +176,7 @@ _READERS: dict[str, tuple[Reader, Files]] = {
     "netcdf": (_read_netcdf, data_files),
     "stations": (_read_stations, data_files),
     "noaa": (read_noaa, noaa_files),
-    "currents": (lambda cfg, wanted: _read_netcdf(cfg, wanted, CURRENTS), data_files),
+    "currents": (_read_currents, data_files),
     "ensemble": (_read_ensemble, _ensemble_files),
     "given": (_read_given, lambda *_: ()),
     "calm": (lambda *_: CALM, lambda *_: ()),

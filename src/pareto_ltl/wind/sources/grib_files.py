@@ -8,9 +8,7 @@ Since ecCodes can end its process on a damaged message, files are decoded in ano
 JSON. It prints each file before it is opened, and writes one archive of arrays, which holds no code. If the
 process ends without it, the caller raises a DataError on the file that was open.
 
-ecCodes does not check the lengths in a message: wrong ones end the process (``double free``) or make it
-allocate all memory. So they are checked before ecCodes opens a file; a few bytes of each section are read.
-Formats: WMO Manual on Codes, FM 92 GRIB edition 2 (sections 0 to 8) and edition 1.
+The frames of a file are checked before ecCodes opens it (:mod:`.grib_frames`).
 """
 
 from __future__ import annotations
@@ -25,46 +23,52 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.levels import HEIGHT, PRESSURE, Level, level_list, parse_level
+from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.wind.readings import iso
-from pareto_ltl.wind.snapshots import GridWind, Nodes, Snapshot, Snapshots, crop, earth_relative
+from pareto_ltl.wind.snapshots import Nodes, Snapshot, Snapshots, crop, earth_relative, same_values
+from pareto_ltl.wind.sources.grib_frames import check_frames
+from pareto_ltl.wind.sources.grid_directions import twist_of_grib
 from pareto_ltl.wind.sources.magic import wind_file
-from pareto_ltl.world.projection import meridian_convergence
+from pareto_ltl.wind.sources.quantities import (
+    CURRENTS,
+    SPEED,
+    SURFACE_PRESSURE,
+    WINDS,
+    Component,
+    Fields,
+    Quantity,
+    U,
+    level_gap,
+    other_quantity,
+    wanted_level,
+    winds_of,
+)
 
-SPEED_UNITS = ("m s**-1", "m s-1", "m/s")
-SURFACE_PRESSURE = "sp"
-NUMBERED = {(0, 2, 2): "u", (0, 2, 3): "v", (0, 3, 0): SURFACE_PRESSURE}  # discipline, category, number
+UNITS = ("m s**-1", "m s-1", "m/s", "Degree true", "degrees", "unknown")  # of the parameters of the WMO
+PRESSURE_NUMBER = (0, 3, 0)  # discipline, category, number
 NAMED = re.compile(r"(?:\d+)?([uv])|(sp)")  # short names of edition 1: u, 10u, 100v
+LAST_WMO_TABLE = 3  # of edition 1, whose numbers of winds and currents are those of the WMO
 MEANS = (0, 1, 6)  # code table 4.7: means of the members; other statistics of an ensemble are not a wind
 LEVELS = {
-    "heightAboveGround": (HEIGHT, 1.0),
-    "isobaricInhPa": (PRESSURE, 100.0),
-    "isobaricInPa": (PRESSURE, 1.0),
-}
+    HEIGHT: {
+        "heightAboveGround": (HEIGHT, 1.0),
+        "isobaricInhPa": (PRESSURE, 100.0),
+        "isobaricInPa": (PRESSURE, 1.0),
+    },
+    DEPTH: {
+        "depthBelowSea": (DEPTH, 1.0),
+        **dict.fromkeys(("oceanSurface", "surface", "meanSea"), (DEPTH, 0.0)),
+    },
+}  # by the meaning of lengths
 STEP_TYPES = {"avg": "average", "max": "maximum", "min": "minimum"}
-EARTH_AXES = ("regular_ll", "regular_gg", "mercator")  # grids whose axes are east and north
-PROJECTED = ("lambert", "polar_stereographic")  # grids in the plane of a projection
-MAX_NODES = 20_000_000  # nodes of a field; a global grid of 0.1 degrees has 6.5 million
-MAX_BITS = 32  # bits of a packed value
-START, END = b"GRIB", b"7777"
-BLOCK = 2**16  # bytes searched at a time for the start of a message
-COUNT_PLACE = {3: 6, 5: 5}  # section: position of its number of values, 4 bytes
 Message = Any  # of cfgrib: a mapping of keys of ecCodes
-
-
-class _Component(NamedTuple):
-    """A component of the wind, or the surface pressure: values [m/s] or [Pa], NaN where there are none."""
-
-    values: FloatArray
-    nodes: Nodes
-    file: Path
 
 
 @dataclass(slots=True)
@@ -73,25 +77,34 @@ class _Scan:
 
     Attributes
     ----------
+    quantity : Quantity
     level : Level
     area : GeoBox or None
     fields : dict
-        Components by time, lead [s] and member.
+        Components by level, then by time, lead [s] and member.
     grids : dict
         Grids that are decoded already, by their fingerprint.
     left_out : Counter
         Numbers of winds at the level that are not values of an instant, by kind, e.g. ``average``.
+    twice : int
+        Number of messages that are in the files once more.
     """
 
+    quantity: Quantity
     level: Level
     area: GeoBox | None
-    fields: dict[tuple[float, float, str], dict[str, _Component]] = field(default_factory=dict)
+    fields: dict[Level, Fields] = field(default_factory=dict)
     grids: dict[str, Nodes] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
+    twice: int = 0
 
 
 def grib_snapshots_apart(
-    files: tuple[Path, ...], max_speed: float, level: str = "10m", area: GeoBox | None = None
+    files: tuple[Path, ...],
+    max_speed: float,
+    level: str = "10m",
+    area: GeoBox | None = None,
+    quantity: Quantity = WINDS,
 ) -> Snapshots:
     """:func:`grib_snapshots` in another process.
 
@@ -101,7 +114,8 @@ def grib_snapshots_apart(
         As :func:`grib_snapshots`, and if the process ends without an answer.
     """
     parse_level(level)
-    task = [[str(file) for file in files], max_speed, level, None if area is None else astuple(area)]
+    box = None if area is None else astuple(area)
+    task = [[str(file) for file in files], max_speed, level, box, quantity.name]
     with tempfile.TemporaryDirectory(prefix="pareto_ltl_grib_") as folder:
         answer = Path(folder) / "answer.npz"
         command = [sys.executable, "-m", __name__, json.dumps(task), str(answer)]
@@ -126,7 +140,8 @@ def grib_snapshots_apart(
 
 def _answer(task: str, answer: Path) -> None:
     """In the separate process: carry out ``task``; arrays that snapshots share are written once."""
-    names, max_speed, level, box = json.loads(task)
+    names, max_speed, level, box, name = json.loads(task)
+    quantity = WINDS if name == WINDS.name else CURRENTS
     files, area = tuple(map(Path, names)), None if box is None else GeoBox(*box)
     arrays: dict[str, FloatArray] = {}
 
@@ -135,7 +150,7 @@ def _answer(task: str, answer: Path) -> None:
         return name
 
     try:
-        found = grib_snapshots(files, max_speed, level, area, lambda file: print(file, flush=True))
+        found = grib_snapshots(files, max_speed, level, area, lambda file: print(file, flush=True), quantity)
         winds = [
             (w.time, w.lead, name_of(w.points), name_of(w.winds), w.level, list(map(str, w.files)), w.member)
             for w in found.winds
@@ -155,6 +170,7 @@ def grib_snapshots(
     level: str = "10m",
     area: GeoBox | None = None,
     tell: Callable[[Path], None] = lambda _: None,
+    quantity: Quantity = WINDS,
 ) -> Snapshots:
     """Every wind at ``level`` in ``files``, with notes of quality control.
 
@@ -166,7 +182,7 @@ def grib_snapshots(
         If a file is damaged, has no wind at the level or lacks a component, or if two messages have the same
         component, time, lead and member.
     """
-    scan = _Scan(parse_level(level), area)
+    scan = _Scan(quantity, wanted_level(quantity, level), area)
     for file in files:
         tell(file)
         _scan_file(file, scan)
@@ -174,88 +190,104 @@ def grib_snapshots(
         f"{count} GRIB messages hold the {kind} of the wind, not its value at an instant: left out"
         for kind, count in sorted(scan.left_out.items())
     ]
-    keys = sorted(key for key, pair in scan.fields.items() if pair.keys() - {SURFACE_PRESSURE})
-    found = (_wind_of(*key, scan.fields[key], scan.level) for key in keys)
-    return earth_relative(found, files, scan.level, max_speed, notes)
-
-
-def _wind_of(time: float, lead: float, member: str, pair: dict[str, _Component], level: Level) -> GridWind:
-    some = pair.get("u") or pair["v"]
-    missing = {"u", "v"} - set(pair)
-    if missing:
-        raise DataError(
-            f"wind file {some.file}: {iso(time)} has no {missing.pop()} component {level.phrase}; "
-            "expected u and v (is the file truncated?)"
-        )
-    u, v, pressure = pair["u"], pair["v"], pair.get(SURFACE_PRESSURE)
-    if u.nodes is not v.nodes and not np.array_equal(u.nodes.lonlat, v.nodes.lonlat):
-        raise DataError(f"wind file {some.file}: u and v at {iso(time)} are on different grids")
-    winds = np.stack([u.values, v.values], axis=1)  # nodes outside the domain of the model are missing
-    files = tuple(dict.fromkeys((u.file, v.file)))
-    snap = Snapshot(time, lead, u.nodes.lonlat, winds, level.text, files, member)
-    return GridWind(snap, u.nodes.twist, None if pressure is None else pressure.values)
+    if scan.twice:
+        notes.append(f"{scan.twice} GRIB messages are there twice with the same values: read once")
+    at = min(scan.fields, key=lambda found: abs(found.value - scan.level.value))
+    if at.text != scan.level.text:
+        notes.append(f"the level {at.text} is used for {scan.level.text}")
+    return earth_relative(winds_of(scan.fields[at], at), files, at, max_speed, notes)
 
 
 def _scan_file(file: Path, scan: _Scan) -> None:
     """Add the wanted fields in ``file``; a DataError if there are none."""
     levels: list[Level] = []
     found = False
+    others: set[str] = set()
     with _grib_messages(file) as messages:
         for message in messages:
-            component = _component(message)
-            if component is None or not _is_wanted(message, component, scan, levels):
+            component = _component(message, scan.quantity)
+            if component is None:
+                others |= {
+                    other.name for other in (WINDS, CURRENTS) if _component(message, other) in (U, SPEED)
+                }
                 continue
-            if component != SURFACE_PRESSURE and (unit := message["units"]) not in SPEED_UNITS:
-                raise DataError(
-                    f"wind file {file}: {component} is in {unit}; expected m s-1: convert the file"
-                )
+            level = _wanted_level_of(message, component, scan, levels)
+            if level is None:
+                continue
             found = found or component != SURFACE_PRESSURE
-            key = (
-                float(message["valid_time"]),
-                float(message["valid_time"] - message["time"]),
-                _member(message),
+            _add(message, component, level, file, scan)
+    if not found:
+        raise _nothing_found(file, scan, levels, others)
+
+
+def _add(message: Message, component: str, level: Level, file: Path, scan: _Scan) -> None:
+    """Add one field; of two with the same values, one."""
+    if component != SURFACE_PRESSURE and (unit := message["units"]) not in UNITS:
+        raise DataError(f"wind file {file}: {component} is in {unit}; expected m s-1: convert the file")
+    time, begin = float(message["valid_time"]), float(message["time"])
+    key = (time, time - begin, _member(message))
+    pair = scan.fields.setdefault(level, {}).setdefault(key, {})
+    nodes = _nodes_of(message, file, scan)
+    values = _values(message)[nodes.kept]
+    if component in pair and component != SURFACE_PRESSURE:
+        if pair[component].nodes is not nodes or not same_values(pair[component].values, values):
+            raise DataError(
+                f"wind files {pair[component].file.name} and {file.name} both hold "
+                f"{component} at {iso(time)} with the same lead and other values; keep one member"
             )
-            pair = scan.fields.setdefault(key, {})
-            if component in pair and component != SURFACE_PRESSURE:
-                raise DataError(
-                    f"wind files {pair[component].file.name} and {file.name} both hold "
-                    f"{component} at {iso(key[0])} with the same lead; keep one member"
-                )
-            nodes = _nodes_of(message, file, scan)
-            pair[component] = _Component(_values(message)[nodes.kept], nodes, file)
-    if found:
+        scan.twice += 1
         return
-    level, there = scan.level, "expected GRIB messages UGRD and VGRD"
+    pair[component] = Component(values, nodes, file)
+
+
+def _nothing_found(file: Path, scan: _Scan, levels: list[Level], others: set[str]) -> DataError:
+    """The error for a file without a wanted field, with what it has instead."""
+    level, name = scan.level, scan.quantity.name
+    there = "expected GRIB messages UGRD and VGRD, or WIND and WDIR"
+    if scan.quantity is CURRENTS:
+        there = "expected GRIB messages UOGRD and VOGRD, or SPC and DIRC"
     if level in levels:
         kinds = " and ".join(sorted(scan.left_out))
-        raise DataError(
-            f"wind file {file} holds the wind {level.phrase} as {kinds} only; expected values of an instant"
+        return DataError(
+            f"wind file {file} holds the {name} {level.phrase} as {kinds} only; expected values of an instant"
         )
     if levels:
         there = f"it has {level_list(levels)}: set wind.level to one of them"
-    raise DataError(f"wind file {file} holds no wind {level.phrase}; {there}")
+    elif other_quantity(scan.quantity).name in others:
+        other = other_quantity(scan.quantity)
+        there = f"it holds a {other.name}: set wind={other.grib_source}"
+    return DataError(f"wind file {file} holds no {name} {level.phrase}; {there}")
 
 
-def _component(message: Message) -> str | None:
+def _component(message: Message, quantity: Quantity) -> str | None:
     if message["edition"] == 2:
         keys = ("discipline", "parameterCategory", "parameterNumber")
-        return NUMBERED.get(tuple(message[key] for key in keys))
-    found = NAMED.fullmatch(str(message["shortName"]))
-    return None if found is None else found[1] or found[2]
+        number = tuple(message[key] for key in keys)
+        return SURFACE_PRESSURE if number == PRESSURE_NUMBER else quantity.numbers.get(number)
+    if message["table2Version"] <= LAST_WMO_TABLE and (message["indicatorOfParameter"],) in quantity.numbers:
+        return quantity.numbers[(message["indicatorOfParameter"],)]
+    found = NAMED.fullmatch(str(message["shortName"])) if quantity is WINDS else None
+    return None if found is None else found[1] or SURFACE_PRESSURE
 
 
-def _is_wanted(message: Message, component: str, scan: _Scan, levels: list[Level]) -> bool:
-    """Whether the message has the wanted level and values of an instant; others are recorded."""
+def _wanted_level_of(message: Message, component: str, scan: _Scan, levels: list[Level]) -> Level | None:
+    """The level if the message has a wanted one and values of an instant; else None, and it is recorded."""
     kind, other = message["typeOfLevel"], _other_kind(message)
     if component == SURFACE_PRESSURE:
-        return scan.level.kind == PRESSURE and kind == "surface" and other is None
-    if kind not in LEVELS:
-        return False
-    level = Level(LEVELS[kind][0], message["level:float"] * LEVELS[kind][1])
+        surface = scan.level.kind == PRESSURE and kind == "surface" and other is None
+        return scan.level if surface else None
+    known = LEVELS[scan.quantity.length]
+    if kind not in known:
+        return None
+    level = Level(known[kind][0], float(message["level:float"]) * known[kind][1])
     levels.append(level)
-    if level == scan.level and other is not None:
+    gap = level_gap(level, scan.level, scan.quantity.nearest)
+    if gap is None or (gap and not scan.quantity.nearest):
+        return None
+    if other is not None:
         scan.left_out[other] += 1
-    return level == scan.level and other is None
+        return None
+    return level
 
 
 def _other_kind(message: Message) -> str | None:
@@ -263,6 +295,9 @@ def _other_kind(message: Message) -> str | None:
     step = str(message["stepType"])
     if step != "instant":
         return STEP_TYPES.get(step, step)
+    for key, kind in (("percentileValue", "percentile"), ("probabilityType", "probability")):
+        if message.get(key) is not None:
+            return kind
     return None if message.get("derivedForecast", MEANS[0]) in MEANS else "spread of members"
 
 
@@ -286,21 +321,14 @@ def _nodes_of(message: Message, file: Path, scan: _Scan) -> Nodes:
     if grid not in scan.grids:
         lon, lat = (np.asarray(message[name], float) for name in ("longitudes", "latitudes"))
         nodes = crop(file, lon, lat, scan.area)
-        if message["uvRelativeToGrid"] and message["gridType"] not in EARTH_AXES:
-            twist = meridian_convergence(_grid_crs(message, file), *nodes.lonlat.T)
-            nodes = nodes._replace(twist=twist)
-        scan.grids[grid] = nodes
+        if message.get("angleOfRotation"):
+            raise DataError(
+                f"wind file {file}: the rotated grid is turned about its own pole by "
+                f"{message['angleOfRotation']:g} degrees, which ecCodes does not apply; convert the file to "
+                "a latitude-longitude grid"
+            )
+        scan.grids[grid] = nodes._replace(twist=twist_of_grib(f"wind file {file}", message.get, nodes.lonlat))
     return scan.grids[grid]
-
-
-def _grid_crs(message: Message, file: Path) -> str:
-    """PROJ string of the projection of the model; directions do not depend on the radius of the sphere."""
-    if (kind := message["gridType"]) in PROJECTED:
-        return re.sub(r"\+[abR]=\S+", "", message["projString"]) + " +R=6371229 +no_defs"
-    raise DataError(
-        f"wind file {file}: winds follow a grid of type {kind}, which cannot be turned to the east; "
-        f"expected {', '.join(PROJECTED)} or a latitude-longitude grid"
-    )
 
 
 @contextmanager
@@ -321,108 +349,6 @@ def _grib_messages(file: Path) -> Iterator[Iterator[Message]]:
         stream = cfgrib.FileStream(str(file), errors="raise")  # NAM nests pack u and v in one message
         computed = cfgrib.COMPUTED_KEYS
         yield (cfgrib.messages.ComputedKeysAdapter(message, computed) for _, message in stream.items())
-
-
-# --- lengths of messages, of their sections, and numbers of values -----------------------------
-
-
-class _BrokenFrameError(ValueError):
-    """A message with inconsistent lengths."""
-
-
-def check_frames(file: Path, stream: BinaryIO) -> None:
-    """Raise a DataError if a message of ``stream``, an open GRIB file, is damaged; rewind the stream."""
-    place = 0
-    while (start := _next_start(stream, place)) is not None:
-        try:
-            place = start + _message_length(stream, start)
-        except _BrokenFrameError as error:
-            raise DataError(
-                f"wind file {file} is damaged or truncated (message at byte {start}: {error}); "
-                "download it again"
-            ) from None
-    stream.seek(0)
-
-
-def _next_start(stream: BinaryIO, place: int) -> int | None:
-    """Position of the next message, None if there is none; there may be other bytes between messages."""
-    while True:
-        stream.seek(place)
-        block = stream.read(BLOCK)
-        if (found := block.find(START)) >= 0:
-            return place + found
-        if len(block) < BLOCK:
-            return None
-        place += BLOCK - len(START) + 1
-
-
-def _message_length(stream: BinaryIO, start: int) -> int:
-    head = _bytes_at(stream, start, 16)
-    if head[7] == 2:
-        length = int.from_bytes(head[8:16], "big")
-        _check_sections(stream, start + 16, start + length - len(END))
-    elif head[7] == 1:
-        length = int.from_bytes(head[4:7], "big")
-        if length & 0x800000:
-            raise _BrokenFrameError("edition 1 with more than 8 MiB; expected GRIB2")
-        _check_old_sections(stream, start + 8, start + length - len(END))
-    else:
-        raise _BrokenFrameError(f"edition {head[7]}; expected 1 or 2")
-    if length < len(head) + len(END):
-        raise _BrokenFrameError(f"it claims to have {length} bytes")
-    if _bytes_at(stream, start + length - len(END), len(END)) != END:
-        raise _BrokenFrameError("it does not end with 7777")
-    return length
-
-
-def _check_sections(stream: BinaryIO, place: int, end: int) -> None:
-    """Check the sections of edition 2: 4 bytes of length, 1 byte of number."""
-    packed = 0  # least size in bytes of the values of the next section 7
-    while place < end:
-        head = _bytes_at(stream, place, 5)
-        length, number = int.from_bytes(head[:4], "big"), head[4]
-        if length < 5 or not 1 <= number <= 7 or place + length > end:
-            raise _BrokenFrameError(f"no section begins at byte {place}")
-        if number in COUNT_PLACE:
-            count = int.from_bytes(_bytes_at(stream, place + COUNT_PLACE[number], 4), "big")
-            if count > MAX_NODES:
-                raise _BrokenFrameError(f"it claims {count:,} values; {MAX_NODES:,} are the limit")
-        if number == 5:
-            packed = _packed_bytes(_bytes_at(stream, place, length))
-        if number == 7 and length - 5 < packed:
-            raise _BrokenFrameError(f"its values take {packed:,} bytes, but there are {length - 5:,}")
-        place += length
-
-
-def _packed_bytes(section: bytes) -> int:
-    """Size in bytes of values with simple packing (template 5.0); 0 for other packings (not known)."""
-    if len(section) < 20:
-        raise _BrokenFrameError("section 5 is too short")
-    count, template, bits = int.from_bytes(section[5:9], "big"), section[9:11], section[19]
-    if bits > MAX_BITS:
-        raise _BrokenFrameError(f"{bits} bits a value; {MAX_BITS} are the limit")
-    return -(-count * bits // 8) if template == b"\0\0" else 0
-
-
-def _check_old_sections(stream: BinaryIO, place: int, end: int) -> None:
-    """Check the sections of edition 1: 3 bytes of length; flags in the first one say which others exist."""
-    first = _bytes_at(stream, place, 8)
-    sections = 2 + bool(first[7] & 128) + bool(first[7] & 64)
-    for _ in range(sections):
-        length = int.from_bytes(_bytes_at(stream, place, 3), "big")
-        if length < 3:
-            raise _BrokenFrameError(f"no section begins at byte {place}")
-        place += length
-    if place > end:
-        raise _BrokenFrameError("a section is longer than its message")
-
-
-def _bytes_at(stream: BinaryIO, place: int, count: int) -> bytes:
-    stream.seek(max(0, place))
-    found = stream.read(count)
-    if len(found) < count:
-        raise _BrokenFrameError("the file ends within it")
-    return found
 
 
 if __name__ == "__main__":

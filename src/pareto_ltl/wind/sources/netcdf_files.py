@@ -9,7 +9,6 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,94 +18,64 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
-from pareto_ltl.wind.readings import KNOT
-from pareto_ltl.wind.snapshots import GridWind, Snapshot, Snapshots, earth_relative
-from pareto_ltl.wind.sources.cf_grid import levels_of, member_dimension, nodes_of, text, times_of
+from pareto_ltl.wind.levels import PRESSURE, Level, level_list
+from pareto_ltl.wind.readings import iso
+from pareto_ltl.wind.snapshots import GridWind, Snapshots, earth_relative, same_values
+from pareto_ltl.wind.sources.cf_directions import with_projection
+from pareto_ltl.wind.sources.cf_grid import levels_of, member_dimension, nodes_of, text
+from pareto_ltl.wind.sources.clocks import clock_of, with_text_clocks
 from pareto_ltl.wind.sources.magic import HDF5, format_of, wind_file
+from pareto_ltl.wind.sources.quantities import (
+    COUNTERPARTS,
+    CURRENTS,
+    EARTH,
+    FROM,
+    SPEED,
+    SURFACE_PRESSURE,
+    TOWARDS,
+    UNSTATED,
+    WINDS,
+    Component,
+    Fields,
+    Quantity,
+    U,
+    V,
+    level_gap,
+    other_quantity,
+    wanted_level,
+    winds_of,
+)
+from pareto_ltl.wind.sources.speed_units import speed_factor
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """Names by which the components of winds or of currents are identified.
-
-    Attributes
-    ----------
-    name : str
-        Name of the quantity in messages.
-    length : str
-        Meaning of levels in metres: ``height`` or ``depth``.
-    standard : tuple
-        Standard names of both components, and whether they are along the axes of the grid and not towards
-        east and north.
-    described, named : str
-        Patterns of long names and of variable names; ``{0}`` is u or v, ``{1}`` a word for its direction.
-    nearest : bool
-        Whether a level near the wanted one may be used instead.
-    """
-
-    name: str
-    length: str
-    standard: tuple[tuple[str, str, bool], ...]
-    described: str
-    named: str
-    nearest: bool
-
-
-WINDS = Quantity(
-    "wind",
-    HEIGHT,
-    (
-        ("eastward_wind", "northward_wind", False),
-        ("x_wind", "y_wind", True),
-        ("grid_eastward_wind", "grid_northward_wind", True),
-    ),
-    r"(\d+ ?m(etre|eter)?s? )?({0}[- ]?(component of )?(the )?wind|({1}) wind).*",
-    r"{0}|{0}-?\d+m?|\d+m?{0}|{0}grd.*|{0}wnd.*|{0}-component_of_wind.*|{0}as",
-    nearest=False,
-)
-CURRENTS = Quantity(
-    "current",
-    DEPTH,
-    (
-        ("eastward_sea_water_velocity", "northward_sea_water_velocity", False),
-        ("surface_eastward_sea_water_velocity", "surface_northward_sea_water_velocity", False),
-        ("sea_water_x_velocity", "sea_water_y_velocity", True),
-    ),
-    r"({1}) .*(velocity|current).*",
-    r"water_{0}|{0}o|{0}cur.*|{0}_current|{0}|{0}_velocity",
-    nearest=True,
-)
-DIRECTIONS = {"u": "eastward|zonal", "v": "northward|meridional"}
-SPEEDS = {
-    **dict.fromkeys(("ms-1", "m/s", "m/sec", "meters/second", "meter/second", "metersecond-1", "mps"), 1.0),
-    **dict.fromkeys(("meterspersecond", "meters-1", "metres-1", "msec-1"), 1.0),
-    **dict.fromkeys(("knot", "knots", "kt", "kts", "kn"), KNOT),
-    **dict.fromkeys(("cms-1", "cm/s", "cm/sec", "centimeter/second"), 0.01),
-    **dict.fromkeys(("km/h", "kmh-1", "km/hr", "kmhr-1"), 1 / 3.6),
-}  # [m/s], by units without spaces, dots and signs of powers
+UNKNOWN_NAMES = ("", "unknown", "undefined", "none", "null", "-", "~")  # cfgrib writes the first of them
 FREE_VALUES = 2**24  # number of values that a variable may have in a file of any size
 MAX_VALUES_A_BYTE = 8  # further values per byte of the file; a compressed field of zeros has a thousand
 MEAN = 10  # added to the rank of means over time, so that values of an instant are preferred
-DEPTH_TOLERANCE = (1.0, 0.1)  # [m], and as a share of the depth
+POLAR_PARTS = ("speed", "direction")
+POLAR = 5  # added to the rank of speed and direction, so that u and v are preferred
+OTHER_WORDS = "gust|stress|variance|error|storm|average|mean of|deviation|std_?dev|spread|percentile|probab"
+EXPVER = "expver"  # dimension of ERA5 files with final and preliminary data
+DEGREES = dict.fromkeys(
+    ("degree", "degrees", "deg", "degree_true", "degrees_true", "degreet", "degt", "degree_(true)", "°"), 1.0
+) | dict.fromkeys(("radian", "radians", "rad"), 180.0 / np.pi)
 
 
 class _Kind(NamedTuple):
-    """How a variable matches: rank (0 is best), and whether it is along the axes of the grid."""
+    """How a variable matches: its component, rank (0 is best), and the axes that the component follows."""
 
-    component: str  # u or v
+    component: str
     rank: int
-    relative: bool
+    axes: str
 
 
-class _Pair(NamedTuple):
-    """Both components at one level: dimension of the levels, index of the level there, and the level."""
+class _Part(NamedTuple):
+    """One component at one level: dimension of the levels, index of the level there, and the level."""
 
-    u: xr.DataArray
-    v: xr.DataArray
+    array: xr.DataArray
     kind: _Kind
     dimension: str | None
     place: int
@@ -123,26 +92,66 @@ def netcdf_snapshots(
 ) -> Snapshots:
     """Every field at ``level`` in ``files``, with notes of quality control.
 
+    The components may be in two files: ``uwnd.2018.nc`` and ``vwnd.2018.nc``.
+
     Raises
     ------
     DataError
         If a file is damaged, lacks a component or the level, or has unknown units or an unknown calendar.
     """
-    wanted = parse_level(level)
-    if quantity.length == DEPTH:
-        if wanted.kind == PRESSURE:
-            raise DataError(f"wind.level={level} is a pressure; currents are at depths such as wind.level=0m")
-        wanted = Level(DEPTH, wanted.value)
+    wanted = wanted_level(quantity, level)
     notes: dict[str, None] = {}
 
     def found() -> Iterator[GridWind]:
+        apart: Fields = {}  # of files that have one component
         for path in files:
             with _open_dataset(path) as data:
-                pair = _pair_at(path, _components(path, data, quantity), quantity, wanted)
-                notes.update(dict.fromkeys(_pair_notes(pair, wanted)))
-                yield from _winds(path, pair, area)
+                parts = _parts_at(path, _components(path, data, quantity), quantity, wanted)
+                notes.update(dict.fromkeys(_part_notes(parts[0], wanted)))
+                if len(parts) == 1:
+                    _refuse_alone(files, path, parts[0])
+                for fields in _fields(path, parts, area, notes):
+                    if len(parts) == 2:
+                        yield from winds_of(fields, parts[0].level)
+                    else:
+                        _keep_apart(apart, fields)
+        yield from winds_of(apart, wanted)
 
-    return earth_relative(found(), files, wanted, max_speed, notes)
+    return earth_relative(_with_values(found(), notes), files, wanted, max_speed, notes)
+
+
+def _refuse_alone(files: tuple[Path, ...], path: Path, part: _Part) -> None:
+    """A DataError if the counterpart of ``part`` cannot be in another file."""
+    if len(files) == 1:
+        there, expected = (
+            part.array.name,
+            " and ".join((U, V) if part.kind.component in (U, V) else POLAR_PARTS),
+        )
+        raise DataError(
+            f"wind file {path} has {there} but no other component; expected {expected}: if the other "
+            f"one is in a file beside it, read both with wind.path={path.parent}"
+        )
+
+
+def _keep_apart(apart: Fields, fields: Fields) -> None:
+    for key, components in fields.items():
+        there = apart.setdefault(key, {})
+        for name, component in components.items():
+            if name in there and not same_values(there[name].values, component.values):
+                raise DataError(
+                    f"wind files {there[name].file.name} and {component.file.name} both hold {name} at "
+                    f"{iso(key[0])} with the same lead; keep one of them"
+                )
+            there.setdefault(name, component)
+
+
+def _with_values(found: Iterator[GridWind], notes: dict[str, None]) -> list[GridWind]:
+    """The fields that have values, all if none has; those of missing steps of a run are left out."""
+    winds = list(found)
+    kept = [wind for wind in winds if np.isfinite(wind.snap.winds).all(axis=1).any()] or winds
+    if len(kept) < len(winds):
+        notes[f"{len(winds) - len(kept)} of {len(winds)} fields have no values and are left out"] = None
+    return kept
 
 
 @contextmanager
@@ -162,7 +171,7 @@ def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
             raise DataError(f"wind file {path} is not NetCDF; expected NetCDF-4 or the classic format")
         options |= {"engine": "h5netcdf", "phony_dims": "access"} if head[:8] == HDF5 else {"engine": "scipy"}
         with xr.open_dataset(path, create_default_indexes=False, cache=False, **options) as data:
-            yield data
+            yield with_projection(with_text_clocks(data))
 
 
 # --- which variables -------------------------------------------------------------------------
@@ -171,31 +180,45 @@ def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
 def _kind(array: xr.DataArray, quantity: Quantity) -> _Kind | None:
     """The component that ``array`` is, by standard name, else by long name, else by name."""
     mean = MEAN * bool(re.search(r"time\s*:\s*mean", text(array, "cell_methods")))
-    if standard := text(array, "standard_name"):
-        for *names, relative in quantity.standard:
-            if standard in names:
-                return _Kind("uv"[names.index(standard)], mean, relative)
+    standard = text(array, "standard_name").strip()
+    if standard.lower() not in UNKNOWN_NAMES:
+        component, axes = quantity.standard.get(standard, (None, UNSTATED))
+        return None if component is None else _Kind(component, mean + POLAR * (component not in (U, V)), axes)
+    words = text(array, "long_name") or text(array, "description")
+    words = re.sub(r"[@(].*", "", words.lower().replace("_", " ")).strip()
+    name = str(array.name).lower()
+    if re.search(OTHER_WORDS, f"{words} {name}"):
         return None
-    words = re.sub(r"[@(].*", "", text(array, "long_name").lower().replace("_", " ")).strip()
-    if re.search(r"gust|stress|variance|error|storm|average|mean of", words):
-        return None
-    ways = ((words, quantity.described), (str(array.name).lower(), quantity.named))
-    for rank, (name, pattern) in enumerate(ways, 1):
-        for component, direction in DIRECTIONS.items():
-            if re.fullmatch(pattern.format(component, direction), name):
-                return _Kind(component, rank + mean, False)
+    for rank, (told, patterns) in enumerate(((words, quantity.described), (name, quantity.named)), 1):
+        for component, pattern in patterns.items():
+            if re.fullmatch(pattern, told):
+                stated = re.search("eastward|northward|zonal|meridional|earth[ -]rotated", f"{words} {name}")
+                polar = component not in (U, V)
+                return _Kind(component, rank + mean + POLAR * polar, EARTH if stated or polar else UNSTATED)
     return None
 
 
-def _other_quantity(data: xr.Dataset, quantity: Quantity) -> str:
+def quantities_in(path: Path) -> dict[str, bool]:
+    """Whether a NetCDF file has several members of each quantity in it, ``wind`` or ``current``."""
+    with _open_dataset(path) as data:
+        there = {}
+        for quantity in (WINDS, CURRENTS):
+            arrays = [array for array in data.values() if array.shape and _kind(array, quantity)]
+            if arrays:
+                crews = [array.sizes[crew] for array in arrays if (crew := member_dimension(array))]
+                there[quantity.name] = any(size > 1 for size in crews)
+        return there
+
+
+def _advice(data: xr.Dataset, quantity: Quantity) -> str:
     """Advice for a file of currents that is read as winds, or of winds that is read as currents."""
-    other, setting = (CURRENTS, "wind=currents") if quantity is WINDS else (WINDS, "wind=netcdf")
+    other = other_quantity(quantity)
     there = any(array.shape and _kind(array, other) for array in data.values())
-    return f"; it holds a {other.name}: set {setting}" if there else ""
+    return f"; it holds a {other.name}: set wind={other.source}" if there else ""
 
 
 def _components(path: Path, data: xr.Dataset, quantity: Quantity) -> list[tuple[_Kind, xr.DataArray]]:
-    """The u and v in the file, the best matches first; all other variables are their coordinates."""
+    """The components in the file, the best matches first; all other variables are their coordinates."""
     known = {
         name: kind
         for name, array in data.items()
@@ -203,10 +226,10 @@ def _components(path: Path, data: xr.Dataset, quantity: Quantity) -> list[tuple[
     }
     if not known:
         there = ", ".join(sorted(map(str, data.variables))[:12]) or "nothing"
+        names = list(quantity.standard)
         raise DataError(
             f"wind file {path} holds no {quantity.name}; expected variables with the standard names "
-            f"{' and '.join(quantity.standard[0][:2])}, found {shown_value(there, 200)}"
-            f"{_other_quantity(data, quantity)}"
+            f"{names[0]} and {names[1]}, found {shown_value(there, 200)}{_advice(data, quantity)}"
         )
     budget = FREE_VALUES + MAX_VALUES_A_BYTE * path.stat().st_size
     data = data.set_coords([name for name in data if name not in known])
@@ -221,95 +244,123 @@ def _components(path: Path, data: xr.Dataset, quantity: Quantity) -> list[tuple[
     return found
 
 
-def _pair_at(path: Path, found: list[tuple[_Kind, xr.DataArray]], quantity: Quantity, wanted: Level) -> _Pair:
-    """The components at the wanted level; if there is none, a DataError lists the levels of the file."""
-    if all(kind.component == "v" for kind, _ in found):
-        raise _unpaired(path, found[0][1])
-    pairs: list[tuple[float, _Pair]] = []
+def _parts_at(
+    path: Path, found: list[tuple[_Kind, xr.DataArray]], quantity: Quantity, wanted: Level
+) -> tuple[_Part, ...]:
+    """The components at the wanted level, two or, where the file has no counterpart, one.
+
+    DataError with the levels of the file if there is none at this level.
+    """
+    pairs: list[tuple[float, tuple[_Part, ...]]] = []
     levels: list[Level] = []
-    for kind, u in found:
-        if kind.component == "v":
-            continue
-        v = _partner(path, u, [other for same, other in found if same == kind._replace(component="v")])
-        dimension, heights = levels_of(u, quantity.length)
-        if not heights:
-            pairs.append((np.inf, _Pair(u, v, kind, None, 0, wanted, stated=False)))
+    for kind, array in found:
+        partner = _partner(path, kind, array, found)
+        dimension, heights = levels_of(array, quantity.length)
+        choices = [(np.inf, _Part(array, kind, None, 0, wanted, stated=False))] if not heights else []
         levels += heights
         for place, height in enumerate(heights):
-            if (gap := _level_gap(height, wanted, quantity.nearest)) is not None:
-                pairs.append((gap, _Pair(u, v, kind, dimension, place, height)))
+            if (gap := level_gap(height, wanted, quantity.nearest)) is not None:
+                choices.append((gap, _Part(array, kind, dimension, place, height)))
+        for gap, part in choices:
+            other = () if partner is None else (part._replace(kind=partner[0], array=partner[1]),)
+            pairs.append((gap, (part, *other)))
     if not pairs:
         raise DataError(
             f"wind file {path} holds no {quantity.name} {wanted.phrase}; it has {level_list(levels)}: "
             "set wind.level to one of them"
         )
-    return min(pairs, key=lambda entry: (entry[0], entry[1].kind.rank))[1]
+    order = (U, SPEED, V, FROM, TOWARDS)  # u and speed have levels of both components
+    return min(
+        pairs,
+        key=lambda entry: (
+            -len(entry[1]), entry[0], entry[1][0].kind.rank, order.index(entry[1][0].kind.component)
+        ),
+    )[1]  # fmt: skip
 
 
-def _pair_notes(pair: _Pair, wanted: Level) -> Iterator[str]:
-    """Remarks on the choice of a pair for the ``wanted`` level."""
-    if not pair.stated:
-        yield f"{pair.u.name} states no level and is taken to be {wanted.phrase}"
-    elif pair.level.text != wanted.text:
-        yield f"the level {pair.level.text} is used for {wanted.text}"
-    if pair.kind.rank >= MEAN:
-        yield f"{pair.u.name} holds means over time and not values of an instant (cell_methods)"
+def _part_notes(part: _Part, wanted: Level) -> Iterator[str]:
+    """Remarks on the choice of a variable for the ``wanted`` level."""
+    if not part.stated:
+        yield f"{part.array.name} states no level and is taken to be {wanted.phrase}"
+    elif part.level.text != wanted.text:
+        yield f"the level {part.level.text} is used for {wanted.text}"
+    if part.kind.rank >= MEAN:
+        yield f"{part.array.name} holds means over time and not values of an instant (cell_methods)"
 
 
-def _level_gap(found: Level, wanted: Level, nearest: bool) -> float | None:
-    """Difference of two levels [m] or [Pa]; None if one cannot be used instead of the other."""
-    if found.kind != wanted.kind:
-        return None
-    gap = abs(found.value - wanted.value)
-    limit = max(DEPTH_TOLERANCE[0], DEPTH_TOLERANCE[1] * wanted.value) if nearest else 1e-3 * wanted.value
-    return gap if gap <= limit else None
+def _partner(
+    path: Path, kind: _Kind, array: xr.DataArray, found: list[tuple[_Kind, xr.DataArray]]
+) -> tuple[_Kind, xr.DataArray] | None:
+    """The counterpart on the grid of ``array`` whose name differs least; None if there is none."""
+    wanted = COUNTERPARTS[kind.component]
+    means = kind.rank >= MEAN
+    others = [pair for pair in found if pair[0].component in wanted and (pair[0].rank >= MEAN) == means]
+    fitting = [pair for pair in others if pair[1].dims == array.dims and pair[1].shape == array.shape]
+    if others and not fitting:
+        raise DataError(
+            f"wind file {path} has {array.name} but no other component; its counterpart is on another grid; "
+            "expected u and v on one grid"
+        )
 
+    def unlike(pair: tuple[_Kind, xr.DataArray]) -> tuple[bool, int, int]:
+        letters = zip(str(array.name), str(pair[1].name), strict=False)
+        rank = abs(pair[0].rank - kind.rank)
+        return pair[0].axes != kind.axes, rank, sum(a != b for a, b in letters)
 
-def _partner(path: Path, u: xr.DataArray, others: list[xr.DataArray]) -> xr.DataArray:
-    """The one of ``others`` on the grid of ``u`` whose name differs least; DataError if there is none."""
-    fitting = [other for other in others if other.dims == u.dims and other.shape == u.shape]
-    if not fitting:
-        raise _unpaired(path, u, "; its counterpart is on another grid" if others else "")
-    return min(fitting, key=lambda v: sum(a != b for a, b in zip(str(u.name), str(v.name), strict=False)))
-
-
-def _unpaired(path: Path, array: xr.DataArray, reason: str = "") -> DataError:
-    return DataError(f"wind file {path} has {array.name} but no other component{reason}; expected u and v")
+    return min(fitting, key=unlike, default=None)
 
 
 # --- values ----------------------------------------------------------------------------------
 
 
-def _winds(path: Path, pair: _Pair, area: GeoBox | None) -> Iterator[GridWind]:
-    u = pair.u
-    clock, times, leads = times_of(path, u)
-    crew = member_dimension(u)
-    spatial, nodes = nodes_of(path, u, pair.kind.relative, area)
-    factors = [_speed_factor(path, array) for array in (u, pair.v)]
-    for name, size in u.sizes.items():
-        if name not in (*spatial, clock, crew, pair.dimension) and size != 1:
+def _fields(
+    path: Path, parts: tuple[_Part, ...], area: GeoBox | None, notes: dict[str, None]
+) -> Iterator[Fields]:
+    """The components of every time and member, one time and member each."""
+    first = parts[0].array
+    clock = clock_of(path, first)
+    notes.update(dict.fromkeys(clock.notes))
+    crew = member_dimension(first)
+    spatial, nodes = nodes_of(path, first, parts[0].kind.axes, area)
+    factors = [_factor(path, part) for part in parts]
+    for name, size in first.sizes.items():
+        if name not in (*spatial, *clock.dims, crew, parts[0].dimension, EXPVER) and size != 1:
             raise DataError(
-                f"wind file {path}: {u.name} has {size} values along {name}, which is not a time, level, "
+                f"wind file {path}: {first.name} has {size} values along {name}, which is not a time, level, "
                 "member or place; pick one and write the file again"
             )
-    pressure = _surface_pressure(pair, {*spatial, clock})
-    rows = np.unravel_index(nodes.kept, [u.sizes[name] for name in spatial])
+    pressure = _surface_pressure(parts[0], {*spatial, *clock.dims})
+    rows = np.unravel_index(nodes.kept, [first.sizes[name] for name in spatial])
     box = {name: slice(int(r.min()), int(r.max()) + 1) for name, r in zip(spatial, rows, strict=True)}
     kept = np.ravel_multi_index([r - r.min() for r in rows], [int(np.ptp(r)) + 1 for r in rows])
-    for k, (time, lead) in enumerate(zip(times, leads, strict=True)):
-        ground = None if pressure is None else _values(pressure, box, {clock: k})[kept]
-        for member in range(u.sizes[crew] if crew else 1):
-            at = {clock: k, crew: member, pair.dimension: pair.place}
-            winds = [_values(array, box, at)[kept] * f for array, f in zip((u, pair.v), factors, strict=True)]
-            name, both = f"{member:02d}" if crew else "", np.stack(winds, axis=1)
-            snap = Snapshot(float(time), float(lead), nodes.lonlat, both, pair.level.text, (path,), name)
-            yield GridWind(snap, nodes.twist, ground)
+    for place in np.ndindex(clock.times.shape):
+        moment: dict[str | None, int] = dict(zip(clock.dims, place, strict=True))
+        ground = None if pressure is None else _values(pressure, box, moment)[kept]
+        lead = float(clock.leads[place])
+        for member in range(first.sizes[crew] if crew else 1):
+            at = moment | {crew: member, parts[0].dimension: parts[0].place}
+            found = {
+                part.kind.component: Component(_values(part.array, box, at)[kept] * factor, nodes, path)
+                for part, factor in zip(parts, factors, strict=True)
+            }
+            if ground is not None:
+                found[SURFACE_PRESSURE] = Component(ground, nodes, path)
+            name = f"{member:02d}" if crew else ""
+            yield {(float(clock.times[place]), None if np.isnan(lead) else lead, name): found}
 
 
 def _values(array: xr.DataArray, box: dict[str, slice], at: dict[str | None, int]) -> FloatArray:
-    """The values in ``box`` at the indices ``at``, flattened; NaN for missing values and those not valid."""
+    """The values in ``box`` at the indices ``at``, flattened; NaN for missing values and those not valid.
+
+    Along ``expver`` of ERA5 the first one that has a value counts: final data before preliminary ones.
+    """
     part = array.isel(box | {name: k for name, k in at.items() if name}, missing_dims="ignore")
-    found: FloatArray = part.values.astype(float).reshape(-1)
+    if EXPVER in part.dims:
+        part = part.transpose(EXPVER, ...)
+    versions = part.values.astype(float).reshape(part.sizes.get(EXPVER, 1), -1)
+    found: FloatArray = versions[0]
+    for later in versions[1:]:
+        found = np.where(np.isfinite(found), found, later)
     limits = (array.attrs.get("valid_min", -np.inf), array.attrs.get("valid_max", np.inf))
     low, high = np.sort(np.ravel(array.attrs.get("valid_range", limits)).astype(float))  # of packed values
     if np.isfinite([low, high]).any():
@@ -320,22 +371,27 @@ def _values(array: xr.DataArray, box: dict[str, slice], at: dict[str | None, int
     return found
 
 
-def _speed_factor(path: Path, array: xr.DataArray) -> float:
-    units = text(array, "units")
-    factor = SPEEDS.get(re.sub(r"[\s.*^]+", "", units.lower()))
+def _factor(path: Path, part: _Part) -> float:
+    """Metres per second, or degrees, in one unit of a component."""
+    units = text(part.array, "units").strip()
+    angle = part.kind.component in (FROM, TOWARDS)
+    factor = DEGREES.get(units.lower().replace(" ", "_")) if angle else speed_factor(units)
     if factor is None:
-        given = f"is in {shown_value(units)}" if units.strip() else "has no units"
-        raise DataError(f"wind file {path}: {array.name} {given}; expected m s-1, cm s-1, km h-1 or knots")
+        given = f"is in {shown_value(units)}" if units else "has no units"
+        expected = "degrees" if angle else "m s-1, cm s-1, km h-1 or knots"
+        raise DataError(
+            f"wind file {path}: {part.array.name} {given}; expected {expected} in its attribute units"
+        )
     return factor
 
 
-def _surface_pressure(pair: _Pair, dimensions: set[str | None]) -> xr.DataArray | None:
+def _surface_pressure(part: _Part, dimensions: set[str | None]) -> xr.DataArray | None:
     """Surface pressure [Pa] on the same grid and times, for a pressure level; None if there is none."""
-    if pair.level.kind != PRESSURE:
+    if part.level.kind != PRESSURE:
         return None
-    dims = tuple(name for name in pair.u.dims if name in dimensions)
-    for name in pair.u.cf.standard_names.get("surface_air_pressure", ()):
-        array: xr.DataArray = pair.u.coords[name]
+    dims = tuple(name for name in part.array.dims if name in dimensions)
+    for name in part.array.cf.standard_names.get("surface_air_pressure", ()):
+        array: xr.DataArray = part.array.coords[name]
         if array.dims == dims and text(array, "units").lower() in ("pa", "pascal"):
             return array
     return None
