@@ -13,6 +13,7 @@
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.steer(result, (0, 0), (9e4, 2e4))  # a path between two points, by the convex programme
     pareto_ltl.load_results("outputs/phi1/...")  # a run of the command line
+    pareto_ltl.read_wind("forecast.grib2")  # the readings of a file, whose kind follows from its content
     pareto_ltl.verify("outputs/phi1/...")  # every claim of its files derived again, without the planner
 
 The command line is ``pareto-ltl plan +experiment=phi1``, or ``python -m pareto_ltl +experiment=phi1``. The
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     )
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField
+    from pareto_ltl.wind.sources import read_wind
     from pareto_ltl.world.scene import Scene
     from pareto_ltl_verify.judge import verify
 
@@ -74,6 +76,7 @@ __all__ = [
     "load_results",
     "page",
     "plan",
+    "read_wind",
     "replan",
     "show",
     "simulate",
@@ -97,6 +100,7 @@ _EXPORTS = {
     ),
     "pareto_ltl.wind.readings": ("Readings",),
     "pareto_ltl.wind.records": ("WindField",),
+    "pareto_ltl.wind.sources": ("read_wind",),
     "pareto_ltl.world.scene": ("Scene",),
     "pareto_ltl_verify.judge": ("verify",),
 }  # fmt: skip

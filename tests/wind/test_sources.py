@@ -22,7 +22,7 @@ from pareto_ltl.wind.ingest import write_wind_table
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.wind.snapshots import latest_readings
-from pareto_ltl.wind.sources import csv_files
+from pareto_ltl.wind.sources import tables
 from pareto_ltl.wind.sources.grib_files import grib_snapshots, grib_snapshots_apart
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
@@ -155,11 +155,11 @@ def test_a_speed_column_may_name_metres_a_second_and_each_has_its_own_unit(tmp_p
     [
         (
             "u_furlongs,v",
-            "column 'u_furlongs' has the unit 'furlongs'; expected u in m/s, or one of the units",
+            "column 'u_furlongs' has the unit 'furlongs'; expected u in m/s, or one of the units m/s",
         ),
-        ("u [ft/s],v", "has the unit 'ft/s'"),
+        ("u [ft/y],v", "has the unit 'ft/y'"),
         ("u,v,u_kt", "column u occurs as u and as u_kt; keep one"),
-        ("speed,direction", "missing column u, v"),
+        ("speed,weather", "missing column u, v"),
     ],
 )
 def test_a_unit_that_is_not_known_is_refused_with_those_that_are(tmp_path, header, words):
@@ -195,7 +195,7 @@ def test_a_packed_table_that_is_damaged_is_refused(tmp_path, spoil, words):
 
 
 def test_a_packed_table_that_fills_the_memory_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(csv_files, "MOST_UNPACKED", 1000)
+    monkeypatch.setattr(tables, "MOST_UNPACKED", 1000)
     (tmp_path / "w.csv.gz").write_bytes(gzip.compress(b"time,lat,lon,u,v\n" * 100))
     with pytest.raises(DataError, match="unpacks to more than"):
         read(WindConfig(source="csv", path=str(tmp_path / "w.csv.gz")))
@@ -910,8 +910,8 @@ def test_a_header_with_a_column_many_times_is_refused_in_a_short_line(tmp_path):
 @pytest.mark.parametrize(("limit", "value"), [("MOST_ROWS", 2), ("MOST_UNPACKED", 60)])
 @pytest.mark.parametrize("name", ["w.csv", "w.csv.gz"])
 def test_a_table_beyond_the_limits_is_refused_before_it_is_parsed(tmp_path, monkeypatch, name, limit, value):
-    monkeypatch.setattr(csv_files, limit, value)
-    monkeypatch.setattr(csv_files.csv, "reader", None)
+    monkeypatch.setattr(tables, limit, value)
+    monkeypatch.setattr(tables.csv, "reader", None)
     content = b"time,lat,lon,u,v\n" + b"2018-10-09,30,-90,1,1\n" * 3
     (tmp_path / name).write_bytes(gzip.compress(content) if name.endswith("gz") else content)
     with pytest.raises(DataError, match=r"more than .*; keep the rows near the map and the hours"):

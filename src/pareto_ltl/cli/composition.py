@@ -36,6 +36,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pareto_ltl import __version__
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.setting_keys import refuse_unknown_key, settings_from
+from pareto_ltl.cli.wind_words import unread_wind_source, wind_file_words
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.run.provenance import one_line
@@ -180,15 +181,25 @@ def config_name(arguments: argparse.Namespace) -> str:
 
 def composed_config(hydra: ComposedHydra, arguments: argparse.Namespace, mode: RunMode) -> DictConfig:
     """Compose the configuration of the command line; raises ConfigError for unknown keys before that."""
+    arguments.overrides = wind_file_words(arguments.overrides)
     for override in parsed_overrides(hydra.config_loader, arguments.overrides):
         refuse_unknown_key(override, hydra.config_loader)
-    return hydra.compose_config(
-        config_name=config_name(arguments),
-        overrides=list(arguments.overrides),
-        run_mode=mode,
-        with_log_configuration=True,
-        from_shell=False,
-    )
+
+    def compose() -> DictConfig:
+        return hydra.compose_config(
+            config_name=config_name(arguments),
+            overrides=list(arguments.overrides),
+            run_mode=mode,
+            with_log_configuration=True,
+            from_shell=False,
+        )
+
+    config = compose()
+    if (source := unread_wind_source(config, arguments.overrides)) is not None:
+        arguments.overrides.append(f"wind={source}")
+        hydra.composed = None
+        config = compose()
+    return config
 
 
 # --- a run or a sweep, checked ---------------------------------------------------------------

@@ -98,7 +98,7 @@ def _check_out(out: Path, read: Path) -> None:
 
 
 def _files_in(folder: Path) -> tuple[Path, ...]:
-    from pareto_ltl.wind.sources import is_data_file
+    from pareto_ltl.wind.sources.content import is_data_file
 
     if not folder.is_dir():
         raise ConfigError(f"{folder}: there is no such folder; name one with GRIB files of past forecasts")

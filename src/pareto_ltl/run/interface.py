@@ -108,7 +108,7 @@ def _given_wind(sections: Mapping[str, Any]) -> tuple[Records, dict[str, Any]]:
     """The records that section ``wind`` gives, and all sections with the settings that describe them."""
     from pareto_ltl.wind.readings import CALM, Readings, check_all_readings
     from pareto_ltl.wind.records import WindField
-    from pareto_ltl.wind.sources import source_of_file
+    from pareto_ltl.wind.sources.content import source_of_path
 
     section = sections.get("wind")
     others = dict(section) if isinstance(section, Mapping) else {}
@@ -118,11 +118,20 @@ def _given_wind(sections: Mapping[str, Any]) -> tuple[Records, dict[str, Any]]:
     elif isinstance(wind, Readings):
         check_all_readings(wind, float(others.get("max_speed", WindConfig().max_speed)))
         given, found = Records({READINGS: wind}), _given_level(wind, others)
-    elif isinstance(wind, str | Path) and Path(wind).expanduser().is_file():
-        given, found = Records(), {"source": source_of_file(Path(wind).expanduser()), "path": str(wind)}
+    elif isinstance(wind, str | Path) and _is_place(wind):
+        given, found = Records(), {"source": source_of_path(wind), "path": str(wind)}
+    elif wind is None and others.get("path") is not None:
+        given, found = Records(), {"source": source_of_path(others["path"])}
     else:
         return Records(), dict(sections)
     return given, {**sections, "wind": others | found}
+
+
+def _is_place(wind: str | Path) -> bool:
+    """Whether ``wind`` is a file, a folder or a pattern of files, and not the name of a choice."""
+    if str(wind) in choices("wind"):
+        return False
+    return Path(wind).expanduser().exists() or any(letter in str(wind) for letter in "*?[")
 
 
 def _given_level(wind: Readings | WindField, others: Mapping[str, Any]) -> dict[str, Any]:

@@ -35,7 +35,8 @@ from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import Readings, check_all_readings
 from pareto_ltl.wind.records import WindField
-from pareto_ltl.wind.sources import read_readings, source_of_file
+from pareto_ltl.wind.sources import read_readings
+from pareto_ltl.wind.sources.content import source_of_path
 from pareto_ltl.world.projection import utc_times
 from pareto_ltl.world.scene import Scene
 
@@ -246,12 +247,7 @@ def newer_settings(cfg: WindConfig, wind: NewWind) -> WindConfig:
         raise ConfigError(f"wind {wind}: no such file; give a newer forecast (GRIB2, NetCDF or CSV)")
     kind = WIND_SOURCES.get(cfg.source)
     keeps = kind is not None and kind.reads_path
-    source = cfg.source if keeps or not path.is_file() else source_of_file(path)
-    if not keeps and not path.is_file():
-        raise DataError(
-            f"wind {wind}: the plan's wind.source={cfg.source} reads no files, so that the format of a "
-            "folder is not known; name one file, or give wind={'source': ..., 'path': ...} from Python"
-        )
+    source = cfg.source if keeps else source_of_path(path)
     return _restated(cfg, replace(cfg, source=source, path=str(path)), stated=False)
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from pareto_ltl.settings.checks import CheckedSettings, check_time, setting
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import WIND_SOURCE_GROUP
-from pareto_ltl.support.messages import wrong_value
+from pareto_ltl.support.messages import shown_text, wrong_value
 
 SELECTED, STATED = "selected", "stated"
 
@@ -132,6 +132,11 @@ class WindConfig(CheckedSettings, section="wind"):
         kind = WIND_SOURCES.get(self.source)
         if kind is not None and kind.reads_path and not self.path:
             raise ConfigError(f"wind.path is missing: wind.source={self.source} needs a file to read")
+        if kind is not None and not kind.reads_path and self.path:
+            raise ConfigError(
+                f"wind.path={shown_text(self.path)} is not read by wind.source={self.source}: leave out "
+                f"wind={self.source}, and the source follows from the file, or leave out wind.path"
+            )
         if self.cycle != "newest":
             check_time("wind.cycle", self.cycle)
         if self.base_url is not None and not self.base_url.startswith(("https://", "http://")):

@@ -19,9 +19,9 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import checkout
 from pareto_ltl.wind import field as lattices
-from pareto_ltl.wind import sources
 from pareto_ltl.wind.readings import Readings, iso, seconds, wrap_longitude
 from pareto_ltl.wind.records import WindField
+from pareto_ltl.wind.sources.content import is_data_file
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
@@ -70,7 +70,7 @@ def full_fields(cfg: ForecastTestConfig) -> tuple[Path, ...]:
             if cfg.truth is None
             else f"{cfg.section}.truth={cfg.truth}: there is no such folder; name one with GRIB2 files"
         )
-    files = tuple(sorted(f for f in folder.iterdir() if f.is_file() and sources.is_data_file(f)))
+    files = tuple(sorted(f for f in folder.iterdir() if f.is_file() and is_data_file(f)))
     if not files:
         raise DataError(f"{cfg.section}.truth={cfg.truth or folder}: the folder holds no GRIB2 file")
     return files

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.settings.wind import WIND_SOURCES
+from pareto_ltl.settings.building import section_of
+from pareto_ltl.settings.wind import WIND_SOURCES, usual_level
 from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import known_kind
@@ -20,6 +21,7 @@ from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.levels import DEPTH, HEIGHT, PRESSURE, Level, table_level
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
+from pareto_ltl.wind.sources.content import is_data_file, source_of_path
 from pareto_ltl.wind.sources.csv_files import read_csv_files
 from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 from pareto_ltl.wind.sources.magic import first_bytes, format_of
@@ -59,11 +61,6 @@ def data_files(cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
     return tuple(sorted(found))
 
 
-def is_data_file(file: Path) -> bool:
-    """Whether ``file`` may contain readings: False for hidden files, indices, texts and JSON."""
-    return not file.name.startswith(".") and file.suffix.lower() not in (".idx", ".md", ".txt", ".json")
-
-
 Reader = Callable[[WindConfig, Wanted], Readings]
 Files = Callable[[WindConfig, Wanted], tuple[Path, ...]]
 
@@ -94,7 +91,8 @@ class WindSource:
 def _read_csv(cfg: WindConfig, _wanted: Wanted) -> Readings:
     """Readings of CSV tables at ``wind.level``, which they do not state; at a depth, they are currents."""
     level = table_level(cfg.level, (HEIGHT, PRESSURE, DEPTH), "a table of winds or currents")
-    return at_stated_level(read_csv_files(data_files(cfg), cfg.max_speed), level)
+    current = level.kind == DEPTH
+    return at_stated_level(read_csv_files(data_files(cfg), cfg.max_speed, current), level)
 
 
 def _read_stations(cfg: WindConfig, wanted: Wanted) -> Readings:
@@ -187,11 +185,6 @@ SOURCES = {
 }
 
 
-def source_of_file(path: Path) -> str:
-    """The value of ``wind.source`` that reads the file ``path``: ``grib``, ``netcdf`` or ``csv``."""
-    return {"GRIB": "grib", "NetCDF": "netcdf"}.get(str(format_of(first_bytes(path))), "csv")
-
-
 def wind_source(cfg: WindConfig) -> WindSource:
     """The source ``wind.source``: one of ``SOURCES``, or one of another package; KeyError if unknown."""
     group = extensions.WIND_SOURCE_GROUP
@@ -201,3 +194,29 @@ def wind_source(cfg: WindConfig) -> WindSource:
 def read_readings(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> Readings:
     """The readings of the source, of large files only those that are ``wanted``; calm wind has no times."""
     return wind_source(cfg).read(cfg, wanted)
+
+
+def read_wind(path: str | Path, source: str | None = None, level: str | None = None) -> Readings:
+    """The winds, or currents, of a file, a folder or a pattern, everywhere and at all times.
+
+    Parameters
+    ----------
+    path : str or Path
+        GRIB, NetCDF, a table (CSV), or reports of stations (CSV, JSON).
+    source : str, optional
+        The value of ``wind.source``; without it, it follows from the content.
+    level : str, optional
+        The value of ``wind.level``; without it, 10 m above ground, for currents 0 m.
+
+    Raises
+    ------
+    DataError
+        If there is no such file, or it cannot be read; the message says what to do.
+    ConfigError
+        If ``source`` or ``level`` is not known.
+    """
+    chosen = source or source_of_path(path)
+    stated = usual_level(chosen, None) if level in (None, "auto") else level
+    cfg = section_of("wind", {"source": chosen, "path": str(path), "level": stated})
+    assert isinstance(cfg, WindConfig)
+    return read_readings(cfg)

@@ -7,15 +7,11 @@ observation. A table may be compressed: ``winds.csv.gz``.
 
 from __future__ import annotations
 
-import csv
-import gzip
-import io
+import logging
 import re
-import zlib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
-from typing import IO
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,26 +19,46 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.messages import shown_text, shown_value
-from pareto_ltl.wind.readings import HOUR, KNOT, Readings, check_readings, iso, seconds, wrap_longitude
+from pareto_ltl.wind.readings import HOUR, KNOT, Readings, check_readings, iso, wrap_longitude
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
-from pareto_ltl.wind.sources.magic import format_of, refuse_other_format
+from pareto_ltl.wind.sources.quantities import FROM, SPEED, TOWARDS, polar_winds
+from pareto_ltl.wind.sources.speed_units import EXPECTED, speed_factor
+from pareto_ltl.wind.sources.tables import Table, read_table, seconds_of
 
+LOG = logging.getLogger(__name__)
+UNCLEAR = "direction"  # of a wind, that from which it blows; of a current it may be either
+OTHER_UNITS = ("utc", "z", "gmt", "deg", "degrees", "degree", "degrees_north", "degrees_east", "degrees_true")
 GEOGRAPHIC_COLUMNS = ("time", "lat", "lon", "u", "v")
-MOST_UNPACKED = 2**28  # [bytes] of a table; of a compressed one, when unpacked
-MOST_ROWS = 1_000_000  # of a table; a row takes 1 kB of memory while it is read
-SMALLER_TABLE = "keep the rows near the map and the hours of the flight"
-SPEED_UNITS = {  # [m/s], by the unit in the title of a column; m/s without a unit
-    "": 1.0, "m/s": 1.0, "m s-1": 1.0, "ms": 1.0, "mps": 1.0,
-    "kt": KNOT, "kts": KNOT, "kn": KNOT, "knot": KNOT, "knots": KNOT,
-    "km/h": 1.0 / 3.6, "kmh": 1.0 / 3.6, "mph": 0.44704,
-}  # fmt: skip
+TITLES = {  # of columns, without their units
+    "time": ("valid_time", "time", "datetime", "date_time", "timestamp", "valid", "utc", "date"),
+    "lat": ("lat", "latitude"),
+    "lon": ("lon", "longitude", "long", "lng"),
+    "x": ("x",),
+    "y": ("y",),
+    "u": ("u", "u_wind", "wind_u", "uwnd", "ugrd", "eastward_wind", "u_component_of_wind", "u_current"),
+    "v": ("v", "v_wind", "wind_v", "vwnd", "vgrd", "northward_wind", "v_component_of_wind", "v_current"),
+    SPEED: ("wind_speed", "windspeed", "speed", "wspd", "ws", "sknt", "current_speed", "drift"),
+    FROM: (
+        "wind_direction",
+        "wind_dir",
+        "winddirection",
+        "wdir",
+        "wd",
+        "drct",
+        "wind_from_direction",
+        "from",
+    ),
+    TOWARDS: ("wind_to_direction", "direction_to", "direction_towards", "current_direction_to", "set"),
+    UNCLEAR: ("direction", "dir", "current_direction"),
+}
+LEAD_COLUMN = "lead_hours"
+PLACES = (("time", "lat", "lon"), ("time", "x", "y"))
 COLUMN_NAME = re.compile(r"[A-Za-z][\w .°/^*()\[\]-]{0,40}")
 PLANAR_COLUMNS = ("time", "x", "y", "u", "v")
-LEAD_COLUMN = "lead_hours"
 LONGEST_LEAD = 10_000.0  # [h]
 
 
-def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
+def read_csv_files(files: tuple[Path, ...], max_speed: float, current: bool = False) -> Readings:
     """The readings of all tables in ``files``; rows may be in any order.
 
     Raises
@@ -51,7 +67,7 @@ def read_csv_files(files: tuple[Path, ...], max_speed: float) -> Readings:
         If a file or row is not valid, some tables are in degrees and others in a plane, or two rows have the
         same time and place.
     """
-    tables, planes, owners = zip(*(read_csv_file(file, max_speed) for file in files), strict=True)
+    tables, planes, owners = zip(*(read_csv_file(file, max_speed, current) for file in files), strict=True)
     if len(set(planes)) > 1:
         raise DataError(f"{files[0].parent}: some tables have lat,lon and some x,y; expected one kind")
     table = np.concatenate(tables)
@@ -91,113 +107,194 @@ def write_csv_table(
     write_text(path, "\n".join(lines) + "\n")
 
 
-def read_csv_file(file: Path, max_speed: float) -> tuple[FloatArray, bool, list[str]]:
+def read_csv_file(file: Path, max_speed: float, current: bool = False) -> tuple[FloatArray, bool, list[str]]:
     """The checked rows of ``file``, whether they are in a plane, and the description of each row.
 
     A row has its time [s since 1970] and lead [s], its place (longitude, latitude or x, y), and u and v
-    [m/s].
+    [m/s]. ``current``: a column ``direction`` is not taken as that from which a wind blows.
     """
-    with open_table(file, ",".join(GEOGRAPHIC_COLUMNS)) as stream:
-        reader = csv.reader(stream)
-        header = [name.strip().lower() for name in next(reader, [])]
-        columns, speeds = _find_columns(file, header)
-        cells = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
-    if not cells:
-        raise DataError(f"wind file {file} has a header but no rows; expected {','.join(GEOGRAPHIC_COLUMNS)}")
-    table = np.array([_parse_row(f"wind file {file}, row {number}", row, columns) for number, row in cells])
-    planar = columns[1][0] == "x"
-    points, winds = (table[:, 1:3] if planar else table[:, [2, 1]]), table[:, 3:5] * speeds
-    numbers = [number for number, _ in cells]
+    columns_text = ",".join(GEOGRAPHIC_COLUMNS)
+    table = read_table(file, columns_text, lambda titles: not _missing(_roles(titles)))
+    layout = _layout(file, table, current)
+    rows = table.rows[layout.skipped :]
+    if not rows:
+        raise DataError(f"wind file {file} has a header but no rows; expected {columns_text}")
+    zones: list[bool] = []
+    cells = np.array([_parse_row(f"wind file {file}, row {n}", row, table, layout, zones) for n, row in rows])
+    if not all(zones) and not layout.zoned:
+        LOG.warning(
+            "%s: %d of %d times state no zone and are taken as UTC; write 2018-10-09T18:00:00Z, or the "
+            "offset of the zone: 2018-10-09T13:00:00-05:00", file.name, zones.count(False), len(zones),
+        )  # fmt: skip
+    planar = layout.columns[1][0] == "x"
+    points = cells[:, 1:3] if planar else cells[:, [2, 1]]
+    winds = cells[:, 3:5] * layout.factors
+    if layout.direction:
+        winds = polar_winds(winds[:, 0], winds[:, 1], layout.direction)
+    numbers = [number for number, _ in rows]
     check_readings(points, winds, not planar, max_speed, f"wind file {file}", numbers)
     if not planar:
         points[:, 0] = wrap_longitude(points[:, 0])
-    leads = table[:, 5] * HOUR if len(columns) > 5 else np.full(len(table), np.nan)
-    rows = np.column_stack([table[:, 0], leads, points, winds])
-    return rows, planar, [f"{file.name}, row {number}" for number in numbers]
+    leads = cells[:, 5] * HOUR if cells.shape[1] > 5 else np.full(len(cells), np.nan)
+    found = np.column_stack([cells[:, 0], leads, points, winds])
+    return found, planar, [f"{file.name}, row {number}" for number in numbers]
 
 
-@contextmanager
-def open_table(file: Path, expected: str) -> Iterator[IO[str]]:
-    """In the block, the text of ``file``, which may be gzip-compressed; read errors become a DataError."""
-    try:
-        with _open_text(file) as stream:
-            yield stream
-    except OSError as error:
-        raise DataError(f"wind file {file} cannot be read: {error.strerror or error}") from None
-    except (EOFError, zlib.error) as error:
-        raise DataError(f"wind file {file} is damaged or cut off ({error}); fetch it again") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DataError(f"wind file {file} is not CSV text ({error}); expected {expected}") from None
+class _Layout(NamedTuple):
+    """Roles and positions of the columns: time, place, two of the wind, and perhaps the lead.
+
+    ``factors`` (2,) turn those of the wind into m/s and degrees; ``direction`` is the meaning of the second
+    one, empty for u and v; ``clock`` is the position of the time of day, if dates and times are apart.
+    """
+
+    columns: list[tuple[str, int]]
+    factors: FloatArray
+    direction: str
+    zoned: bool
+    clock: int | None
+    skipped: int  # rows of units
 
 
-def _open_text(file: Path) -> IO[str]:
-    with file.open("rb") as raw:
-        head = raw.read(64)
-    packed = file.suffix.lower() == ".gz"
-    if format_of(head) != "packed with gzip" or not packed:
-        refuse_other_format(f"wind file {file}", head, "a CSV table")
-    with gzip.open(file) if packed else file.open("rb") as content:
-        data = content.read(MOST_UNPACKED + 1)
-    size = f"{MOST_UNPACKED / 2**20:g} MiB"
-    if packed and len(data) > MOST_UNPACKED:
-        raise DataError(f"wind file {file} unpacks to more than {size}; {SMALLER_TABLE}")
-    if len(data) > MOST_UNPACKED or data.count(b"\n") > MOST_ROWS:
-        raise DataError(f"wind file {file} has more than {MOST_ROWS:,} rows or {size}; {SMALLER_TABLE}")
-    return io.StringIO(data.decode("utf-8-sig"), newline="")
+def _split_title(title: str) -> tuple[str, str] | None:
+    """Role and unit of a column: (u, "kt") for ``u_kt`` and ``u [kt]``; None for other titles."""
+    found = re.fullmatch(r"(.*?)[ _]*[\[(]([^\])]*)[\])]", title)
+    name, unit = (found[1], found[2]) if found else (title, "")
+    name = re.sub(r"_?\d+ ?m(?=_|$)|(?<=[uv])\d+$", "", re.sub(r"[ -]+", "_", name.strip()))
+    for role, names in TITLES.items():
+        for known in sorted(names, key=len, reverse=True):
+            if name == known:
+                return role, unit.strip()
+            end = name[len(known) + 1 :]
+            ended = not found and name.startswith(f"{known}_") and re.fullmatch(r"[a-z/_]+", end)
+            if ended and (role in ("u", "v", SPEED) or end in OTHER_UNITS):
+                return role, end
+    return None
 
 
-def _find_columns(file: Path, header: list[str]) -> tuple[list[tuple[str, int]], FloatArray]:
-    """Names and positions of the columns, ``lead_hours`` last, and the factors (2,) of u and v to m/s."""
-    if not header:
+def _roles(titles: list[str]) -> dict[str, list[tuple[int, str]]]:
+    """Positions and units of the columns of each role."""
+    found: dict[str, list[tuple[int, str]]] = {}
+    for at, title in enumerate(titles):
+        if (split := _split_title(title)) is not None:
+            found.setdefault(split[0], []).append((at, split[1]))
+    return found
+
+
+def _missing(roles: Mapping[str, object]) -> list[str]:
+    """The columns that a table lacks."""
+    places = PLACES[1] if {"x", "y"} <= set(roles) else PLACES[0]
+    missing = [name for name in places if name not in roles]
+    polar = SPEED in roles and {FROM, TOWARDS, UNCLEAR} & set(roles)
+    return missing + ([] if polar else [name for name in "uv" if name not in roles])
+
+
+def _layout(file: Path, table: Table, current: bool) -> _Layout:
+    """The columns of a table; a DataError if one is missing, occurs twice or has an unknown unit."""
+    if not table.titles:
         raise DataError(f"wind file {file} is empty; expected a table with {','.join(GEOGRAPHIC_COLUMNS)}")
-    speeds = {name: [found for found in header if _speed_unit(name, found) is not None] for name in "uv"}
-    wanted = PLANAR_COLUMNS if {"x", "y"} <= set(header) else GEOGRAPHIC_COLUMNS
-    missing = [name for name in wanted if not speeds.get(name, name in header)]
-    if missing:
-        table = len(header) > 1 and all(map(COLUMN_NAME.fullmatch, header))  # else it is not quoted
-        found = shown_value(",".join(header), 60) if table else "no names of columns in its first line"
+    roles = _roles(table.titles)
+    if missing := _missing(roles):
+        named = len(table.titles) > 1 and all(
+            map(COLUMN_NAME.fullmatch, table.titles)
+        )  # else it is not quoted
+        found = shown_value(",".join(table.titles), 60) if named else "no names of columns in its first line"
         raise DataError(
             f"wind file {file}: missing column {', '.join(missing)}; expected {','.join(GEOGRAPHIC_COLUMNS)} "
-            f"(or {','.join(PLANAR_COLUMNS)} in a plane), found {found}"
+            f"(or {','.join(PLANAR_COLUMNS)} in a plane; or wind_speed_kt,wind_direction instead of u,v), "
+            f"found {found}"
         )
-    for name, titles in speeds.items():
-        if len(titles) > 1:
-            there = shown_text(" and as ".join(titles))
-            raise DataError(f"wind file {file}: column {name} occurs as {there}; keep one")
-    titles = [*wanted[:3], speeds["u"][0], speeds["v"][0]]
-    factors = [_speed_factor(file, name, title) for name, title in zip("uv", titles[3:], strict=True)]
-    columns = [(name, header.index(title)) for name, title in zip(wanted, titles, strict=True)]
-    if LEAD_COLUMN in header:
-        columns.append((LEAD_COLUMN, header.index(LEAD_COLUMN)))
-    return columns, np.array(factors)
+    places = PLACES[1] if {"x", "y"} <= set(roles) else PLACES[0]
+    directions = [role for role in (FROM, TOWARDS, UNCLEAR) if role in roles]
+    polar = not {"u", "v"} <= set(roles)
+    winds = (SPEED, directions[0]) if polar else ("u", "v")
+    time, clock = _time_columns(table.titles, roles["time"])
+    chosen = {"time": time} | {
+        role: _only(file, table.titles, role, roles[role]) for role in (*places[1:], *winds)
+    }
+    skipped = int(_is_units(table, chosen[places[1]][0]))
+    units = [cell.strip() for cell in table.rows[0][1]] if skipped else []
+    factors = [_unit_factor(file, table.titles, role, chosen[role], units) for role in winds]
+    columns = [(role, at) for role, (at, _) in chosen.items()]
+    if LEAD_COLUMN in table.titles:
+        columns.append((LEAD_COLUMN, table.titles.index(LEAD_COLUMN)))
+    direction = ""
+    if polar:
+        direction = FROM if winds[1] == UNCLEAR and not current else winds[1]
+        if direction == UNCLEAR:
+            raise DataError(
+                f"wind file {file}: column {table.titles[chosen[UNCLEAR][0]]} of a current does not say "
+                "whether it is the direction from or towards; name it direction_to or wind_from_direction"
+            )
+    stated = table.titles[time[0]] in ("utc",) or time[1] in ("utc", "z", "gmt") or "UTC" in units[:1]
+    return _Layout(columns, np.array(factors), direction, stated, clock, skipped)
 
 
-def _speed_unit(name: str, title: str) -> str | None:
-    """The unit in the title of a speed column: "" for ``u``, "kt" for ``u_kt`` and ``u [kt]``; else None."""
-    found = re.fullmatch(rf"{name}(?:[ _]*[\[(]([^\])]*)[\])]|_([a-z/]+))?", title)
-    return None if found is None else (found[1] or found[2] or "").strip()
+def _time_columns(titles: list[str], found: list[tuple[int, str]]) -> tuple[tuple[int, str], int | None]:
+    """The column of times, and that of the time of day if dates are in a column of their own."""
+    names = {titles[at]: (at, unit) for at, unit in found}
+    if "date" in names and "time" in names:
+        return names["date"], names["time"][0]
+    valid = [column for column in found if titles[column[0]].startswith("valid")]
+    return (valid or found)[0], None
 
 
-def _speed_factor(file: Path, name: str, title: str) -> float:
-    """Metres per second in one unit of the speed column ``title``."""
-    unit = _speed_unit(name, title) or ""
-    if unit not in SPEED_UNITS:
-        known = ", ".join(unit for unit in SPEED_UNITS if unit)
+def _only(file: Path, titles: list[str], role: str, found: list[tuple[int, str]]) -> tuple[int, str]:
+    if len(found) > 1:
+        there = shown_text(" and as ".join(titles[at] for at, _ in found))
+        raise DataError(f"wind file {file}: column {role} occurs as {there}; keep one")
+    return found[0]
+
+
+def _is_units(table: Table, at: int) -> bool:
+    """Whether the first row has the units of the columns, as tables of ERDDAP: ``UTC,degrees_north,...``."""
+    cells = table.rows[0][1] if table.rows else []
+    return at < len(cells) and cells[at].strip().lower().startswith("deg")
+
+
+def _unit_factor(
+    file: Path, titles: list[str], role: str, column: tuple[int, str], units: list[str]
+) -> float:
+    """Metres per second, or degrees, in one unit of a column of the wind."""
+    at, unit = column
+    unit = unit or (units[at] if at < len(units) else "")
+    title = titles[at]
+    if role not in ("u", "v", SPEED):
+        return 1.0
+    if not unit and title in ("sknt", "drift"):
+        return KNOT
+    if not unit and role == SPEED:
+        LOG.warning(
+            "%s: column %s states no unit and is taken as m/s; if it is in knots, name it %s_kt", file.name,
+            shown_text(title), shown_text(title),
+        )  # fmt: skip
+    factor = speed_factor(unit) if unit else 1.0
+    if factor is None:
         raise DataError(
             f"wind file {file}: column {shown_value(title)} has the unit {shown_value(unit)}; "
-            f"expected {name} in m/s, or one of the units {known}"
+            f"expected {role} in m/s, or one of the units {EXPECTED}"
         )
-    return SPEED_UNITS[unit]
+    return factor
 
 
-def _parse_row(where: str, row: list[str], columns: list[tuple[str, int]]) -> tuple[float, ...]:
+def _parse_row(
+    where: str, row: list[str], table: Table, layout: _Layout, zones: list[bool]
+) -> tuple[float, ...]:
     values = []
-    for name, at in columns:
+    for name, at in layout.columns:
         text = row[at].strip() if at < len(row) else ""
-        read, wanted = CELLS.get(name, (float, "a number"))
+        if name == "time" and layout.clock is not None and layout.clock < len(row):
+            text = f"{text} {row[layout.clock].strip()}"
         try:
-            values.append(read(text))
+            if name == "time":
+                time, zoned = seconds_of(text)
+                zones.append(zoned)
+                values.append(time)
+            elif name == LEAD_COLUMN:
+                values.append(_lead_hours(table, text))
+            else:
+                values.append(table.number(text))
         except ValueError:
+            wanted = CELLS.get(name, "a number")
             raise DataError(f"{where}: {name} is {shown_value(text)}; expected {wanted}") from None
     return tuple(values)
 
@@ -210,15 +307,15 @@ def _refuse_duplicates(keys: FloatArray, owners: list[str]) -> None:
         raise DataError(f"wind readings of {one} and {two} are at the same time and place; keep one of them")
 
 
-def _lead_hours(text: str) -> float:
+def _lead_hours(table: Table, text: str) -> float:
     """Hours from 0 to :data:`LONGEST_LEAD`; NaN for an empty cell; ValueError for other values."""
-    hours = float(text) if text else np.nan
+    hours = table.number(text) if text else np.nan
     if text and not 0.0 <= hours <= LONGEST_LEAD:
         raise ValueError
     return hours
 
 
-CELLS: dict[str, tuple[Callable[[str], float], str]] = {  # how a cell is read, and what is expected in it
-    "time": (seconds, "an ISO 8601 time such as 2018-10-09T18:00:00Z"),
-    LEAD_COLUMN: (_lead_hours, f"hours since the forecast began, 0 to {LONGEST_LEAD:g}, or nothing"),
+CELLS = {  # what is expected in a cell
+    "time": "an ISO 8601 time such as 2018-10-09T18:00:00Z",
+    LEAD_COLUMN: f"hours since the forecast began, 0 to {LONGEST_LEAD:g}, or nothing",
 }

@@ -1,6 +1,6 @@
-"""Winds of weather stations: METAR caches and archives of surface observations, as tables.
+"""Winds of weather stations: METAR caches and archives of surface observations.
 
-Stations report the direction d from which the wind blows [deg clockwise from north] and its speed s [knots]::
+Stations report the direction d from which the wind blows [deg clockwise from north] and its speed s::
 
     u = -s sin(d),   v = -s cos(d)
 
@@ -10,11 +10,9 @@ direction of 0 or VRB with a speed above 0 is a variable wind, which has no comp
 
 from __future__ import annotations
 
-import csv
-import io
+import logging
 import math
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,20 +22,13 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
-from pareto_ltl.wind.readings import HOUR, KNOT, Readings, seconds, wrap_longitude
+from pareto_ltl.wind.readings import HOUR, Readings, wrap_longitude
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
-from pareto_ltl.wind.sources.csv_files import open_table
+from pareto_ltl.wind.sources.quantities import FROM, polar_winds
+from pareto_ltl.wind.sources.station_tables import LOCAL, UTC, RawReports, read_reports
+from pareto_ltl.wind.sources.tables import seconds_of
 
-NAMES = {  # possible titles of each column
-    "station": ("station_id", "station", "icao", "icaoid", "usaf"),
-    "time": ("observation_time", "valid", "time", "date"),
-    "lat": ("latitude", "lat"),
-    "lon": ("longitude", "lon"),
-    "direction": ("wind_dir_degrees", "drct", "wdir"),
-    "speed": ("wind_speed_kt", "sknt", "wspd"),
-}
-OPTIONAL = {"gust": ("wind_gust_kt", "gust", "wgst")}
-MOST_HEADER_LINES = 20  # lines before the table: METAR caches begin with a few lines about the request
+LOG = logging.getLogger(__name__)
 DROPPED = {
     "incomplete": "have no direction, speed or place",
     "variable": "have a variable direction",
@@ -115,29 +106,25 @@ def _by_hour(
 
 def _reports_of(file: Path, max_speed: float) -> _Reports:
     """The reports of ``file`` that pass quality control."""
-    with open_table(file, "a table of METAR reports") as stream:
-        reader = csv.reader(io.StringIO(stream.read(), newline=""))
-        columns = _columns(file, reader)
-        rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
-    cells = {
-        name: [row[at].strip() if at < len(row) else "" for _, row in rows] for name, at in columns.items()
-    }
+    found = read_reports(file)
+    cells = found.cells
     lon, lat, direction, speed = (
         np.array([_number(cell) for cell in cells[name]]) for name in ("lon", "lat", "direction", "speed")
     )
-    named = np.array([cell.upper() == "VRB" for cell in cells["direction"]], bool)
+    speed = speed * found.factor
+    if found.zero_is_north:
+        direction[direction == 0] = 360.0
+    named = np.array([cell.upper() in ("VRB", "V") for cell in cells["direction"]], bool)
     blows = speed > 0
     variable = blows & (named | (direction == 0))
     incomplete = np.isnan(lon + lat + speed) | (np.isnan(direction) & blows & ~variable)
     nowhere = (lon < -180) | (lon > 360) | (np.abs(lat) > 90)
     impossible = nowhere | (speed < 0) | (blows & ~((direction > 0) & (direction <= 360)))
-    flaws = (incomplete, variable, impossible, speed * KNOT > max_speed)
+    flaws = (incomplete, variable, impossible, speed > max_speed)
     flaw = np.select(flaws, list(DROPPED), "")
     used = np.flatnonzero(flaw == "")
-    times = [_time(f"wind file {file}, row {rows[i][0]}", cells["time"][i]) for i in used]
-    angles = [math.radians(direction[i]) if blows[i] else 0.0 for i in used]
-    turned = np.array([(-math.sin(angle), -math.cos(angle)) for angle in angles]).reshape(-1, 2)
-    winds = speed[used, None] * KNOT * turned + 0.0
+    times = _times(file, found, used)
+    winds = polar_winds(speed[used], np.where(blows, direction, 0.0)[used], FROM)
     gusts = sum(not math.isnan(_number(cell)) for cell in cells.get("gust", ()))
     return _Reports(
         [cells["station"][i] for i in used],
@@ -147,40 +134,33 @@ def _reports_of(file: Path, max_speed: float) -> _Reports:
     )
 
 
-def _columns(file: Path, reader: Iterator[list[str]]) -> dict[str, int]:
-    """Positions of the columns; lines before the header are skipped."""
-    seen: list[str] = []
-    for _, row in zip(range(MOST_HEADER_LINES), reader, strict=False):
-        titles = [cell.strip().lower() for cell in row]
-        found = {
-            name: min(titles.index(title) for title in names if title in titles)
-            for name, names in (NAMES | OPTIONAL).items()
-            if set(names) & set(titles)
-        }
-        if set(NAMES) <= set(found):
-            return found
-        seen = max(seen, list(found), key=len)
-    missing = ", ".join(NAMES[name][0] for name in NAMES if name not in seen)
-    raise DataError(
-        f"wind file {file}: no header with {missing}; expected a METAR cache with station_id, "
-        "observation_time, latitude, longitude, wind_dir_degrees, wind_speed_kt, or an archive with station, "
-        "valid, lat, lon, drct, sknt"
-    )
+def _times(file: Path, found: RawReports, used: IntArray) -> FloatArray:
+    """The times of the reports ``used`` [s since 1970]; a warning if they state no zone."""
+    times, unzoned = [], 0
+    for i in used:
+        text = found.cells["time"][i]
+        try:
+            time, zoned = seconds_of(text)
+        except ValueError:
+            raise DataError(
+                f"wind file {file}, row {found.numbers[i]}: the time is {shown_value(text)}; expected an "
+                "ISO 8601 time: 2022-10-22T02:53:00Z"
+            ) from None
+        times.append(time)
+        unzoned += not zoned
+    if unzoned and found.clock != UTC:
+        local = "local standard time, by its documentation" if found.clock == LOCAL else "of an unknown zone"
+        LOG.warning(
+            "%s: %d times state no zone and are taken as UTC (%s); write the offset, "
+            "2018-10-09T11:53:00-06:00, if they are not", file.name, unzoned, local,
+        )  # fmt: skip
+    return np.array(times)
 
 
 def _number(text: str) -> float:
-    """The number in a cell; NaN if there is none."""
+    """The number in a cell; NaN if there is none. LCD marks suspect values by an s, which are used."""
     try:
-        value = float(text)
+        value = float(text.removesuffix("s"))
     except ValueError:
         return math.nan
     return value if math.isfinite(value) else math.nan
-
-
-def _time(where: str, text: str) -> float:
-    try:
-        return seconds(text)
-    except ValueError:
-        raise DataError(
-            f"{where}: the time is {shown_value(text)}; expected an ISO 8601 time: 2022-10-22T02:53:00Z"
-        ) from None

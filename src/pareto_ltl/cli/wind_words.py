@@ -1,0 +1,45 @@
+"""Wind files on the command line: ``wind=FILE``, and ``wind.path=FILE`` without a source."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from omegaconf import DictConfig, OmegaConf
+
+from pareto_ltl.settings.wind import WIND_SOURCES
+from pareto_ltl.support.resources import choices
+
+
+def wind_file_words(words: Sequence[str]) -> list[str]:
+    """``words`` with ``wind=FILE`` as the source that reads the file, a folder or a pattern, and its path."""
+    found = []
+    for word in words:
+        key, _, value = word.partition("=")
+        place = value.strip().strip("'\"")
+        if key != "wind" or place in choices("wind") or not _is_place(place):
+            found.append(word)
+            continue
+        found += [f"wind={_source(place)}", "wind.path='" + place.replace("'", "\\'") + "'"]
+    return found
+
+
+def unread_wind_source(config: DictConfig, words: Sequence[str]) -> str | None:
+    """The source for ``wind.path`` if the configured one reads no file and no word names one; else None."""
+    if any(word.partition("=")[0].lstrip("+") in ("wind", "wind.source") for word in words):
+        return None
+    path, source = (OmegaConf.select(config, f"wind.{key}") for key in ("path", "source"))
+    kind = WIND_SOURCES.get(str(source))
+    if not isinstance(path, str) or kind is None or kind.reads_path:
+        return None
+    return _source(path)
+
+
+def _is_place(place: str) -> bool:
+    return Path(place).expanduser().exists() or any(letter in place for letter in "*?[")
+
+
+def _source(place: str) -> str:
+    from pareto_ltl.wind.sources.content import source_of_path  # takes 0.3 s, and few command lines need it
+
+    return source_of_path(place)
