@@ -8,6 +8,8 @@ from pathlib import Path
 from omegaconf import DictConfig, OmegaConf
 
 from pareto_ltl.settings.wind import WIND_SOURCES
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choices
 
 
@@ -18,6 +20,11 @@ def wind_file_words(words: Sequence[str]) -> list[str]:
         key, _, value = word.partition("=")
         place = value.strip().strip("'\"")
         if key != "wind" or place in choices("wind") or not _is_place(place):
+            if key == "wind" and len(Path(place).parts) > 1 and "," not in place:
+                raise ConfigError(
+                    f"wind={shown_text(place)}: there is no such file or folder; expected a file of winds, or one "
+                    f"of {', '.join(choices('wind'))}"
+                )
             found.append(word)
             continue
         found += [f"wind={_source(place)}", "wind.path='" + place.replace("'", "\\'") + "'"]

@@ -12,6 +12,7 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.area import swap_question
+from pareto_ltl.wind.doubts import assumed_leads, edge_warning, refuse_small_extent, spread_warning
 from pareto_ltl.wind.forecast_error import ForecastError, Variability, forecast_error_law
 from pareto_ltl.wind.gp import CORRELATIONS, pairwise_distances
 from pareto_ltl.wind.levels import DEPTH, parse_level
@@ -74,6 +75,12 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
     law = forecast_error_law(cfg.forecast_error, wind_source(cfg).forecast_error)
     leads = _implied_leads(cfg, readings) if law.forecast_sd.any() else readings.leads
     spread = float(np.sqrt(np.mean([w.var(axis=0).mean() for w in winds])))  # of a component, over places
+    doubts = (
+        edge_warning(readings.name, scene.bounds, [each.points for each in placed.values()]),
+        spread_warning(readings.name, law, readings.level, spread),
+    )
+    for doubt in filter(None, doubts):
+        LOG.warning("%s", doubt)
     law = law.for_winds(readings.level, spread).shared(readings.forecast_share)
     law = law.varying(_variability(cfg, scene, readings, law, placed))
     return WindObservations(
@@ -92,21 +99,16 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
 
 
 def _implied_leads(cfg: WindConfig, readings: Readings) -> FloatArray:
-    """The leads (K,) [s]; those that the files do not state are the times since the first one.
+    """The leads (K,) [s], assumed where the files do not state them; a warning says so.
 
-    A single time implies no lead. The packaged sample and currents are not forecasts that begin there.
+    The packaged sample, currents and observations are no forecasts.
     """
-    unknown = np.isnan(readings.leads)
-    if len(readings.times) == 1 or not unknown.any() or not _of_weather_model(cfg, readings):
+    if not _of_weather_model(cfg, readings):
         return readings.leads
-    LOG.warning(
-        "%s does not state how old its forecast is%s: it is assumed to begin at its first time, %s, so that "
-        "errors grow from there; state the leads (column lead_hours of a table, forecast_reference_time of "
-        "NetCDF), or set wind.forecast_error=none if all its fields are analyses or observations",
-        readings.name, "" if unknown.all() else f" at {unknown.sum()} of {len(unknown)} times",
-        iso(readings.times[0]),
-    )  # fmt: skip
-    return np.asarray(np.where(unknown, readings.times - readings.times[0], readings.leads), float)
+    leads, message = assumed_leads(readings)
+    if message:
+        LOG.warning("%s", message)
+    return leads
 
 
 def _of_weather_model(cfg: WindConfig, readings: Readings) -> bool:
@@ -254,6 +256,8 @@ def _readings_in_plane(cfg: WindConfig, scene: Scene, readings: Readings, k: int
         points, turned = project_readings(str(scene.crs), scene.bounds.mean(axis=0), points, columns)
         winds, members = turned[:, :, 0], turned[:, :, 1:]
         near = max(cfg.padding, FIT_RADIUS)
+    else:
+        refuse_small_extent(readings.name, scene.bounds, points)
     outside = np.maximum(0.0, np.maximum(scene.bounds[0] - points, points - scene.bounds[1]))
     gap = np.hypot(outside[:, 0], outside[:, 1])  # distance to the map
     count = int(np.sum(gap <= near))
