@@ -22,8 +22,8 @@ def wind_file_words(words: Sequence[str]) -> list[str]:
         if key != "wind" or place in choices("wind") or not _is_place(place):
             if key == "wind" and len(Path(place).parts) > 1 and "," not in place:
                 raise ConfigError(
-                    f"wind={shown_text(place)}: there is no such file or folder; expected a file of winds, or one "
-                    f"of {', '.join(choices('wind'))}"
+                    f"wind={shown_text(place)}: there is no such file or folder; expected a file of winds, "
+                    f"or one of {', '.join(choices('wind'))}"
                 )
             found.append(word)
             continue

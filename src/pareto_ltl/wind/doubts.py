@@ -1,4 +1,4 @@
-"""What a pilot has to know of readings: an age that is assumed, edges, extents and spreads that do not fit."""
+"""Warnings on readings: an age that is assumed, and edges, extents and spreads that do not fit."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def assumed_leads(readings: Readings) -> tuple[FloatArray, str]:
     some = "" if unknown.all() else f" at {unknown.sum()} of {len(unknown)} times"
     message = (
         f"{readings.name} does not state how old its forecast is{some}: it is assumed to have begun "
-        f"{USUAL_DELAY / HOUR:g} h before its first time, {iso(readings.times[0])}, as forecasts do that have "
-        "just been published, so that errors grow from there; state the leads (column lead_hours of a table, "
-        "forecast_reference_time of NetCDF), or set wind.forecast_error=none if all its fields are analyses or "
-        "observations"
+        f"{USUAL_DELAY / HOUR:g} h before its first time, {iso(readings.times[0])}, as forecasts that have "
+        "just been published, so that errors grow from there; state the leads (column lead_hours of a "
+        "table, forecast_reference_time of NetCDF), or set wind.forecast_error=none if all its fields are "
+        "analyses or observations"
     )
     return np.asarray(np.where(unknown, assumed, readings.leads), float), message
 
@@ -53,9 +53,9 @@ def edge_warning(name: str, bounds: FloatArray, points: Sequence[FloatArray]) ->
     if worst <= EDGE_SHARE * side:
         return ""
     return (
-        f"{name}: the readings end inside the map, which reaches up to {worst / 1e3:.3g} km beyond them; there "
-        "the wind is extrapolated and its standard deviation grows to that of any wind: add readings beyond the "
-        "edge of the map, or draw a smaller one"
+        f"{name}: the readings end inside the map, which reaches up to {worst / 1e3:.3g} km beyond them; "
+        "there the wind is extrapolated and its standard deviation grows to that of any wind: add readings "
+        "beyond the edge of the map, or draw a smaller one"
     )
 
 
@@ -80,7 +80,7 @@ def spread_warning(name: str, law: ForecastError, level: str, spread: float) -> 
         return ""
     small = "smaller" if ratio > 1 else "larger"
     return (
-        f"{name}: a component of the wind varies by {spread:.2g} m/s between places; the law of forecast errors "
-        f"{law.name} is that of winds that vary by {law.spread:.2g} m/s, and may be {small} than the errors of "
-        "this wind: estimate its own law (pareto-ltl wind-error) and set wind.forecast_error"
+        f"{name}: a component of the wind varies by {spread:.2g} m/s between places; the law of forecast "
+        f"errors {law.name} is that of winds that vary by {law.spread:.2g} m/s, and may be {small} than the "
+        "errors of this wind: estimate its own law (pareto-ltl wind-error) and set wind.forecast_error"
     )

@@ -146,8 +146,8 @@ def _buoy_reports(file: Path, lines: list[str]) -> RawReports:
     if missing := [title for title in names.values() if title not in titles]:
         raise DataError(
             f"wind file {file}: a table of NDBC without {', '.join(missing)}; a file of one buoy does not "
-            "state where it lies: fetch latest_obs.txt, which does, or make a table with the columns station, "
-            "time, lat, lon, drct, sknt"
+            "state where it lies: fetch latest_obs.txt, which does, or make a table with the columns "
+            "station, time, lat, lon, drct, sknt"
         )
     rows = [(n, line.split()) for n, line in enumerate(lines, 1) if line.strip() and line[:1] != "#"]
     rows = [(n, row) for n, row in rows if len(row) == len(titles)]
