@@ -53,6 +53,10 @@ CSV = (
     b"2018-10-09T06:00:00Z,30,-90,1,1\n2018-10-09T06:00:00+01:00,31,-91,1,1\n",
     b'"time","x","y","u","v","note"\n2018-10-09,0,1000,1.5,-2,"a, b"\n2018-10-09,1000,0,2.5,0,\n',
     b"time,lat,lon,u,v,lead_hours\n2018-10-09T00:00:00Z,30,-90,1.5,-2,0\n2018-10-09T06:00:00Z,30,-90,1,1,6\n",
+    b"# model\ntime;lat;lon;u;v\n09.10.2018 06:00;30;-90;1,5;-2\n09.10.2018 07:00;30,5;-90;1;1\n",
+    b"date,time,lat,lon,wind_speed_kt,wind_dir_degrees\n2018-10-09,06:00,30,-90,10,270\n",
+    b"time,latitude,longitude,u,v\nUTC,degrees_north,degrees_east,m s-1,knots\n1539107580,30,-90,1.5,-2\n",
+    "time\tlat\tlon\tu\tv\n2018-10-09T06:00Z\t30\t-90\t1\t1\n".encode("utf-16"),
 )
 STATIONS = (
     b"No errors\n5 results\nraw_text,station_id,observation_time,latitude,longitude,wind_dir_degrees,"
@@ -60,6 +64,17 @@ STATIONS = (
     b"KREO,KREO,2022-10-22T02:52:00Z,42.58,-117.87,0,3,20\n,PAFM,2022-10-22T03:52:00Z,67.1,-157,9,,\n",
     b"station,valid,lon,lat,drct,sknt,gust,uwind,vwind\nYUM,1993-03-12 06:00:00,-114.6,32.6,330,9,,4.5,-7\n"
     b"SDB,1993-03-12 06:59:00,-118.7253,34.7434,M,M,M,,\n",
+    b"icaoId,obsTime,wdir,wspd,lat,lon\nKSGF,1539107580,270,10,37.2,-93.4\nKSTL,1539107580,VRB,3,38.7,-90.4\n",
+    b'STATION,DATE,LATITUDE,LONGITUDE,WND\n724400,2018-10-09T17:53:00,37.2,-93.4,"270,1,N,0046,1"\n',
+    b"STATION,DATE,LATITUDE,LONGITUDE,HourlyWindDirection,HourlyWindSpeed\n7244,2018-10-09T17:53,37,-93,270,10s\n",
+    b"#STN LAT LON YYYY MM DD hh mm WDIR WSPD GST\n#text deg deg yr mo day hr mn degT m/s m/s\n"
+    b"41001 34.7 -72.3 2018 10 09 17 50 270 5.0 MM\n",
+    b"Station_ID|Year|Month|Day|Hour|Minute|Latitude|Longitude|wind_direction|wind_speed\n"
+    b"USW1|2018|10|9|17|53|35|-93|270|5.0\n",
+    b'[{"icaoId":"KSGF","obsTime":1539107580,"wdir":270,"wspd":10,"lat":37.2,"lon":-93.4}]',
+    b'{"features":[{"geometry":{"coordinates":[-93,35]},"properties":{"station":"a/K1",'
+    b'"timestamp":"2018-10-09T17:53:00Z","windDirection":{"value":270},'
+    b'"windSpeed":{"unitCode":"wmoUnit:km_h-1","value":18.5}}}]}',
 )
 INVENTORIES = (
     b"1:0:d=2018100906:TMP:2 m above ground:3 hour fcst:\n"

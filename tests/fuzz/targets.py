@@ -200,6 +200,13 @@ def csv_winds(place: Path) -> Fuzz:
     )
 
 
+def winds_by_content(place: Path) -> Fuzz:
+    from pareto_ltl.wind.sources.content import source_of_file
+
+    seeds = [*corpora.CSV, *corpora.STATIONS, *corpora.small_gribs(), *corpora.small_netcdfs(place)]
+    return Fuzz(mutants(seeds), _from_file(place / "wind", source_of_file))
+
+
 def grib_winds(place: Path) -> Fuzz | None:
     from pareto_ltl.wind.sources.grib_files import grib_snapshots
 
@@ -370,6 +377,7 @@ TARGETS = (
     Target("command_words", command_words, share=0.25),  # Hydra takes 30 ms for a long word
     Target("command_lines", command_lines, share=0.025),
     Target("csv_winds", csv_winds),
+    Target("winds_by_content", winds_by_content, share=0.3),
     Target("grib_winds", grib_winds),
     Target("cf_winds", cf_winds, share=0.2),
     Target("stations", stations),

@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,6 +52,7 @@ TITLES = {  # of columns, without their units
     TOWARDS: ("wind_to_direction", "direction_to", "direction_towards", "current_direction_to", "set"),
     UNCLEAR: ("direction", "dir", "current_direction"),
 }
+LONGEST_TITLE = 60
 LEAD_COLUMN = "lead_hours"
 PLACES = (("time", "lat", "lon"), ("time", "x", "y"))
 COLUMN_NAME = re.compile(r"[A-Za-z][\w .°/^*()\[\]-]{0,40}")
@@ -155,8 +157,11 @@ class _Layout(NamedTuple):
     skipped: int  # rows of units
 
 
+@lru_cache(maxsize=4096)  # every line that may be the header is tried
 def _split_title(title: str) -> tuple[str, str] | None:
     """Role and unit of a column: (u, "kt") for ``u_kt`` and ``u [kt]``; None for other titles."""
+    if len(title) > LONGEST_TITLE:  # the patterns take time that is quadratic in the length
+        return None
     found = re.fullmatch(r"(.*?)[ _]*[\[(]([^\])]*)[\])]", title)
     name, unit = (found[1], found[2]) if found else (title, "")
     name = re.sub(r"_?\d+ ?m(?=_|$)|(?<=[uv])\d+$", "", re.sub(r"[ -]+", "_", name.strip()))

@@ -25,6 +25,7 @@ MOST_UNPACKED = 2**28  # [bytes] of a table; of a compressed one, when unpacked
 MOST_ROWS = 1_000_000  # of a table; a row takes 1 kB of memory while it is read
 SMALLER_TABLE = "keep the rows near the map and the hours of the flight"
 MOST_HEADER_LINES = 30  # lines before the header: METAR caches begin with a few lines about the request
+MOST_COLUMNS = 2000  # of a header that is searched for
 DELIMITERS = ",;\t|"
 COMMENTS = ("#", "//", "%", "!")
 BYTE_ORDERS = (b"\xff\xfe", b"\xfe\xff")  # marks of UTF-16, which spreadsheets call Unicode text
@@ -91,7 +92,7 @@ def _header(reader: Iterator[list[str]], fits: Callable[[list[str]], bool]) -> t
         titles = [cell.strip().strip('"').lower() for cell in row]
         comment = titles[0].startswith(COMMENTS)
         titles[0] = titles[0].lstrip("#/%! ")
-        if fits(titles):
+        if len(titles) <= MOST_COLUMNS and fits(titles):
             return titles, True
         if first is None and not comment and titles[0][:4] != "sep=":
             first = titles
