@@ -141,9 +141,9 @@ def test_each_wind_file_is_opened_once(tmp_path: Path, monkeypatch: pytest.Monke
     opened: list[Path] = []
     original = csv_files.read_csv_file
 
-    def counted(file: Path, max_speed: float) -> Any:
+    def counted(file: Path, *more: Any) -> Any:
         opened.append(file)
-        return original(file, max_speed)
+        return original(file, *more)
 
     monkeypatch.setattr(csv_files, "read_csv_file", counted)
     settings = listing("readings", "scene", "decomposition", "observations", "wind")

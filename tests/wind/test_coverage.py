@@ -115,12 +115,14 @@ def test_reports_name_the_law_the_lead_and_the_level_and_what_is_missing(made, c
     assert "\n" not in said.covered + said.not_covered
 
 
-def test_a_forecast_without_leads_grows_uncertain_from_its_first_time_and_a_warning_says_so(caplog):
+def test_a_forecast_without_leads_is_as_old_as_one_just_published_and_a_warning_says_so(caplog):
     times, late = [0, 3, 9], replace(SCENE, time_zero="2018-10-09T04:00:00Z")
     seen = place_readings(cfg(), readings(times, np.nan), late)
-    np.testing.assert_array_equal(seen.leads, [3 * 3600.0, 9 * 3600.0])
-    assert "winds.grib2 does not state how old its forecast is: it is assumed to begin at its " in caplog.text
-    assert "first time, 2018-10-09T00:00:00Z" in caplog.text
+    np.testing.assert_array_equal(seen.leads, [7 * 3600.0, 13 * 3600.0])
+    assert (
+        "winds.grib2 does not state how old its forecast is: it is assumed to have begun 4 h" in caplog.text
+    )
+    assert "before its first time, 2018-10-09T00:00:00Z" in caplog.text
     assert "column lead_hours" in caplog.text
     assert "wind.forecast_error=none" in caplog.text
 
@@ -128,7 +130,12 @@ def test_a_forecast_without_leads_grows_uncertain_from_its_first_time_and_a_warn
 def test_leads_that_only_some_times_state_are_kept(caplog):
     seen = place_readings(cfg(), readings([0, 3, 6], [0.0, np.nan, 1.0]), SCENE)
     np.testing.assert_array_equal(seen.leads, [0.0, 3 * 3600.0, 3600.0])
-    assert "at 1 of 3 times" in caplog.text
+    assert "at 1 of 3 times: it is assumed to have begun at 2018-10-09T00:00:00Z" in caplog.text
+
+
+def test_a_single_time_without_a_lead_is_as_old_as_a_forecast_just_published():
+    seen = place_readings(cfg(hold_last=True), readings([0], np.nan), SCENE)
+    np.testing.assert_array_equal(seen.leads, [4 * 3600.0])
 
 
 @pytest.mark.parametrize(
@@ -136,12 +143,11 @@ def test_leads_that_only_some_times_state_are_kept(caplog):
     [
         ({"forecast_error": "none"}, {"hours": [0, 3]}),
         ({"source": "stations"}, {"hours": [0, 3]}),
-        ({"source": "sample", "forecast_error": "gfs"}, {"hours": [0, 3]}),
+        ({"source": "sample", "path": None, "forecast_error": "gfs"}, {"hours": [0, 3]}),
         ({}, {"hours": [0, 3], "level": "0m depth"}),
-        ({"hold_last": True}, {"hours": [0]}),
     ],
 )
-def test_analyses_observations_currents_and_single_times_imply_no_lead(settings, made, caplog):
+def test_analyses_observations_and_currents_imply_no_lead(settings, made, caplog):
     seen = place_readings(cfg(**settings), readings(leads=np.nan, **made), SCENE)
     assert np.isnan(seen.leads).all()
     assert "how old" not in caplog.text

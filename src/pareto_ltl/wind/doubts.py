@@ -21,21 +21,27 @@ SAMPLES = 11  # positions along each side of the map
 def assumed_leads(readings: Readings) -> tuple[FloatArray, str]:
     """The leads (K,) [s] with those that the files do not state, and the warning that says so.
 
-    Without a stated lead, the first time is as old as a forecast is when it is published, and the others are
-    later by their distance in time. The warning is empty if all leads are stated.
+    Without a stated lead, the first time is as old as a forecast is when it is published. If the leads of
+    some times are stated, the others belong to the earliest of their runs. The warning is empty if all are.
     """
     unknown = np.isnan(readings.leads)
     if not unknown.any():
         return readings.leads, ""
-    assumed = USUAL_DELAY + readings.times - readings.times[0]
-    some = "" if unknown.all() else f" at {unknown.sum()} of {len(unknown)} times"
-    message = (
-        f"{readings.name} does not state how old its forecast is{some}: it is assumed to have begun "
+    begun = readings.times[0] - USUAL_DELAY
+    when = (
         f"{USUAL_DELAY / HOUR:g} h before its first time, {iso(readings.times[0])}, as forecasts that have "
-        "just been published, so that errors grow from there; state the leads (column lead_hours of a "
-        "table, forecast_reference_time of NetCDF), or set wind.forecast_error=none if all its fields are "
-        "analyses or observations"
+        "just been published"
     )
+    some = ""
+    if not unknown.all():
+        begun = float(np.nanmin(readings.times - readings.leads))
+        some, when = f" at {unknown.sum()} of {len(unknown)} times", f"at {iso(begun)}, as its other times"
+    message = (
+        f"{readings.name} does not state how old its forecast is{some}: it is assumed to have begun {when}, "
+        "so that errors grow from there; state the leads (column lead_hours of a table, "
+        "forecast_reference_time of NetCDF), or set wind.forecast_error=none if all its fields are analyses or observations"
+    )
+    assumed = np.maximum(0.0, readings.times - begun)
     return np.asarray(np.where(unknown, assumed, readings.leads), float), message
 
 
