@@ -28,10 +28,8 @@ def assumed_leads(readings: Readings) -> tuple[FloatArray, str]:
     if not unknown.any():
         return readings.leads, ""
     begun = readings.times[0] - USUAL_DELAY
-    when = (
-        f"{USUAL_DELAY / HOUR:g} h before its first time, {iso(readings.times[0])}, as forecasts that have "
-        "just been published"
-    )
+    when = f"{USUAL_DELAY / HOUR:g} h before its first time, {iso(readings.times[0])}"
+    when += ", as forecasts that have just been published"
     some = ""
     if not unknown.all():
         begun = float(np.nanmin(readings.times - readings.leads))
