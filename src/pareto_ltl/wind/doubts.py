@@ -37,7 +37,8 @@ def assumed_leads(readings: Readings) -> tuple[FloatArray, str]:
     message = (
         f"{readings.name} does not state how old its forecast is{some}: it is assumed to have begun {when}, "
         "so that errors grow from there; state the leads (column lead_hours of a table, "
-        "forecast_reference_time of NetCDF), or set wind.forecast_error=none if all its fields are analyses or observations"
+        "forecast_reference_time of NetCDF), or set wind.forecast_error=none if all its fields are analyses "
+        "or observations"
     )
     assumed = np.maximum(0.0, readings.times - begun)
     return np.asarray(np.where(unknown, assumed, readings.leads), float), message
