@@ -564,7 +564,7 @@ def test_messages_that_are_there_twice_are_read_once(gribs):
     (gribs / "again").write_bytes((gribs / "gfs.00").read_bytes())
     twice = table_of(grib(gribs))
     np.testing.assert_array_equal(np.stack(twice.winds), np.stack(plain.winds))
-    assert twice.notes == (*plain.notes, "2 GRIB messages are there twice with the same values: read once")
+    assert twice.notes == (*plain.notes, "2 GRIB messages occur twice with the same values: read once")
 
 
 @pytest.mark.parametrize(

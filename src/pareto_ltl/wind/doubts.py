@@ -14,7 +14,7 @@ from pareto_ltl.wind.readings import HOUR, Readings, iso
 USUAL_DELAY = 4 * HOUR  # from the start of a forecast to its publication: GFS 3.5 to 5 h, ECMWF 6 h, HRRR 1 h
 EDGE_SHARE = 0.02  # of the longer side of the map, that readings may end inside of it without a warning
 LEAST_EXTENT = 0.01  # of the longer side of the map, that readings in a plane have at least
-FACTOR = 3.0  # between the spread of the winds and that of the law
+FACTOR = 3.0  # between the spread of the winds and the spread of the law
 SAMPLES = 11  # positions along each side of the map
 
 
@@ -59,7 +59,7 @@ def edge_warning(name: str, bounds: FloatArray, points: Sequence[FloatArray]) ->
         return ""
     return (
         f"{name}: the readings end inside the map, which reaches up to {worst / 1e3:.3g} km beyond them; "
-        "there the wind is extrapolated and its standard deviation grows to that of any wind: add readings "
+        "there the wind is extrapolated and its standard deviation grows to its largest value: add readings "
         "beyond the edge of the map, or draw a smaller one"
     )
 
@@ -77,7 +77,7 @@ def refuse_small_extent(name: str, bounds: FloatArray, points: FloatArray) -> No
 
 
 def spread_warning(name: str, law: ForecastError, level: str, spread: float) -> str:
-    """The warning for winds whose ``spread`` [m/s] over places is unlike that of ``law``; else empty."""
+    """The warning for winds whose ``spread`` [m/s] over places does not fit ``law``; else empty."""
     if level != law.level or not law.forecast_sd.any() or spread <= 0:
         return ""  # at other levels the law follows the spread
     ratio = spread / law.spread
@@ -86,6 +86,6 @@ def spread_warning(name: str, law: ForecastError, level: str, spread: float) -> 
     small = "smaller" if ratio > 1 else "larger"
     return (
         f"{name}: a component of the wind varies by {spread:.2g} m/s between places; the law of forecast "
-        f"errors {law.name} is that of winds that vary by {law.spread:.2g} m/s, and may be {small} than the "
+        f"errors {law.name} was estimated from winds that vary by {law.spread:.2g} m/s, and may be {small} than the "
         "errors of this wind: estimate its own law (pareto-ltl wind-error) and set wind.forecast_error"
     )

@@ -192,7 +192,7 @@ def latest_readings(
         if rival is None or snap.lead < rival.lead:
             best[snap.time] = snap
     if twice:
-        notes = (*notes, f"{twice} fields are there twice with the same values: read once")
+        notes = (*notes, f"{twice} fields occur twice with the same values: read once")
     return readings_of([best[time] for time in sorted(best)], files, notes=notes)
 
 

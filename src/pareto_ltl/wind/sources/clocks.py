@@ -180,7 +180,7 @@ def _valid_time(file: Path, array: xr.DataArray, timers: list[_Timer]) -> _Timer
         return _one(file, array, by_role[VALID], leads)
     starts = by_role[START]
     if len(clocks) == len(leads) == 1 and not starts and _beside(leads[0], clocks[0]):
-        starts, clocks = clocks, []  # of a dimension of leads, the other one is that of the runs
+        starts, clocks = clocks, []  # beside a dimension of leads, the clock has the starts of the runs
     if clocks:
         return _one(file, array, clocks, leads)
     if starts and leads:

@@ -145,7 +145,7 @@ def read_csv_file(file: Path, max_speed: float, current: bool = False) -> tuple[
 class _Layout(NamedTuple):
     """Roles and positions of the columns: time, place, two of the wind, and perhaps the lead.
 
-    ``factors`` (2,) turn those of the wind into m/s and degrees; ``direction`` is the meaning of the second
+    ``factors`` (2,) turn the wind into m/s and degrees; ``direction`` is the meaning of the second
     one, empty for u and v; ``clock`` is the position of the time of day, if dates and times are apart.
     """
 
@@ -235,7 +235,7 @@ def _layout(file: Path, table: Table, current: bool) -> _Layout:
 
 
 def _time_columns(titles: list[str], found: list[tuple[int, str]]) -> tuple[tuple[int, str], int | None]:
-    """The column of times, and that of the time of day if dates are in a column of their own."""
+    """The column of times; if it has dates only, also the column of the times of day."""
     names = {titles[at]: (at, unit) for at, unit in found}
     if "date" in names and "time" in names:
         return names["date"], names["time"][0]

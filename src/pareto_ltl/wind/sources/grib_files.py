@@ -54,7 +54,7 @@ from pareto_ltl.wind.sources.quantities import (
 UNITS = ("m s**-1", "m s-1", "m/s", "Degree true", "degrees", "unknown")  # of the parameters of the WMO
 PRESSURE_NUMBER = (0, 3, 0)  # discipline, category, number
 NAMED = re.compile(r"(?:\d+)?([uv])|(sp)")  # short names of edition 1: u, 10u, 100v
-LAST_WMO_TABLE = 3  # of edition 1, whose numbers of winds and currents are those of the WMO
+LAST_WMO_TABLE = 3  # of edition 1, whose numbers of winds and currents the WMO defines
 MEANS = (0, 1, 6)  # code table 4.7: means of the members; other statistics of an ensemble are not a wind
 LEVELS = {
     HEIGHT: {
@@ -191,7 +191,7 @@ def grib_snapshots(
         for kind, count in sorted(scan.left_out.items())
     ]
     if scan.twice:
-        notes.append(f"{scan.twice} GRIB messages are there twice with the same values: read once")
+        notes.append(f"{scan.twice} GRIB messages occur twice with the same values: read once")
     at = min(scan.fields, key=lambda found: abs(found.value - scan.level.value))
     if at.text != scan.level.text:
         notes.append(f"the level {at.text} is used for {scan.level.text}")

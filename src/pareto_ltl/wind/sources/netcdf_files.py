@@ -146,7 +146,7 @@ def _keep_apart(apart: Fields, fields: Fields) -> None:
 
 
 def _with_values(found: Iterator[GridWind], notes: dict[str, None]) -> list[GridWind]:
-    """The fields that have values, all if none has; those of missing steps of a run are left out."""
+    """The fields that have values, all if none has; missing steps of a run are left out."""
     winds = list(found)
     kept = [wind for wind in winds if np.isfinite(wind.snap.winds).all(axis=1).any()] or winds
     if len(kept) < len(winds):

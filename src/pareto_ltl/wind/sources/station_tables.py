@@ -28,7 +28,7 @@ NAMES = {  # possible titles of each column, the best first
     "speed": ("wind_speed_kt", "sknt", "wspd", "hourlywindspeed", "wind_speed", "wnd"),
 }
 OPTIONAL = {"gust": ("wind_gust_kt", "gust", "wgst", "gst", "hourlywindgustspeed")}
-DATE_PARTS = ("year", "month", "day", "hour", "minute")  # of GHCNh, whose times are in columns of their own
+DATE_PARTS = ("year", "month", "day", "hour", "minute")  # of GHCNh, which has no column of times
 BUOYS = ("#stn", "#yy")  # first words of tables of NDBC
 BAD_QUALITY = ("2", "3", "6", "7")  # of ISD: suspect and erroneous values
 EXPECTED = (
@@ -97,7 +97,7 @@ def read_reports(file: Path) -> RawReports:
 
 
 def holds_reports(titles: list[str]) -> bool:
-    """Whether ``titles``, in lower case, are those of a table of reports."""
+    """Whether ``titles``, in lower case, belong to a table of reports."""
     return not _columns(titles)[1]
 
 

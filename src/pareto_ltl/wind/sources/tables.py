@@ -61,7 +61,7 @@ class Table(NamedTuple):
 
 
 def read_table(file: Path, expected: str, fits: Callable[[list[str]], bool]) -> Table:
-    """The table in ``file``; ``fits`` says whether titles are those of its header.
+    """The table in ``file``; ``fits`` says whether a line is its header.
 
     If no line fits, the first line that is no comment is the header. A line of units below the header is the
     caller's. ``expected`` is for messages.
@@ -157,7 +157,7 @@ def _open_text(file: Path) -> IO[str]:
 
 
 def _decoded(data: bytes) -> str:
-    """UTF-8 or UTF-16 text; else that of Windows, if it has no control characters."""
+    """UTF-8 or UTF-16 text; else Windows-1252 text, if it has no control characters."""
     if data.startswith(BYTE_ORDERS):
         return data.decode("utf-16")
     try:
