@@ -247,7 +247,11 @@ def test_a_finished_plan_is_opened_without_its_past(browser: Browser, desk: Runn
     name = desk.planned(overrides=HOP)["id"]
     with opened_desk(browser, desk.address, WIDE, "light") as opened:
         held: list[Route] = []
-        opened.page.route(f"**/api/plans/{name}/front", lambda route: held.append(route))
+
+        def hold(route: Route) -> None:
+            held.append(route)
+
+        opened.page.route(f"**/api/plans/{name}/front", hold)
         opened.page.locator("#earlier-part").evaluate("part => { part.open = true; }")
         opened.page.locator("#earlier button").first.click()
         opened.wait("!document.getElementById('progress').hidden")

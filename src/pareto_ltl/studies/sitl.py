@@ -118,7 +118,7 @@ def fly_both(
 
 
 def erring_orders(orders: Orders, errors: FloatArray) -> Orders:
-    """``orders`` as a robot with ``errors`` flies them: of airspeed [1], heading [rad] and clock [s], or none.
+    """``orders`` as a robot with ``errors`` flies them: of airspeed, heading [rad] and clock [s], or none.
 
     The clock moves the changes between legs; departure and end stay where they are.
     """
