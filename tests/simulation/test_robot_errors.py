@@ -26,11 +26,10 @@ from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation import failure_modes, importance
 from pareto_ltl.simulation.common_flights import draw_flights, is_certain
 from pareto_ltl.simulation.flights import (
-    erring_pilot,
     fly_draws,
-    own_errors,
     simulate_flights,
 )
+from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choice_file

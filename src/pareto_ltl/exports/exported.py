@@ -18,7 +18,8 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
-from pareto_ltl.simulation.flights import erring_pilot, fly_pilot, own_errors, unspawned
+from pareto_ltl.simulation.flights import fly_pilot, unspawned
+from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl.support.medium import Medium

@@ -17,6 +17,7 @@ from pareto_ltl.planning.costs import EnergyModel
 from pareto_ltl.planning.problem import Problem, merged_draws
 from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.simulation import flights as sim
+from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot, own_errors
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.machine import on_all_cores
 
@@ -113,8 +114,8 @@ class DrawnFlights:
 
     def _autopilot(self, u: FloatArray, mean: FloatArray) -> Any:
         """The pilot of robots that take no fixes."""
-        pilot, sd = Autopilot(u, np.ascontiguousarray(mean)), sim.own_errors(self.problem, self.law)
-        return sim.erring_pilot(pilot, u, sd, self.errors, linear=self.linearised)
+        pilot, sd = Autopilot(u, np.ascontiguousarray(mean)), own_errors(self.problem, self.law)
+        return erring_pilot(pilot, u, sd, self.errors, linear=self.linearised)
 
     def _flown_by(self, pilot: Any, mean: FloatArray, energy: EnergyModel | None, draws: Any) -> FloatArray:
         x = self._begun(mean)
@@ -176,7 +177,7 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
     for rows, child in zip(blocks, fixes.spawn(len(blocks)), strict=True):
         n = rows.stop - rows.start
         noise.append(sim.fix_noise(problem, n, problem.horizon, child))
-        errors.append(sim.draw_errors(problem, law, n, sim.later_child(child, sim.OWN_ERRORS)))
+        errors.append(draw_errors(problem, law, n, sim.later_child(child, sim.OWN_ERRORS)))
     off = math.sqrt(problem.start_variance) * np.random.default_rng(start).standard_normal((runs, 2))
     return DrawnFlights(problem, law, np.concatenate(noise, axis=1), np.concatenate(errors), off, draws)
 
@@ -185,6 +186,6 @@ def is_certain(problem: Problem) -> bool:
     """Whether every flight is the same: a start and a wind that are known exactly."""
     if problem.start_variance > 0.0 or problem.wind.gust.any() or problem.wind.between.any():
         return False
-    if len(sim.own_errors(problem, problem.fidelity.law)):
+    if len(own_errors(problem, problem.fidelity.law)):
         return False
     return not problem.wind.latent.any() and problem.modes.psi.shape[-1] == 0

@@ -39,6 +39,7 @@ from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.simulation import flights as sim
+from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 PILOTS = 500  # common flights whose events are looked for
@@ -102,8 +103,8 @@ class FlownPlan:
         problem, path, law = self.problem, self.path, self.problem.fidelity.law
         x = np.empty((len(z.start), len(path.x), 2))
         x[:, 0] = problem.scene.start + self.linear.start_sd * z.start
-        sd = sim.own_errors(problem, law)
-        pilot = sim.erring_pilot(Autopilot(path.u, np.ascontiguousarray(path.x)), path.u, sd, z.errors)
+        sd = own_errors(problem, law)
+        pilot = erring_pilot(Autopilot(path.u, np.ascontiguousarray(path.x)), path.u, sd, z.errors)
         sim.fly_draws(problem, _winds(problem, z, theta), pilot, x, problem.energy)
         return x, sim.judge_flights(problem, law, x).failed
 
@@ -255,7 +256,7 @@ def _white_law(problem: Problem) -> kd.CoherentLaw:
 
 SMOOTH_LAWS: Mapping[str, Callable[[Problem], kd.CoherentLaw]] = {
     "coherent": lambda problem: kd.CoherentLaw(
-        problem.wind, problem.modes, problem.motion, sim.own_errors(problem, "coherent")
+        problem.wind, problem.modes, problem.motion, own_errors(problem, "coherent")
     ),
     "independent": _white_law,
 }

@@ -35,6 +35,7 @@ from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
 from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot, own_errors
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import InfeasibleError
@@ -225,35 +226,6 @@ def fix_noise(problem: Problem, runs: int, steps: int, seed: SeedSequence) -> Fl
     """Standard normal draws (steps + 1, runs, 2) for the errors of fixes; no rows without landmarks."""
     rows = steps + 1 if problem.landmarks else 0
     return np.random.default_rng(seed).standard_normal((rows, runs, 2))
-
-
-def draw_errors(problem: Problem, law: str, runs: int, seed: SeedSequence) -> FloatArray:
-    """κ ~ N(0, I) (runs, Q) of the robot's own errors under ``law``; none under the independent law."""
-    return np.random.default_rng(seed).standard_normal((runs, len(own_errors(problem, law))))
-
-
-def own_errors(problem: Problem, law: str) -> FloatArray:
-    """Standard deviations (Q,) of the robot's own errors under ``law``; none under the independent law."""
-    model = problem.laws[law]
-    return kd.EXACT if isinstance(model, kd.IndependentLaw) else model.errors
-
-
-def erring_pilot(
-    pilot: Pilot, u: FloatArray, sd: FloatArray, errors: FloatArray, *, linear: bool = False
-) -> Pilot:
-    """``pilot`` of robots whose own errors are ``errors`` (n, Q) times ``sd`` (Q,), planned to fly ``u``.
-
-    ``linear``: in the law linearised about the plan, whose mean has the second-order part of the errors.
-
-    Eq. (M24a) of docs/mathematics.md.
-    """
-    if not len(sd):
-        return pilot
-    scale, turn, late = (errors * sd).T
-    ahead, aside = (
-        (1.0 + scale, turn) if linear else ((1.0 + scale) * np.cos(turn), (1.0 + scale) * np.sin(turn))
-    )
-    return ErringPilot(pilot, u, np.column_stack([ahead, aside, late]), np.empty((len(errors), 2)))
 
 
 def fly_block(problem: Problem, block: FlightBlock, pilot: PilotMaker, x: FloatArray) -> None:

@@ -27,6 +27,7 @@ from pareto_ltl.simulation import aircraft as jsbsim
 from pareto_ltl.simulation import flights
 from pareto_ltl.simulation.aircraft import Air, Orders, Track
 from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.simulation.robot_errors import own_errors
 from pareto_ltl.studies.parts import Progress
 from pareto_ltl.studies.tables import mcnemar_test, rate_columns
 from pareto_ltl.support.arrays import FloatArray
@@ -98,7 +99,7 @@ def fly_both(
     """Fly ``cfg.flights`` pairs, the aircraft and ours in the same wind."""
     law, u = problem.fidelity.law, plan.path.u
     flights.require_known_wind(problem, u, plan.path.x)
-    blocks, sd = flights.block_rows(cfg.flights), flights.own_errors(problem, law)
+    blocks, sd = flights.block_rows(cfg.flights), own_errors(problem, law)
     pilot = flights.pilot_maker(problem, u, plan.path.x, law)
     ours, theirs, tracks = np.empty((cfg.flights, len(u) + 1, 2)), np.empty((cfg.flights, len(u) + 1, 2)), []
     for rows, child in zip(blocks, flights.unspawned(seeds).spawn(len(blocks)), strict=True):
