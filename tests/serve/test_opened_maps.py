@@ -37,6 +37,12 @@ def test_what_may_be_an_obstacle_and_was_not_read_is_said(tmp_path):
     assert "not read, and it may be an obstacle: NetworkLink 'zones'" in found["warnings"][0]
 
 
+def test_lengths_with_units_come_in_metres(tmp_path):
+    mast = feature("obstacle", "Point", [10.5, 60.1], radius="500 ft")
+    (*_, found) = opened(tmp_path, "m.geojson", collection(*DRAWN, mast))["features"]
+    assert found["properties"]["buffer"] == pytest.approx(152.4)
+
+
 def test_a_mission_in_the_file_is_returned_and_metres_become_degrees(tmp_path):
     crs = {"type": "name", "properties": {"name": "EPSG:32632"}}
     content = collection(feature("start", "Point", [500_000, 6_651_411])) | {

@@ -535,7 +535,7 @@ def test_the_covariance_of_a_fix_is_long_along_its_bearing():
         (COAST, {"sd": 5, "across": 5, "along": 7}, "give along and across, or sd for one of them"),
         (COAST, {"bearing": 5}, "give along and across, or sd for one of them"),
         (COAST, {"sd": 0}, "fix: sd is 0; expected a number of metres, above 0 and at most 1e+06"),
-        (COAST, {"sd": "5"}, "fix: sd is '5'; expected a number of metres"),
+        (COAST, {"sd": "5 steps"}, "fix: sd is '5 steps'; expected a number of metres"),
         (COAST, {"sd": True}, "fix: sd is True; expected a number of metres"),
         (COAST, {"sd": 2e6}, "fix: sd is 2000000.0; expected a number of metres"),
         (COAST, {"along": 9, "across": 5, "bearing": 900}, "expected a number of degrees from -360 to 360"),

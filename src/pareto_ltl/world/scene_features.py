@@ -89,14 +89,15 @@ class FeatureReader:
         self._once(role, name, what)
         place = Place(str(name) if role == "region" else what, what)
         geometry = _member(where, _title(number, feature), feature, "geometry")
-        self.plain.append(
-            {"type": "Feature", "properties": {**properties, "role": role}, "geometry": dict(geometry)}
-        )
+        known = {key: value for key, value in properties.items() if key != "radius"} | {"role": role}
         if role == "start":
+            self.plain.append({"type": "Feature", "properties": known, "geometry": dict(geometry)})
             return role, self._in_degrees(replace(place, lines=(_start_point(where, geometry),))), None
         if role == "landmark":
             place = replace(place, fix=read_fix(where, what, properties.get("fix")))
         place = self._with_geometry(role, _with_numbers(where, place, properties), geometry)
+        known |= {"buffer": place.buffer} if place.buffer else {}
+        self.plain.append({"type": "Feature", "properties": known, "geometry": dict(geometry)})
         return _with_times(where, role, self.total, self._in_degrees(place), properties)
 
     def _once(self, role: str, name: Any, what: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import shapely
@@ -50,10 +51,6 @@ def sketch_features(files: Sequence[MapFile], reader: FeatureReader) -> SceneSke
     def metres(corners: FloatArray) -> FloatArray:
         return projection.to_plane(crs, *corners.T)
 
-    def show(point: FloatArray) -> str:
-        lon, lat = projection.to_geographic(crs, point[None])
-        return f"(longitude {lon[0]:.6g}, latitude {lat[0]:.6g})"
-
     size = float(np.ptp(metres(np.concatenate([place.corners for place in places])), axis=0).max())
     barriers = [role in ("obstacle", "border") for role in roles]
     places = straight_in_degrees([_turned(crs, place) for place in places], metres, size, barriers)
@@ -76,7 +73,7 @@ def sketch_features(files: Sequence[MapFile], reader: FeatureReader) -> SceneSke
         start=starts[0].lines[0].reshape(-1) if starts else np.zeros(0),
         regions=all_of("region"),
         obstacles=all_of("obstacle"),
-        show=show,
+        show=partial(_shown, crs),
         crs=crs,
         landmarks=all_of("landmark"),
         fence=None if border is None or _is_rectangle(border) else fences[0],
@@ -85,6 +82,11 @@ def sketch_features(files: Sequence[MapFile], reader: FeatureReader) -> SceneSke
         unread=reader.unread,
         drawn_border=border is not None,
     )
+
+
+def _shown(crs: str, point: FloatArray) -> str:
+    lon, lat = projection.to_geographic(crs, point[None])
+    return f"(longitude {lon[0]:.6g}, latitude {lat[0]:.6g})"
 
 
 def _turned(crs: str, place: Place) -> Place:

@@ -74,8 +74,8 @@ export const lengthText = metres => metres >= 2000 ? `${(metres / 1000).toLocale
 
 /** Metres of "5 km", "3 nmi", "200 m" or "200"; NaN for anything else. */
 export function metresOf(text) {
-  const found = /^\s*([0-9]+(?:[.,][0-9]+)?)\s*(m|km|nmi|nm)?\s*$/i.exec(text);
-  return found ? +found[1].replace(",", ".") * { m: 1, km: 1000, nmi: 1852, nm: 1852 }[(found[2] ?? "m").toLowerCase()] : NaN;
+  const found = /^\s*([0-9]+(?:[.,][0-9]+)?)\s*(m|km|nmi|nm|ft|mi)?\s*$/i.exec(text);
+  return found ? +found[1].replace(",", ".") * { m: 1, km: 1000, nmi: 1852, nm: 1852, ft: 0.3048, mi: 1609.344 }[(found[2] ?? "m").toLowerCase()] : NaN;
 }
 
 /** A place of "36.76, -92.40", "36°45.7'N 92°24'W" (latitude first); null for anything else. */
