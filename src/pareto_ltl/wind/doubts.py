@@ -86,6 +86,7 @@ def spread_warning(name: str, law: ForecastError, level: str, spread: float) -> 
     small = "smaller" if ratio > 1 else "larger"
     return (
         f"{name}: a component of the wind varies by {spread:.2g} m/s between places; the law of forecast "
-        f"errors {law.name} was estimated from winds that vary by {law.spread:.2g} m/s, and may be {small} than the "
-        "errors of this wind: estimate its own law (pareto-ltl wind-error) and set wind.forecast_error"
+        f"errors {law.name} was estimated from winds that vary by {law.spread:.2g} m/s, and may be {small} "
+        "than the errors of this wind: estimate its own law (pareto-ltl wind-error) and set "
+        "wind.forecast_error"
     )
