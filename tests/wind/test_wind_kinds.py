@@ -14,6 +14,7 @@ import pytest
 import xarray as xr
 
 import pareto_ltl
+from noaa import NOAA, needs_noaa
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.readings import seconds
 
@@ -429,6 +430,20 @@ def test_winds_of_a_rotated_grid_are_turned_as_proj_turns_them(eccodes, tmp_path
     found = pareto_ltl.read_wind(path)
     check(found, eastward, TIMES[:1])
     np.testing.assert_allclose(found.points[0], np.column_stack([lon.ravel(), lat.ravel()]), atol=1e-3)
+
+
+@needs_noaa
+def test_a_file_of_noaa_is_the_same_wind_as_grib_and_as_cfgrib_writes_it(eccodes, tmp_path):
+    cfgrib = pytest.importorskip("cfgrib")
+    file = next((NOAA / "nam_awip21").glob("*.grib2"))
+    keys = {"indexpath": "", "filter_by_keys": {"typeOfLevel": "heightAboveGround", "level": 10}}
+    data = cfgrib.open_dataset(file, backend_kwargs=keys, decode_timedelta=True)[["u10", "v10"]]
+    grib, netcdf = pareto_ltl.read_wind(file), pareto_ltl.read_wind(saved(data, tmp_path / "nam.nc"))
+    np.testing.assert_array_equal(netcdf.times, grib.times)
+    np.testing.assert_array_equal(netcdf.leads, grib.leads)
+    np.testing.assert_allclose(netcdf.points[0], grib.points[0], atol=1e-9)
+    np.testing.assert_allclose(netcdf.winds[0], grib.winds[0], atol=1e-5)
+    assert np.abs(netcdf.winds[0][:, 0] - data.u10.values.ravel()).max() > 1.0  # turned
 
 
 # --- tables ----------------------------------------------------------------------------------

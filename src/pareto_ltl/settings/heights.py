@@ -152,8 +152,8 @@ def _cure(key: str, other: str, height: Height, second: Height) -> str:
 def flight_air(settings: Settings, height: Height) -> FlownAir | None:
     """The air at ``height``; None in the water.
 
-    The pressure is that of ``robot.level`` where this is one, else that of the standard atmosphere; the
-    temperature is ``robot.air_temperature``, else that of the standard atmosphere at the same pressure. For a
+    The pressure is ``robot.level`` where this is one, else the pressure of the standard atmosphere; the
+    temperature is ``robot.air_temperature``, else the one of the standard atmosphere at that pressure. For a
     height above ground, ``scene.ground`` is added; without it the ground is taken to be at sea level.
 
     Raises

@@ -79,7 +79,7 @@ class Air(NamedTuple):
 
     @property
     def density_ratio(self) -> float:
-        """ρ / ρ0: the density of dry air against that of the standard atmosphere at sea level."""
+        """ρ / ρ0: the density of dry air, relative to the standard atmosphere at sea level."""
         return self.pressure / (GAS * self.temperature) / SEA_DENSITY
 
 
