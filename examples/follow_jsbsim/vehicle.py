@@ -22,6 +22,7 @@ from pyproj import Geod
 
 import pareto_ltl
 from pareto_ltl.exports.navigation_log import navigation_log
+from pareto_ltl.inflight.airspeeds import airspeeds_of
 from pareto_ltl.run.records import PLAN, PROBLEM
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.simulation.aircraft import Cessna, Orders
@@ -35,7 +36,9 @@ GLOBE = Geod(ellps="WGS84")
 
 
 class Point:
-    """A vehicle that turns and changes its airspeed at once."""
+    """A vehicle that turns and changes its airspeed at once; ``factor`` is true by calibrated airspeed."""
+
+    factor = 1.0
 
     def __init__(self, lat: float, lon: float, heading: float, airspeed: float) -> None:
         self.place, self.heading, self.airspeed = (lat, lon), heading, airspeed
@@ -43,15 +46,15 @@ class Point:
     def fly(self, wind: tuple[float, float]) -> None:
         """Fly for one tick in a wind (east, north) [m/s]."""
         turn = math.radians(self.heading)
-        east = self.airspeed * math.sin(turn) + wind[0]
-        north = self.airspeed * math.cos(turn) + wind[1]
+        true = self.factor * self.airspeed
+        east, north = true * math.sin(turn) + wind[0], true * math.cos(turn) + wind[1]
         lat, lon = self.place
         track, far = math.degrees(math.atan2(east, north)), TICK * math.hypot(east, north)
         lon, lat, _ = GLOBE.fwd(lon, lat, track, far)
         self.place = (lat, lon)
 
     def measured(self) -> tuple[float, float]:
-        """Heading [deg] and airspeed [m/s]."""
+        """Heading [deg] and calibrated airspeed [m/s]."""
         return self.heading, self.airspeed
 
 
@@ -96,7 +99,7 @@ def report(link: mavutil.mavfile, vehicle: Point, t: float, fix: bool, rng: np.r
     lat, lon = vehicle.place
     heading, airspeed = vehicle.measured()
     link.mav.heartbeat_send(PLANE, ARDUPILOT, ARMED | 1, GUIDED, 4)
-    link.mav.attitude_send(round(1e3 * t), 0.0, 0.0, math.radians(heading), 0.0, 0.0, 0.0)
+    link.mav.attitude_send(round(1e3 * (t + 1.0)), 0.0, 0.0, math.radians(heading), 0.0, 0.0, 0.0)
     link.mav.vfr_hud_send(airspeed, airspeed, round(heading) % 360, 50, 300.0, 0.0)
     if fix:
         east, north = FIX_SD * rng.standard_normal(2)
@@ -114,7 +117,10 @@ def fly(options: argparse.Namespace) -> tuple[float, float]:
     draws = DRAWS["coherent"](problem, 1, len(plan.path.u), rng)
     air = flight_air(problem, draws, 0, len(plan.path.u))
     kind = Aircraft if options.jsbsim else Point
-    vehicle = kind(float(log.lat[0]), float(log.lon[0]), float(log.heading[0]), float(log.airspeed[0]))
+    airspeeds = airspeeds_of(run.settings)  # autopilots know calibrated airspeeds, the log true ones
+    calibrated = log.airspeed * airspeeds.calibrated(1.0, 0.0)
+    vehicle = kind(float(log.lat[0]), float(log.lon[0]), float(log.heading[0]), float(calibrated[0]))
+    vehicle.factor = airspeeds.true(1.0, 0.0)
     link = mavutil.mavlink_connection(options.to, dialect="all", source_system=7)
     fixes = [float(share) * log.t[-1] for share in options.fixes.split(",") if share]
     begun, guided, steps_end = time.monotonic(), False, len(plan.path.u) * problem.motion.dt
@@ -125,7 +131,7 @@ def fly(options: argparse.Namespace) -> tuple[float, float]:
         guided = heard(link, vehicle) or guided
         if not guided:  # nobody sends: the plan by the clock
             leg = int(np.searchsorted(log.t, second, side="right")) - 1
-            vehicle.heading, vehicle.airspeed = float(log.heading[leg]), float(log.airspeed[leg])
+            vehicle.heading, vehicle.airspeed = float(log.heading[leg]), float(calibrated[leg])
         report(link, vehicle, second, any(0.0 <= second - fix < FIX_SECONDS for fix in fixes), rng)
         vehicle.fly(air(second, *vehicle.place))
     _, _, off = GLOBE.inv(vehicle.place[1], vehicle.place[0], log.lon[-1], log.lat[-1])
