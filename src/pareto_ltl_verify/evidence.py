@@ -262,7 +262,7 @@ class Evidence:
     def course_of(self, x: FloatArray, *, exact: bool = False) -> Course:
         """The Gaussian along means ``x`` (T+1, 2) [m], under the law that the plan is judged in.
 
-        ``exact``: of a robot without errors of its own.
+        ``exact``: of a robot without errors.
         """
         law = self.law(self.planned_law, len(x) - 1)
         if exact:

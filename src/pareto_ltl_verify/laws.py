@@ -34,8 +34,8 @@ class Course:
     u (T, 2), speed (T,)
         Control and the airspeed left for it [m/s].
     F (T, 2, 2), psi (T, 2, N), white (T, 2), drift (T, 2)
-        The law linearised about the path: e' = F e + φ dt (ψ θ + white) with N coefficients θ, those of the
-        robot's own errors last; drift is μ and its mean shift.
+        The law linearised about the path: e' = F e + φ dt (ψ θ + white) with N coefficients θ, the robot's
+        errors last; drift is μ and its mean shift.
     cross : list of T+1 (2, N)
         Cov(e_t, θ_t).
     along_means : bool

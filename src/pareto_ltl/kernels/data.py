@@ -285,8 +285,8 @@ class FlightErrors(NamedTuple):
 
     ``sd`` (Q,) as in :class:`CoherentLaw`; ``push`` (T, 2, Q) = E_t, the velocity over ground by each
     coefficient [m/s]; ``cross`` (T+1, 2, Q) = Cov(e_t, κ) [m], after the fixes before t; ``gain`` (M, 2, Q) =
-    D of fix f, as in :class:`LandmarkMemory`. ``x`` (T+1, 2) and ``u`` (T, 2) are those of the path;
-    ``steered`` (1,) whether its controls are given, or else its means.
+    D of fix f, as in :class:`LandmarkMemory`. ``x`` (T+1, 2) and ``u`` (T, 2) are the means and controls of
+    the path; ``steered`` (1,) whether its controls are given, or else its means.
     """
 
     sd: FloatArray
@@ -311,7 +311,7 @@ class LandmarkMemory(NamedTuple):
     for none; ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃); ``known`` (N, 3) = Cov(ê); ``fix`` (N,): number of the last
     fix, -1 for none; ``faded`` (N, G): its factor s of :mod:`~pareto_ltl.kernels.fixes`. Fix f has ``gain``
     (M, 2, 2, P) = D, the fix before it ``previous`` (M,), and the factor ``share`` (M, G) of that one at the
-    time of f. ``used`` (1,) is the number of fixes stored. ``errors`` are those of the robot, along a path
+    time of f. ``used`` (1,) is the number of fixes stored. ``errors`` are the robot's errors, along a path
     only: trees grow without them (Q = 0).
     """
 

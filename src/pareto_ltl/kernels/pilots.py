@@ -103,7 +103,7 @@ class Navigator(NamedTuple):
 
 
 class ErringPilot(NamedTuple):
-    """A ``pilot`` of robots with errors of their own, whose planned controls are ``u`` (T, 2) [m/s].
+    """A ``pilot`` of erring robots, whose planned controls are ``u`` (T, 2) [m/s].
 
     Flight i flies p u + q R(90°) u + c (u_{t-1} - u) / dt of a control u, with (p, q, c) in ``flown`` (n, 3);
     ``last`` (n, 2) is the control before, u_{t-1} [m/s].

@@ -278,7 +278,7 @@ def pilot_maker(
     """The maker of the pilot: an autopilot, or a navigator that takes fixes along ``mean`` (T+1, 2) [m].
 
     Under the independent law the wind of one step does not predict the next: fixes measure positions only.
-    ``linear`` is that of :func:`erring_pilot`.
+    ``linear`` as in :func:`erring_pilot`.
     """
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
     planned, sd = problem.laws["coherent"], own_errors(problem, law)

@@ -234,7 +234,7 @@ def dead_reckoning(result: Evidence) -> Verdict:
 
 
 def _calibrated_faults(result: Evidence, legs: Rows) -> list[str]:
-    """Legs whose calibrated airspeed is not that of plan.json; in the water there are none."""
+    """Legs whose calibrated airspeed differs from plan.json; in the water there are none."""
     stated = column(legs, "airspeed_cas_m_s")
     if result.plan.get("airspeed_calibrated") is None:
         return [f"leg {k}: airspeed_cas_m_s" for k in np.flatnonzero(np.isfinite(stated))]

@@ -76,7 +76,7 @@ def airspeeds(result: Evidence) -> Verdict | None:
 
 
 def exported(name: str, result: Evidence) -> Verdict:
-    """Every height in an exported file is that of plan.json, counted from the same place."""
+    """Every height in an exported file agrees with plan.json, counted from the same place."""
     metres, above_sea = result.plan["height"]["metres"], result.plan["height"]["above_sea"]
     found = HEIGHTS[name](result)
     of_sea = above_sea or metres < 0.0
