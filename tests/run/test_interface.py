@@ -12,9 +12,12 @@ import pytest
 
 import pareto_ltl
 from pareto_ltl.cli import hydra_app as app
+from pareto_ltl.run.interface import VEHICLE
 from pareto_ltl.run.records import FOREST, PLAN, PROBLEM
 from pareto_ltl.run.results import PlanningResult
 from pareto_ltl.settings import MissionConfig, SceneConfig
+from pareto_ltl.settings.building import section_of
+from pareto_ltl.support.yaml_files import read_yaml
 from problems import box, make_scene
 
 SMALL = {
@@ -290,3 +293,10 @@ def test_the_package_is_light_until_it_is_used() -> None:
     assert done.stdout.splitlines() == ["[]", "[]", "[]", "plan Scene", "False False False"]
     with pytest.raises(AttributeError, match="has no attribute 'plann'"):
         _ = pareto_ltl.plann  # type: ignore[attr-defined]
+
+
+def test_the_vehicle_without_a_choice_is_the_one_of_the_command_line(planned: PlanningResult) -> None:
+    """Its errors are in the promise, whichever way the plan is made."""
+    rows = read_yaml(Path(__file__).parents[2] / "conf" / "config.yaml")["defaults"]
+    assert [row["robot"] for row in rows if isinstance(row, dict) and "robot" in row] == [VEHICLE]
+    assert planned.run.settings.robot == section_of("robot", VEHICLE)

@@ -20,7 +20,7 @@ from pareto_ltl.run.results import Planned, PlanningResult, planned_run
 from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
 from pareto_ltl.run.stages import EXPORT_STREAM, PLAN_STAGES
 from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, WindConfig
-from pareto_ltl.settings.building import build_settings, section_of
+from pareto_ltl.settings.building import build_settings, choice_values, section_of
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_text
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField
 
+VEHICLE = "airframe"  # the choice of the group robot in conf/config.yaml
 GOAL = "goal"  # name of the region about the end of a steered path
 WIDE = 0.5  # half side of that region, in full steps
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -82,6 +83,7 @@ def plan(
         {"pipelines": "plan", "seed": seed}
         | ({} if isinstance(scene, Scene) else {"scene": _map_settings(scene)})
         | sections
+        | {"robot": _robot_settings(sections.get("robot"))}
         | {"mission": _mission_settings(formula, sections.get("mission"))}
     )
     table = with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
@@ -157,6 +159,13 @@ def _map_settings(scene: str | Path | Mapping[str, Any] | SceneConfig) -> SceneC
     built = section_of("scene", str(scene) if isinstance(scene, Path) else scene)
     assert isinstance(built, SceneConfig)
     return built
+
+
+def _robot_settings(robot: Any) -> Any:
+    """The section ``robot``; keys alone change the vehicle that the command line has without ``robot=``."""
+    if robot is None or isinstance(robot, Mapping):
+        return choice_values("robot", VEHICLE) | dict(robot or {})
+    return robot
 
 
 def _mission_settings(formula: Any, others: Any) -> Any:

@@ -76,6 +76,11 @@ def section_of(section: str, value: Any) -> Any:
     return getattr(build_settings({section: value}), section)
 
 
+def choice_values(section: str, name: str) -> dict[str, Any]:
+    """The keys and values of the choice ``name`` of ``section`` in ``conf/``."""
+    return _yaml(choice_file(section, name))
+
+
 def _value(section: str, value: Any) -> Any:
     """The keys and values of a choice or a mapping.
 
@@ -84,9 +89,9 @@ def _value(section: str, value: Any) -> Any:
     """
     schema = field_kinds(Settings).get(section)
     if isinstance(value, str) and is_dataclass(schema):
-        return _yaml(choice_file(section, value))
+        return choice_values(section, value)
     if section == "wind" and isinstance(value, Mapping) and str(value.get("source")) in choices("wind"):
-        return _yaml(choice_file(section, str(value["source"]))) | dict(value)
+        return choice_values(section, str(value["source"])) | dict(value)
     if schema is FidelityConfig and isinstance(value, Mapping):
         name = str(value.get("name", FidelityConfig.name))
         # A name that is not a preset is refused later, when all values are checked.
