@@ -31,11 +31,11 @@ FAMILIES = {
     "collision": set(get_args(data.CollisionBound)),
     "rule": {Dominance, Scaled},
     "draws": {flight.IndependentDraws, flight.CoherentDraws, flight.LinearDraws},
-    "pilot": {pilots.Autopilot, pilots.Navigator},
+    "pilot": {pilots.Autopilot, pilots.Navigator, pilots.ErringPilot},
     "claims": {ClaimLists, ClaimRows},
 }
 CHOSEN_BY = {
-    "law": {"advance", "forget", "note_linear_law", "add_lure"},
+    "law": {"advance", "forget", "note_linear_law", "add_lure", "with_errors"},
     "mission": {"plant_mission", "appraise_mission", "keep_mission"},
     "collision": {
         "plant_collision", "appraise_collision", "keep_collision", "collision_column",

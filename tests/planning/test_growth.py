@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from dataclasses import fields, replace
 from itertools import pairwise
@@ -41,6 +42,9 @@ TURNED = RobotConfig(
     dt=100.0, u_max=10.0, start_sd=50.0, a=[[1.0, 0.01], [-0.02, 0.99]], b=[[1, 0.3], [0, 1]]
 )
 ORDERED = "F(a & F(b & F a)) & (!b U a)"
+
+
+STRICT = replace(SMALL, epsilon_strict=True)
 
 
 def grown(problem, cfg=SMALL, seed=0, progress=None, **options):
@@ -342,7 +346,7 @@ def test_a_start_too_close_to_an_obstacle_is_refused_by_name():
     assert len(grown(exact).accepted) > 0
 
 
-def test_a_start_too_close_names_the_limit_that_it_breaks():
+def test_a_start_too_close_names_the_limit_that_it_breaks(caplog):
     """Under the path bound trees keep to epsilon, as finished paths do."""
     scene = make_scene({"a": box(15, 15, 17, 17)}, [box(5, 5, 8, 8)], start=(5 - 0.145, 6.5))
     robot = RobotConfig(dt=100.0, u_max=10.0, start_sd=100.0)
@@ -356,7 +360,10 @@ def test_a_start_too_close_names_the_limit_that_it_breaks():
     assert 0.05 < risk_there < 0.1
     assert len(evaluate_path(problem(0.1), scene.start[None], "").x) == 1
     with pytest.raises(InfeasibleError, match=r"closer to an obstacle than planner\.epsilon = 0\.05 allows"):
-        grown(problem(0.05))
+        grown(problem(0.05), STRICT)
+    with caplog.at_level(logging.WARNING):
+        assert len(grown(problem(0.05)).trees[0]) > 1
+    assert "closer to an obstacle than planner.epsilon = 0.05 allows" in caplog.text
     assert len(grown(problem(0.1)).trees[0]) > 1
 
 
@@ -365,7 +372,7 @@ def test_a_start_too_close_to_a_wall_names_the_border():
     robot = RobotConfig(dt=100.0, u_max=10.0, start_sd=100.0)
     tight = PlannerConfig(epsilon=0.05)
     with pytest.raises(InfeasibleError, match=r"an obstacle or the wall .* scene\.border=open"):
-        grown(make_problem("F a", scene, robot=robot, planner=tight, fidelity="full"))
+        grown(make_problem("F a", scene, robot=robot, planner=tight, fidelity="full"), STRICT)
     assert len(grown(make_problem("F a", replace(scene, border="open"), robot=robot)).trees[0]) > 1
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from pareto_ltl.kernels import code_cache
+from pareto_ltl.kernels import code_cache, code_files
 from pareto_ltl.run.compile_time import COSTS, CompileTime, seconds_text
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.settings import PRESETS
@@ -135,6 +135,6 @@ def test_ctrl_c_while_it_compiles_leaves_no_process_and_no_broken_code(tmp_path:
     assert files
     for file in files:
         assert not file.name.startswith("."), "a draft"
-        assert (
-            code_cache.read_code(file, code_cache.KERNELS / f"{file.name.partition('.')[0]}.py") is not None
-        )
+        kernel = file.read_bytes()[code_files.START :].split(b"\n", 1)[0].decode()
+        source = code_cache.KERNELS / f"{file.name.partition('.')[0]}.py"
+        assert code_files.read_code(file, source, kernel) is not None

@@ -125,7 +125,7 @@ def test_the_formula_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
         parsed.append(text)
         original(self, text)
 
-    formula.parse_formula.cache_clear()
+    formula._parsed.cache_clear()  # noqa: SLF001
     monkeypatch.setattr(formula.FormulaParser, "__init__", counted)
     cfg = small_study.settings()
     cfg.scene.bounds = [[0, 0], [1, 1]]
@@ -382,6 +382,9 @@ def test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees
     assert Run(settings).make(FRONT).paths
     assert "only paths of the search trees are left: the nearest line cannot be flown" in caplog.text
     none = replace(settings, planner=PlannerConfig(trees=1, n_max=2))
+    if models.judge == "flights":
+        assert all("line" in path.origin for path in Run(none).make(FRONT).paths)
+        return
     with pytest.raises(InfeasibleError) as told:
         Run(none).make(FRONT)
-    assert ("the nearest line cannot be flown" in str(told.value)) == (models.judge == "flights")
+    assert "the nearest line cannot be flown" not in str(told.value)

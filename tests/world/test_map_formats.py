@@ -46,7 +46,7 @@ def test_heights_above_ground_and_above_the_sea_are_not_mixed_up(tmp_path, caplo
     with caplog.at_level(logging.INFO):
         scene = pareto_ltl.read_map(written(path, collection(*DRAWN, low, high)), altitude=200)
     assert closed(scene, IN_WALL) == [True]  # the ground may be high
-    assert "the height of the ground is not known, so these have no ceiling: obstacle low" in caplog.text
+    assert "these have limits that count from elsewhere: obstacle low; the height" in caplog.text
     assert "a flight level is the height in the standard atmosphere" in caplog.text
 
 

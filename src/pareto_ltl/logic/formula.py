@@ -98,17 +98,22 @@ class Formula:
 TRUE_FORMULA, FALSE_FORMULA = Formula("true"), Formula("false")
 
 
-@lru_cache(maxsize=256)
 def parse_formula(text: str) -> Formula:
     """The syntax tree of ``text``; :class:`FormulaError`, with the column, for a syntax error."""
-    return FormulaParser(text).formula()
+    return _parsed(text)[0]
+
+
+@lru_cache(maxsize=256)
+def _parsed(text: str) -> tuple[Formula, bool]:
+    """The syntax tree of ``text``, and whether other tools read it in another order."""
+    parser = FormulaParser(text)
+    return parser.formula(), bool(parser.disputed)
 
 
 def disputed_reading(text: str) -> str:
     """How ``text`` is read, with parentheses, if other tools read it in another order; else empty."""
-    parser = FormulaParser(text)
-    tree = parser.formula()
-    if not parser.disputed:
+    tree, disputed = _parsed(text)
+    if not disputed:
         return ""
     return (
         f"the formula is read as '{tree}', as in Spot; other tools read it in another order: write the "

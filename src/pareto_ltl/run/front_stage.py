@@ -123,7 +123,12 @@ def _refined_paths(
 ) -> tuple[tuple[PlannedPath, ...], tuple[PlannedPath, ...]]:
     """Refined paths; and the paths of ``selection.extra_paths`` and of ``CANDIDATES``."""
     extra = extra_paths(inputs.settings.selection.extra_paths, inputs[PROBLEM])
-    return REFINERS[inputs.settings.fidelity.refine](inputs, raw), extra + (inputs.get(CANDIDATES) or ())
+    refined: tuple[PlannedPath, ...] = ()
+    try:
+        refined = REFINERS[inputs.settings.fidelity.refine](inputs, raw)
+    except InfeasibleError as error:
+        LOG.warning("only paths of the search trees are left: %s", error)
+    return refined, extra + (inputs.get(CANDIDATES) or ())
 
 
 def extra_paths(place: str | None, problem: Problem) -> tuple[PlannedPath, ...]:
