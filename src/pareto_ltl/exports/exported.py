@@ -11,13 +11,14 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.exports.corridor import Corridor, flown_corridor
 from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
-from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.kernels.pilots import Autopilot, Pilot
 from pareto_ltl.planning.costs import Rotor
 from pareto_ltl.planning.pack import with_feedback
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath
 from pareto_ltl.settings import ExportsConfig, Settings
-from pareto_ltl.simulation.flights import fly_pilot, unspawned
+from pareto_ltl.simulation.flights import erring_pilot, fly_pilot, own_errors, unspawned
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.medium import Medium, medium_of
 from pareto_ltl.wind.levels import DEPTH, PRESSURE, parse_level
@@ -165,10 +166,13 @@ def held_course_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedS
 
     They fly with ``robot.feedback_time=60``, instead of the headings and airspeeds of the plan.
     """
-    pilot = Autopilot(path.u, np.ascontiguousarray(path.x))
-    law = problem.fidelity.law
-    flown = fly_pilot(held_problem(problem), lambda _noise: pilot, len(path.u), runs, law, seed)
-    return flown.rate
+    pilot, law = Autopilot(path.u, np.ascontiguousarray(path.x)), problem.fidelity.law
+    held, sd = held_problem(problem), own_errors(problem, law)
+
+    def holding(_noise: FloatArray, errors: FloatArray) -> Pilot:
+        return erring_pilot(pilot, path.u, sd, errors)
+
+    return fly_pilot(held, holding, len(path.u), runs, law, seed).rate
 
 
 def vehicle_of(height: Height, problem: Problem) -> Vehicle:

@@ -8,7 +8,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, TypeAlias
 
+import numpy as np
+
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
+
+EXACT: FloatArray = np.zeros(0)  # the errors of a robot that has none
 
 # --- geometry ---------------------------------------------------------------------------------
 
@@ -254,11 +258,16 @@ class IndependentLaw(NamedTuple):
 
 
 class CoherentLaw(NamedTuple):
-    """The coherent law: a flight meets one wind field, w(x) = μ(x) + ψ(x)' θ plus white noise."""
+    """The coherent law: a flight meets one wind field, w(x) = μ(x) + ψ(x)' θ plus white noise.
+
+    ``errors`` (Q,) are the standard deviations of the robot's own errors, which last for the whole flight:
+    of its airspeed [relative], its heading [rad] and its clock [s]; Q = 0 for a robot without errors, else 3.
+    """
 
     wind: Wind
     modes: Modes
     motion: Motion
+    errors: FloatArray = EXACT
 
 
 class LandmarkLaw(NamedTuple):
@@ -268,6 +277,25 @@ class LandmarkLaw(NamedTuple):
     modes: Modes
     motion: Motion
     landmarks: Landmarks
+    errors: FloatArray = EXACT
+
+
+class FlightErrors(NamedTuple):
+    """The robot's own errors along a path of T steps, linear in Q coefficients κ ~ N(0, I).
+
+    ``sd`` (Q,) as in :class:`CoherentLaw`; ``push`` (T, 2, Q) = E_t, the velocity over ground by each
+    coefficient [m/s]; ``cross`` (T+1, 2, Q) = Cov(e_t, κ) [m], after the fixes before t; ``gain`` (M, 2, Q) =
+    D of fix f, as in :class:`LandmarkMemory`. ``x`` (T+1, 2) and ``u`` (T, 2) are those of the path;
+    ``steered`` (1,) whether its controls are given, or else its means.
+    """
+
+    sd: FloatArray
+    push: FloatArray
+    cross: FloatArray
+    gain: FloatArray
+    x: FloatArray
+    u: FloatArray
+    steered: BoolArray
 
 
 class CoherentMemory(NamedTuple):
@@ -283,7 +311,8 @@ class LandmarkMemory(NamedTuple):
     for none; ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃); ``known`` (N, 3) = Cov(ê); ``fix`` (N,): number of the last
     fix, -1 for none; ``faded`` (N, G): its factor s of :mod:`~pareto_ltl.kernels.fixes`. Fix f has ``gain``
     (M, 2, 2, P) = D, the fix before it ``previous`` (M,), and the factor ``share`` (M, G) of that one at the
-    time of f. ``used`` (1,) is the number of fixes stored.
+    time of f. ``used`` (1,) is the number of fixes stored. ``errors`` are those of the robot, along a path
+    only: trees grow without them (Q = 0).
     """
 
     at: FloatArray
@@ -296,6 +325,7 @@ class LandmarkMemory(NamedTuple):
     previous: IntArray
     share: FloatArray
     used: IntArray
+    errors: FlightErrors
 
 
 Law: TypeAlias = IndependentLaw | CoherentLaw | LandmarkLaw

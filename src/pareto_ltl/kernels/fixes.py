@@ -44,6 +44,13 @@ from pareto_ltl.kernels.propagation import (
     forget,
     scaled_cov,
 )
+from pareto_ltl.kernels.robot_errors import (
+    add_errors,
+    clear_errors,
+    expected_error,
+    learn_errors,
+    subtract_errors,
+)
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
 FADED = 1e-3  # fixes whose factors s are all below this are ignored
@@ -137,6 +144,7 @@ def _forget_fixes(_law: LandmarkLaw, memory: LandmarkMemory) -> None:
     memory.fix[0] = -1
     keep_shares(memory.faded, 0, UNFADED)
     memory.used[0] = 0
+    clear_errors(memory.errors)
 
 
 @implements(advance, LandmarkLaw)
@@ -161,10 +169,12 @@ def _advance_with_fixes(
             memory.chance[target] = sight.chance
             keep_shares(memory.share, f, faded)
             gained = learn(memory, target, f, unknown, error, sight.chance)
+            learn_errors(memory.errors, step, f, unknown, error, sight.chance)
             known = Cov(known.xx + gained.xx, known.xy + gained.xy, known.yy + gained.yy)
             unknown = without(unknown, gained)
             fix, faded = f, UNFADED
     mean, cov = carry(law, step, Gaussian(at, unknown), memory.theta, target, target)
+    cov = add_errors(memory.errors, motion, step, closed_loop(law, step, at), mean, cov)
     steered = steer_against(law, memory, step, at, fix, faded, target)
     after = known_after(closed_loop(law, step, at), marks.gain, known)
     memory.known[target, 0], memory.known[target, 1], memory.known[target, 2] = after
@@ -255,9 +265,9 @@ def learn(memory: LandmarkMemory, v: int, f: int, unknown: Cov, error: Cov, chan
 def steer_against(
     law: LandmarkLaw, memory: LandmarkMemory, step: int, at: Point, fix: int, faded: Shares, target: int
 ) -> Cov:
-    """Subtract the wind that is known from fixes from row ``target`` of ``theta``.
+    """Subtract the wind and the robot's errors that are known from fixes from row ``target`` of ``theta``.
 
-    Returns the covariance of that wind [m²/s²]. Fixes are visited backwards from ``fix``, with factors
+    Returns the covariance of the velocity by what is known [m²/s²]. Fixes are visited backwards from ``fix``, with factors
     ``faded``.
 
     Eq. (M28) of docs/mathematics.md.
@@ -266,13 +276,17 @@ def steer_against(
     kept, square = modes.kept[step + 1], mode_square(modes, at)
     xx, xy, yy = 0.0, 0.0, 0.0
     f, s = fix, faded
-    while f >= 0 and max(s[0], s[1], s[2], s[3], s[4]) > FADED:
+    lasting = len(memory.errors.sd) > 0  # the robot's errors do not fade
+    while f >= 0 and (lasting or max(s[0], s[1], s[2], s[3], s[4]) > FADED):
         for r in range(2):
             e = expected_wind(modes, step, square, memory.gain[f, r, 0], s, 0)
             n = expected_wind(modes, step, square, memory.gain[f, r, 1], s, 1)
+            e += expected_error(memory.errors, step, f, r, 0)
+            n += expected_error(memory.errors, step, f, r, 1)
             xx, xy, yy = xx + e * e, xy + e * n, yy + n * n
             subtract_fix(memory.theta[target, 0], memory.gain[f, r], dt * e, kept, modes.part, s)
             subtract_fix(memory.theta[target, 1], memory.gain[f, r], dt * n, kept, modes.part, s)
+            subtract_errors(memory.errors, step, f, r, dt * e, dt * n)
         s, f = faded_by(s, memory.share, f), memory.previous[f]
     return Cov(xx, xy, yy)
 

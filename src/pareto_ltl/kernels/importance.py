@@ -1,7 +1,7 @@
 """Importance sampling of rare failures: the computations for each flight.
 
-A flight is a vector z ~ N(0, I): its start, the white part of its winds and the innovations of its field. In
-the law linearised about the plan, its deviation e is a linear function of z, so a half-space of deviations is
+A flight is a vector z ~ N(0, I): its start, the white part of its winds, the innovations of its field and the
+coefficients κ of the robot's own errors. In the law linearised about the plan, its deviation e is a linear function of z, so a half-space of deviations is
 a half-space of z, ω' z >= τ with |ω| = 1. ``tests/oracle/importance.py`` has the same in plain Python.
 """
 
@@ -15,11 +15,11 @@ from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
 
 class LinearLaw(NamedTuple):
-    """The coherent law linearised about a path of T steps, e' = F e + dt (ψ' θ + white).
+    """The coherent law linearised about a path of T steps, e' = F e + dt (ψ' θ + E κ + white).
 
     ``F`` (T, 2, 2); ``psi`` (T, 2, P) [m/s]; ``white`` (T, 2): standard deviations [m/s]; ``epoch`` (T,):
     the epoch of the field at each step; ``kept`` (E, P): the share of θ that is kept at the beginning of each
-    epoch, 0 for the first; ``dt`` [s]; ``start_sd`` [m].
+    epoch, 0 for the first; ``dt`` [s]; ``start_sd`` [m]; ``push`` (T, 2, Q) = E [m/s].
     """
 
     F: FloatArray
@@ -29,25 +29,31 @@ class LinearLaw(NamedTuple):
     kept: Float32Array
     dt: float
     start_sd: float
+    push: FloatArray
 
 
 class NormalDraws(NamedTuple):
-    """z of n flights: ``start`` (n, 2), ``white`` (T, n, 2), innovations ``field`` (E, n, 2, P) of θ."""
+    """z of n flights: ``start`` (n, 2), ``white`` (T, n, 2), innovations ``field`` (E, n, 2, P) of θ, and κ.
+
+    ``errors`` (n, Q) = κ.
+    """
 
     start: FloatArray
     white: FloatArray
     field: Float32Array
+    errors: FloatArray
 
 
 class Directions(NamedTuple):
     """Unit vectors ω of J half-spaces of z, split as in :class:`NormalDraws`.
 
-    ``start`` (J, 2), ``white`` (J, T, 2), ``field`` (J, E, 2, P).
+    ``start`` (J, 2), ``white`` (J, T, 2), ``field`` (J, E, 2, P), ``errors`` (J, Q).
     """
 
     start: FloatArray
     white: FloatArray
     field: FloatArray
+    errors: FloatArray
 
 
 class Mixture(NamedTuple):
@@ -81,6 +87,8 @@ def push_draws(directions: Directions, event: IntArray, size: FloatArray, draws:
             for k in range(len(draws.field)):
                 for m in range(draws.field.shape[3]):
                     draws.field[k, i, c, m] += F32(push * directions.field[j, k, c, m])
+        for q in range(draws.errors.shape[1]):
+            draws.errors[i, q] += push * directions.errors[j, q]
 
 
 @vector
@@ -94,6 +102,8 @@ def along_direction(directions: Directions, j: int, draws: NormalDraws, i: int) 
         for k in range(len(draws.field)):
             for m in range(draws.field.shape[3]):
                 total += directions.field[j, k, c, m] * draws.field[k, i, c, m]
+    for q in range(draws.errors.shape[1]):
+        total += directions.errors[j, q] * draws.errors[i, q]
     return total
 
 

@@ -9,6 +9,8 @@ where s is the share of the step after which it leaves the landmark. The control
 
     u = u_t - B⁻¹ (κ ê / dt + ψ' θ̂),    cut to [u_min, u_max].
 
+The errors of the robot itself are further coefficients, with E_t beside ψ' and ρ = 1.
+
 Covariances and gains of a filter depend on when and where it has measured, not on what. So flights with the
 same history of fixes share them: a row of :class:`~pareto_ltl.kernels.pilots.Beliefs`. Rows are made when a
 history first occurs, and used again when its last flight has measured anew. What happens between two fixes is
@@ -32,6 +34,7 @@ from pareto_ltl.kernels.pilots import (
     begin_flights,
     command,
     observe,
+    place_of_error,
     within_airspeed,
 )
 from pareto_ltl.support.arrays import Float32Array, FloatArray
@@ -81,8 +84,10 @@ def one_step(pilot: Navigator, dt: float, t: int) -> None:
             moves.noise[k, r, c] = dt * dt * law.white[t - 1, r] if r == c else 0.0
         for j in range(2 * modes):
             moves.push[k, r, j], moves.mixed[k, r, j] = F32(0.0), F32(0.0)
-        for m in range(modes):
+        for m in range(law.psi.shape[2]):
             moves.push[k, r, r * modes + m] = F32(dt) * law.psi[t - 1, r, m]
+        for q in range(law.push.shape[2]):
+            moves.push[k, r, place_of_error(q, law.psi.shape[2], modes)] = F32(dt * law.push[t - 1, r, q])
     for m in range(modes):
         moves.kept[k, m] = law.kept[t, m]
 
@@ -343,8 +348,11 @@ def _command_navigator(
     if not pilot.fixed[i]:
         return planned_x, planned_y
     ex, ey, b_inv, b, dt, F = estimate[0], estimate[1], motion.b_inv, motion.b, motion.dt, law.F[t]
-    modes = law.psi.shape[2]
-    hx, hy = dot(law.psi[t, 0], pilot.field[i, :modes]), dot(law.psi[t, 1], pilot.field[i, modes:])
+    field, modes, half = pilot.field[i], law.psi.shape[2], law.kept.shape[1]
+    hx, hy = dot(law.psi[t, 0], field[:modes]), dot(law.psi[t, 1], field[half : half + modes])
+    for q in range(law.push.shape[2]):
+        known = field[place_of_error(q, modes, half)]
+        hx, hy = hx + law.push[t, 0, q] * known, hy + law.push[t, 1, q] * known
     share = pilot.landmarks.gain / dt
     cx, cy = share * ex + hx, share * ey + hy
     ux, uy = within_airspeed(

@@ -10,10 +10,12 @@ from pareto_ltl.kernels.data import (
     CoherentLaw,
     CollisionMemory,
     Cov,
+    FlightErrors,
     Gaussian,
     IndependentLaw,
     LandmarkLaw,
     Law,
+    Linear,
     Point,
     World,
 )
@@ -30,6 +32,7 @@ from pareto_ltl.kernels.propagation import (
     left_time,
     white_variance,
 )
+from pareto_ltl.kernels.robot_errors import clear_errors, set_control, with_errors
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
 FLOWN, TOO_FAST, UNKNOWN_WIND, OFF_MAP, CROSSING, TOO_SLOW = range(6)
@@ -49,13 +52,17 @@ class Flight(NamedTuple):
     free : (T, 2) float
         Mean one step ahead with zero airspeed [m].
     shift : (T, 2) float
-        Mean shift ½ D²μ : Σ + ∂ψ : C [m/s]; 0 under the independent law.
+        Mean shift ½ D²μ : Σ + ∂ψ : C, and what a heading error takes from B u [m/s]; 0 under the independent
+        law.
     speed : (T,) float
         Airspeed that feedback leaves for the control [m/s].
     F : (T, 2, 2) float, psi : (T, 2, P) float32, white : (T, 2) float
-        The law linearised about the path: e' = F e + φ dt (ψ' θ + white). P = 0 under the independent law.
+        The law linearised about the path: e' = F e + φ dt (ψ' θ + E κ + white). P = 0 under the independent
+        law.
     memory : Memory
         Memory of the law for each step: Cov(e, θ) in ``theta``.
+    errors : FlightErrors
+        The robot's own errors: E in ``push``, Cov(e, κ) in ``cross``; Q = 0 for a robot without them.
     """
 
     x: FloatArray
@@ -68,6 +75,7 @@ class Flight(NamedTuple):
     psi: Float32Array
     white: FloatArray
     memory: Any
+    errors: FlightErrors
 
 
 @kernel
@@ -129,28 +137,23 @@ def propagate_flight(law: Law, flight: Flight, variance: float, steered: bool) -
     ``flight.x`` are given and the controls are computed. All other fields of ``flight`` are filled. Returns
     the number of steps, which is less than T if the wind is known for fewer steps.
 
-    Eqs. (M23) and (M24) of docs/mathematics.md.
+    Eqs. (M23) to (M24b) of docs/mathematics.md.
     """
-    motion = law.motion
-    b, b_inv, dt = motion.b, motion.b_inv, motion.dt
-    x, u, cov = flight.x, flight.u, flight.cov
+    cov, F, errors = flight.cov, flight.F, flight.errors
     forget(law, flight.memory)
+    clear_errors(errors)
+    errors.steered[0] = steered
     cov[0, 0], cov[0, 1], cov[0, 2] = variance, 0.0, variance
-    steps = min(len(u), len(law.wind.slot))
+    steps = min(len(flight.u), len(law.wind.slot))
     for t in range(steps):
         here = position(flight, t)
         ahead = advance(law, flight.memory, t, here, max(t - 1, 0), t)
-        flight.free[t, 0], flight.free[t, 1] = ahead.mean
+        flight.free[t, 0], flight.free[t, 1] = set_control(errors, law.motion, t, ahead.mean)
         flight.speed[t] = ahead.speed
         cov[t + 1, 0], cov[t + 1, 1], cov[t + 1, 2] = ahead.cov
         note_linear_law(law, flight, t, here)
-        if steered:
-            x[t + 1, 0] = ahead.mean.x + dt * (b[0, 0] * u[t, 0] + b[0, 1] * u[t, 1])
-            x[t + 1, 1] = ahead.mean.y + dt * (b[1, 0] * u[t, 0] + b[1, 1] * u[t, 1])
-        else:
-            dx, dy = x[t + 1, 0] - ahead.mean.x, x[t + 1, 1] - ahead.mean.y
-            u[t, 0] = (b_inv[0, 0] * dx + b_inv[0, 1] * dy) / dt
-            u[t, 1] = (b_inv[1, 0] * dx + b_inv[1, 1] * dy) / dt
+        f = Linear(F[t, 0, 0], F[t, 0, 1], F[t, 1, 0], F[t, 1, 1])
+        cov[t + 1, 0], cov[t + 1, 1], cov[t + 1, 2] = with_errors(law, errors, t, f, ahead.cov)
     return steps
 
 
@@ -202,17 +205,17 @@ def check_path(
 
 @entry
 def covariance_across_time(
-    linear: tuple[FloatArray, Float32Array], cov: FloatArray, theta: Float32Array, kept: Float32Array,
-    dt: float, held: FloatArray, cross: FloatArray,
+    linear: tuple[FloatArray, Float32Array, FlightErrors], cov: FloatArray, theta: Float32Array,
+    kept: Float32Array, dt: float, held: FloatArray, cross: FloatArray,
 ) -> None:  # fmt: skip
     """Fill ``cross[t, s]`` (T+1, T+1, 2, 2) with Cov(e_t, e_s) [m²] for s <= t, of a flight without fixes.
 
-    ``linear`` are F (T, 2, 2) and ψ (T, 2, P) of the flight, ``cov`` (T+1, 3) its covariance, ``theta`` its
-    Cov(e, θ), ``kept`` (S+1, P) the persistence of the modes; ``held`` (2, 2, P) is scratch.
+    ``linear`` are F (T, 2, 2), ψ (T, 2, P) and the errors of the flight, ``cov`` (T+1, 3) its covariance,
+    ``theta`` its Cov(e, θ), ``kept`` (S+1, P) the persistence of the modes; ``held`` (2, 2, P) is scratch.
 
     Eq. (M25) of docs/mathematics.md.
     """
-    F, psi = linear
+    F, psi, errors = linear
     n, modes = len(cov), psi.shape[2]
     for s in range(n):
         cross[s, s, 0, 0], cross[s, s, 0, 1] = cov[s, 0], cov[s, 1]
@@ -228,5 +231,7 @@ def covariance_across_time(
                     for m in range(modes):
                         pushed += psi[t, c, m] * held[r, c, m]
                         held[r, c, m] *= kept[t + 1, m]
+                    for q in range(len(errors.sd)):
+                        pushed += errors.push[t, c, q] * errors.cross[s, r, q]
                     moved = F[t, c, 0] * cross[t, s, 0, r] + F[t, c, 1] * cross[t, s, 1, r]
                     cross[t + 1, s, c, r] = moved + dt * pushed

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from pareto_ltl.kernels.data import Landmarks, Motion, Point
-from pareto_ltl.kernels.jit import by_type, implements, kernel
+from pareto_ltl.kernels.jit import by_type, implements, inlined, kernel
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 SHARES = 8  # parts of a step in which a fix can lie: fixes in one part have the same gains
@@ -20,10 +20,12 @@ class Autopilot(NamedTuple):
 
 
 class FilterLaw(NamedTuple):
-    """The law about the planned means, for T steps: e' = F e + dt (ψ' θ + white).
+    """The law about the planned means, for T steps: e' = F e + dt (ψ' θ + E κ + white).
 
     ``x`` (T+1, 2) [m], ``u`` (T, 2) [m/s], ``F`` (T, 2, 2), ``psi`` (T, 2, P) [m/s], ``white`` (T, 2)
-    [m²/s²], ``kept`` (S, P): ρ; ``variance`` of the start in each direction [m²].
+    [m²/s²], ``kept`` (S, P + R): ρ; ``variance`` of the start in each direction [m²]. The robot's own errors
+    κ, with E = ``push`` (T, 2, Q) [m/s], are R = (Q + 1) // 2 more coefficients of each wind component for
+    the filter (:func:`place_of_error`): they act on both components, and do not change.
     """
 
     x: FloatArray
@@ -33,6 +35,7 @@ class FilterLaw(NamedTuple):
     white: FloatArray
     kept: Float32Array
     variance: float
+    push: FloatArray
 
 
 class Beliefs(NamedTuple):
@@ -99,7 +102,20 @@ class Navigator(NamedTuple):
     moves: Moves
 
 
-Pilot: TypeAlias = Autopilot | Navigator
+class ErringPilot(NamedTuple):
+    """A ``pilot`` of robots with errors of their own, whose planned controls are ``u`` (T, 2) [m/s].
+
+    Flight i flies p u + q R(90°) u + c (u_{t-1} - u) / dt of a control u, with (p, q, c) in ``flown`` (n, 3);
+    ``last`` (n, 2) is the control before, u_{t-1} [m/s].
+    """
+
+    pilot: Any
+    u: FloatArray
+    flown: FloatArray
+    last: FloatArray
+
+
+Pilot: TypeAlias = Autopilot | Navigator | ErringPilot
 
 
 @by_type
@@ -170,3 +186,43 @@ def _command_autopilot(
     ux -= b_inv[0, 0] * ex + b_inv[0, 1] * ey
     uy -= b_inv[1, 0] * ex + b_inv[1, 1] * ey
     return within_airspeed(motion, ux, uy)
+
+
+# --- the robot's own errors -------------------------------------------------------------------
+
+
+@inlined
+def place_of_error(q: int, modes: int, half: int) -> int:
+    """Where a filter with ``half`` coefficients of each component, ``modes`` of the wind, has error ``q``."""
+    return (q % 2) * half + modes + q // 2
+
+
+@implements(begin_flights, ErringPilot)
+def _begin_erring(pilot: ErringPilot) -> None:
+    begin_flights(pilot.pilot)
+
+
+@implements(observe, ErringPilot)
+def _observe_erring(pilot: ErringPilot, motion: Motion, t: int, x: FloatArray) -> None:
+    observe(pilot.pilot, motion, t, x)
+
+
+@implements(command, ErringPilot)
+def _command_erring(
+    pilot: ErringPilot, motion: Motion, t: int, i: int, at: Point, wind: Point
+) -> tuple[float, float]:  # fmt: skip
+    """The velocity through the air that is flown, (M24a).
+
+    A robot that always knows its position sees what its errors do to the planned control as a wind.
+    """
+    p, q, late = pilot.flown[i, 0], pilot.flown[i, 1], pilot.flown[i, 2] / motion.dt
+    ux, uy, before, b = pilot.u[t, 0], pilot.u[t, 1], max(t - 1, 0), motion.b
+    ex = (p - 1.0) * ux - q * uy + late * (pilot.u[before, 0] - ux)
+    ey = q * ux + (p - 1.0) * uy + late * (pilot.u[before, 1] - uy)
+    met = Point(wind.x + b[0, 0] * ex + b[0, 1] * ey, wind.y + b[1, 0] * ex + b[1, 1] * ey)
+    ux, uy = command(pilot.pilot, motion, t, i, at, met)
+    if t == 0:
+        pilot.last[i, 0], pilot.last[i, 1] = ux, uy
+    vx, vy = late * (pilot.last[i, 0] - ux), late * (pilot.last[i, 1] - uy)
+    pilot.last[i, 0], pilot.last[i, 1] = ux, uy
+    return p * ux - q * uy + vx, q * ux + p * uy + vy

@@ -51,6 +51,16 @@ def _landmark_memory(law: kd.LandmarkLaw, rows: int) -> kd.LandmarkMemory:
         fix=np.full(rows, -1, np.int64), faded=np.ones((rows, law.modes.keep.shape[1])),
         gain=np.empty((rows, 2, 2, modes), np.float32), previous=np.empty(rows, np.int64),
         share=np.empty((rows, law.modes.keep.shape[1])), used=np.zeros(1, np.int64),
+        errors=errors_along(kd.EXACT, np.empty((1, 2)), np.empty((0, 2)), 0),
+    )  # fmt: skip
+
+
+def errors_along(sd: FloatArray, x: FloatArray, u: FloatArray, fixes: int) -> kd.FlightErrors:
+    """Memory for errors ``sd`` (Q,) of a robot along the path ``x`` (T+1, 2), ``u`` (T, 2)."""
+    pair = 2, len(sd)
+    return kd.FlightErrors(
+        sd, np.empty((len(u), *pair)), np.zeros((len(x), *pair)), np.empty((fixes, *pair)), x, u,
+        np.zeros(1, bool),
     )  # fmt: skip
 
 
@@ -113,11 +123,16 @@ def empty_flight(law: kd.Law, n: int) -> Flight:
     from pareto_ltl.kernels.path import Flight
 
     steps, modes = n - 1, 0 if isinstance(law, kd.IndependentLaw) else law.modes.psi.shape[-1]
+    x, u, memory = np.empty((n, 2)), np.empty((steps, 2)), law_memory(law, n)
+    sd = kd.EXACT if isinstance(law, kd.IndependentLaw) else law.errors
+    errors = errors_along(sd, x, u, n)
+    if isinstance(memory, kd.LandmarkMemory):
+        memory = memory._replace(errors=errors)
     return Flight(
-        x=np.empty((n, 2)), u=np.empty((steps, 2)), cov=np.empty((n, 3)), free=np.empty((steps, 2)),
+        x=x, u=u, cov=np.empty((n, 3)), free=np.empty((steps, 2)),
         shift=np.empty((steps, 2)), speed=np.empty(steps), F=np.empty((steps, 2, 2)),
         psi=np.empty((steps, 2, modes), np.float32), white=np.empty((steps, 2)),
-        memory=law_memory(law, n),
+        memory=memory, errors=errors,
     )  # fmt: skip
 
 
@@ -322,7 +337,7 @@ def cross_covariance(law: kd.CoherentLaw | kd.LandmarkLaw, flight: Flight) -> Fl
     theta = flight.memory.theta
     held, motion = np.empty(theta.shape[1:]), law.motion
     covariance_across_time(
-        (flight.F, flight.psi), flight.cov, theta, law.modes.kept, motion.exposed * motion.dt, held, cross
+        (flight.F, flight.psi, flight.errors), flight.cov, theta, law.modes.kept, motion.exposed * motion.dt, held, cross
     )  # fmt: skip
     return cross
 

@@ -237,6 +237,15 @@ def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
     return gain, gain * time / dt
 
 
+def pack_errors(robot: RobotConfig) -> FloatArray:
+    """Standard deviations of the robot's own errors, of :class:`~pareto_ltl.kernels.data.CoherentLaw`.
+
+    Eq. (M24a) of docs/mathematics.md.
+    """
+    sd = np.array([robot.airspeed_sd or 0.0, math.radians(robot.heading_sd or 0.0), robot.clock_sd or 0.0])
+    return sd if sd.any() else kd.EXACT
+
+
 def pack_landmarks(
     robot: RobotConfig, marks: Sequence[FloatArray], fixes: Sequence[FixShape | None] = ()
 ) -> kd.Landmarks:
@@ -285,9 +294,10 @@ def pack_laws(
     """Every wind law by name; the coherent one uses position fixes where there are landmarks (``marks``)."""
     lattice = pack_wind(wind, robot.dt, planner.max_steps)
     modes = pack_modes(wind, lattice, robot.dt, robot.u_max)
-    coherent: kd.Law = kd.CoherentLaw(lattice, modes, motion)
+    errors = pack_errors(robot)
+    coherent: kd.Law = kd.CoherentLaw(lattice, modes, motion, errors)
     if marks is not None:
-        coherent = kd.LandmarkLaw(lattice, modes, motion, marks)
+        coherent = kd.LandmarkLaw(lattice, modes, motion, marks, errors)
     return {"independent": kd.IndependentLaw(lattice, motion), "coherent": coherent}
 
 
@@ -394,7 +404,7 @@ def with_landmarks(problem: Problem, robot: RobotConfig, marks: Sequence[FloatAr
     plain = unaided(problem.laws["coherent"])
     assert isinstance(plain, kd.CoherentLaw)
     packed = pack_landmarks(robot, scene.landmarks, scene.landmark_fixes)
-    law = kd.LandmarkLaw(plain.wind, plain.modes, plain.motion, packed)
+    law = kd.LandmarkLaw(plain.wind, plain.modes, plain.motion, packed, plain.errors)
     laws, world = {**problem.laws, "coherent": law}, problem.world._replace(law=law)
     return replace(problem, scene=scene, laws=laws, world=world)
 

@@ -175,7 +175,9 @@ class Problem(Displayed):
 
 def unaided(law: kd.Law) -> kd.IndependentLaw | kd.CoherentLaw:
     """``law`` for a robot that takes no position fixes."""
-    return kd.CoherentLaw(law.wind, law.modes, law.motion) if isinstance(law, kd.LandmarkLaw) else law
+    if not isinstance(law, kd.LandmarkLaw):
+        return law
+    return kd.CoherentLaw(law.wind, law.modes, law.motion, law.errors)
 
 
 # --- longer steps -----------------------------------------------------------------------------------

@@ -213,6 +213,26 @@ class RobotConfig(CheckedSettings, section="robot"):
         unit="s",
         remark="null: open loop",
     )
+    airspeed_sd: float | None = setting(
+        None,
+        "standard deviation of the airspeed's error, relative to the airspeed, one for the whole flight",
+        "(0, 0.5]",
+        remark="null: the error is not modelled",
+    )
+    heading_sd: float | None = setting(
+        None,
+        "standard deviation of the heading's error, one for the whole flight",
+        "(0, 30]",
+        unit="deg",
+        remark="null: the error is not modelled",
+    )
+    clock_sd: float | None = setting(
+        None,
+        "standard deviation of the clock's error, by which legs begin late, one for the whole flight",
+        "(0, 3600]",
+        unit="s",
+        remark="null: the error is not modelled",
+    )
     effort_risk: float = setting(
         0.05,
         "probability, in one step, that feedback commands an airspeed above u_max or below u_min, with "

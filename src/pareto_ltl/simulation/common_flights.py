@@ -29,6 +29,8 @@ class DrawnFlights:
     ----------
     noise : (T+1, n, 2) float
         Standard normal draws for the errors of position fixes; no rows without landmarks.
+    errors : (n, Q) float
+        Coefficients κ of the robot's own errors; Q = 0 for a robot without them.
     start : (n, 2) float
         Deviations of the start [m].
     draws : kernel.Draws
@@ -41,6 +43,7 @@ class DrawnFlights:
     problem: Problem
     law: str
     noise: FloatArray
+    errors: FloatArray
     start: FloatArray
     draws: Any
     linearised: bool = False
@@ -62,7 +65,7 @@ class DrawnFlights:
 
     def unaided(self, flight: Flight) -> FloatArray:
         """The deviations without position fixes."""
-        pilot = Autopilot(flight.u, np.ascontiguousarray(flight.x))
+        pilot = self._autopilot(flight.u, flight.x)
         return deviations_from(self._flown_by(pilot, flight.x, None, self._winds_about(flight)), flight.x)
 
     def exhausted(self, flight: Flight) -> BoolArray:
@@ -101,11 +104,17 @@ class DrawnFlights:
 
         A robot with feedback steers towards ``mean``.
         """
-        pilot = Autopilot(u, np.ascontiguousarray(mean))
+        pilot = self._autopilot(u, mean)
         return self._flown_by(pilot, mean, self.problem.energy, self.draws)
 
     def _pilot(self, u: FloatArray, mean: FloatArray) -> Any:
-        return sim.pilot_maker(self.problem, u, mean, self.law)(self.noise)
+        maker = sim.pilot_maker(self.problem, u, mean, self.law, linear=self.linearised)
+        return maker(self.noise, self.errors)
+
+    def _autopilot(self, u: FloatArray, mean: FloatArray) -> Any:
+        """The pilot of robots that take no fixes."""
+        pilot, sd = Autopilot(u, np.ascontiguousarray(mean)), sim.own_errors(self.problem, self.law)
+        return sim.erring_pilot(pilot, u, sd, self.errors, linear=self.linearised)
 
     def _flown_by(self, pilot: Any, mean: FloatArray, energy: EnergyModel | None, draws: Any) -> FloatArray:
         x = self._begun(mean)
@@ -138,7 +147,7 @@ class DrawnFlights:
         if hasattr(draws, "theta"):
             draws = draws._replace(theta=np.ascontiguousarray(self.draws.theta[:, rows]))
         noise = np.ascontiguousarray(self.noise[:, rows])
-        return replace(self, noise=noise, start=self.start[rows], draws=draws)
+        return replace(self, noise=noise, errors=self.errors[rows], start=self.start[rows], draws=draws)
 
     def merged(self, problem: Problem, times: int) -> DrawnFlights:
         """The same flights in ``problem``, whose steps are ``times`` as long, in the coherent law."""
@@ -163,16 +172,19 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
         name: np.concatenate([getattr(part, name) for part in parts], axis=1) for name in parts[0]._fields[1:]
     }
     draws = parts[0]._replace(**drawn)
-    noise = [
-        sim.fix_noise(problem, rows.stop - rows.start, problem.horizon, child)
-        for rows, child in zip(blocks, fixes.spawn(len(blocks)), strict=True)
-    ]
+    noise, errors = [], []
+    for rows, child in zip(blocks, fixes.spawn(len(blocks)), strict=True):
+        n = rows.stop - rows.start
+        noise.append(sim.fix_noise(problem, n, problem.horizon, child))
+        errors.append(sim.draw_errors(problem, law, n, sim.later_child(child, sim.OWN_ERRORS)))
     off = math.sqrt(problem.start_variance) * np.random.default_rng(start).standard_normal((runs, 2))
-    return DrawnFlights(problem, law, np.concatenate(noise, axis=1), off, draws)
+    return DrawnFlights(problem, law, np.concatenate(noise, axis=1), np.concatenate(errors), off, draws)
 
 
 def is_certain(problem: Problem) -> bool:
     """Whether every flight is the same: a start and a wind that are known exactly."""
     if problem.start_variance > 0.0 or problem.wind.gust.any() or problem.wind.between.any():
+        return False
+    if len(sim.own_errors(problem, problem.fidelity.law)):
         return False
     return not problem.wind.latent.any() and problem.modes.psi.shape[-1] == 0

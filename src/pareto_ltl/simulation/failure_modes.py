@@ -102,7 +102,8 @@ class FlownPlan:
         problem, path, law = self.problem, self.path, self.problem.fidelity.law
         x = np.empty((len(z.start), len(path.x), 2))
         x[:, 0] = problem.scene.start + self.linear.start_sd * z.start
-        pilot = Autopilot(path.u, np.ascontiguousarray(path.x))
+        sd = sim.own_errors(problem, law)
+        pilot = sim.erring_pilot(Autopilot(path.u, np.ascontiguousarray(path.x)), path.u, sd, z.errors)
         sim.fly_draws(problem, _winds(problem, z, theta), pilot, x, problem.energy)
         return x, sim.judge_flights(problem, law, x).failed
 
@@ -112,6 +113,7 @@ class FlownPlan:
             directions.start[row] * size[:, None],
             np.moveaxis(directions.white[row] * size[:, None, None], 0, 1),
             np.moveaxis(directions.field[row] * size[:, None, None, None], 0, 1).astype(np.float32),
+            directions.errors[row] * size[:, None],
         )
         return self.fly(z, linked_fields(self.linear, z))[1]
 
@@ -163,7 +165,9 @@ def _first_failures(plan: FlownPlan) -> FloatArray:
     found, rows = [np.empty((0, *plan.mean.shape))], np.arange(PILOTS)
     for factor in ENLARGED:
         field = z.field[:, rows] * np.float32(factor)
-        enlarged = kernel.NormalDraws(factor * z.start[rows], factor * z.white[:, rows], field)
+        enlarged = kernel.NormalDraws(
+            factor * z.start[rows], factor * z.white[:, rows], field, factor * z.errors[rows]
+        )
         x, failed = plan.fly(enlarged, linked_fields(law, enlarged))
         found.append(x[failed])
         rows = rows[~failed]
@@ -250,7 +254,9 @@ def _white_law(problem: Problem) -> kd.CoherentLaw:
 
 
 SMOOTH_LAWS: Mapping[str, Callable[[Problem], kd.CoherentLaw]] = {
-    "coherent": lambda problem: kd.CoherentLaw(problem.wind, problem.modes, problem.motion),
+    "coherent": lambda problem: kd.CoherentLaw(
+        problem.wind, problem.modes, problem.motion, sim.own_errors(problem, "coherent")
+    ),
     "independent": _white_law,
 }
 
@@ -261,6 +267,7 @@ def linear_law(problem: Problem, flight: Flight, law: kd.CoherentLaw) -> kernel.
     return kernel.LinearLaw(
         flight.F, flight.psi, np.sqrt(flight.white), law.modes.epoch[:steps],
         sim.kept_by_epoch(law.modes, steps), motion.exposed * motion.dt, math.sqrt(problem.start_variance),
+        flight.errors.push,
     )  # fmt: skip
 
 
@@ -270,7 +277,7 @@ def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Direction
     Backwards through e' = F e + dt (ψ' θ + white) with p_T = weight_T:
 
         p_t = F_t' p_{t+1} + weight_t,
-        ω_white,t = dt white_t p_{t+1},    g_k = dt Σ_{t in epoch k} ψ_t p_{t+1},
+        ω_white,t = dt white_t p_{t+1},    g_k = dt Σ_{t in epoch k} ψ_t p_{t+1},    ω_κ = dt Σ_t E_t' p_{t+1},
 
     and through θ_k = ρ_k θ_{k-1} + √(1 - ρ_k²) η_k from the last epoch: ω_η,k = √(1 - ρ_k²) g_k, then
     g_{k-1} grows by ρ_k g_k.
@@ -279,8 +286,9 @@ def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Direction
     """
     J, steps, modes = len(weight), len(law.white), law.psi.shape[-1]
     white, fields = np.empty((J, steps, 2)), np.zeros((J, len(law.kept), 2, modes))
-    p = weight[:, steps]
+    p, errors = weight[:, steps], np.zeros((J, law.push.shape[-1]))
     for t in range(steps - 1, -1, -1):
+        errors += law.dt * p @ law.push[t]
         white[:, t] = law.dt * law.white[t] * p
         fields[:, law.epoch[t]] += law.dt * p[:, :, None] * law.psi[t]
         p = p @ law.F[t] + weight[:, t]
@@ -288,7 +296,7 @@ def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Direction
     for k in range(len(persistence) - 1, 0, -1):
         fields[:, k - 1] += persistence[k] * fields[:, k]
         fields[:, k] *= np.sqrt(1.0 - persistence[k] ** 2)
-    return kernel.Directions(law.start_sd * p, white, fields)
+    return kernel.Directions(law.start_sd * p, white, fields, errors)
 
 
 def linear_deviations(law: kernel.LinearLaw, draws: kernel.NormalDraws, theta: Float32Array) -> FloatArray:
@@ -300,6 +308,7 @@ def linear_deviations(law: kernel.LinearLaw, draws: kernel.NormalDraws, theta: F
     """
     wind = np.zeros((len(law.white), len(draws.start), 2))
     rollout.winds_at_means(law.psi, law.white, law.epoch, draws.white, theta, wind)
+    wind += np.einsum("tcq,nq->tnc", law.push, draws.errors)
     e = np.empty((len(draws.start), len(wind) + 1, 2))
     e[:, 0] = law.start_sd * draws.start
     for t, F in enumerate(law.F):
@@ -313,6 +322,7 @@ def normal_draws(law: kernel.LinearLaw, n: int, rng: Generator) -> kernel.Normal
         rng.standard_normal((n, 2)),
         rng.standard_normal((len(law.white), n, 2)),
         sim.draw_innovations(law.kept, n, rng),
+        rng.standard_normal((n, law.push.shape[-1])),
     )
 
 

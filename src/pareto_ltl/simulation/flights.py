@@ -19,7 +19,16 @@ from numpy.random import Generator, SeedSequence
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.kernels.pilots import SHARES, Autopilot, Beliefs, FilterLaw, Moves, Navigator, Pilot
+from pareto_ltl.kernels.pilots import (
+    SHARES,
+    Autopilot,
+    Beliefs,
+    ErringPilot,
+    FilterLaw,
+    Moves,
+    Navigator,
+    Pilot,
+)
 from pareto_ltl.planning.costs import EnergyModel
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem, unaided
@@ -34,9 +43,11 @@ from pareto_ltl.support.machine import on_all_cores, require_memory
 NO_FAILURE = -1
 CAUSES = ("met an obstacle", "left the map", "broke the mission", "did not complete the mission")
 COLLIDED, OFF_MAP, BROKEN, MISSED = range(4)
-PilotMaker = Callable[[FloatArray], Any]  # takes the noise (T+1, n, 2) of the fixes of n flights
+# Takes the noise (T+1, n, 2) of the fixes and the coefficients (n, Q) of the robot's errors of n flights.
+PilotMaker = Callable[[FloatArray, FloatArray], Any]
 FLIGHT_COPIES = 2  # copies of the positions of a flight: one in memory, one in the archive that is written
 FIX_NOISE = 2**16  # child of a block's seed for the errors of position fixes
+OWN_ERRORS = FIX_NOISE + 1  # child of a block's seed for the robot's own errors
 FLAGS = "accepted", "collided", "off_map"
 BLOCK = 250  # runs that share a generator, whatever the number of threads
 TANK_SPEEDS, SLOWEST = 512, 1e-3  # airspeeds of the table of powers, and the least of them in u_max
@@ -186,19 +197,28 @@ class FlightBlock:
         Winds for some number of steps; a shorter plan uses the first of them.
     noise : (T+1, n, 2) float
         Standard normal draws for the errors of position fixes; no rows without landmarks.
+    errors : (n, Q) float
+        Coefficients κ ~ N(0, I) of the robot's own errors; Q = 0 for a robot without them.
     """
 
     start: FloatArray
     draws: Any
     noise: FloatArray
+    errors: FloatArray
 
 
 def draw_block(problem: Problem, law: str, runs: int, steps: int, seed: SeedSequence) -> FlightBlock:
     """The start positions and winds of ``runs`` flights of at most ``steps`` steps."""
     rng = np.random.default_rng(unspawned(seed))
     start = problem.scene.start + np.sqrt(problem.start_variance) * rng.standard_normal((BLOCK, 2))[:runs]
-    noise = SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, FIX_NOISE), pool_size=seed.pool_size)
-    return FlightBlock(start, DRAWS[law](problem, runs, steps, rng), fix_noise(problem, runs, steps, noise))
+    draws = DRAWS[law](problem, runs, steps, rng)
+    noise = fix_noise(problem, runs, steps, later_child(seed, FIX_NOISE))
+    return FlightBlock(start, draws, noise, draw_errors(problem, law, runs, later_child(seed, OWN_ERRORS)))
+
+
+def later_child(seed: SeedSequence, number: int) -> SeedSequence:
+    """The child ``number`` of ``seed``, whatever was spawned from it before."""
+    return SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, number), pool_size=seed.pool_size)
 
 
 def fix_noise(problem: Problem, runs: int, steps: int, seed: SeedSequence) -> FloatArray:
@@ -207,10 +227,37 @@ def fix_noise(problem: Problem, runs: int, steps: int, seed: SeedSequence) -> Fl
     return np.random.default_rng(seed).standard_normal((rows, runs, 2))
 
 
+def draw_errors(problem: Problem, law: str, runs: int, seed: SeedSequence) -> FloatArray:
+    """κ ~ N(0, I) (runs, Q) of the robot's own errors under ``law``; none under the independent law."""
+    return np.random.default_rng(seed).standard_normal((runs, len(own_errors(problem, law))))
+
+
+def own_errors(problem: Problem, law: str) -> FloatArray:
+    """Standard deviations (Q,) of the robot's own errors under ``law``; none under the independent law."""
+    model = problem.laws[law]
+    return kd.EXACT if isinstance(model, kd.IndependentLaw) else model.errors
+
+
+def erring_pilot(
+    pilot: Pilot, u: FloatArray, sd: FloatArray, errors: FloatArray, *, linear: bool = False
+) -> Pilot:
+    """``pilot`` of robots whose own errors are ``errors`` (n, Q) times ``sd`` (Q,), planned to fly ``u``.
+
+    ``linear``: in the law linearised about the plan, whose mean has the second-order part of the errors.
+
+    Eq. (M24a) of docs/mathematics.md.
+    """
+    if not len(sd):
+        return pilot
+    scale, turn, late = (errors * sd).T
+    ahead, aside = (1.0 + scale, turn) if linear else ((1.0 + scale) * np.cos(turn), (1.0 + scale) * np.sin(turn))
+    return ErringPilot(pilot, u, np.column_stack([ahead, aside, late]), np.empty((len(errors), 2)))
+
+
 def fly_block(problem: Problem, block: FlightBlock, pilot: PilotMaker, x: FloatArray) -> None:
     """Fly one plan once for each flight of ``block``; fills ``x`` (n, T+1, 2)."""
     x[:, 0] = block.start
-    fly_draws(problem, block.draws, pilot(block.noise), x, problem.energy)
+    fly_draws(problem, block.draws, pilot(block.noise, block.errors), x, problem.energy)
 
 
 def fly_draws(
@@ -228,7 +275,8 @@ def fly_draws(
 
 def corrects(motion: kd.Motion, pilot: Pilot) -> bool:
     """Whether the robot corrects its course, so that its flights do not spend what the plan does."""
-    return motion.gain > 0.0 or isinstance(pilot, Navigator)
+    steers = pilot.pilot if isinstance(pilot, ErringPilot) else pilot
+    return motion.gain > 0.0 or isinstance(steers, Navigator)
 
 
 def full_tank(motion: kd.Motion, runs: int, energy: EnergyModel | None) -> kernel.Tank:
@@ -250,31 +298,41 @@ def judge_flights(problem: Problem, law: str, x: FloatArray) -> Deployment:
     return Deployment(law, *outcome, problem.scene.walled)
 
 
-def pilot_maker(problem: Problem, u: FloatArray, mean: FloatArray | None, law: str) -> PilotMaker:
+def pilot_maker(
+    problem: Problem, u: FloatArray, mean: FloatArray | None, law: str, *, linear: bool = False
+) -> PilotMaker:
     """The maker of the pilot: an autopilot, or a navigator that takes fixes along ``mean`` (T+1, 2) [m].
 
     Under the independent law the wind of one step does not predict the next: fixes measure positions only.
+    ``linear`` is that of :func:`erring_pilot`.
     """
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
-    autopilot, planned = Autopilot(u, held), problem.laws["coherent"]
+    planned, sd = problem.laws["coherent"], own_errors(problem, law)
+
+    def autopilot(_noise: FloatArray, errors: FloatArray) -> Pilot:
+        return erring_pilot(Autopilot(u, held), u, sd, errors, linear=linear)
+
     if mean is None or not isinstance(planned, kd.LandmarkLaw):
-        return lambda _noise: autopilot
+        return autopilot
     model = unaided(problem.laws[law])
     flight, marks = propagate(problem, held, model), planned.landmarks
     if not within_reach(marks, flight):
-        return lambda _noise: autopilot
+        return autopilot
     rho = model.modes.kept if isinstance(model, kd.CoherentLaw) else np.ones((len(held) + 1, 0), np.float32)
-    linear = FilterLaw(held, u, flight.F, flight.psi, flight.white, rho, problem.start_variance)
+    rho = np.hstack([rho, np.ones((len(rho), (len(sd) + 1) // 2), np.float32)])
+    push = flight.errors.push
+    about = FilterLaw(held, u, flight.F, flight.psi, flight.white, rho, problem.start_variance, push)
     root: FloatArray = np.asarray(np.linalg.cholesky(marks.cov[:, [0, 1, 1, 2]].reshape(-1, 2, 2)), float)
 
-    def navigator(noise: FloatArray) -> Navigator:
+    def navigator(noise: FloatArray, errors: FloatArray) -> Pilot:
         runs = noise.shape[1]
-        return Navigator(
-            linear, marks, root, noise, np.empty((runs, 4)),
+        pilot = Navigator(
+            about, marks, root, noise, np.empty((runs, 4)),
             np.empty((runs, 2 * rho.shape[1]), np.float32), np.empty(runs, np.int64), np.empty(runs, bool),
             empty_beliefs(2 * runs + 1, len(root), rho.shape[1]),
             empty_moves(len(held), rho.shape[1]),
         )  # fmt: skip
+        return erring_pilot(pilot, u, sd, errors, linear=linear)
 
     return navigator
 
