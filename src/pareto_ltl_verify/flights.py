@@ -193,16 +193,19 @@ def fly(
     robot, x = law.robot, np.empty((runs, len(u) + 1, 2))
     x[:, 0] = mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
     filters = Filters(law, mean, landmarks, runs) if landmarks else None
-    theta = rng.standard_normal((runs, law.modes))
+    theta, before = rng.standard_normal((runs, law.coefficients)), np.broadcast_to(u[:1], (runs, 2))
     limited = robot.capacity is not None and (filters is not None or robot.feedback > 0.0)
     left = np.full(runs, robot.capacity) if limited else None  # [J]
     for t, planned in enumerate(u):
         theta = next_field(law, t, theta, rng) if t else theta
         wind = _drawn_wind(law, x[:, t], t, theta, rng)
+        own = theta[:, law.modes :]
         if filters:
-            flown = filters.controls(x, t, planned, rng)
+            wanted = filters.controls(x, t, planned, rng)
         else:
-            flown = _held_controls(robot, mean[t : t + 2], planned, x[:, t], wind)
+            off = _off_plan(robot, u[max(t - 1, 0)], planned, own)
+            wanted = _held_controls(robot, mean[t : t + 2], planned, x[:, t], wind + off)
+        flown, before = robot.flown(wanted, wanted if t == 0 else before, own), wanted
         x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
         if left is not None:
             left -= robot.spent(flown)
@@ -210,12 +213,18 @@ def fly(
     return x
 
 
+def _off_plan(robot: Robot, before: FloatArray, u: FloatArray, own: FloatArray) -> FloatArray:
+    """Velocities (n, 2) [m/s] by which the robots' errors ``own`` (n, Q) change a planned control (2,)."""
+    planned, last = (np.broadcast_to(control, (len(own), 2)) for control in (u, before))
+    return np.asarray((robot.flown(planned, last, own) - planned) @ robot.b.T, float)
+
+
 def _drawn_wind(law: Law, x: FloatArray, t: int, theta: FloatArray, rng: Generator) -> FloatArray:
     """Wind that each flight meets at its position, (n, 2) [m/s]."""
     (met, latent), carried, modes = law.wind_at(t, x), np.zeros(2), law.wind.modes
     if isinstance(law, Coherent) and modes is not None:
         psi = square_of(modes.x, modes.y, x).value(law.modes_at(t))
-        met = met + np.einsum("ncp,ncp->nc", psi, theta.reshape(len(x), 2, -1))
+        met = met + np.einsum("ncp,ncp->nc", psi, theta[:, : law.modes].reshape(len(x), 2, -1))
         carried = (psi**2).sum(axis=2)
     white = law.white_variance(t, latent, carried)
     return np.asarray(met + np.sqrt(white) * rng.standard_normal(met.shape), float)
@@ -237,7 +246,7 @@ def _held_controls(
 
 
 def next_field(law: Law, t: int, theta: FloatArray, rng: Generator) -> FloatArray:
-    """θ (n, 2P) of step t from θ of step t - 1: ρ θ + √(1 - ρ²) η, with ρ of the part of each mode."""
+    """θ (n, N) of step t from θ of step t - 1: ρ θ + √(1 - ρ²) η, with ρ of the part of each mode."""
     keep = law.kept(t)
     if (keep == 1).all():
         return theta
@@ -258,9 +267,9 @@ class Filters:
     law, guide : Law, Course
         The law of the flights, and the law linearised about the planned means; under the independent law
         fixes measure positions only.
-    joint : dict of History to (4 + 2P, 4 + 2P) float
+    joint : dict of History to (4 + N, 4 + N) float
         Covariance of the errors of (e_t, e_{t-1}, θ).
-    now, ago, wind : (n, 2), (n, 2), (n, 2P) float
+    now, ago, wind : (n, 2), (n, 2), (n, N) float
         What each robot expects: ê at this step and at the last, θ̂.
     fixed, history : (n,) bool, list of n History
         Whether each robot has had a fix, and its fixes.
@@ -268,7 +277,7 @@ class Filters:
 
     def __init__(self, law: Law, mean: FloatArray, landmarks: Sequence[Landmark], runs: int) -> None:
         """Robots before departure."""
-        self.law, self.landmarks, modes = law, landmarks, law.modes
+        self.law, self.landmarks, modes = law, landmarks, law.coefficients
         self.guide = fly_means(replace(law, landmarks=()), mean)
         joint = np.eye(4 + modes)
         joint[:4, :4] = law.robot.start_sd**2 * np.tile(np.eye(2), (2, 2))

@@ -19,6 +19,7 @@ from pareto_ltl_verify.robot import Robot
 from pareto_ltl_verify.wind_tables import TIME, Clock, WindFile, at_step, square_of
 
 WORTHWHILE = 0.01  # share of the unknown variance: fixes that take less are ignored
+TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # by 90 degrees, anticlockwise
 RIM = np.array([(math.cos(a), math.sin(a)) for a in np.arange(8) * math.pi / 4])  # of the maximum-trace ball
 
 
@@ -32,10 +33,13 @@ class Course:
         Mean [m] and covariance [m²].
     u (T, 2), speed (T,)
         Control and the airspeed left for it [m/s].
-    F (T, 2, 2), psi (T, 2, 2P), white (T, 2), drift (T, 2)
-        The law linearised about the path: e' = F e + φ dt (ψ θ + white); drift is μ and its mean shift.
-    cross : list of T+1 (2, 2P)
+    F (T, 2, 2), psi (T, 2, N), white (T, 2), drift (T, 2)
+        The law linearised about the path: e' = F e + φ dt (ψ θ + white) with N coefficients θ, those of the
+        robot's own errors last; drift is μ and its mean shift.
+    cross : list of T+1 (2, N)
         Cov(e_t, θ_t).
+    along_means : bool
+        Whether the means are given, or else the controls.
     chances : dict of step to float
         Probability of the fix on the way to a step, where it matters.
     """
@@ -48,6 +52,7 @@ class Course:
     F: FloatArray
     psi: FloatArray
     white: FloatArray
+    along_means: bool = True
     cross: list[FloatArray] = field(default_factory=list)
     chances: dict[int, float] = field(default_factory=dict)
 
@@ -56,7 +61,7 @@ class Course:
 class Belief:
     """Covariances before a step, of estimates (ê) and of the errors of the estimates (ẽ, θ̃).
 
-    ``unknown`` Cov(ẽ) and ``known`` Cov(ê) (2, 2), ``cross`` Cov(ẽ, θ̃) (2, 2P), ``theta`` Cov(θ̃) (2P, 2P).
+    ``unknown`` Cov(ẽ) and ``known`` Cov(ê) (2, 2), ``cross`` Cov(ẽ, θ̃) (2, N), ``theta`` Cov(θ̃) (N, N).
     """
 
     unknown: FloatArray
@@ -100,12 +105,27 @@ class Law:
 
     @property
     def modes(self) -> int:
-        """2P, the number of coefficients of both components; 0 without a field for the whole flight."""
+        """2P, the number of wind coefficients of both components; 0 without a field for the whole flight."""
         return 0
 
+    @property
+    def errors(self) -> FloatArray:
+        """Standard deviations of the robot's own errors that last for a flight; none under this law."""
+        return np.zeros(0)
+
+    @property
+    def straight(self) -> float:
+        """E[cos b] = exp(-sd²/2): a heading error b turns a control u, whose mean is this share of u."""
+        return math.exp(-0.5 * self.errors[1] ** 2) if len(self.errors) else 1.0
+
+    @property
+    def coefficients(self) -> int:
+        """N, of the wind and of the robot's own errors."""
+        return self.modes + len(self.errors)
+
     def kept(self, t: int) -> FloatArray:  # noqa: ARG002
-        """Share of each coefficient that step t keeps of step t - 1, (2P,)."""
-        return np.ones(self.modes)
+        """Share of each coefficient that step t keeps of step t - 1, (N,)."""
+        return np.ones(self.coefficients)
 
     def wind_at(self, t: int, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean [m/s] and variance without gusts of the wind at step t at ``points`` (P, 2), each (P, 2)."""
@@ -127,6 +147,7 @@ class Law:
         belief = self._with_fix(course, t, belief)
         robot, dt = self.robot, self.robot.exposed * self.robot.dt
         self.linearise(course, t, belief)
+        self._steer(course, t)
         F, psi, keep = course.F[t], course.psi[t], self.kept(t + 1)
         mixed = dt * F @ belief.cross @ psi.T
         unknown = F @ belief.unknown @ F.T + mixed + mixed.T
@@ -139,6 +160,20 @@ class Law:
             cross=keep * (F @ belief.cross + dt * psi @ belief.theta),
             theta=np.outer(keep, keep) * belief.theta + np.diag(1 - keep**2),
         )
+
+    def _steer(self, course: Course, t: int) -> None:
+        """Fill the control, or the next mean, of step t, and the columns of the robot's errors in ψ."""
+        robot, sd, straight = self.robot, self.errors, self.straight
+        free = robot.a @ course.x[t] + robot.dt * course.drift[t]
+        if course.along_means:
+            course.u[t] = np.linalg.solve(robot.b, course.x[t + 1] - free) / (straight * robot.dt)
+        u = course.u[t]
+        course.drift[t] += (straight - 1.0) * robot.b @ u
+        if not course.along_means:
+            course.x[t + 1] = free + straight * robot.dt * robot.b @ u
+        if len(sd):
+            late = (course.u[max(t - 1, 0)] - u) / robot.dt
+            course.psi[t, :, self.modes :] = robot.b @ np.column_stack([u, TURN @ u, late]) * sd
 
     def _with_fix(self, course: Course, t: int, belief: Belief) -> Belief:
         """The expected belief after a position fix that arrives with the probability to be in a landmark."""
@@ -200,10 +235,16 @@ class Coherent(Law):
         return 0 if self.wind.modes is None else 2 * self.wind.modes.psi.shape[-1]
 
     def kept(self, t: int) -> FloatArray:
-        """Share of each coefficient that step t keeps of step t - 1, (2P,)."""
+        """Share of each coefficient that step t keeps of step t - 1, (N,)."""
+        lasting = np.ones(len(self.errors))
         if self.wind.modes is None:
-            return np.ones(0)
-        return np.tile(self.times.keep[t][self.wind.modes.part], 2)
+            return lasting
+        return np.concatenate([np.tile(self.times.keep[t][self.wind.modes.part], 2), lasting])
+
+    @property
+    def errors(self) -> FloatArray:
+        """Standard deviations of the airspeed [relative], the heading [rad] and the clock [s], if any."""
+        return self.robot.errors
 
     def modes_at(self, t: int) -> FloatArray:
         """ψ of step t at the nodes, (MX, MY, 2, P); modes of interpolation in time grow with its error."""
@@ -237,8 +278,8 @@ class Coherent(Law):
         course.F[t] = robot.closed + robot.exposed * robot.dt * D
         H = [[square.value(np.gradient(d, square.side, axis=axis))[0] for axis in (0, 1)] for d in first]
         bend = 0.5 * np.einsum("ijc,ij->c", np.array(H), belief.unknown)
-        psi, swept = self._field_at(course.x[t], t, belief.cross)
-        course.psi[t] = psi
+        psi, swept = self._field_at(course.x[t], t, belief.cross[:, : self.modes])
+        course.psi[t, :, : self.modes] = psi
         latent = square.value(at_step(wind.latent, self.times, t))[0]
         course.white[t] = self.white_variance(t, latent, (psi**2).sum(axis=1))
         course.drift[t] = square.value(mean)[0] + bend + swept
@@ -273,22 +314,17 @@ def fly_controls(law: Law, start: FloatArray, u: FloatArray) -> Course:
 
 def _flown(law: Law, x: FloatArray, u: FloatArray, *, along_means: bool) -> Course:
     """The course along the means ``x`` or else of the controls ``u``: each step determines the other."""
-    n, steps, robot = law.modes, len(u), law.robot
+    n, steps, robot = law.coefficients, len(u), law.robot
     course = Course(
         x=np.array(x, float), u=np.array(u, float), cov=np.empty((steps + 1, 2, 2)), speed=np.empty(steps),
         drift=np.empty((steps, 2)), F=np.empty((steps, 2, 2)), psi=np.zeros((steps, 2, n)),
-        white=np.empty((steps, 2)),
+        white=np.empty((steps, 2)), along_means=along_means,
     )  # fmt: skip
     belief = Belief(robot.start_sd**2 * np.eye(2), np.zeros((2, 2)), np.zeros((2, n)), np.eye(n))
     for t in range(steps):
         course.cov[t] = belief.unknown + belief.known
         course.cross.append(belief.cross)
         belief = law.advance(course, t, belief)
-        free = robot.a @ course.x[t] + robot.dt * course.drift[t]
-        if along_means:
-            course.u[t] = np.linalg.solve(robot.b, course.x[t + 1] - free) / robot.dt
-        else:
-            course.x[t + 1] = free + robot.dt * robot.b @ course.u[t]
     course.cov[-1] = belief.unknown + belief.known
     course.cross.append(belief.cross)
     return course

@@ -35,7 +35,29 @@ class Robot:
     bank: float = 0.0
     turn_delay: float = 0.0
     power: Power | None = None  # [W] at an airspeed [m/s]; None without a power curve
+    airspeed_sd: float | None = None  # of errors that last for a flight: relative; None if not modelled
+    heading_sd: float | None = None  # [deg]
+    clock_sd: float | None = None  # [s]
     capacity: float | None = None  # energy that the robot can use [J]; None if it is not limited
+
+    @property
+    def errors(self) -> FloatArray:
+        """Standard deviations of the errors of airspeed, heading [rad] and clock; (0,) if all are 0."""
+        sd = np.array([self.airspeed_sd or 0.0, math.radians(self.heading_sd or 0.0), self.clock_sd or 0.0])
+        return sd if sd.any() else sd[:0]
+
+    def flown(self, u: FloatArray, before: FloatArray, drawn: FloatArray) -> FloatArray:
+        """Velocities (n, 2) through the air of robots that command ``u`` (n, 2), and ``before`` a step ago.
+
+        ``drawn`` (n, 3) are the errors of each in standard deviations: the airspeed is wrong by a share, the
+        heading by an angle, and the control of the step before is flown for a time too long.
+        """
+        if not drawn.shape[1]:
+            return u
+        scale, angle, late = (drawn * self.errors).T[:, :, None]
+        held = u + late / self.dt * (before - u)
+        turned = np.stack([-held[:, 1], held[:, 0]], axis=1)
+        return np.asarray((1.0 + scale) * (np.cos(angle) * held + np.sin(angle) * turned), float)
 
     @property
     def feedback(self) -> float:

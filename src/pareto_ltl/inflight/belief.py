@@ -1,12 +1,13 @@
 """What a robot without position fixes knows of its position and of the wind: a Kalman filter, in NumPy.
 
-The state at step t of the plan is z = (e, θ, w): the deviation of the position from its estimate, the
-coefficients of the wind field, and the white part of the wind of this step. A share s of the step later,
-after the displacement a through the air (measured headings and airspeeds),
+The state at step t of the plan is z = (e, θ, κ, w): the deviation of the position from its estimate, the
+coefficients of the wind field and of the robot's errors of airspeed and heading, and the white part of the
+wind of this step. A share s of the step later, after the displacement a through the air by the measured
+headings and airspeeds, of which M(κ) a is flown (M24a),
 
-    x_s = (I + s (A - I)) x_t + a + s dt (μ(x_t) + ψ(x_t)' θ + w),    y = x_s + ν,    ν ~ N(0, R),
+    x_s = (I + s (A - I)) x_t + M(κ) a + s dt (μ(x_t) + ψ(x_t)' θ + w),    y = x_s + ν,    ν ~ N(0, R),
 
-linear about the estimate; at the end of a step θ fades as in (M15), and w is drawn anew. So the filter
+linear about the estimate. The measurements carry their times, so the robot's clock has no part in it; at the end of a step θ fades as in (M15), and w is drawn anew. So the filter
 follows the law of the plan, whatever the robot has really flown, and a fix may come at any time.
 
 The members are simulated flights of the same law. They fly what the robot has flown, a fix moves them with
@@ -66,14 +67,16 @@ class Belief:
         self.seed, self.rng = seed, np.random.default_rng(seed)
         self.step, self.share = 0, 0.0
         self.air = np.zeros(2)  # displacement through the air since the step began [m]
-        modes = law.modes.psi.shape[-1]
+        modes, self.error_sd = law.modes.psi.shape[-1], law.errors[:2]
         self.x = np.array(problem.scene.start, float)
-        self.z = np.zeros(2 * modes + 4)  # deviation, θ east, θ north, white part
+        # Deviation, θ east, θ north, errors of airspeed and heading (if the law has them), white part.
+        self.z = np.zeros(2 * modes + len(self.error_sd) + 4)
         self.cov = np.eye(len(self.z))
         self.cov[:2, :2] *= problem.start_variance
         spread = np.sqrt(problem.start_variance) * self.rng.standard_normal((members, 2))
         self.flown = (self.x + spread)[:, None]  # (n, t + 1, 2): positions of the members at the steps
         self.theta = self.rng.standard_normal((members, 2, modes))
+        self.errors = self.rng.standard_normal((members, len(self.error_sd)))
         self.wind = self._begin_step()
 
     # --- time ---
@@ -110,7 +113,7 @@ class Belief:
 
     def _begin_step(self) -> LinearWind:
         """The law about the estimate, and a new white part."""
-        cross = self.cov[:2, 2:-2].reshape(2, 2, -1)
+        cross = self.cov[:2, 2 : 2 + self.theta[0].size].reshape(2, 2, -1)
         wind = linear_wind(self.law, self._known_step, self.x, self.cov[:2, :2], cross)
         self.cov[-2:], self.cov[:, -2:], self.z[-2:] = 0.0, 0.0, 0.0
         self.cov[-2:, -2:] = np.diag(wind.white)
@@ -121,7 +124,7 @@ class Belief:
     def _end_step(self) -> None:
         """Carry the state over to the next step, about the new estimate."""
         mean, members, kept = self._mean(), self._members(), self.kept(self.step)
-        keep = np.concatenate([np.ones(2), kept, kept, np.ones(2)])
+        keep = np.concatenate([np.ones(2), kept, kept, np.ones(len(self.error_sd) + 2)])
         carry = np.diag(keep)
         carry[:2] = self._map()
         self.cov = carry @ self.cov @ carry.T + np.diag(1.0 - keep**2)
@@ -139,32 +142,45 @@ class Belief:
     # --- where ---
 
     def _by_state(self, by_place: FloatArray, seconds: float) -> FloatArray:
-        """The matrix (2, 2P + 4) that maps the state to ``by_place`` e + ``seconds`` ψ' θ."""
+        """The matrix (2, 2P + Q + 4) that maps the state to ``by_place`` e + ``seconds`` ψ' θ."""
         east, north = seconds * self.wind.psi
-        return np.block(
-            [by_place, np.array([[*east, *0.0 * east], [*0.0 * north, *north]]), np.zeros((2, 2))]
-        )
+        theta, others = np.array([[*east, *0.0 * east], [*0.0 * north, *north]]), len(self.error_sd) + 2
+        return np.block([by_place, theta, np.zeros((2, others))])
 
     def _map(self) -> FloatArray:
-        """The deviation now, by the state at the beginning of the step, (2, 2P + 4)."""
+        """The deviation now, by the state at the beginning of the step, (2, 2P + Q + 4)."""
         s, still = self.share, np.eye(2)
         flown = s * self.motion.dt
         H = self._by_state(still + s * (self.motion.a - still) + flown * self.wind.slope, flown)
         H[:, -2:] = flown * still
+        if len(self.error_sd):
+            east, north = self.air
+            H[:, -4:-2] = self.error_sd * np.array([[east, -north], [north, east]])
         return H
 
-    def _drifted(self, x: FloatArray, wind: FloatArray) -> FloatArray:
-        """Positions now of ``x`` (n, 2) at the beginning of the step, in winds (n, 2)."""
+    def _drifted(self, x: FloatArray, wind: FloatArray, air: FloatArray) -> FloatArray:
+        """Positions now of ``x`` (n, 2) at the beginning of the step, in winds and after ``air`` (n, 2)."""
         s = self.share
-        return np.asarray(x + s * (x @ (self.motion.a - np.eye(2)).T + self.motion.dt * wind) + self.air)
+        return np.asarray(x + s * (x @ (self.motion.a - np.eye(2)).T + self.motion.dt * wind) + air)
 
     def _mean(self) -> FloatArray:
-        still = self._drifted(self.x[None], self.wind.mean[None])[0]
+        turn = float(self.error_sd[1]) if len(self.error_sd) else 0.0
+        air = math.exp(-0.5 * turn**2) * self.air  # E[cos b]
+        still = self._drifted(self.x[None], self.wind.mean[None], air)[0]
         return np.asarray(still + self._map() @ self.z)
 
     def _members(self) -> FloatArray:
         """Positions (n, 2) of the members now [m]."""
-        return self._drifted(self.flown[:, -1], self.local.met(self.theta, self.white))
+        wind = self.local.met(self.theta, self.white)
+        return self._drifted(self.flown[:, -1], wind, self._erred(self.air))
+
+    def _erred(self, moved: FloatArray) -> FloatArray:
+        """What each member really flies (n, 2) of displacements or controls (2,) or (n, 2), (M24a)."""
+        if not len(self.error_sd):
+            return moved
+        scale, turn = (self.errors * self.error_sd).T
+        (x, y), cos, sin = moved.T, (1.0 + scale) * np.cos(turn), (1.0 + scale) * np.sin(turn)
+        return np.column_stack([cos * x - sin * y, sin * x + cos * y])
 
     def estimate(self) -> Estimate:
         """Position and wind now."""
@@ -200,7 +216,9 @@ class Belief:
         with_now = np.einsum("nti,nj->tij", past[:, :-1], now - now.mean(axis=0)) / max(n - 1, 1)
         self.flown[:, :-1] += np.einsum("tij,jk,nk->nti", with_now, np.linalg.inv(S), gap)
         self.flown[:, -1] += gap @ gain[:2].T
-        self.theta += (gap @ gain[2:-2].T).reshape(self.theta.shape)
+        last = 2 + self.theta[0].size
+        self.theta += (gap @ gain[2:last].T).reshape(self.theta.shape)
+        self.errors += gap @ gain[last:-2].T
         self.white += gap @ gain[-2:].T
         self.local = self._local()
         self.z = self.z + gain @ (place - self._mean())
@@ -208,8 +226,9 @@ class Belief:
         self.cov = left @ self.cov @ left.T + gain @ R @ gain.T  # Joseph's form stays positive
 
     def restart(self, place: FloatArray, R: FloatArray) -> None:
-        """Believe a measured ``place`` and forget the wind: after fixes that the law cannot explain."""
+        """Believe a measured ``place``, forget the wind and the robot's errors: after fixes that the law cannot explain."""
         self.theta = self.rng.standard_normal(self.theta.shape)
+        self.errors = self.rng.standard_normal(self.errors.shape)
         self.cov, self.z = np.eye(len(self.z)), np.zeros(len(self.z))
         self.cov[:2, :2] = R
         for _ in range(3):  # the drift in this step depends on where it began
@@ -250,7 +269,8 @@ class Belief:
         """
         motion = self.motion
         if t == self.step:
-            law, white, flown, share = self.local, self.white, self.air, 1.0 - self.share
+            law, white, share = self.local, self.white, 1.0 - self.share
+            flown = self._erred(self.air)
         else:
             law, flown, share = local_wind(self.law, t, at), np.zeros(2), 1.0
             white = np.sqrt(law.white) * rng.standard_normal(at.shape)
@@ -258,8 +278,10 @@ class Belief:
         flights = np.broadcast_to(u, at.shape)
         if motion.gain > 0.0:
             planned = (mean[t + 1] - motion.a @ mean[t]) / motion.dt - motion.b @ u
-            steer = motion.gain / motion.dt * (at - mean[t]) + (1.0 - motion.exposed) * (wind - planned)
+            met = wind + (self._erred(u) - u) @ motion.b.T
+            steer = motion.gain / motion.dt * (at - mean[t]) + (1.0 - motion.exposed) * (met - planned)
             flights = _within_airspeed(u - steer @ motion.b_inv.T, motion.u_min, motion.u_max)
+        flights = self._erred(flights)
         return np.asarray(at @ motion.a.T + flown + motion.dt * (share * flights @ motion.b.T + wind))
 
 

@@ -19,7 +19,7 @@ from pareto_ltl.run import records as keys
 from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, drawn_records, make_page
 from pareto_ltl.run.provenance import wanted_wind
 from pareto_ltl.run.stage_table import FOREST_STREAM, Stage, StageInputs, StageTable, named_child
-from pareto_ltl.settings import ReportConfig, RobotConfig, WindConfig
+from pareto_ltl.settings import ReportConfig, RobotConfig, Settings, WindConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest, Front, Plan
     from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.wind.coverage import OwnErrors
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField, WindObservations
     from pareto_ltl.world.cells import Decomposition
@@ -233,6 +234,7 @@ def make_unpriced_plan(inputs: StageInputs) -> Plan:
         problem.scene.time_zero,
         settings.robot.level or "",
         by_default=settings.mission.start_time is None,
+        robot=covered_errors(settings),
     )
     if front.rates:
         path, promise = promise_path(settings.selection, problem, inputs[keys.WIND], front, inputs.seeds)
@@ -259,6 +261,16 @@ def make_unpriced_plan(inputs: StageInputs) -> Plan:
         covered=coverage.covered,
         not_covered=coverage.not_covered,
     )
+
+
+def covered_errors(settings: Settings) -> OwnErrors:
+    """The robot's own errors that the law of the plan covers: none under the independent law."""
+    from pareto_ltl.wind.coverage import EXACT, OwnErrors
+
+    robot = settings.robot
+    if settings.fidelity.law == "independent":
+        return EXACT
+    return OwnErrors(robot.airspeed_sd, robot.heading_sd, robot.clock_sd)
 
 
 def make_forecasts(inputs: StageInputs) -> Mapping[str, Forecast]:

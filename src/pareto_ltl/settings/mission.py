@@ -217,21 +217,21 @@ class RobotConfig(CheckedSettings, section="robot"):
         None,
         "standard deviation of the airspeed's error, relative to the airspeed, one for the whole flight",
         "(0, 0.5]",
-        remark="null: the error is not modelled",
+        remark="0.015: 1.5 %; null: not modelled, where 0 would claim a perfect sensor",
     )
     heading_sd: float | None = setting(
         None,
         "standard deviation of the heading's error, one for the whole flight",
         "(0, 30]",
         unit="deg",
-        remark="null: the error is not modelled",
+        remark="null: not modelled, where 0 would claim a perfect sensor",
     )
     clock_sd: float | None = setting(
         None,
         "standard deviation of the clock's error, by which legs begin late, one for the whole flight",
         "(0, 3600]",
         unit="s",
-        remark="null: the error is not modelled",
+        remark="null: not modelled, where 0 would claim a perfect sensor",
     )
     effort_risk: float = setting(
         0.05,

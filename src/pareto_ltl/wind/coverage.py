@@ -1,4 +1,4 @@
-"""Texts on the errors of the wind that a failure probability covers, and those that it does not cover."""
+"""Texts on the errors that a failure probability covers, and those that it does not cover."""
 
 from __future__ import annotations
 
@@ -14,6 +14,17 @@ from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.records import ENSEMBLE, WindField
 
 
+class OwnErrors(NamedTuple):
+    """Standard deviations of the robot's own errors, one for a whole flight; None for one not modelled.
+
+    ``airspeed`` is relative, ``heading`` in [deg], ``clock`` in [s].
+    """
+
+    airspeed: float | None = None
+    heading: float | None = None
+    clock: float | None = None
+
+
 class Coverage(NamedTuple):
     """Two paragraphs for reports: the errors that are ``covered``, and those that are ``not_covered``."""
 
@@ -21,20 +32,25 @@ class Coverage(NamedTuple):
     not_covered: str
 
 
+EXACT = OwnErrors()
+
+
 def coverage_of(
-    field: WindField, time_zero: str | None = None, flown: str = "", *, by_default: bool = False
-) -> Coverage:
+    field: WindField, time_zero: str | None = None, flown: str = "", *, by_default: bool = False,
+    robot: OwnErrors = EXACT,
+) -> Coverage:  # fmt: skip
     """The errors of the wind that the laws of ``field`` cover; its times count from ``time_zero``.
 
     ``flown`` is the level of the robot, if it has one. ``by_default`` says that the departure is the first
-    time of the wind because no other is set.
+    time of the wind because no other is set. ``robot`` are the errors of the robot that the law covers.
     """
     medium = medium_of(field.level)
-    own = f"the robot's own errors of {medium.speed}, heading and timing"
     if field.evidence is None and not field.gust_var.any():
         still = medium_of(field.level, flown)  # calm has no level
-        own = own.replace(medium.speed, still.speed)
-        return Coverage(f"{still.still}: no {still.flow} at all.", f"any {still.flow}; {own}.")
+        modelled, others = own_errors_texts(robot, still.speed)
+        covers = "; ".join([f"{still.still}: no {still.flow} at all", *modelled])
+        return Coverage(f"{covers}.", f"any {still.flow}; {others}.")
+    modelled, others = own_errors_texts(robot, medium.speed)
     covered = [f"{medium.flow} at {field.level} of {field.source or 'an unknown source'}"]
     if by_default and time_zero:
         covered.append(
@@ -55,16 +71,44 @@ def coverage_of(
     _time_part(field, time_zero, covered, left)
     if field.modes is not None and (field.modes.part == ENSEMBLE).any():
         covered.append("the spread of the members of an ensemble")
-    covered.append(f"a white part of {np.sqrt(field.gust_var.mean()):.2g} m/s")
+    covered += [f"a white part of {np.sqrt(field.gust_var.mean()):.2g} m/s", *modelled]
     if field.evidence is not None and flown and (gap := level_mismatch(flown, field.level)):
         left.append(gap)
     left += [
         f"{medium.flows} at other {medium.levels} than {field.level}, and vertical motion of the "
         f"{medium.matter}",
         "errors that are not Gaussian, such as a front or a storm that comes early",
-        own,
+        others,
     ]
     return Coverage("; ".join(covered) + ".", "; ".join(left) + ".")
+
+
+def own_errors_texts(robot: OwnErrors, speed: str) -> tuple[list[str], str]:
+    """What is covered of the robot's own errors, and what is not; ``speed`` is the word for its airspeed."""
+    names = (speed, "heading", "timing")
+    missing = [name for name, sd in zip(names, robot, strict=True) if sd is None]
+    left = [f"the robot's own errors of {and_text(missing)}"] * bool(missing)
+    if len(missing) < len(names):
+        left.append("changes of the robot's own errors during a flight")
+    covered = own_errors_text(robot, speed)
+    return [covered] * bool(covered), "; ".join(left)
+
+
+def own_errors_text(robot: OwnErrors, speed: str) -> str:
+    """The modelled errors: ``airspeed errors of 1.5 % and heading errors of 1 degree (1 sd, ...)``."""
+    parts = []
+    if robot.airspeed is not None:
+        parts.append(f"{speed} errors of {100.0 * robot.airspeed:.3g} %")
+    if robot.heading is not None:
+        parts.append(f"heading errors of {robot.heading:.3g} degree{'s' * (robot.heading != 1.0)}")
+    if robot.clock is not None:
+        parts.append(f"clock errors of {robot.clock:.3g} s")
+    return f"{and_text(parts)} (1 sd, constant over a flight)" if parts else ""
+
+
+def and_text(parts: list[str]) -> str:
+    """Parts as a list in words: ``a``, ``a and b``, ``a, b and c``."""
+    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
 def _forecast_part(field: WindField, covered: list[str]) -> list[str]:

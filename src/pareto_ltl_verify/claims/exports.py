@@ -195,13 +195,15 @@ def dead_reckoning(result: Evidence) -> Verdict:
     if len(rows) != len(x):
         return same(f"{len(rows)} rows", f"{len(x)} rows")
     legs = rows[:-1]
-    wind = (x[1:] - x[:-1] @ robot.a.T) / robot.dt - result.u @ robot.b.T
+    law = result.law(result.planned_law)
+    wind = (x[1:] - x[:-1] @ robot.a.T) / robot.dt - law.straight * result.u @ robot.b.T
     faults = _flown_with_turns(result, rows, wind) if robot.bank > 0.0 else _flown_on_the_spot(result, rows)
     faults += [f"{row['wind_law']} winds" for row in rows[:1] if row["wind_law"] != result.planned_law]
     if faults:
         return no_fault(f"{len(rows)} rows", faults)
     speed, course = np.hypot(*wind.T), result.course
-    sd = np.sqrt(((course.psi**2).sum(axis=2) + course.white).mean(axis=1))
+    of_wind = course.psi[:, :, : law.modes]
+    sd = np.sqrt(((of_wind**2).sum(axis=2) + course.white).mean(axis=1))
     return no_fault(
         f"{len(rows)} rows",
         unlike_at("leg {}: airspeed_m_s", column(legs, "airspeed_m_s"), np.hypot(*result.u.T)),

@@ -150,7 +150,7 @@ def _given_fixes(source: Evidence, stated: dict[str, Any]) -> Told | None:
 def _faded(law: laws.Law, course: Course, t: int, step: int) -> FloatArray:
     """Cov(e_t, θ) (2, 2P) with θ of ``step``."""
     shares = [law.kept(later) for later in range(t + 1, step + 1)]
-    return np.asarray(course.cross[t] * np.prod(shares, axis=0), float)
+    return np.asarray((course.cross[t] * np.prod(shares, axis=0))[:, : law.modes], float)
 
 
 def position(result: Evidence) -> Verdict | None:

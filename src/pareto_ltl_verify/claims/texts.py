@@ -35,12 +35,9 @@ RATE = re.compile(
     r"(?P<fails>.* %.*) fail\."
 )
 UNLISTED = ("noaa",)  # sources whose files are downloaded, and no inputs of the run
-OWN_ERRORS = "the robot's own errors of {}, heading and timing"
-CALM = "calm air: no wind at all.", f"any wind; {OWN_ERRORS.format('airspeed')}."
-STILL = (
-    "still water: no current at all.",
-    f"any current; {OWN_ERRORS.format('speed through the water')}.",
-)
+AIRSPEED, IN_WATER = "airspeed", "speed through the water"
+CALM = "calm air: no wind at all", "any wind", AIRSPEED
+STILL = "still water: no current at all", "any current", IN_WATER
 PAGE = "report.html"
 DATA = re.compile(r'<script type="application/json" id="page-data">(.*?)</script>', re.DOTALL)
 HEADLINE = re.compile(
@@ -183,7 +180,10 @@ def texts(result: Evidence) -> Verdict | None:
     if "covered" not in plan:
         return None
     if wind.fit is None and not wind.gust.any():
-        wanted = STILL if plan["covered"] == STILL[0] and _in_water(result) else CALM
+        still = plan["covered"].startswith(STILL[0]) and _in_water(result)
+        covered, uncovered, speed = STILL if still else CALM
+        covers, leaves = _own_errors(result, speed)
+        wanted = "; ".join([covered, *covers]) + ".", "; ".join([uncovered, *leaves]) + "."
     else:
         wanted = "; ".join(_covered(result)) + ".", "; ".join(_not_covered(result)) + "."
     faults = []
@@ -257,6 +257,34 @@ def _covered(result: Evidence) -> Iterator[str]:
     if wind.modes is not None and (wind.modes.part == ENSEMBLE).any():
         yield "the spread of the members of an ensemble"
     yield f"a white part of {np.sqrt(wind.gust.mean()):.2g} m/s"
+    yield from _own_errors(result, IN_WATER if _flow(result) == "current" else AIRSPEED)[0]
+
+
+def _own_errors(result: Evidence, speed: str) -> tuple[list[str], list[str]]:
+    """Which of the robot's own errors rates cover, and which they do not; none under the independent law."""
+    robot, wording = result.robot, []
+    known = result.planned_law != "independent"
+    sds = [robot.airspeed_sd, robot.heading_sd, robot.clock_sd] if known else [None] * 3
+    missing = [name for name, sd in zip((speed, "heading", "timing"), sds, strict=True) if sd is None]
+    airspeed, heading, clock = sds
+    if airspeed is not None:
+        wording.append(f"{speed} errors of {100 * airspeed:.3g} %")
+    if heading is not None:
+        wording.append(f"heading errors of {heading:.3g} degree" + ("" if heading == 1 else "s"))
+    if clock is not None:
+        wording.append(f"clock errors of {clock:.3g} s")
+    left = [f"the robot's own errors of {_and(missing)}"] if missing else []
+    if not wording:
+        return [], left
+    return (
+        [f"{_and(wording)} (1 sd, constant over a flight)"],
+        [*left, "changes of the robot's own errors during a flight"],
+    )
+
+
+def _and(words: Sequence[str]) -> str:
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _utc(zero: str, later: float = 0.0) -> str:
@@ -284,7 +312,7 @@ def _not_covered(result: Evidence) -> Iterator[str]:
     )
     yield f"{other} than {wind.level}, and vertical motion of the {medium}"
     yield "errors that are not Gaussian, such as a front or a storm that comes early"
-    yield OWN_ERRORS.format(speed)
+    yield from _own_errors(result, speed)[1]
 
 
 def _range(values: Sequence[float] | FloatArray, unit: str) -> str:
