@@ -249,9 +249,15 @@ class Evidence:
         """The Gaussian along the planned means, under the law that the plan is judged in."""
         return self.course_of(self.x)
 
-    def course_of(self, x: FloatArray) -> Course:
-        """The Gaussian along means ``x`` (T+1, 2) [m], under the law that the plan is judged in."""
-        return laws.fly_means(self.law(self.planned_law, len(x) - 1), x)
+    def course_of(self, x: FloatArray, *, exact: bool = False) -> Course:
+        """The Gaussian along means ``x`` (T+1, 2) [m], under the law that the plan is judged in.
+
+        ``exact``: of a robot without errors of its own.
+        """
+        law = self.law(self.planned_law, len(x) - 1)
+        if exact:
+            law = replace(law, robot=replace(self.robot, airspeed_sd=None, heading_sd=None, clock_sd=None))
+        return laws.fly_means(law, x)
 
     @cached_property
     def paper_course(self) -> Course:

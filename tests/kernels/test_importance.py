@@ -21,7 +21,7 @@ from pareto_ltl.simulation.failure_modes import linear_deviations
 
 some = settings(deadline=None, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
-N, STEPS, EPOCHS, MODES, EVENTS = 7, 5, 3, 4, 6
+N, STEPS, EPOCHS, MODES, EVENTS, ERRORS = 7, 5, 3, 4, 6, 3
 
 
 def linear_law(rng: np.random.Generator, modes: int = MODES) -> LinearLaw:
@@ -30,7 +30,7 @@ def linear_law(rng: np.random.Generator, modes: int = MODES) -> LinearLaw:
     return LinearLaw(
         np.eye(2) + 0.2 * rng.standard_normal((STEPS, 2, 2)),
         rng.standard_normal((STEPS, 2, modes)).astype(np.float32), rng.uniform(0, 1, (STEPS, 2)),
-        np.array([0, 0, 1, 2, 2]), kept, 100.0, 30.0,
+        np.array([0, 0, 1, 2, 2]), kept, 100.0, 30.0, rng.standard_normal((STEPS, 2, ERRORS)),
     )  # fmt: skip
 
 
@@ -39,6 +39,7 @@ def normal_draws(rng: np.random.Generator, modes: int = MODES) -> NormalDraws:
         rng.standard_normal((N, 2)),
         rng.standard_normal((STEPS, N, 2)),
         rng.standard_normal((EPOCHS, N, 2, modes)).astype(np.float32),
+        rng.standard_normal((N, ERRORS)),
     )
 
 
@@ -68,11 +69,12 @@ def test_a_push_changes_the_draws_along_one_direction_only(seed):
     before = plain.joined(draws)
     omega = rng.standard_normal((EVENTS, before.shape[1]))
     omega /= np.linalg.norm(omega, axis=1, keepdims=True)
-    white, field = omega[:, 2 : 2 + 2 * STEPS], omega[:, 2 + 2 * STEPS :]
+    white, field = omega[:, 2 : 2 + 2 * STEPS], omega[:, 2 + 2 * STEPS : -ERRORS]
     directions = Directions(
         omega[:, :2].copy(),
         white.reshape(EVENTS, STEPS, 2).copy(),
         field.reshape(EVENTS, EPOCHS, 2, MODES).copy(),
+        omega[:, -ERRORS:].copy(),
     )
     event, size = rng.integers(-1, EVENTS, N), rng.uniform(0, 6, N)
     push_draws(directions, event, size, draws)

@@ -1,6 +1,7 @@
 """Importance sampling of flights in plain NumPy: the readable form of ``kernels.importance``.
 
-Here z is one vector of D = 2 + 2 T + 2 E P numbers, in the order start, white, innovations of the field.
+Here z is one vector of D = 2 + 2 T + 2 E P + Q numbers, in the order start, white, innovations of the field,
+the robot's own errors.
 """
 
 from __future__ import annotations
@@ -20,22 +21,24 @@ def joined(draws: NormalDraws) -> FloatArray:
     """All standard normal draws of n flights, one row each (n, D)."""
     n = len(draws.start)
     white = np.moveaxis(draws.white, 1, 0).reshape(n, -1)
-    return np.hstack([draws.start, white, np.moveaxis(draws.field, 1, 0).reshape(n, -1).astype(float)])
+    field = np.moveaxis(draws.field, 1, 0).reshape(n, -1).astype(float)
+    return np.hstack([draws.start, white, field, draws.errors])
 
 
 def deviation_map(law: LinearLaw) -> FloatArray:
     """M (T+1, 2, D) of the deviations e_t = M_t z,
 
-    M_{t+1} = F_t M_t + dt (ψ_t' Θ_k + white_t),    Θ_k = ρ_k Θ_{k-1} + √(1 - ρ_k²) η_k,
+    M_{t+1} = F_t M_t + dt (ψ_t' Θ_k + E_t κ + white_t),    Θ_k = ρ_k Θ_{k-1} + √(1 - ρ_k²) η_k,
 
     with Θ_k (2, P, D) the rows of θ in epoch k.
 
     Eq. (M22) of docs/mathematics.md.
     """
     steps, (epochs, modes) = len(law.white), law.kept.shape
-    size = 2 + 2 * steps + 2 * epochs * modes
+    size = 2 + 2 * steps + 2 * epochs * modes + law.push.shape[-1]
     unit = np.eye(size)
-    start, white, innovation = unit[:2], unit[2 : 2 + 2 * steps], unit[2 + 2 * steps :]
+    start, white = unit[:2], unit[2 : 2 + 2 * steps]
+    innovation, own = np.split(unit[2 + 2 * steps :], [2 * epochs * modes])
     white = white.reshape(steps, 2, size)
     theta = innovation.reshape(epochs, 2, modes, size).copy()
     kept = law.kept.astype(float)
@@ -45,7 +48,8 @@ def deviation_map(law: LinearLaw) -> FloatArray:
     rows = [law.start_sd * start]
     for t in range(steps):
         wind = np.einsum("cm,cmd->cd", law.psi[t].astype(float), theta[law.epoch[t]])
-        rows.append(law.F[t] @ rows[-1] + law.dt * (wind + law.white[t][:, None] * white[t]))
+        met = wind + law.push[t] @ own + law.white[t][:, None] * white[t]
+        rows.append(law.F[t] @ rows[-1] + law.dt * met)
     return np.array(rows)
 
 

@@ -93,6 +93,7 @@ def test_linear_flights_are_a_matrix_times_their_draws():
             flights.start / law.start_sd,
             drawn.white[: len(flight.u)],
             innovations(drawn.theta, law.kept)[: len(law.kept)],
+            flights.errors,
         )
     )
     expected = np.einsum("tid,nd->tin", plain.deviation_map(law), joined)

@@ -25,7 +25,7 @@ from problems import KM, QUICK_ERROR, box
 def pilot_of(problem, u, mean, law="coherent", runs=2):
     """What flies the controls."""
     noise = np.random.default_rng(0).standard_normal((len(u) + 1, runs, 2))
-    return deployment.pilot_maker(problem, u, mean, law)(noise)
+    return deployment.pilot_maker(problem, u, mean, law)(noise, np.zeros((runs, 0)))
 
 
 def flown(problem, path, runs, seed=3, steps=None):

@@ -137,7 +137,7 @@ def vertex_risk(result: Evidence, j: int, v: int) -> tuple[float, float]:
 
 
 def vertex_risks(result: Evidence) -> Verdict | None:
-    """The mission risk of some accepted vertices: f_o of Theorem 2, or V."""
+    """The mission risk of some accepted vertices: f_o of Theorem 2, or V; trees grow for an exact robot."""
     chosen = result.trees["accepted"]
     if not len(chosen):
         return None
@@ -145,7 +145,7 @@ def vertex_risks(result: Evidence) -> Verdict | None:
     faults = []
     for j, v in chosen.tolist():
         x = vertex_path(result, j, v)
-        stated, course = vertex_risk(result, j, v)[0], result.course_of(x)
+        stated, course = vertex_risk(result, j, v)[0], result.course_of(x, exact=True)
         computed = result.judged_bound(course, result.ground.labels(x))
         if not close(stated, computed, RISK, LEAST_RISK):
             faults.append(f"tree {j} vertex {v}: {stated:.4g} is {computed:.4g}")
