@@ -31,7 +31,6 @@ LAWS = ("independent", "coherent")
 HELD_RUNS = 2000  # new flights with position feedback
 HELD_TIME = 60.0  # time constant of the position feedback of exports [s]
 ROBOT = ("dt", "u_max", "start_sd", "feedback_time", "effort_risk", "fix_sd", "fix_time")  # used as set
-OWN_ERRORS = ("airspeed_sd", "heading_sd", "clock_sd")  # null, or missing in files of earlier versions
 
 
 def content_of(name: str, read: Callable[[Path], T]) -> cached_property[T]:
@@ -174,7 +173,8 @@ class Evidence:
             u_min=settings.get("u_min", 0.0),  # earlier versions have neither this setting nor the next two
             bank=math.radians(settings.get("bank", 0.0)), turn_delay=settings.get("turn_delay", 0.0),
             **energy_limits(settings.get("power") or {}), **{key: settings[key] for key in ROBOT},
-            **{key: settings.get(key) for key in OWN_ERRORS},
+            airspeed_sd=settings.get("airspeed_sd"),  # earlier versions have none of the next three
+            heading_sd=settings.get("heading_sd"), clock_sd=settings.get("clock_sd"),
         )  # fmt: skip
 
     @property

@@ -7,8 +7,9 @@ headings and airspeeds, of which M(κ) a is flown (M24a),
 
     x_s = (I + s (A - I)) x_t + M(κ) a + s dt (μ(x_t) + ψ(x_t)' θ + w),    y = x_s + ν,    ν ~ N(0, R),
 
-linear about the estimate. The measurements carry their times, so the robot's clock has no part in it; at the end of a step θ fades as in (M15), and w is drawn anew. So the filter
-follows the law of the plan, whatever the robot has really flown, and a fix may come at any time.
+linear about the estimate. The measurements carry their times, so the robot's clock has no part in it; at the
+end of a step θ fades as in (M15), and w is drawn anew. So the filter follows the law of the plan, whatever
+the robot has really flown, and a fix may come at any time.
 
 The members are simulated flights of the same law. They fly what the robot has flown, a fix moves them with
 the gains of the filter and independent errors (perturbed observations, as in the ensemble Kalman filter,
@@ -226,7 +227,10 @@ class Belief:
         self.cov = left @ self.cov @ left.T + gain @ R @ gain.T  # Joseph's form stays positive
 
     def restart(self, place: FloatArray, R: FloatArray) -> None:
-        """Believe a measured ``place``, forget the wind and the robot's errors: after fixes that the law cannot explain."""
+        """Believe a measured ``place``: after fixes that the law cannot explain.
+
+        What was known of the wind and of the robot's errors is forgotten.
+        """
         self.theta = self.rng.standard_normal(self.theta.shape)
         self.errors = self.rng.standard_normal(self.errors.shape)
         self.cov, self.z = np.eye(len(self.z)), np.zeros(len(self.z))

@@ -267,8 +267,8 @@ def steer_against(
 ) -> Cov:
     """Subtract the wind and the robot's errors that are known from fixes from row ``target`` of ``theta``.
 
-    Returns the covariance of the velocity by what is known [m²/s²]. Fixes are visited backwards from ``fix``, with factors
-    ``faded``.
+    Returns the covariance of the velocity by what is known [m²/s²]. Fixes are visited backwards from ``fix``,
+    with factors ``faded``.
 
     Eq. (M28) of docs/mathematics.md.
     """

@@ -1,8 +1,9 @@
 """Importance sampling of rare failures: the computations for each flight.
 
 A flight is a vector z ~ N(0, I): its start, the white part of its winds, the innovations of its field and the
-coefficients κ of the robot's own errors. In the law linearised about the plan, its deviation e is a linear function of z, so a half-space of deviations is
-a half-space of z, ω' z >= τ with |ω| = 1. ``tests/oracle/importance.py`` has the same in plain Python.
+coefficients κ of the robot's own errors. In the law linearised about the plan, its deviation e is a linear
+function of z, so a half-space of deviations is a half-space of z, ω' z >= τ with |ω| = 1.
+``tests/oracle/importance.py`` has the same in plain Python.
 """
 
 from __future__ import annotations

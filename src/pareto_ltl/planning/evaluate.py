@@ -336,8 +336,9 @@ def cross_covariance(law: kd.CoherentLaw | kd.LandmarkLaw, flight: Flight) -> Fl
     cross = np.zeros((len(flight.x), len(flight.x), 2, 2))
     theta = flight.memory.theta
     held, motion = np.empty(theta.shape[1:]), law.motion
+    linear = flight.F, flight.psi, flight.errors
     covariance_across_time(
-        (flight.F, flight.psi, flight.errors), flight.cov, theta, law.modes.kept, motion.exposed * motion.dt, held, cross
+        linear, flight.cov, theta, law.modes.kept, motion.exposed * motion.dt, held, cross
     )  # fmt: skip
     return cross
 

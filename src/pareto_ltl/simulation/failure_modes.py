@@ -277,7 +277,8 @@ def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Direction
     Backwards through e' = F e + dt (ψ' θ + white) with p_T = weight_T:
 
         p_t = F_t' p_{t+1} + weight_t,
-        ω_white,t = dt white_t p_{t+1},    g_k = dt Σ_{t in epoch k} ψ_t p_{t+1},    ω_κ = dt Σ_t E_t' p_{t+1},
+        ω_white,t = dt white_t p_{t+1},    g_k = dt Σ_{t in epoch k} ψ_t p_{t+1},
+        ω_κ = dt Σ_t E_t' p_{t+1},
 
     and through θ_k = ρ_k θ_{k-1} + √(1 - ρ_k²) η_k from the last epoch: ω_η,k = √(1 - ρ_k²) g_k, then
     g_{k-1} grows by ρ_k g_k.

@@ -250,7 +250,9 @@ def erring_pilot(
     if not len(sd):
         return pilot
     scale, turn, late = (errors * sd).T
-    ahead, aside = (1.0 + scale, turn) if linear else ((1.0 + scale) * np.cos(turn), (1.0 + scale) * np.sin(turn))
+    ahead, aside = (
+        (1.0 + scale, turn) if linear else ((1.0 + scale) * np.cos(turn), (1.0 + scale) * np.sin(turn))
+    )
     return ErringPilot(pilot, u, np.column_stack([ahead, aside, late]), np.empty((len(errors), 2)))
 
 

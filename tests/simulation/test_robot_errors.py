@@ -1,0 +1,304 @@
+"""The robot's own errors: flights, the linear law, fixes and rare failures, each on two roads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.random import SeedSequence
+
+from coherent import LOOSE, STEPS, coherent_problem, rate_interval
+from landmarks import LANDMARK_WAY, landmark_problem
+from oracle import importance as plain
+from pareto_ltl.kernels.data import EXACT
+from pareto_ltl.kernels.flight import CoherentDraws
+from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.planning.conditioning import Fix, learn_at
+from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate, square_matrices
+from pareto_ltl.planning.problem import Problem, unaided
+from pareto_ltl.planning.records import WEIGHTED, PlannedPath
+from pareto_ltl.settings import RobotConfig
+from pareto_ltl.simulation import failure_modes, importance
+from pareto_ltl.simulation.common_flights import draw_flights, is_certain
+from pareto_ltl.simulation.flights import (
+    erring_pilot,
+    fly_draws,
+    own_errors,
+    simulate_flights,
+)
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.yaml_files import read_yaml
+from problems import KM, along, box, make_problem, make_scene, steady_wind
+
+SD = {"airspeed_sd": 0.04, "heading_sd": 3.0, "clock_sd": 40.0}
+BASE = {"dt": 100.0, "u_max": 20.0, "start_sd": 50.0}
+RUNS = 20_000
+
+
+def erring_problem(errors: dict[str, float] | None = None, **wind: float) -> Problem:
+    """A mission in winds with exact modes, by a robot with ``errors`` of its own."""
+    return coherent_problem(robot=RobotConfig(**BASE | (SD if errors is None else errors)), **wind)
+
+
+# --- flights ----------------------------------------------------------------------------------
+
+
+def plain_flights(
+    u: FloatArray, start: FloatArray, wind: FloatArray, gust_sd: float, runs: int
+) -> FloatArray:
+    """Flights (runs, T+1, 2) of controls ``u`` in a steady wind with white gusts, in NumPy alone."""
+    rng = np.random.default_rng(77)
+    scale = 1.0 + SD["airspeed_sd"] * rng.standard_normal(runs)
+    turn = np.radians(SD["heading_sd"]) * rng.standard_normal(runs)
+    late = SD["clock_sd"] * rng.standard_normal(runs)
+    x = [start + BASE["start_sd"] * rng.standard_normal((runs, 2))]
+    for t in range(len(u)):
+        before = u[max(t - 1, 0)]
+        east, north = (np.outer(late / BASE["dt"], before - u[t]) + u[t]).T
+        speed, angle = scale * np.hypot(east, north), np.arctan2(north, east) + turn
+        air = speed[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        x.append(x[-1] + BASE["dt"] * (air + wind + gust_sd * rng.standard_normal((runs, 2))))
+    return np.stack(x, axis=1)
+
+
+@pytest.mark.statistical
+def test_as_many_flights_fail_as_in_a_plain_simulator():
+    """20,000 flights of each, with airspeed, heading and clock errors drawn independently."""
+    scene = make_scene({"a": box(15, 15, 18, 18)}, [box(8, 5, 11, 8.6)], start=(2.0, 2.0))
+    wind = np.array([2.0, -1.0])
+    robot = RobotConfig(**BASE | SD)
+    blowing = steady_wind(scene, wind, gust=(0.05, 0.05))
+    p = make_problem("F a", scene, blowing, robot, LOOSE, fidelity="full")
+    path = evaluate_path(p, along((2, 2), (6, 9), (11, 12), (16.5, 16.5), step=0.8), "")
+    ours = simulate_flights(p, path.u, RUNS, "coherent", SeedSequence(5), path.x)
+    gust_sd = math.sqrt(p.modes.white * float(p.wind.gust[0, 0]))
+    x = plain_flights(path.u, scene.start, wind, gust_sd, RUNS)
+    lines = shapely.linestrings(x)
+    hit = shapely.intersects(lines, shapely.Polygon(scene.obstacles[0]))
+    inside = ((x >= 15 * KM) & (x <= 18 * KM)).all(axis=2).any(axis=1)
+    failed = int((hit | ~inside).sum())
+    low, high = rate_interval(failed, RUNS)
+    assert 0.05 < failed / RUNS < 0.5
+    ends = rate_interval(int(ours.failed.sum()), RUNS)
+    assert low <= ends[1]
+    assert ends[0] <= high
+    for t in (5, len(path.u)):  # means to 5 standard errors, spreads to 4 %
+        gap = np.abs(ours.x[:, t].mean(axis=0) - x[:, t].mean(axis=0))
+        assert (gap < 5.0 * np.sqrt(2.0 / RUNS) * x[:, t].std(axis=0)).all()
+        np.testing.assert_allclose(ours.x[:, t].std(axis=0), x[:, t].std(axis=0), rtol=0.04)
+    exact = make_problem("F a", scene, blowing, RobotConfig(**BASE), LOOSE, fidelity="full")
+    without = simulate_flights(exact, path.u, RUNS, "coherent", SeedSequence(5), path.x)
+    assert without.failed.mean() < 0.1 * ours.failed.mean()
+
+
+def moved_by(p: Problem, u: FloatArray, errors: FloatArray) -> FloatArray:
+    """Positions (n, T+1, 2) of flights that meet the expected wind, with the coefficients ``errors``."""
+    law, n = p.laws["coherent"], len(errors)
+    epochs, modes = int(p.modes.epoch.max()) + 1, p.modes.psi.shape[-1]
+    draws = CoherentDraws(law, np.zeros((len(u), n, 2)), np.zeros((epochs, n, 2, modes), np.float32))
+    x = np.empty((n, len(u) + 1, 2))
+    x[:, 0] = p.scene.start
+    fly_draws(p, draws, erring_pilot(Autopilot(u, STEPS), u, own_errors(p, "coherent"), errors), x)
+    return x
+
+
+@pytest.mark.parametrize("q", [0, 1, 2])
+def test_the_linear_law_is_the_derivative_of_flights(q):
+    """Central differences by each coefficient, in a curved wind, for A and B that are not the identity.
+
+    The law is linearised about the mean, which the winds' own errors shift by a little.
+    """
+    matrices = {"a": [[1.0, 0.002], [-0.001, 0.999]], "b": [[1.0, 0.2], [-0.1, 1.0]]}
+    p = coherent_problem(robot=RobotConfig(**BASE | SD | matrices | {"u_max": 60.0}))
+    flight = propagate(p, STEPS)
+    h = 1e-3 * np.eye(3)[q]
+    ahead, behind = moved_by(p, flight.u, np.stack([h, -h]))
+    slope = (ahead - behind) / 2e-3
+    np.testing.assert_allclose(flight.errors.cross[..., q], slope, atol=0.02 * np.abs(slope).max())
+
+
+@pytest.mark.statistical
+def test_flights_spread_as_planned_about_the_planned_means():
+    """A heading error of 12 degrees shortens what is flown on average by 2 %, which the plan compensates."""
+    p = erring_problem({"airspeed_sd": 0.03, "heading_sd": 12.0, "clock_sd": 20.0}, speed=1.0, sd=0.2)
+    flight = propagate(p, STEPS)
+    x = simulate_flights(p, flight.u, RUNS, "coherent", SeedSequence(2)).x[:, -1]
+    planned = square_matrices(flight.cov)[-1]
+    np.testing.assert_allclose(np.cov(x.T), planned, atol=0.1 * planned.max())
+    gap = np.abs(x.mean(axis=0) - STEPS[-1])
+    uncompensated = 0.022 * np.linalg.norm(STEPS[-1] - STEPS[0])
+    assert gap.max() < 5.0 * np.sqrt(planned.max() / RUNS) + 0.1 * uncompensated
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(1e-3, 0.3), st.floats(0.01, 20.0), st.integers(0, 2**31))
+def test_errors_add_their_squares_to_the_covariance(airspeed, heading, seed):
+    """In a steady wind: Σ of a robot with errors is Σ of an exact one plus C C', for any way."""
+    scene, rng = make_scene({"a": box(15, 15, 19, 19)}), np.random.default_rng(seed)
+    way = np.cumsum(np.vstack([[[2.0, 2.0]], rng.uniform(-0.5, 0.9, (12, 2))]), axis=0) * KM
+    errors = {"airspeed_sd": airspeed, "heading_sd": heading}
+    exact, erring = (
+        propagate(make_problem("F a", scene, steady_wind(scene), robot, fidelity="full"), way)
+        for robot in (RobotConfig(**BASE), RobotConfig(**BASE | errors))
+    )
+    C = erring.errors.cross
+    added = square_matrices(erring.cov) - square_matrices(exact.cov)
+    np.testing.assert_allclose(added, C @ C.transpose(0, 2, 1), atol=1e-6 * max(float(added.max()), 1.0))
+    # The airspeed's share: the deviation is that share of the way through the air.
+    air = np.vstack([np.zeros((1, 2)), np.cumsum(BASE["dt"] * erring.u, axis=0)])
+    np.testing.assert_allclose(C[..., 0], airspeed * air, atol=1e-6)
+    aside = math.radians(heading) * np.column_stack([-air[:, 1], air[:, 0]])
+    np.testing.assert_allclose(C[..., 1], aside, atol=1e-6)
+
+
+def test_steps_are_correlated_as_flights_are():
+    p = erring_problem(speed=1.0, sd=0.3)
+    flight = propagate(p, STEPS)
+    x = simulate_flights(p, flight.u, RUNS, "coherent", SeedSequence(4)).x
+    e = x - x.mean(axis=0)
+    cross = cross_covariance(p.laws["coherent"], flight)
+    for s, t in ((8, 20), (15, len(STEPS) - 1)):
+        found = e[:, t].T @ e[:, s] / RUNS
+        np.testing.assert_allclose(cross[t, s], found, atol=0.06 * np.abs(found).max())
+
+
+def test_linear_flights_deviate_as_the_law_says():
+    """Common flights of the search: their linear form is the matrix M of the plain implementation."""
+    p = erring_problem()
+    flight, drawn = propagate(p, STEPS), draw_flights(p, "coherent", 500, SeedSequence(1))
+    assert drawn.errors.shape == (500, 3)
+    linear, exact = drawn.linear().deviations(flight), drawn.deviations(flight)
+    alone = replace(drawn, errors=np.zeros_like(drawn.errors)).linear().deviations(flight)
+    by_errors = np.einsum("tcq,nq->tcn", flight.errors.cross, drawn.errors)
+    np.testing.assert_allclose(linear - alone, by_errors, atol=1e-3 * np.abs(by_errors).max())
+    assert np.sqrt(((linear - exact) ** 2).mean()) < 0.25 * exact.std()
+    assert not is_certain(p)
+
+
+def test_the_independent_law_has_an_exact_robot():
+    p, exact = erring_problem(), coherent_problem(robot=RobotConfig(**BASE))
+    assert own_errors(p, "independent").shape == (0,)
+    u = propagate(exact, STEPS).u
+    ours, others = (simulate_flights(q, u, 100, "independent", SeedSequence(3)).x for q in (p, exact))
+    np.testing.assert_array_equal(ours, others)
+
+
+def test_a_robot_without_errors_flies_as_before():
+    """Its winds are the same draws, whether or not a robot with errors is flown with this seed."""
+    erring, exact = erring_problem({"clock_sd": 1e-9}), coherent_problem(robot=RobotConfig(**BASE))
+    u = propagate(exact, STEPS).u
+    ours, others = (simulate_flights(q, u, 300, "coherent", SeedSequence(3)).x for q in (erring, exact))
+    np.testing.assert_allclose(ours, others, atol=1e-3)
+
+
+# --- who knows its position -------------------------------------------------------------------
+
+
+def test_a_robot_that_knows_its_position_corrects_its_own_errors():
+    """With feedback the law and flights agree; errors that outweigh the wind matter little."""
+    held = coherent_problem(robot=RobotConfig(**BASE | SD | {"feedback_time": 300.0, "u_max": 60.0}))
+    free = erring_problem()
+    flight = propagate(held, STEPS)
+    x = simulate_flights(held, flight.u, 4000, "coherent", SeedSequence(6), STEPS).x[:, -1]
+    planned = square_matrices(flight.cov)[-1]
+    np.testing.assert_allclose(np.cov(x.T), planned, atol=0.1 * planned.max())
+    assert planned.trace() < 0.1 * square_matrices(propagate(free, STEPS).cov)[-1].trace()
+
+
+@pytest.mark.statistical
+def test_flights_with_fixes_spread_as_foreseen():
+    """Filters learn about the errors at a fix; the planned Gaussian is somewhat wider, not narrower."""
+    p = landmark_problem(**SD)
+    path = evaluate_path(p, LANDMARK_WAY, "")
+    x = simulate_flights(p, path.u, RUNS, "coherent", SeedSequence(1), path.x).x
+    for t in (path.fixes[-1] + 1, path.fixes[-1] + 4, len(LANDMARK_WAY) - 1):
+        wide = np.sqrt(np.trace(path.cov[t]))
+        assert 0.7 * wide < np.sqrt(np.trace(np.cov(x[:, t].T))) < 1.05 * wide
+
+
+def test_fixes_take_errors_away_from_what_is_unknown():
+    """What is left of Cov(e, κ) is small beside what it is without fixes; without errors, less is unknown."""
+    p = landmark_problem(**SD)
+    law = p.laws["coherent"]
+    flight, alone = propagate(p, LANDMARK_WAY), propagate(p, LANDMARK_WAY, unaided(law))
+    assert flight.memory.used[0] > 0
+    assert np.abs(flight.errors.cross[-1]).max() < 0.5 * np.abs(alone.errors.cross[-1]).max()
+    exact = propagate(p, LANDMARK_WAY, law._replace(errors=EXACT))
+    assert exact.cov[-1, 0] < flight.cov[-1, 0] < alone.cov[-1, 0]
+
+
+def test_a_fix_is_less_surprising_for_a_robot_with_errors():
+    erring, exact = erring_problem(), coherent_problem(robot=RobotConfig(**BASE))
+    fix = Fix(STEPS[20] + [900.0, 400.0], 100.0, 20)
+    ours, others = (learn_at(p, STEPS, 20, [fix]) for p in (erring, exact))
+    assert ours.distance[0] < others.distance[0]
+    assert np.abs(ours.theta).max() < np.abs(others.theta).max()
+
+
+# --- rare failures ----------------------------------------------------------------------------
+
+
+def rare_task() -> tuple[Problem, PlannedPath]:
+    """A plan of a robot with errors in a steady wind that fails in about one of 600 flights."""
+    scene = make_scene({"a": box(13, 13, 19, 19)}, [box(8, 1, 12, 5.5)], start=(2.0, 3.0))
+    robot = RobotConfig(dt=100.0, u_max=25.0, start_sd=50.0, airspeed_sd=0.05, heading_sd=3.0)
+    wind = steady_wind(scene, (1.0, 0.5), gust=(0.05, 0.05))
+    p = make_problem("F a", scene, wind, robot, LOOSE, fidelity="full")
+    return p, evaluate_path(p, along((2, 3), (6, 8), (11, 12), (16, 16), step=0.8), "by hand")
+
+
+@pytest.mark.statistical
+def test_weighted_flights_of_rare_failures_agree_with_plain_ones():
+    p, path = rare_task()
+    weighted = importance.weighted_rate(p, path, 4000, SeedSequence(2))
+    assert weighted is not None
+    assert weighted.method == WEIGHTED
+    runs = 200_000
+    failed = int(simulate_flights(p, path.u, runs, "coherent", SeedSequence(3), path.x).failed.sum())
+    low, high = rate_interval(failed, runs)
+    assert 1e-4 < failed / runs < 4e-3
+    assert low <= weighted.high
+    assert weighted.low <= high
+    assert weighted.high - weighted.low < 0.3 * weighted.failure
+
+
+def test_directions_of_half_spaces_have_the_errors():
+    p, path = rare_task()
+    proposal = importance.make_proposal(p, path)
+    assert proposal is not None
+    linear = proposal.plan.linear
+    omega = plain.half_space_directions(linear, proposal.modes.weight)
+    np.testing.assert_allclose(failure_modes._joined(proposal.directions), omega, atol=1e-6)  # noqa: SLF001
+    assert np.abs(proposal.directions.errors).max() > 0.3
+
+
+# --- settings ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["airspeed_sd", "heading_sd", "clock_sd"])
+@pytest.mark.parametrize("value", [0.0, -0.01, math.nan, 1e6, True])
+def test_errors_that_no_sensor_has_are_refused(name, value):
+    with pytest.raises(ConfigError, match=f"robot.{name} must be ") as caught:
+        RobotConfig(**{name: value})
+    assert "\n" not in str(caught.value)
+
+
+def test_an_error_of_zero_is_answered_by_null():
+    with pytest.raises(ConfigError, match="null: not modelled, where 0 would claim a perfect sensor"):
+        RobotConfig(airspeed_sd=0.0)
+    with pytest.raises(ConfigError, match=r"at most 0.5 \(0.015: 1.5 %;.*got 0.51"):
+        RobotConfig(airspeed_sd=0.51)
+    assert len(own_errors(erring_problem({}), "coherent")) == 0
+
+
+def test_every_robot_preset_states_its_errors():
+    folder = choice_file("robot", "airframe").parent
+    for file in sorted(folder.glob("*.yaml")):
+        assert {"airspeed_sd", "heading_sd", "clock_sd"} <= read_yaml(file).keys(), file.name
