@@ -11,8 +11,10 @@ from coherent import STEPS, coherent_problem, rate_interval
 from levels import BY_DAY
 from pareto_ltl.inflight.belief import Belief, local_wind
 from pareto_ltl.kernels.flight import CoherentDraws, wind_met
+from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.conditioning import Fix, learn_at
 from pareto_ltl.planning.evaluate import propagate, square_matrices
+from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.flights import simulate_flights
 
 TRUTHS = 60 if BY_DAY else 500
@@ -154,3 +156,47 @@ def test_a_restart_believes_the_place_and_forgets_the_wind() -> None:
     np.testing.assert_allclose(now.mean, place, atol=30.0)
     assert 45.0 < np.sqrt(now.cov[0, 0]) < 300.0
     np.testing.assert_allclose(belief.z[2:-2], 0.0)
+
+
+# --- the robot's own errors -------------------------------------------------------------------
+
+ERRING = coherent_problem(
+    robot=RobotConfig(dt=DT, u_max=20.0, start_sd=50.0, airspeed_sd=0.05, heading_sd=4.0)
+)
+
+
+def erring_belief(steps: int, members: int = 200) -> tuple[Belief, Flight]:
+    """The belief of a robot with errors that is told to have flown as planned, and its planned flight."""
+    flight, belief = propagate(ERRING, STEPS), Belief(ERRING, members, SeedSequence(1))
+    for t in range(steps):
+        belief.advance(DT, DT * flight.u[t])
+    return belief, flight
+
+
+def test_a_belief_knows_the_errors_of_the_robot() -> None:
+    """Without fixes it is the forecast of the plan; a fix at a step is that of the planner."""
+    belief, flight = erring_belief(15)
+    now = belief.estimate()
+    np.testing.assert_allclose(now.mean, flight.x[15], atol=5.0)
+    np.testing.assert_allclose(now.cov, square_matrices(flight.cov)[15], rtol=1e-3, atol=20.0)
+    place, sd = flight.x[15] + [700.0, -400.0], 150.0
+    learnt = learn_at(ERRING, flight.x, 15, [Fix(place, sd, 15)])
+    belief.learn(place, sd**2 * np.eye(2))
+    after = belief.estimate()
+    np.testing.assert_allclose(after.mean, learnt.mean, atol=10.0)
+    np.testing.assert_allclose(after.cov, learnt.cov, rtol=0.02, atol=20.0)
+
+
+def test_a_belief_learns_the_errors_of_the_robot_from_fixes() -> None:
+    """A robot that is 8 % faster than it says, in the expected wind: fixes tell it so, and members follow."""
+    flight, belief = propagate(ERRING, STEPS), Belief(ERRING, 2000, SeedSequence(1))
+    ahead = 0.08 * DT * np.cumsum(flight.u, axis=0)
+    for t in range(30):
+        belief.advance(DT, DT * flight.u[t])
+        if t % 5 == 4:
+            belief.learn(flight.x[t + 1] + ahead[t], 30.0**2 * np.eye(2))
+    sd = np.sqrt(belief.cov[-4, -4])
+    assert sd < 0.9
+    assert belief.z[-4] > 0.3
+    assert belief.errors[:, 0].mean() == pytest.approx(belief.z[-4], abs=0.25)
+    assert belief.errors[:, 0].std() == pytest.approx(sd, rel=0.25)

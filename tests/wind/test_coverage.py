@@ -11,7 +11,7 @@ import pytest
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import field
-from pareto_ltl.wind.coverage import coverage_of, held_warning
+from pareto_ltl.wind.coverage import OwnErrors, coverage_of, held_warning
 from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import CALM, Readings
@@ -214,3 +214,18 @@ def test_a_flight_that_the_fields_cover_is_told_nothing(end):
 def test_calm_air_is_held_without_a_warning():
     still = place_readings(WindConfig(source="calm"), CALM, SCENE)
     assert held_warning(field.fit_wind_field(WindConfig(), still, SCENE), 1e6) is None
+
+
+def test_the_errors_of_the_robot_are_covered_where_they_are_modelled():
+    seen = place_readings(cfg(), readings([0, 3]), SCENE)
+    wind = field.fit_wind_field(cfg(), seen, SCENE)
+    said = coverage_of(wind, SCENE.time_zero, robot=OwnErrors(0.015, 1.0, 2.0))
+    errors = "airspeed errors of 1.5 %, heading errors of 1 degree and clock errors of 2 s"
+    assert f"{errors} (1 sd, constant over a flight)." in said.covered
+    assert said.not_covered.endswith("; changes of the robot's own errors during a flight.")
+    assert "own errors of" not in said.not_covered
+    half = coverage_of(wind, SCENE.time_zero, robot=OwnErrors(heading=2.5))
+    assert half.covered.endswith("; heading errors of 2.5 degrees (1 sd, constant over a flight).")
+    assert "the robot's own errors of airspeed and timing; changes of" in half.not_covered
+    none = coverage_of(wind, SCENE.time_zero)
+    assert none.not_covered.endswith("; the robot's own errors of airspeed, heading and timing.")

@@ -5,8 +5,8 @@ A robot that commands the airspeed and heading of u moves through the air with
     (1 + a) R(b) (u_t + c / dt (u_{t-1} - u_t)),    a ~ N(0, σ_a²),  b ~ N(0, σ_b²),  c ~ N(0, σ_c²),
 
 R(b) a rotation and a, b, c drawn once a flight: an airspeed indicator off by the share a, a compass off by
-the angle b, and a clock late by c, so that the control of each step lasts for c longer. In the coefficients κ =
-(a / σ_a, b / σ_b, c / σ_c) ~ N(0, I) this is linear about the plan,
+the angle b, and a clock late by c, so that the control of each step lasts for c longer. In the coefficients
+κ = (a / σ_a, b / σ_b, c / σ_c) ~ N(0, I) this is linear about the plan,
 
     e' = F e + h (ψ' θ + E_t κ + white),    E_t = B (σ_a u_t, σ_b R(90°) u_t, σ_c (u_{t-1} - u_t) / dt),
     C' = F C + h E_t,    C = Cov(e, κ),     Σ' <- Σ' + h (F C E' + E C' F') + h² E E',
