@@ -15,7 +15,8 @@ from numpy.random import SeedSequence
 from coherent import LOOSE, STEPS, coherent_problem, rate_interval
 from landmarks import LANDMARK_WAY, landmark_problem
 from oracle import importance as plain
-from pareto_ltl.kernels.data import EXACT
+from pareto_ltl.kernels.data import EXACT, Cov, Gaussian, Point
+from pareto_ltl.kernels.fixes import fix_error, likely_sight
 from pareto_ltl.kernels.flight import CoherentDraws
 from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.planning.conditioning import Fix, learn_at
@@ -232,6 +233,39 @@ def test_fixes_take_errors_away_from_what_is_unknown():
     assert np.abs(flight.errors.cross[-1]).max() < 0.5 * np.abs(alone.errors.cross[-1]).max()
     exact = propagate(p, LANDMARK_WAY, law._replace(errors=EXACT))
     assert exact.cov[-1, 0] < flight.cov[-1, 0] < alone.cov[-1, 0]
+
+
+def test_fixes_condition_wind_and_errors_together():
+    """The planned covariance with fixes is that of one filter for (e, θ, κ) with full matrices, in NumPy."""
+    p = landmark_problem(**SD)
+    law, flight, dt = p.laws["coherent"], propagate(p, LANDMARK_WAY), p.motion.dt
+    modes = flight.psi.shape[2]
+    last = 2 * modes
+    unknown, known = p.start_variance * np.eye(2), np.zeros((2, 2))
+    cross, theta = np.zeros((2, last + 3)), np.eye(last + 3)
+    for t in range(len(flight.u)):
+        if flight.memory.chance[t] > 0.0:
+            here = Gaussian(Point(*flight.x[t]), Cov(*flight.cov[t]))
+            sight = likely_sight(law.landmarks, Point(*flight.x[max(t - 1, 0)]), here)
+            xx, xy, yy = fix_error(law, t, sight, here.mean)
+            S = unknown + np.array([[xx, xy], [xy, yy]])
+            gain, learnt = (sight.chance * np.linalg.solve(S, part).T for part in (unknown, cross))
+            theta = theta - learnt @ cross
+            known, unknown, cross = known + gain @ unknown, unknown - gain @ unknown, cross - gain @ cross
+        psi = np.zeros((2, last + 3))
+        psi[0, :modes], psi[1, modes:last], psi[:, last:] = *flight.psi[t], flight.errors.push[t]
+        kept, F = np.concatenate([np.tile(law.modes.kept[t + 1], 2), np.ones(3)]), flight.F[t]
+        mixed = dt * F @ cross @ psi.T
+        unknown = F @ unknown @ F.T + mixed + mixed.T
+        unknown += dt**2 * (psi @ theta @ psi.T + np.diag(flight.white[t]))
+        back = F - law.landmarks.gain * np.eye(2)
+        known, cross = back @ known @ back.T, kept * (F @ cross + dt * psi @ theta)
+        theta = np.outer(kept, kept) * theta + np.diag(1.0 - kept**2)
+        total = unknown + known
+        np.testing.assert_allclose(square_matrices(flight.cov)[t + 1], total, atol=1e-5 * total.max())
+    left = cross[:, last:]
+    np.testing.assert_allclose(flight.errors.cross[-1], left, atol=1e-5 * np.abs(left).max())
+    assert flight.memory.used[0] > 1
 
 
 def test_a_fix_is_less_surprising_for_a_robot_with_errors():
