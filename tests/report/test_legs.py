@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -81,8 +82,9 @@ def test_explain_tells_every_leg_and_names_laws(
 def leg(number: int, heading: float, *, airspeed: float = 20.0, fix: bool = False) -> Leg:
     near = Clearance("obstacle 1", 9e3, 4.0 + number)
     return Leg(
-        number, f"{number}:00Z", f"{number + 1}:00Z", heading, airspeed, 5.0, 90.0, 1.0, near, 0.1, fix
-    )
+        number, f"{number}:00Z", f"{number + 1}:00Z", heading, airspeed, 5.0, 90.0, 1.0, 0.95 * airspeed,
+        near, 0.1, fix,
+    )  # fmt: skip
 
 
 def test_successive_legs_of_one_heading_have_one_line() -> None:
@@ -93,7 +95,7 @@ def test_successive_legs_of_one_heading_have_one_line() -> None:
     assert [[one.number for one in group] for group in groups] == [[0, 1, 2], [3, 4], [5], [6]]
     line = _legs_line(groups[0], AIR)
     assert line.split("; ")[0].split() == ["0-2", "0:00Z", "-", "3:00Z"]
-    assert "heading 000.3 true, 20.0 m/s; wind 5.0 m/s from 090" in line
+    assert "heading 000.3 true, 20.0 m/s true (19.0 calibrated); wind 5.0 m/s from 090" in line
     assert "obstacle 1 at 9.0 km = 4.0 sd" in line
     assert _legs_line(groups[1], AIR).endswith("position fix at its end")
     assert of_one_heading([]) == []
@@ -102,7 +104,7 @@ def test_successive_legs_of_one_heading_have_one_line() -> None:
 def test_a_slow_leg_has_two_decimals_and_its_own_line() -> None:
     groups = of_one_heading([leg(k, 10.0, airspeed=v) for k, v in enumerate([0.35, 0.35, 0.26])])
     assert [len(group) for group in groups] == [2, 1]
-    drift = replace(groups[0][0], wind=0.124, wind_sd=0.012)
+    drift = replace(groups[0][0], wind=0.124, wind_sd=0.012, calibrated=math.nan)  # in the water
     assert "true, 0.35 m/s; wind 0.12 m/s from 090 (sd 0.01)" in _legs_line([drift], AIR)
     assert "true, 0.35 m/s; current 0.12 m/s from 090 (sd 0.01)" in _legs_line([drift], WATER)
 

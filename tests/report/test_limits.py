@@ -377,7 +377,10 @@ OPEN = {
 def test_a_run_on_an_open_map_without_obstacles_has_a_page_and_no_figure_of_limits(tmp_path: Path) -> None:
     few = {"planner": {"trees": 1, "n_max": 400}, "deployment": {"runs": 5}, "report": {"dpi": 30}}
     fidelity = {"border": "open"}
-    made = pareto_ltl.plan(OPEN, "F a", out=tmp_path / "run", wind="calm", fidelity=fidelity, **few)
+    exact = dict.fromkeys(("airspeed_sd", "heading_sd", "clock_sd"))
+    made = pareto_ltl.plan(
+        OPEN, "F a", out=tmp_path / "run", wind="calm", fidelity=fidelity, robot=exact, **few
+    )
     assert (made.plan.limits, made.plan.prices) == (None, ())
     assert "No segment is limited" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     names = {path.name for path in (tmp_path / "run" / "figures").iterdir()}

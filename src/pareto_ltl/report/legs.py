@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -98,7 +99,9 @@ class Leg:
     heading_true, wind_from : float
         Directions in degrees; NaN where the robot drifts, and on a map without a place on Earth.
     airspeed, wind, wind_sd : float
-        Speeds of the robot and of the expected wind, standard deviation of a component of the wind [m/s].
+        True airspeed and speed of the expected wind, standard deviation of a component of the wind [m/s].
+    calibrated : float
+        Calibrated airspeed, which an autopilot holds [m/s]; NaN in the water.
     closest : Clearance or None
         The nearest barrier; None without barriers.
     failed : float
@@ -115,6 +118,7 @@ class Leg:
     wind: float
     wind_from: float
     wind_sd: float
+    calibrated: float
     closest: Clearance | None
     failed: float
     fix: bool
@@ -123,10 +127,20 @@ class Leg:
 def plan_legs(problem: Problem, plan: Plan, flown: Deployment) -> list[Leg]:
     """The legs of a plan; ``flown`` are simulated flights of it."""
     path, scene = plan.path, problem.scene
+    factor = math.nan if plan.air is None else math.sqrt(plan.air.density_ratio)
     failed = failure_times(problem, flown).counts().sum(axis=0) / len(flown.x)
     near, times = closest_barriers(scene, path), step_times(scene, path)
     return [
-        Leg(k, times[k], times[k + 1], *course, near[k], float(failed[k + 1]), k + 1 in path.fixes)
+        Leg(
+            k,
+            times[k],
+            times[k + 1],
+            *course,
+            factor * course[1],
+            near[k],
+            float(failed[k + 1]),
+            k + 1 in path.fixes,
+        )
         for k, course in enumerate(_courses(problem, path))
     ]
 
@@ -203,11 +217,13 @@ def _course_text(legs: Sequence[Leg], medium: Medium) -> str:
     means = np.mean([(leg.airspeed, leg.wind, leg.wind_sd) for leg in legs], axis=0).tolist()
     digits = speed_digits(max(means[:2]))
     air, wind, sd = (f"{mean:.{digits}f}" for mean in means)
+    held = float(np.mean([leg.calibrated for leg in legs]))
+    speed = f"{air} m/s" if math.isnan(held) else f"{air} m/s true ({held:.{digits}f} calibrated)"
     if np.isnan(legs[0].wind_from):
-        return f"{air} m/s; {medium.flow} {wind} m/s (sd {sd})"
+        return f"{speed}; {medium.flow} {wind} m/s (sd {sd})"
     heading, source = map(_mean_angle, zip(*((leg.heading_true, leg.wind_from) for leg in legs), strict=True))
     course = "drifting" if np.isnan(heading) else f"heading {heading:05.1f} true"
-    return f"{course}, {air} m/s; {medium.flow} {wind} m/s from {source:03.0f} (sd {sd})"
+    return f"{course}, {speed}; {medium.flow} {wind} m/s from {source:03.0f} (sd {sd})"
 
 
 def _mean_angle(degrees: Sequence[float]) -> float:

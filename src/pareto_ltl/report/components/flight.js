@@ -51,7 +51,9 @@ export function stepLines(map, view, step) {
   if (view.label[step].length) lines.push(`in ${view.label[step].join(", ")}`);
   if (view.fixes.includes(step)) lines.push("position fix");
   if (!log || step >= log.airspeed.length) return lines;
-  const [air, wind, sd] = speedTexts(log.airspeed[step], log.wind_speed[step], log.wind_sd[step]);
-  lines.push(`${log.heading[step] === null ? "drifts" : `heading ${log.heading[step].toFixed(0)}° true`}, ${air} m/s`, `wind ${wind} m/s from ${log.wind_from[step].toFixed(0)}° (standard deviation ${sd} m/s)`);
+  const held = log.calibrated?.[step] ?? null;  // none in the water
+  const [air, wind, sd, calibrated] = speedTexts(log.airspeed[step], log.wind_speed[step], log.wind_sd[step], held ?? 0);
+  const speed = held === null ? `${air} m/s` : `true airspeed ${air} m/s, calibrated ${calibrated} m/s`;
+  lines.push(`${log.heading[step] === null ? "drifts" : `heading ${log.heading[step].toFixed(0)}° true`}, ${speed}`, `wind ${wind} m/s from ${log.wind_from[step].toFixed(0)}° (standard deviation ${sd} m/s)`);
   return lines;
 }
