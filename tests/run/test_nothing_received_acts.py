@@ -152,6 +152,18 @@ def test_rerun_refuses_a_setting_that_acts_in_one_line_with_the_word_that_allows
     assert not (tmp_path / "again").exists()
 
 
+def test_rerun_reads_no_zones_elsewhere(
+    made: Path, elsewhere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    zones = [str(elsewhere / "zones.txt"), str(elsewhere / "map.geojson")]
+    place = received(made, tmp_path / "place", scene__zones=zones)
+    with opened_paths() as opened:
+        assert run_command_line(["rerun", str(place), "--into", str(tmp_path / "again")]) == 2
+    assert not [path for path in opened if path.startswith(str(elsewhere))]
+    word = f"'scene.zones=[{','.join(zones)}]'"
+    assert said(capsys).endswith(f"to allow it, add {word}, or another value")
+
+
 def test_every_setting_that_names_a_place_can_be_allowed_and_nothing_else() -> None:
     assert all(kind_at(Settings, key) is not None for key in GRANTED)
     for words in (["planner.trees=3"], ["wind.path"], ["hydra.run.dir=x"]):

@@ -30,8 +30,8 @@ from pareto_ltl.wind.sources import wind_source
 
 GRANTED = (  # settings that a user may write after the directory
     "evaluation.cluster", "evaluation.resume", "wind.source", "wind.base_url", "wind.offline", "wind.path",
-    "wind.forecast_error", "scene.file", "mission.automaton", "selection.extra_paths", "hindcast.truth",
-    "forecast_test.truth",
+    "wind.forecast_error", "scene.file", "scene.zones", "mission.automaton", "selection.extra_paths",
+    "hindcast.truth", "forecast_test.truth",
 )  # fmt: skip
 OTHER_MACHINE = ("//", "\\\\")  # Windows opens a connection for such a path
 
@@ -115,6 +115,10 @@ def acts(settings: Settings, known: KnownFiles, given: Mapping[str, Any]) -> Ite
     for key, name in named_files(settings):
         if key not in given and not known.knows(name):
             yield Act(key, name, f"read {_shown(name)}, which is not there or not what the run read")
+    zones = settings.scene.zones
+    if "scene.zones" not in given and not all(map(known.knows, zones)):
+        deed = f"read {_shown(', '.join(zones))}, not all of which are there and what the run read"
+        yield Act("scene.zones", f"[{','.join(zones)}]", deed)
     reads_path = "wind.path" not in given and wind.path is not None and _reads_path(settings)
     if reads_path and not known.knows_wind(settings):
         deed = f"read {_shown(wind.path)}, which is not there or not what the run read"
