@@ -36,7 +36,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, to_plane
 
-COLUMNS = {"calibrated": "airspeed_cas_m_s", "true": "airspeed_tas_m_s"}
+COLUMNS = {"cas": "airspeed_cas_m_s", "tas": "airspeed_tas_m_s"}
 TABLE = EXPORT_FILES["dead_reckoning"]
 
 
