@@ -287,8 +287,8 @@ class SitlConfig(CheckedSettings, section="sitl"):
     rate: float = setting(60.0, "integration rate of the aircraft model", "[30, 1000]", unit="1/s")
     airspeed: str = setting(
         "cas",
-        "airspeeds of the table that the autopilot gets: cas or tas; it holds them as calibrated airspeeds, so "
-        "that tas shows what happens if true airspeeds are taken for calibrated ones",
+        "airspeeds of the table that the autopilot gets: cas or tas; it holds them as calibrated airspeeds, "
+        "so that tas shows what happens if true airspeeds are taken for calibrated ones",
         choices=("cas", "tas"),
     )
     drawn: int = setting(40, "flights of each simulation that the map shows", "[0, 1e4]")
