@@ -75,6 +75,7 @@ NOT_BY_DAY = [
     "run/test_steering",
     "run/test_vehicles",
     "run/test_warmup",
+    "serve/test_allowed",
     "serve/test_desk_api",
     "serve/test_desk_browser",
     "serve/test_limits",
@@ -91,11 +92,14 @@ NOT_BY_DAY = [
     "verify/test_far_barriers",
     "verify/test_fix_shapes",
     "verify/test_forbidden",
+    "verify/test_robot_errors",
     "verify/test_simplified",
     "wind/test_netcdf_files",
     "wind/test_noaa_source",
     "wind/test_sources",
     "wind/test_wind_document",
+    "wind/test_wind_kinds",
+    "wind/test_wind_words",
 ]
 ONLY_AT_NIGHT = ["planning/test_uncompiled_plans", "run/test_documents", "test_machine_code_wheel"]
 

@@ -32,9 +32,16 @@ def test_each_leg_leads_to_the_next_position(flown: Flown) -> None:
     assert (off < 0.003 * log.distance).all()  # the plane's scale, 0.25 % at its corners
 
 
+def errors_of(flown: Flown) -> tuple[float, float, float]:
+    """Standard deviations of the robot's airspeed [1], heading [rad] and clock [s]."""
+    airspeed, heading, clock = flown.problem.laws["coherent"].errors.tolist()
+    return airspeed, heading, clock
+
+
 def test_the_wind_is_what_controls_and_positions_leave(flown: Flown) -> None:
     path, log = flown.exported.plan.path, flown.exported.log
-    wind = np.diff(path.x, axis=0) / flown.problem.motion.dt - path.u
+    straight = np.exp(-0.5 * errors_of(flown)[1] ** 2)  # the mean of the cosine of the heading's error
+    wind = np.diff(path.x, axis=0) / flown.problem.motion.dt - straight * path.u
     np.testing.assert_allclose(log.wind_speed, np.hypot(*wind.T), rtol=1e-9)
     turn = meridian_convergence(flown.exported.crs, log.lon[:-1], log.lat[:-1])
     blows_to = np.rad2deg(np.arctan2(*wind.T) + turn) % 360
@@ -44,18 +51,22 @@ def test_the_wind_is_what_controls_and_positions_leave(flown: Flown) -> None:
 
 
 def test_the_doubt_of_the_wind_is_that_of_simulated_flights(flown: Flown) -> None:
-    """At the first step all flights are at the start, so their winds there are draws of one Gaussian."""
+    """At the first step all flights are at the start, so their winds there are draws of one Gaussian.
+
+    Beside the wind, the robot's errors of airspeed (along u) and heading (across it) move them.
+    """
     from numpy.random import SeedSequence
 
     from pareto_ltl.simulation.flights import simulate_flights
 
     path, n = flown.exported.plan.path, 20_000
     x = simulate_flights(flown.problem, path.u, n, "coherent", SeedSequence(9), path.x).x
-    met = (x[:, 1] - x[:, 0]) / flown.problem.motion.dt - path.u[0]
+    u, (scale, turn, _) = path.u[0], errors_of(flown)
+    met = (x[:, 1] - x[:, 0]) / flown.problem.motion.dt - np.exp(-0.5 * turn**2) * u
     mean, variance = expected_winds(flown.problem, path)
-    error = np.sqrt(variance[0] / n)
-    assert (np.abs(met.mean(axis=0) - mean[0]) < 5.4 * error).all()
-    np.testing.assert_allclose(met.var(axis=0), variance[0], rtol=5.4 * np.sqrt(2 / n))
+    spread = variance[0] + (scale * u) ** 2 + (turn * u[::-1]) ** 2
+    assert (np.abs(met.mean(axis=0) - mean[0]) < 5.4 * np.sqrt(spread / n)).all()
+    np.testing.assert_allclose(met.var(axis=0), spread, rtol=5.4 * np.sqrt(2 / n))
     np.testing.assert_allclose(flown.exported.log.wind_sd[0], np.sqrt(variance[0].mean()), rtol=1e-9)
 
 
