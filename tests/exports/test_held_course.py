@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from numpy.random import SeedSequence
 
-from exported_plans import SMALL, Flown
+from exported_plans import Flown
 from pareto_ltl.exports.exported import held_course_rate
 from pareto_ltl.planning.pack import build_problem
-from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.flights import simulate_flights
 
 
@@ -15,7 +16,7 @@ def test_the_rate_is_that_of_a_robot_with_feedback(flown: Flown) -> None:
     run, path = flown.result.run, flown.exported.plan.path
     settings = run.settings
     other = build_problem(
-        RobotConfig(**SMALL["robot"], feedback_time=60.0),
+        replace(settings.robot, feedback_time=60.0),
         settings.planner, settings.wind, flown.result.scene,
         flown.result.wind, flown.result.decomposition, flown.result.automaton, settings.fidelity,
     )  # fmt: skip

@@ -208,9 +208,9 @@ def scores(options: Namespace) -> Answer:
     from pareto_ltl.report.study_forecast_test import draw_promises
     from pareto_ltl.studies import promises
 
+    require_extra("scores", "scores")
     for folder in filter(None, (options.folder, options.other)):
         refuse_links_out(folder)
-    require_extra("scores", "scores")
     names = options.names or (None, None)
     mine = promises.read_promises(options.folder, options.fidelity, names[0])
     others = [*promises.references(mine)]
