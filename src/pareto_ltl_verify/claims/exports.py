@@ -209,13 +209,16 @@ def _told_speed(result: Evidence) -> FloatArray:
 
 
 def dead_reckoning(result: Evidence) -> Verdict:
-    """Places, times, headings, airspeeds and expected winds of the table agree with plan.json."""
+    """Places, times, headings, airspeeds and expected winds of the table agree with plan.json.
+
+    The wind of a leg is the one with which the controls lead from one expected position to the next.
+    """
     rows, robot, x, crs = result.table(TABLE), result.robot, result.x, result.scene["crs"]
     if len(rows) != len(x):
         return same(f"{len(rows)} rows", f"{len(x)} rows")
     legs = rows[:-1]
     law = result.law(result.planned_law)
-    wind = (x[1:] - x[:-1] @ robot.a.T) / robot.dt - law.straight * result.u @ robot.b.T
+    wind = (x[1:] - x[:-1] @ robot.a.T) / robot.dt - result.u @ robot.b.T
     faults = _flown_with_turns(result, rows, wind) if robot.bank > 0.0 else _flown_on_the_spot(result, rows)
     faults += [f"{row['wind_law']} winds" for row in rows[:1] if row["wind_law"] != result.planned_law]
     if faults:
