@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from pareto_ltl.run.records import RecordKey
 from pareto_ltl.run.results import Results
 from pareto_ltl.run.stage_table import Stage, StageInputs
 from pareto_ltl.settings import Settings
+from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
 from pareto_ltl.studies import stages
 from pareto_ltl.support import machine
@@ -247,10 +249,12 @@ def test_an_experiment_changes_only_what_it_names() -> None:
     assert mission == plain
 
 
-def test_the_shipped_configuration_is_the_default_of_the_schema() -> None:
+def test_the_shipped_configuration_is_the_default_of_the_schema_with_errors_of_the_robot() -> None:
     settings = composed()
     settings.pipelines.stages = []
-    assert settings == Settings()
+    assert settings == replace(Settings(), robot=section_of("robot", "airframe"))
+    exact = dict.fromkeys(("airspeed_sd", "heading_sd", "clock_sd"))
+    assert replace(settings.robot, **exact) == Settings().robot
 
 
 def test_a_key_that_only_a_file_adds_is_refused_too(
