@@ -16,6 +16,7 @@ from urllib.parse import unquote
 
 from pareto_ltl.support import reading
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import MAX_BYTES, Advice, read_bounded
 
 Found = TypeVar("Found")
@@ -157,4 +158,6 @@ def _opened(path: Path, advice: Advice, use: Callable[[zipfile.ZipFile], Found])
     except (
         zipfile.BadZipFile, zlib.error, EOFError, KeyError, RuntimeError, NotImplementedError, ValueError
     ) as error:  # fmt: skip
-        raise DataError(f"{path}: not a KMZ archive ({error}); {advice.damaged}") from error
+        raise DataError(
+            f"{path}: not a KMZ archive ({shown_text(str(error), 200)}); {advice.damaged}"
+        ) from error
