@@ -60,7 +60,7 @@ def _one_area(sketch: SceneSketch, what: str, corners: FloatArray) -> Any:
     if polygon.is_valid:
         return polygon if shapely.is_ccw(shapely.LinearRing(corners)) else shapely.Polygon(corners[::-1])
     limit = _doubt(sketch, [polygon])
-    mended = _areas(shapely.make_valid(polygon), limit)
+    mended = _areas(_valid(polygon), limit)
     x, y = (corners - corners.mean(axis=0)).T
     signed = abs(0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
     if mended.is_empty or abs(signed - mended.area) > limit:
@@ -70,6 +70,14 @@ def _one_area(sketch: SceneSketch, what: str, corners: FloatArray) -> Any:
             "corners in order along the outline"
         )
     return mended
+
+
+def _valid(polygon: Any) -> Any:
+    """``polygon`` made valid; empty where GEOS cannot, as with corners of very unlike sizes."""
+    try:
+        return shapely.make_valid(polygon)
+    except shapely.errors.GEOSException:
+        return shapely.Polygon()
 
 
 def _doubt(sketch: SceneSketch, shapes: list[Any]) -> float:
