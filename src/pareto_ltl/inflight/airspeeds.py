@@ -37,10 +37,10 @@ def planned_density_ratio(settings: Settings) -> float:
 
 def airspeeds_of(settings: Settings) -> Airspeeds:
     """The airspeeds of a flight of the plan."""
-    in_water = flight_air(settings, flight_height(settings)) is None
-    return Airspeeds(
-        planned_density_ratio(settings), measures=not in_water, celsius=settings.robot.air_temperature
-    )
+    air = flight_air(settings, flight_height(settings))
+    if air is None:
+        return Airspeeds(measures=False, celsius=settings.robot.air_temperature)
+    return Airspeeds(air.density_ratio, celsius=settings.robot.air_temperature)
 
 
 @dataclass(slots=True)

@@ -11,9 +11,10 @@ import re
 from typing import Any, NamedTuple
 
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.levels import FOOT
 from pareto_ltl.support.messages import shown_value
 
-FOOT, NAUTICAL_MILE = 0.3048, 1852.0  # [m]
+NAUTICAL_MILE = 1852.0  # [m]
 MOST_METRES = 1e7  # largest length or height
 
 _UNITS = {
