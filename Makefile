@@ -1,12 +1,5 @@
-# make demo   install what a run needs, and plan the first mission, offline, on the packaged wind
-# make desk   draw missions and plan them in a browser
-# make test   run the tests of the day; make test-all: those before a change is taken in; make test-night: all,
-#             with fuzz, kills and the corpus (tests/levels.py); make coverage: which lines they run
-# make fuzz   read CASES=100000 spoilt files and texts of every kind (ARGS="scenes automata" for some kinds)
-# make docs   build the docs site into site/
-# make peers  compare with OMPL, Drake and MONA, each in an environment of its own (docs/peers.md)
-# demo and desk first install requirements.lock into .venv, the others requirements-dev.lock, which has more: with
-# uv, which is fetched if it is not on PATH, else with pip (release/environment.py).
+# `make help` lists the targets. demo and desk install requirements.lock into .venv, the others requirements-dev.lock,
+# which has more: with uv, which is fetched if it is not on PATH, else with pip (release/environment.py).
 # Another interpreter: make demo PYTHON=python3.12
 
 PYTHON ?= python3
@@ -30,27 +23,34 @@ SUPPORTED = $(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3
 
 PEERS := build/peers
 
-.PHONY: demo desk test test-all test-night coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist archives lock install clean
+.PHONY: help demo desk test test-fast test-all test-night coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist archives lock install clean
 .DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
 
-demo: $(RUN_READY)
+help: ## these lines
+	@awk -F ': .*## ' '/^[a-z-]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' Makefile
+
+
+demo: $(RUN_READY) ## install what a run needs, and plan the first mission, offline, on the packaged wind
 	@$(BIN)/python release/demo.py
 
-desk: $(RUN_READY)-serve
+desk: $(RUN_READY)-serve ## draw missions and plan them in a browser
 	$(BIN)/pareto-ltl serve
 
-test: $(READY)
+test: $(READY) ## the tests of the day, some minutes; ARGS="tests/planning" goes to pytest
 	PARETO_LTL_TESTS=day $(BIN)/python -m pytest -n logical $(ARGS)
 
-test-all: $(READY)
+test-fast: $(READY) ## the tests that run no kernel and start no process, in seconds
+	PARETO_LTL_TESTS=fast $(BIN)/python -m pytest -n logical $(ARGS)
+
+test-all: $(READY) ## those before a change is taken in; ARGS="-n 2"
 	$(BIN)/python -m pytest $(ARGS)
 
-test-night: $(READY)
+test-night: $(READY) ## all, with fuzz, killed runs, the corpus and coverage (tests/levels.py)
 	PARETO_LTL_TESTS=night $(BIN)/python -m pytest -n logical $(ARGS)
 	$(MAKE) fuzz faults corpus coverage
 
-# Lines that the suite runs; the kernels count where they run uncompiled.
-coverage: $(READY)
+coverage: $(READY) ## which lines the tests run; kernels count where they run uncompiled
 	rm -rf $(COVERAGE) && mkdir -p $(COVERAGE)
 	COVERAGE_FILE=$(COVERAGE)/data.compiled $(BIN)/python -m pytest --cov --cov-report= $(ARGS)
 	NUMBA_DISABLE_JIT=1 COVERAGE_FILE=$(COVERAGE)/data.kernels $(BIN)/python -m pytest --cov --cov-report= $(ARGS) $(UNCOMPILED)
@@ -60,31 +60,26 @@ coverage-report: $(READY)
 	COVERAGE_FILE=$(COVERAGE)/data $(BIN)/coverage combine --quiet $(COVERAGE)
 	COVERAGE_FILE=$(COVERAGE)/data $(BIN)/coverage report --fail-under=92
 
-fuzz: $(READY)
+fuzz: $(READY) ## read CASES=100000 spoilt files and texts of every kind; ARGS="scenes automata" for some
 	cd tests && "$(abspath $(BIN))/python" -m fuzz.harness --cases $(CASES) $(ARGS)
 
-# Kill runs and sweeps at 200 random moments each, which takes about half an hour.
-faults: $(READY)
+faults: $(READY) ## kill runs and sweeps at 200 random moments each, half an hour
 	PARETO_LTL_FAULTS=200 $(BIN)/python -m pytest tests/run/test_faults.py -v $(ARGS)
 
-bench: $(READY)
+bench: $(READY) ## compare speeds with their budgets
 	$(BIN)/python -m pytest benchmarks/bench_*.py $(ARGS)
 
-# Plan 100 missions of many kinds with five seeds each; the page of results is outputs/corpus/index.html. Many hours;
-# ARGS="--tenth --seeds 0,1" plans one mission of each kind (docs/corpus.md).
-corpus: $(READY)
+corpus: $(READY) ## plan 100 missions with five seeds each, many hours; ARGS="--tenth --seeds 0,1" for a few
 	cd benchmarks && "$(abspath $(BIN))/python" -m corpus $(ARGS)
 
-# Seconds and memory against the size of a problem, with figures in outputs/scale (ARGS="states steps" for some).
-scale: $(READY)
+scale: $(READY) ## seconds and memory against the size of a problem; ARGS="states steps" for some
 	cd benchmarks && "$(abspath $(BIN))/python" -m scale $(ARGS)
 
-# Pictures of missions planned anew, and docs/gallery.md that shows them; some minutes.
-gallery: $(READY)
+gallery: $(READY) ## plan the missions of docs/gallery.md anew, and draw them; some minutes
 	$(BIN)/python benchmarks/gallery.py $(ARGS)
 
 # A peer that cannot be installed here is left out of the comparison.
-peers: $(READY)
+peers: $(READY) ## compare with OMPL, Drake and MONA, each in its environment (docs/peers.md)
 	-$(MAKE) --keep-going $(PEERS)/ompl $(PEERS)/drake $(PEERS)/mona
 	PYTHONPATH=benchmarks $(BIN)/python -m peers.compare $(ARGS)
 
@@ -93,28 +88,26 @@ $(PEERS)/%: benchmarks/peers/requirements-%.txt
 	$@/bin/python -m pip install --quiet --disable-pip-version-check -r $< || { rm -rf $@; exit 1; }
 	@touch $@
 
-lint: $(READY)
+lint: $(READY) ## ruff, and which module may import which
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports
 
-types: $(READY)
+types: $(READY) ## mypy --strict
 	$(BIN)/mypy
 
-# The source archive, the wheel from it, and the wheel with machine code for this Python and numba, in DIST
-# (RELEASING.md). KINDS="full paper" compiles only these kinds of runs, which takes less time.
-dist: archives
+# Machine code is for this Python and numba (RELEASING.md).
+dist: archives ## the source archive, the wheel, and the wheel with machine code; KINDS="full paper" for some kinds
 	$(BIN)/python release/machine_code.py $(DIST)/*-py3-none-any.whl $(if $(KINDS),--kinds $(KINDS))
 
 archives: $(READY)
 	$(BIN)/python -m build --outdir $(DIST) .
 
-# The site, into site/; warnings are errors. The variable keeps an advertisement of the theme off the screen.
-docs: $(READY)
+# The variable keeps an advertisement of the theme off the screen.
+docs: $(READY) ## the site of the documentation, into site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# Also compile the kernels of the default settings, which a first run would do otherwise.
-install: $(READY)
+install: $(READY) ## the environment for development, with the kernels of default runs compiled
 	$(BIN)/python -m pareto_ltl +experiment=phi1 report=none exports=none hydra.run.dir=build/compiled > /dev/null
 
 # What a run needs; what tests, checks and documentation need besides, in the same environment.
@@ -129,10 +122,10 @@ $(READY): requirements-dev.lock requirements.lock pyproject.toml
 $(RUN_READY)-%: $(RUN_READY)
 	@$(PYTHON) release/environment.py "$(VENV)" $*
 
-# Pins for all supported Python versions; no addresses or paths end up in them. PINS="--upgrade" takes new versions.
-lock: $(READY)
+# No addresses or paths end up in the pins.
+lock: $(READY) ## pins for all supported Python versions; PINS="--upgrade" takes new versions
 	$(PIN) pyproject.toml -o requirements.lock
 	$(PIN) --all-extras -c requirements.lock pyproject.toml -o requirements-dev.lock
 
-clean:
+clean: ## remove what the other targets made
 	rm -rf $(VENV) build dist site .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
