@@ -1,6 +1,7 @@
-"""Which tests run by day (``make test``), before a change is taken in (``make test-all``) and at night.
+"""Which tests run while one writes (``make test-fast``), by day (``make test``), before a change is taken in
+(``make test-all``) and at night.
 
-``PARETO_LTL_TESTS`` is ``day``, ``all`` (the default) or ``night``. With ``PARETO_LTL_DONE=day``, all are
+``PARETO_LTL_TESTS`` is ``fast``, ``day``, ``all`` (the default) or ``night``. With ``PARETO_LTL_DONE=day``, all are
 without the tests that ``make test`` has just run in the same way.
 """
 
@@ -16,12 +17,23 @@ from typing import TypeVar
 from hypothesis import settings
 
 LEVEL = os.environ.get("PARETO_LTL_TESTS", "all")
-if LEVEL not in ("day", "all", "night"):
-    raise ValueError(f"PARETO_LTL_TESTS must be day, all or night, got {LEVEL!r}")
-BY_DAY = LEVEL == "day"
+if LEVEL not in ("fast", "day", "all", "night"):
+    raise ValueError(f"PARETO_LTL_TESTS must be fast, day, all or night, got {LEVEL!r}")
+BY_DAY = LEVEL in ("fast", "day")
 DONE_BY_DAY = LEVEL == "all" and os.environ.get("PARETO_LTL_DONE") == "day"  # ``make test`` has just run
 AT_NIGHT = LEVEL == "night"
 Case = TypeVar("Case")
+
+# Modules of the fast level, and those among them that run kernels or start processes.
+FAST = ["logic/*", "settings/*", "support/*", "world/*"]
+NOT_FAST = [
+    "support/test_cache",
+    "support/test_extras",
+    "support/test_netcdf4",
+    "world/test_cells",
+    "world/test_random_maps",
+    "world/test_region_names",
+]
 
 # Modules that start processes, plan whole missions or read files of every kind: not by day.
 NOT_BY_DAY = [
@@ -106,6 +118,8 @@ ONLY_AT_NIGHT = ["planning/test_uncompiled_plans", "run/test_documents", "test_m
 
 def left_out(path: Path) -> bool:
     """Whether the tests of the module ``path`` are not of this level."""
+    if LEVEL == "fast" and (not _listed(path, FAST) or _listed(path, NOT_FAST)):
+        return True
     return _listed(path, ONLY_AT_NIGHT if LEVEL == "all" else NOT_BY_DAY if BY_DAY else [])
 
 
