@@ -1,8 +1,8 @@
 """Which tests run while one writes (``make test-fast``), by day (``make test``), before a change is taken in
 (``make test-all``) and at night.
 
-``PARETO_LTL_TESTS`` is ``fast``, ``day``, ``all`` (the default) or ``night``. With ``PARETO_LTL_DONE=day``, all are
-without the tests that ``make test`` has just run in the same way.
+``PARETO_LTL_TESTS`` is ``fast``, ``day``, ``all`` (the default) or ``night``. With ``PARETO_LTL_DONE=day``,
+all are without the tests that ``make test`` has just run in the same way.
 """
 
 from __future__ import annotations
