@@ -597,7 +597,7 @@ def test_a_table_of_one_buoy_says_that_it_does_not_state_a_place(tmp_path):
 CASES = [c for c in json.loads(SHARED.read_text()) if c["type"] == "wind"] if SHARED.is_file() else []
 
 
-@pytest.mark.skipif(not CASES, reason="the folder ../shared/cases is not there")
+@pytest.mark.skipif(not CASES, reason="the cases are not beside this checkout")
 @pytest.mark.parametrize("case", CASES, ids=[case["file"] for case in CASES])
 def test_a_shared_case_is_read_right(case):
     found = pareto_ltl.read_wind(SHARED.parent / case["file"], source=case["source"], level=case["level"])
