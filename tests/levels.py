@@ -107,7 +107,7 @@ NOT_BY_DAY = [
     "verify/test_robot_errors",
     "verify/test_simplified",
     "wind/test_netcdf_files",
-    "wind/test_noaa_source",
+    "wind/test_live",
     "wind/test_sources",
     "wind/test_wind_document",
     "wind/test_wind_kinds",

@@ -26,7 +26,7 @@ from pareto_ltl_verify.formula import Dfa, Timetable, covers, losing, windows_of
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, convex
 from pareto_ltl_verify.laws import Coherent, Course, Independent, Law, landmarks_of
 from pareto_ltl_verify.robot import Robot, energy_limits
-from pareto_ltl_verify.wind_tables import ENSEMBLE, clock, read_wind_file, source_of
+from pareto_ltl_verify.wind_tables import CURRENTS, ENSEMBLE, clock, read_wind_file, source_of
 
 T = TypeVar("T")
 LAWS = ("independent", "coherent")
@@ -252,7 +252,7 @@ class Evidence:
         """What moves the robot, in words; files of earlier versions also call currents winds."""
         wind, flown = self.settings["wind"], self.settings["robot"].get("level") or ""
         depth = any(text.endswith("depth") for text in (wind["level"], flown))
-        return ("currents", "winds") if depth or wind["source"] == "currents" else ("winds",)
+        return ("currents", "winds") if depth or wind["source"] in CURRENTS else ("winds",)
 
     @cached_property
     def course(self) -> Course:

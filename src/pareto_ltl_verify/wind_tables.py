@@ -43,14 +43,17 @@ class Source:
     modelled: bool | None = True
 
 
+CURRENTS = ("currents", "rtofs")
 SOURCES = {
     "sample": Source("none", ensemble=False, level=False, modelled=False),
     "csv": Source("gfs", ensemble=False, level=True),
     "grib": Source("gfs", ensemble=True, level=True),
     "netcdf": Source("gfs", ensemble=True, level=True),
     "stations": Source("none", ensemble=False, level=True, modelled=False),
-    "noaa": Source("gfs", ensemble=True, level=True),
-    "currents": Source("none", ensemble=False, level=False),
+    **dict.fromkeys(
+        ("noaa", "nbm", "aigfs", "aigefs", "ifs", "aifs"), Source("gfs", ensemble=True, level=True)
+    ),
+    **dict.fromkeys(CURRENTS, Source("none", ensemble=False, level=False)),
     "ensemble": Source("gfs", ensemble=True, level=True),
     "given": Source(None, ensemble=True, level=True),
     "calm": Source(None, ensemble=False, level=False),

@@ -80,7 +80,14 @@ INVENTORIES = (
     b"1:0:d=2018100906:TMP:2 m above ground:3 hour fcst:\n"
     b"2:150:d=2018100906:UGRD:10 m above ground:3 hour fcst:\n"
     b"3:290:d=2018100906:VGRD:10 m above ground:3 hour fcst:\n4:400:d=2018100906:PRES:surface:anl:\n",
-    b"77.1:0:d=2018100906:UGRD:10 m above ground:anl:\n77.2:0:d=2018100906:VGRD:10 m above ground:anl:E=+1\n",
+    b"77.1:0:d=2018100906:UGRD:10 m above ground:anl:\n"
+    b"77.2:0:d=2018100906:VGRD:10 m above ground:anl:ENS=+1\n",
+    b"1:0:d=2026051800:WIND:10 m above ground:1 hour fcst:\n"
+    b"2:9:d=2026051800:WIND:10 m above ground:1 hour fcst:ens std dev\n"
+    b"3:14:d=2026051800:WDIR:10 m above ground:1 hour fcst:\n",
+    b'{"type": "fc", "step": "0", "levtype": "sfc", "param": "10u", "_offset": 0, "_length": 224}\n'
+    b'{"type": "fc", "step": "0", "levtype": "sfc", "param": "10v", "_offset": 224, "_length": 300}\n'
+    b'{"type": "fc", "levelist": "925", "levtype": "pl", "param": "u", "_offset": 524, "_length": 9}\n',
 )
 SQUARE = [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]]
 

@@ -330,10 +330,12 @@ def position_fixes(place: Path) -> Fuzz:
 
 def inventories(place: Path) -> Fuzz:
     from pareto_ltl.support.levels import parse_level
-    from pareto_ltl.wind.sources.noaa import parse_idx, wind_parts
+    from pareto_ltl.wind.sources.inventories import parse_inventory, wind_parts
 
     def read(case: bytes) -> object:
-        return wind_parts(parse_idx(case.decode("utf-8", "replace"), "idx"), parse_level("10m"), "idx")
+        where = "a.index" if b"{" in case else "a.idx"
+        entries = parse_inventory(case.decode("utf-8", "replace"), where)
+        return wind_parts(entries, parse_level("10m"), where)
 
     return Fuzz(mutants(corpora.INVENTORIES), read)
 

@@ -21,7 +21,7 @@ COMMANDS = [
     " ".join(found.replace("\\\n", " ").split())
     for found in re.findall(r"^    (pareto-ltl plan (?:.*\\\n)*.*)$", TEXT, re.MULTILINE)
 ]
-OFFLINE = [command for command in COMMANDS if "wind=noaa" not in command]  # test_noaa_source.py has a server
+OFFLINE = [command for command in COMMANDS if "wind=noaa" not in command]  # test_live.py has a server
 STAGES = "pipelines.stages=[readings,scene,observations]"
 
 

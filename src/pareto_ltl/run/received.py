@@ -108,10 +108,10 @@ def acts(settings: Settings, known: KnownFiles, given: Mapping[str, Any]) -> Ite
         yield Act("evaluation.resume", study.resume, f"continue the run in {_shown(study.resume)}")
     if wind.base_url is not None:
         yield Act("wind.base_url", wind.base_url, f"download from {_shown(wind.base_url)}")
-    elif wind.source == "noaa" and not wind.offline and "wind.offline" not in given:
-        yield Act("wind.source", "noaa", "download from NOAA's archive")
     elif wind.source not in WIND_SOURCES:
         yield Act("wind.source", wind.source, f"run the wind source {_shown(wind.source)} of another package")
+    elif WIND_SOURCES[wind.source].live and not wind.offline and "wind.offline" not in given:
+        yield Act("wind.source", wind.source, "download a forecast")
     for key, name in named_files(settings):
         if key not in given and not known.knows(name):
             yield Act(key, name, f"read {_shown(name)}, which is not there or not what the run read")

@@ -44,7 +44,7 @@ from pareto_ltl.settings.studies import (
     ReplanningConfig,
     SitlConfig,
 )
-from pareto_ltl.settings.wind import WindConfig, usual_level
+from pareto_ltl.settings.wind import WIND_SOURCES, WindConfig, usual_level
 from pareto_ltl.support.medium import WATER, Medium, medium_of
 
 
@@ -95,4 +95,6 @@ class Settings(CheckedSettings):
     @property
     def medium(self) -> Medium:
         """Water for a current, whose level may lack the word depth, and for a robot at a depth; else air."""
-        return WATER if self.wind.source == "currents" else medium_of(self.robot.level, self.wind.level)
+        kind = WIND_SOURCES.get(self.wind.source)
+        current = kind is not None and kind.current
+        return WATER if current else medium_of(self.robot.level, self.wind.level)

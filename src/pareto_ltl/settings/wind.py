@@ -28,12 +28,18 @@ class SourceKind(NamedTuple):
     modelled : bool
         The readings are fields of a weather model, whose age and analyses count; not observations. The
         packaged sample has analyses of one day only.
+    current : bool
+        The readings are currents of the sea.
+    live : bool
+        It downloads a forecast.
     """
 
     reads_path: bool
     forecast_error: str
     level: str = SELECTED
     modelled: bool = True
+    current: bool = False
+    live: bool = False
 
 
 WIND_SOURCES = {
@@ -42,8 +48,12 @@ WIND_SOURCES = {
     "grib": SourceKind(reads_path=True, forecast_error="gfs"),
     "netcdf": SourceKind(reads_path=True, forecast_error="gfs"),
     "stations": SourceKind(reads_path=True, forecast_error="none", level=STATED, modelled=False),
-    "noaa": SourceKind(reads_path=False, forecast_error="gfs"),
-    "currents": SourceKind(reads_path=True, forecast_error="none"),
+    **dict.fromkeys(
+        ("noaa", "nbm", "aigfs", "aigefs", "ifs", "aifs"),
+        SourceKind(reads_path=False, forecast_error="gfs", live=True),
+    ),
+    "rtofs": SourceKind(reads_path=False, forecast_error="none", current=True, live=True),
+    "currents": SourceKind(reads_path=True, forecast_error="none", current=True),
     "ensemble": SourceKind(reads_path=True, forecast_error="gfs"),
     "given": SourceKind(reads_path=False, forecast_error="gfs"),
     "calm": SourceKind(reads_path=False, forecast_error="none"),
@@ -115,17 +125,23 @@ class WindConfig(CheckedSettings, section="wind"):
     cache: bool = setting(True, "keep fits between runs")
     model: str = setting("gfs", "model that source=noaa fetches", choices=NOAA_MODELS)
     cycle: str = setting(
-        "newest", "start of the forecast that source=noaa fetches: newest, or a time, ISO 8601 UTC"
+        "newest", "start of the forecast that is downloaded: newest, or a time, ISO 8601 UTC"
     )
     hours: float = setting(
-        36.0, "duration after departure for which source=noaa fetches the wind", "(0, 384]", unit="h"
+        36.0, "duration after departure for which a forecast is downloaded", "(0, 384]", unit="h"
     )
-    gefs_members: int = setting(1, "members of model=gefs; 1: the control forecast only", "[1, 31]")
+    members: int = setting(
+        1,
+        "members that are downloaded of an ensemble (model=gefs, sources aigefs, ifs, aifs); 1: the control "
+        "forecast only",
+        "[1, 51]",
+    )
+    gefs_members: int = setting(1, "former name of wind.members", "[1, 31]")
     base_url: str | None = setting(
-        None, "address that source=noaa uses instead of NOAA's archive, with the same folders"
+        None, "address from which forecasts are downloaded instead of the usual one, with the same folders"
     )
-    offline: bool = setting(False, "source=noaa uses only files that it fetched before")
-    retries: int = setting(4, "number of retries of source=noaa after a failure", "[0, 20]")
+    offline: bool = setting(False, "of downloaded forecasts, use only files that were fetched before")
+    retries: int = setting(4, "number of retries after a failure of a download", "[0, 20]")
 
     def check_combinations(self) -> None:
         """Refuse a source without its file, a cycle that is not a time and an address that is not HTTP(S)."""
@@ -137,6 +153,8 @@ class WindConfig(CheckedSettings, section="wind"):
                 f"wind.path={shown_text(self.path)} is not read by wind.source={self.source}: leave out "
                 f"wind={self.source}, and the source follows from the file, or leave out wind.path"
             )
+        if self.model != NOAA_MODELS[0] and self.source in WIND_SOURCES and self.source != "noaa":
+            raise ConfigError(f"wind.model={self.model} is of wind=noaa, and wind.source is {self.source}")
         if self.cycle != "newest":
             check_time("wind.cycle", self.cycle)
         if self.base_url is not None and not self.base_url.startswith(("https://", "http://")):
@@ -152,4 +170,4 @@ def usual_level(source: str, flown: str | None) -> str:
     level = WIND_SOURCES[source].level if source in WIND_SOURCES else SELECTED
     if flown and (level == SELECTED or (level == STATED and "depth" in flown)):
         return flown
-    return "0m" if source == "currents" else "10m"
+    return "0m" if source in WIND_SOURCES and WIND_SOURCES[source].current else "10m"

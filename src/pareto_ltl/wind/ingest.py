@@ -25,6 +25,15 @@ from pareto_ltl.wind.readings import (
 )
 from pareto_ltl.wind.sources.csv_files import write_csv_table
 
+NOAA = (
+    "US National Oceanic and Atmospheric Administration (NOAA), public domain (17 U.S.C. 105); a selection, "
+    "not an official NOAA product"
+)
+ECMWF = (
+    "European Centre for Medium-Range Weather Forecasts (ECMWF), open data, CC BY 4.0 "
+    "(https://creativecommons.org/licenses/by/4.0/); a selection"
+)
+
 
 def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, out: Path) -> Path:
     """Write ``ingest.points`` nodes of a geographic source as a CSV table to ``out``; return ``out``.
@@ -107,8 +116,7 @@ def _table_provenance(
             "lat, lon": "degrees, west negative",
             "u, v": f"wind towards east and north, earth-relative, {level}, m/s, rounded to 0.01",
         },
-        "source": "US National Oceanic and Atmospheric Administration (NOAA), public domain (17 U.S.C. 105); "
-        "a selection, not an official NOAA product",
+        "source": ECMWF if cfg.source in ("ifs", "aifs") else NOAA,
         "kind": cfg.source,
         "times": {iso(readings.times[k]): readings.remarks[k] for k in kept},
         "points": len(nodes),

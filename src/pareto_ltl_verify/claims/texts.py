@@ -35,7 +35,15 @@ RATE = re.compile(
     r"Of (?P<runs>[\d,]+) [^%]*flights flown (?P<how>.*) in (?P<law>\w+) (?P<flow>\w+), "
     r"(?P<fails>.* %.*) fail\."
 )
-UNLISTED = ("noaa",)  # sources whose files are downloaded, and no inputs of the run
+UNLISTED = (
+    "noaa",
+    "nbm",
+    "aigfs",
+    "aigefs",
+    "ifs",
+    "aifs",
+    "rtofs",
+)  # sources whose files are downloaded, and no inputs of the run
 AIRSPEED, IN_WATER = "airspeed", "speed through the water"
 CALM = "calm air: no wind at all", "any wind", AIRSPEED
 STILL = "still water: no current at all", "any current", IN_WATER

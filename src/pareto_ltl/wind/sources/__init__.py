@@ -24,9 +24,9 @@ from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
 from pareto_ltl.wind.sources.content import is_data_file, source_of_path
 from pareto_ltl.wind.sources.csv_files import read_csv_files
 from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
+from pareto_ltl.wind.sources.live import live_files, read_live
 from pareto_ltl.wind.sources.magic import first_bytes, format_of
 from pareto_ltl.wind.sources.netcdf_files import netcdf_snapshots
-from pareto_ltl.wind.sources.noaa import noaa_files, read_noaa
 from pareto_ltl.wind.sources.quantities import CURRENTS, WINDS
 from pareto_ltl.wind.sources.station_files import read_station_files
 
@@ -173,12 +173,11 @@ _READERS: dict[str, tuple[Reader, Files]] = {
     "grib": (_read_grib, data_files),
     "netcdf": (_read_netcdf, data_files),
     "stations": (_read_stations, data_files),
-    "noaa": (read_noaa, noaa_files),
     "currents": (_read_currents, data_files),
     "ensemble": (_read_ensemble, _ensemble_files),
     "given": (_read_given, lambda *_: ()),
     "calm": (lambda *_: CALM, lambda *_: ()),
-}
+} | {name: (read_live, live_files) for name, kind in WIND_SOURCES.items() if kind.live}
 SOURCES = {
     name: WindSource(*_READERS[name], kind.forecast_error, kind.modelled)
     for name, kind in WIND_SOURCES.items()

@@ -7,7 +7,8 @@ Formats: WMO Manual on Codes, FM 92 GRIB edition 2 (sections 0 to 8) and edition
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import io
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -40,6 +41,19 @@ def parameters(stream: BinaryIO) -> Iterator[Parameter]:
         else:
             yield from _fields(stream, head[6], start + 16, start + length - len(END))
         place = start + length
+
+
+def messages_with(stream: BinaryIO, numbers: Collection[tuple[int, ...]]) -> Iterator[bytes]:
+    """The messages of ``stream``, an open GRIB file, with a field whose number is one of ``numbers``.
+
+    BrokenFrameError if one is damaged.
+    """
+    place = 0
+    while (start := _next_start(stream, place)) is not None:
+        place = start + _message_length(stream, start)
+        message = _bytes_at(stream, start, place - start)
+        if any(parameter.number in numbers for parameter in parameters(io.BytesIO(message))):
+            yield message
 
 
 def _fields(stream: BinaryIO, discipline: int, place: int, end: int) -> Iterator[Parameter]:
