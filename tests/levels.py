@@ -108,6 +108,8 @@ NOT_BY_DAY = [
     "verify/test_simplified",
     "wind/test_netcdf_files",
     "wind/test_live",
+    "wind/test_live_missions",
+    "wind/test_live_models",
     "wind/test_sources",
     "wind/test_wind_document",
     "wind/test_wind_kinds",
