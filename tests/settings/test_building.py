@@ -109,7 +109,7 @@ def test_one_model_changes_on_top_of_its_preset(name: str) -> None:
         ({"planner": {"trees": 0}}, "planner.trees must lie in [1, 10000], got 0"),
         ({"robot": {"dt": "soon"}}, "robot.dt must lie in [0.001, 1000000] [s] or be auto, got 'soon'"),
         ({"robot": 30}, "robot must be a choice, a mapping or a settings object, got 30"),
-        ({"wind": "storm"}, "there is no wind 'storm'; there are calm, "),
+        ({"wind": "storm"}, "there is no wind 'storm'; there are aifs, "),
         ({"mission": {"goals": "a"}}, "mission.goals must be "),
         ({"report": {"figures": 1}}, "report.figures must be true or false, got 1"),
         ({"scene": {"random": {"gaps": 1}}}, "unknown setting scene.random.gaps; did you mean"),

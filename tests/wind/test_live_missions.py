@@ -30,8 +30,7 @@ def fresh(monkeypatch, tmp_path):
 SMALL = [
     "planner.trees=2", "planner.n_max=800", "refine.flights=20", "refine.sweep_flights=10",
     "refine.classes=1", "refine.points=2", "selection.draws=20", "selection.runs=20",
-    "deployment.runs=50", "report=none",
-    "exports=none", "smoothing.candidates=1", *wind_words(),
+    "deployment.runs=50", "report=none", "exports=none", "smoothing.candidates=1", *wind_words(),
 ]  # fmt: skip
 
 
@@ -58,7 +57,7 @@ def test_a_glider_is_planned_in_the_surface_current_of_rtofs(tmp_path):
     with serving(NoaaServer(rtofs("2026060100", (24, 48, 72)))) as server:
         planned(
             tmp_path / "glider", server, f"scene.file={shore}", "mission.formula='F mooring'",
-            "robot=underwater_glider", "robot.level='30m depth'", "wind=rtofs", "wind.level=0m", "wind.hours=60",
-            "mission.start_time=2026-06-01T07:00:00Z", "name=glider",
+            "robot=underwater_glider", "robot.level='30m depth'", "wind=rtofs", "wind.level=0m",
+            "wind.hours=60", "mission.start_time=2026-06-01T07:00:00Z", "name=glider",
         )  # fmt: skip
     assert "rtofs forecast of 2026-06-01T00:00:00Z" in (tmp_path / "glider" / "run.log").read_text()

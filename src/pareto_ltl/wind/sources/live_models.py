@@ -73,7 +73,7 @@ class LiveModel:
     long_cycles, long_steps : tuple
         Hours of the day of the cycles with longer forecasts, and their steps.
     files : tuple of int
-        The steps that name files, if a file holds all steps after those of the file before; else empty.
+        The last steps of files that hold several steps, which name them; else empty.
     inventory : str
         End of the address of an inventory: ``.idx`` follows the address of the file, ``.index`` replaces
         its end. Empty if there are none; then the whole file is downloaded.
