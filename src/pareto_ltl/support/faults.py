@@ -46,7 +46,7 @@ class Faults:
     @classmethod
     def of_files(cls, kind: str, files: Sequence[Path]) -> Faults:
         """Faults of ``files`` of a ``kind``, such as "wind file"."""
-        return cls(f"{kind} {files[0]}" if len(files) == 1 else f"the {len(files)} {kind}s")
+        return cls(f"{kind} {files[0]}" if len(files) == 1 else f"the set of {len(files)} {kind}s")
 
     @property
     def texts(self) -> list[str]:
