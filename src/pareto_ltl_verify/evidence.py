@@ -66,6 +66,11 @@ class Evidence:
     replanned = content_of("replan.json", read_json)
     wind = content_of("wind.nc", read_wind_file)
 
+    @cached_property
+    def remembered(self) -> dict[str, object]:
+        """Results of long computations by name, so that several claims share them."""
+        return {}
+
     def has(self, name: str) -> bool:
         """Whether the directory holds the file ``name``."""
         return (self.directory / name).is_file()

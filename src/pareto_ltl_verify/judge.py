@@ -19,6 +19,7 @@ from pareto_ltl_verify.claims import (
     height,
     limits,
     plan,
+    readings,
     record,
     replan,
     search,
@@ -29,8 +30,9 @@ from pareto_ltl_verify.claims import (
 from pareto_ltl_verify.evidence import Evidence, open_evidence
 
 CLAIMS: tuple[Claim, ...] = (
-    *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *plan.CLAIMS, *limits.CLAIMS, *search.CLAIMS,
-    *front.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *height.CLAIMS, *texts.CLAIMS, *replan.CLAIMS,
+    *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS, *plan.CLAIMS, *limits.CLAIMS,
+    *search.CLAIMS, *front.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *height.CLAIMS, *texts.CLAIMS,
+    *replan.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({
@@ -40,6 +42,7 @@ OF_A_DEPARTURE = frozenset({
     "wind: known until",
     "wind: law of forecast errors",
     "wind: modes of one slot match the next",
+    *readings.NAMES,
 })  # fmt: skip
 UNUSABLE = (
     ParetoLtlError, ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,
@@ -107,6 +110,10 @@ def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
                     replan.OLD_PLAN,
                     *replan.OF_THE_FIXES,
                 )
+    elif result.has("wind.nc"):
+        with suppress(*UNUSABLE):
+            if (reason := readings.unread_reason(result)) is not None:
+                reasons[reason] = readings.NAMES
     with suppress(*UNUSABLE):  # claims about damaged settings fail
         if world.given_map(result):
             reasons["the map was given in Python"] = world.OF_THE_SETTINGS

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -240,66 +239,6 @@ def write_sweep(place: Path) -> None:
         write_run(place / job, number)
         points.append(SweepPoint(job, {"planner.n_max": str(100 * (number // 2)), "seed": str(number % 2)}))
     SweepManifest(tuple(points), ("planner.n_max", "seed"), ("+experiment=phi1",)).write_to(place)
-
-
-def small_gribs() -> tuple[bytes, ...]:
-    """Files of the 10 m wind on 36 nodes, in both editions of GRIB; empty without ecCodes."""
-    if find_spec("eccodes") is None:
-        return ()
-    from pareto_ltl.wind.sources.grib_files import grib_snapshots  # noqa: F401 - PROJ before ecCodes
-
-    return tuple(
-        b"".join(_grib_message(edition, short, hour) for hour in (0, 6) for short in ("10u", "10v"))
-        for edition in (1, 2)
-    )
-
-
-def _grib_message(edition: int, short: str, hour: int) -> bytes:
-    import eccodes
-
-    message = eccodes.codes_grib_new_from_samples(f"regular_ll_sfc_grib{edition}")
-    corners = {"latitudeOfFirstGridPointInDegrees": 35, "latitudeOfLastGridPointInDegrees": 30}
-    corners |= {"longitudeOfFirstGridPointInDegrees": 10, "longitudeOfLastGridPointInDegrees": 15}
-    place = {"Ni": 6, "Nj": 6, "iDirectionIncrementInDegrees": 1, "jDirectionIncrementInDegrees": 1}
-    named = {"date": 20181009, "indicatorOfTypeOfLevel": 105} if edition == 1 else {"date": 20181009}
-    named |= {"shortName": short, "typeOfLevel": "heightAboveGround", "level": 10, "step": hour}
-    for key, value in {**place, **corners, **named}.items():
-        eccodes.codes_set(message, key, value)
-    eccodes.codes_set_values(message, np.linspace(-5.0, 5.0, 36))
-    data: bytes = eccodes.codes_get_message(message)
-    eccodes.codes_release(message)
-    return data
-
-
-def small_netcdfs(place: Path) -> tuple[bytes, ...]:
-    """One field with packed values and 2-d latitudes, in both formats of NetCDF."""
-    import h5netcdf
-    from scipy.io import netcdf_file
-
-    lat, lon = np.meshgrid(np.arange(30.0, 34.0), np.arange(-95.0, -92.0), indexing="ij")
-    values = np.arange(24, dtype=np.int16).reshape(2, 4, 3)
-    told = {"units": "m s-1", "scale_factor": 0.1, "_FillValue": np.int16(7), "coordinates": "lat lon"}
-    variables: dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]] = {
-        "time": (("time",), np.array([0.0, 6.0]), {"units": "hours since 2018-10-09 00:00"}),
-        "lat": (("y", "x"), lat, {"units": "degrees_north"}),
-        "lon": (("y", "x"), lon, {"units": "degrees_east"}),
-        "u10": (("time", "y", "x"), values, {"standard_name": "eastward_wind", **told}),
-        "v10": (("time", "y", "x"), values, {"standard_name": "northward_wind", **told}),
-    }
-    sizes = {"time": 2, "y": 4, "x": 3}
-    with h5netcdf.File(place / "new.nc", "w") as file:
-        file.dimensions = sizes
-        for name, (dims, data, attributes) in variables.items():
-            file.create_variable(name, dims, data=data).attrs.update(attributes)
-    with netcdf_file(place / "old.nc", "w") as file:
-        for name, size in sizes.items():
-            file.createDimension(name, size)
-        for name, (dims, data, attributes) in variables.items():
-            made = file.createVariable(name, data.dtype, dims)
-            made[...] = data
-            for key, value in attributes.items():
-                setattr(made, key, value)
-    return tuple((place / name).read_bytes() for name in ("new.nc", "old.nc"))
 
 
 def words() -> tuple[str, ...]:

@@ -30,7 +30,9 @@ import psutil
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis.errors import HypothesisWarning
 
-from fuzz.targets import CASES, TARGETS, Fuzz, Target
+from fuzz.kinds import KIND_TARGETS
+from fuzz.records import CASES, Fuzz, Target
+from fuzz.targets import TARGETS
 from pareto_ltl.support.messages import LONGEST_LINE
 from unmeasured import untraced
 
@@ -55,7 +57,7 @@ class Report:
         told = (
             SKIPPED if self.skipped else f"{self.cases:>8} cases {self.seconds:>7.1f} s {rate:>7.0f} cases/s"
         )
-        return f"{self.name:<16}{SKIPPED if self.skipped else told}   {len(self.faults)} faults"
+        return f"{self.name:<32}{SKIPPED if self.skipped else told}   {len(self.faults)} faults"
 
 
 class SlowCaseError(BaseException):
@@ -232,7 +234,8 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=CASES, help="of each target (times its share)")
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    chosen = [target for target in TARGETS if target.name in (options.targets or [t.name for t in TARGETS])]
+    every = (*TARGETS, *KIND_TARGETS)
+    chosen = [target for target in every if target.name in (options.targets or [t.name for t in every])]
     if options.child is not None:
         report = fuzz_here(chosen[0], options.cases, options.child)
         (options.child / "report.json").write_text(json.dumps(asdict(report)))

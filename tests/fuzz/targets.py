@@ -3,60 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 from hypothesis import strategies as st
 
-import map_samples
 from fuzz import corpora
+from fuzz.kinds import TOGETHER, from_file, read_map, wind_seeds
 from fuzz.mutations import json_bytes, mutants, tree_mutants, yaml_bytes
-from pareto_ltl.support.errors import ConfigError, ParetoLtlError
-
-CASES = 2000  # of a target in one block, which the suite reads
-Read = Callable[[Any], object]
-
-
-@dataclass(frozen=True, slots=True)
-class Fuzz:
-    """One prepared target.
-
-    Attributes
-    ----------
-    cases : SearchStrategy
-        Makes one case: bytes of a file, a text, or words.
-    read : callable
-        The function under test.
-    """
-
-    cases: st.SearchStrategy[Any]
-    read: Read
-
-
-@dataclass(frozen=True, slots=True)
-class Target:
-    """A row of the table; ``prepare`` gets an empty folder and returns None if the target cannot run here.
-
-    ``share`` is the part of :data:`CASES` that the suite runs: below 1 if one case takes long.
-    """
-
-    name: str
-    prepare: Callable[[Path], Fuzz | None]
-    allowed: tuple[type[Exception], ...] = (ParetoLtlError, OSError)
-    share: float = 1.0
-
-
-def _from_file(path: Path, read: Callable[[Path], object]) -> Read:
-    """Write a case to ``path``, then read that."""
-
-    def write_and_read(case: bytes) -> object:
-        path.write_bytes(case)
-        return read(path)
-
-    return write_and_read
-
+from fuzz.records import Fuzz, Target
+from pareto_ltl.support.errors import ConfigError
 
 # --- formulas and automata -------------------------------------------------------------------
 
@@ -102,98 +59,25 @@ def automata(place: Path) -> Fuzz:
     from pareto_ltl.logic.hoa import read_hoa
 
     seeds = [text.encode() for text in corpora.HOA]
-    return Fuzz(mutants(seeds), _from_file(place / "a.hoa", read_hoa))
+    return Fuzz(mutants(seeds), from_file(place / "a.hoa", read_hoa))
 
 
 # --- maps ------------------------------------------------------------------------------------
 
 
-def _read_map(path: Path) -> object:
-    from pareto_ltl.settings import SceneConfig
-    from pareto_ltl.world.scene_settings import scene_from_settings
-
-    return scene_from_settings(SceneConfig(file=str(path)))
-
-
 def geojson(place: Path) -> Fuzz:
-    return Fuzz(tree_mutants([corpora.GEOJSON], json_bytes), _from_file(place / "map.geojson", _read_map))
+    return Fuzz(tree_mutants([corpora.GEOJSON], json_bytes), from_file(place / "map.geojson", read_map))
 
 
 def kml(place: Path) -> Fuzz:
-    return Fuzz(mutants([corpora.KML.encode()]), _from_file(place / "map.kml", _read_map))
-
-
-def _with_zones(path: Path) -> object:
-    """The map of the corpus with the zones of ``path``."""
-    from pareto_ltl.settings import SceneConfig
-    from pareto_ltl.world.scene_settings import scene_from_settings
-
-    whole = path.with_name("whole.geojson")
-    if not whole.exists():
-        whole.write_bytes(json_bytes(corpora.GEOJSON))
-    return scene_from_settings(SceneConfig(file=str(whole), zones=[str(path)], altitude=100.0))
-
-
-def airspace(place: Path) -> Fuzz:
-    """Airspace and fences in JSON."""
-    zone = {
-        "name": "CTR",
-        **map_samples.OPENAIP_LIMITS,
-        "geometry": {"type": "Polygon", "coordinates": map_samples.AREA},
-    }
-    cell = corpora.feature("", "Polygon", map_samples.AREA, CEILING=100, UNIT="Feet", APT1_ICAO="KXYZ")
-    faa = corpora.feature("", "Polygon", map_samples.AREA, UPPER_VAL=4000, UPPER_UOM="FT", UPPER_CODE="MSL")
-    collection = {
-        "type": "FeatureCollection",
-        "features": [cell, faa, {"type": "Feature", "properties": zone}],
-    }
-    trees = [map_samples.ED269, map_samples.PLAN, [zone], {"items": [zone]}, collection]
-    return Fuzz(tree_mutants(trees, json_bytes), _from_file(place / "zones.json", _with_zones))
-
-
-def zone_texts(place: Path) -> Fuzz:
-    """Airspace, fences and features in lines of text."""
-    lines = b"\n".join(json_bytes(one).replace(b"\n", b"") for one in corpora.GEOJSON["features"])
-    seeds = [
-        map_samples.OPENAIR.encode(),
-        map_samples.WAYPOINTS.encode(),
-        lines,
-        b"\x1e" + lines.replace(b"\n", b"\n\x1e"),
-    ]
-    return Fuzz(mutants(seeds), _from_file(place / "zones.txt", _with_zones))
-
-
-def archives(place: Path) -> Fuzz:
-    """KMZ archives with links, and KML files with links to a file beside them."""
-    import io
-    import zipfile
-
-    link = "<NetworkLink><name>no fly</name><Link><href>{}</href></Link></NetworkLink></Document></kml>"
-    linked = corpora.KML.strip().removesuffix("</Document></kml>") + link
-    (place / "beside.kml").write_text(corpora.KML)
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as file:
-        file.writestr("files/zones.kml", corpora.KML)
-        file.writestr("doc.kml", linked.format("files/zones.kml"))
-    seeds = [buffer.getvalue(), linked.format("beside.kml").encode()]
-    return Fuzz(mutants(seeds), _from_file(place / "map.kmz", _read_any_kml))
-
-
-def _read_any_kml(path: Path) -> object:
-    """The map of an archive, or of the same content as a KML file."""
-    content = path.read_bytes()
-    if content.startswith(b"PK"):
-        return _read_map(path)
-    plain = path.with_suffix(".kml")
-    plain.write_bytes(content)
-    return _read_map(plain)
+    return Fuzz(mutants([corpora.KML.encode()]), from_file(place / "map.kml", read_map))
 
 
 def scenes(place: Path) -> Fuzz:
     from pareto_ltl.world.scene_files import scene_to_dict
 
     trees = [scene_to_dict(corpora.scene())]
-    return Fuzz(tree_mutants(trees, json_bytes), _from_file(place / "scene.json", _read_map))
+    return Fuzz(tree_mutants(trees, json_bytes), from_file(place / "scene.json", read_map))
 
 
 # --- settings --------------------------------------------------------------------------------
@@ -205,7 +89,7 @@ def settings_files(place: Path) -> Fuzz:
     whole = corpora.settings()
     trees = [{key: whole[key]} for key in whole] + [{"seed": 1, "scene": whole["scene"], "name": "x"}]
     return Fuzz(
-        tree_mutants(trees, yaml_bytes), _from_file(place / "config_resolved.yaml", read_settings_file)
+        tree_mutants(trees, yaml_bytes), from_file(place / "config_resolved.yaml", read_settings_file)
     )
 
 
@@ -230,7 +114,7 @@ def config_files(place: Path) -> Fuzz:
     ]
     header = b"# @package _global_\n"
     words = ["+experiment=mine", f"--config-dir={folder}"]
-    read = _from_file(folder / "experiment" / "mine.yaml", lambda _: _compose(words))
+    read = from_file(folder / "experiment" / "mine.yaml", lambda _: _compose(words))
     return Fuzz(tree_mutants(trees, lambda tree: header + yaml_bytes(tree)), read)
 
 
@@ -280,43 +164,15 @@ def csv_winds(place: Path) -> Fuzz:
     from pareto_ltl.wind.sources.csv_files import read_csv_files
 
     return Fuzz(
-        mutants(corpora.CSV), _from_file(place / "wind.csv", lambda path: read_csv_files((path,), 150.0))
+        mutants(corpora.CSV), from_file(place / "wind.csv", lambda path: read_csv_files((path,), 150.0))
     )
 
 
 def winds_by_content(place: Path) -> Fuzz:
     from pareto_ltl.wind.sources.content import source_of_file
 
-    seeds = [*corpora.CSV, *corpora.STATIONS, *corpora.small_gribs(), *corpora.small_netcdfs(place)]
-    return Fuzz(mutants(seeds), _from_file(place / "wind", source_of_file))
-
-
-def grib_winds(place: Path) -> Fuzz | None:
-    from pareto_ltl.wind.sources.grib_files import grib_snapshots
-
-    seeds = corpora.small_gribs()
-    if not seeds:
-        return None
-    return Fuzz(mutants(seeds), _from_file(place / "wind.grib", lambda path: grib_snapshots((path,), 150.0)))
-
-
-def cf_winds(place: Path) -> Fuzz:
-    from pareto_ltl.wind.sources.netcdf_files import WINDS, netcdf_snapshots
-
-    seeds = corpora.small_netcdfs(place)
-    return Fuzz(
-        mutants(seeds),
-        _from_file(place / "wind.nc", lambda path: netcdf_snapshots((path,), WINDS, "10m", 150.0)),
-    )
-
-
-def stations(place: Path) -> Fuzz:
-    from pareto_ltl.wind.sources.station_files import read_station_files
-
-    return Fuzz(
-        mutants(corpora.STATIONS),
-        _from_file(place / "metars.csv", lambda path: read_station_files((path,), 150.0)),
-    )
+    seeds = [*corpora.CSV, *corpora.STATIONS, *(seed for _, seed in sorted(wind_seeds(place).items()))]
+    return Fuzz(mutants(seeds), from_file(place / "wind", source_of_file))
 
 
 def position_fixes(place: Path) -> Fuzz:
@@ -324,7 +180,7 @@ def position_fixes(place: Path) -> Fuzz:
 
     return Fuzz(
         mutants([b"time,lat,lon,sd_m\n3h,38.1,-95.6,500\n2018-10-09T06:00:00Z,38.4,-95.2,300\n"]),
-        _from_file(place / "fixes.csv", lambda path: fix_rows(path, on_earth=True)),
+        from_file(place / "fixes.csv", lambda path: fix_rows(path, on_earth=True)),
     )
 
 
@@ -344,7 +200,7 @@ def forecast_errors(place: Path) -> Fuzz:
     from pareto_ltl.wind.forecast_error import forecast_error_law, read_forecast_error
 
     trees = [forecast_error_law("gfs", "none").document()]
-    return Fuzz(tree_mutants(trees, json_bytes), _from_file(place / "law.json", read_forecast_error))
+    return Fuzz(tree_mutants(trees, json_bytes), from_file(place / "law.json", read_forecast_error))
 
 
 def forecast_tests(place: Path) -> Fuzz:
@@ -357,14 +213,14 @@ def forecast_tests(place: Path) -> Fuzz:
     def read(path: Path) -> object:
         return references(read_promises(path.parent))
 
-    return Fuzz(mutants(["\n".join((head, *rows)).encode()]), _from_file(place / TABLE, read))
+    return Fuzz(mutants(["\n".join((head, *rows)).encode()]), from_file(place / TABLE, read))
 
 
 def netcdf_winds(place: Path) -> Fuzz:
     from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 
     write_netcdf(corpora.wind(), place / "seed.nc", corpora.scene())
-    return Fuzz(mutants([(place / "seed.nc").read_bytes()]), _from_file(place / "wind.nc", read_netcdf))
+    return Fuzz(mutants([(place / "seed.nc").read_bytes()]), from_file(place / "wind.nc", read_netcdf))
 
 
 # --- results ---------------------------------------------------------------------------------
@@ -457,9 +313,6 @@ TARGETS = (
     Target("automata", automata),
     Target("geojson", geojson),
     Target("kml", kml),
-    Target("airspace", airspace, share=0.25),
-    Target("zone_texts", zone_texts, share=0.25),
-    Target("archives", archives, share=0.25),
     Target("scenes", scenes),
     Target("settings_files", settings_files),
     Target("config_files", config_files, share=0.025),  # Hydra composes for 0.1 s and more
@@ -467,9 +320,6 @@ TARGETS = (
     Target("command_lines", command_lines, share=0.025),
     Target("csv_winds", csv_winds),
     Target("winds_by_content", winds_by_content, share=0.3),
-    Target("grib_winds", grib_winds),
-    Target("cf_winds", cf_winds, share=0.2),
-    Target("stations", stations),
     Target("position_fixes", position_fixes),
     Target("inventories", inventories),
     Target("forecast_errors", forecast_errors),
@@ -477,4 +327,5 @@ TARGETS = (
     Target("netcdf_winds", netcdf_winds, share=0.2),  # HDF5 takes 10 ms to open a file
     Target("results", results),
     Target("sweeps", sweeps),
+    *TOGETHER,
 )

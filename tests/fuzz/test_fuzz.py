@@ -7,7 +7,8 @@ import os
 import pytest
 
 from fuzz.harness import SKIPPED, fuzz_target
-from fuzz.targets import CASES, TARGETS, Target
+from fuzz.records import CASES, Target
+from fuzz.targets import TARGETS
 
 pytestmark = pytest.mark.no_cover  # other tests run the same lines, and coverage is slow
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from fuzz import harness, mutations
 from fuzz.harness import SlowCaseError
-from fuzz.targets import Fuzz, Target
+from fuzz.records import Fuzz, Target
 from pareto_ltl.support.errors import DataError
 
 

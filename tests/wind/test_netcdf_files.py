@@ -314,6 +314,21 @@ def along_the_grid(latitudes):
     return found, lon, lat
 
 
+def test_all_faults_of_a_file_and_of_its_neighbours_stand_in_one_message(tmp_path):
+    u, v = grid()
+    dims = ("time", "lat", "lon")
+    wrong = described(u=(dims, u, U | {"units": "K"}), v=(dims, v, V | {"units": "Pa"}))
+    time = wrong["time"]
+    wrong["time"] = (*time[:2], {"units": "hours since yesterday"})
+    one, two = write(tmp_path / "a.nc", wrong), write(tmp_path / "b.nc", described(u10=None, v10=None))
+    with pytest.raises(DataError) as caught:
+        netcdf_snapshots((one, two), WINDS, "10m", 75.0)
+    text = str(caught.value)
+    assert "the set of 2 wind files has 4 faults: (1)" in text
+    for words in ("time", "u10 is in 'K'", "v10 is in 'Pa'", "b.nc holds no wind"):
+        assert words in text
+
+
 @pytest.mark.parametrize("latitudes", [True, False])
 def test_winds_along_a_grid_are_turned_to_east_and_north(tmp_path, latitudes):
     """The rows of the grid themselves show where its x axis points."""

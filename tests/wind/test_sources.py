@@ -382,6 +382,37 @@ def test_a_wrong_table_is_refused_in_one_line_that_says_where(case, tmp_path):
     assert "w.csv" in str(caught.value)
 
 
+def test_all_faults_of_a_table_stand_in_one_message(tmp_path):
+    lines = [
+        "yesterday,35,-90,x,1",
+        *GOOD,
+        "2018-10-09T00:00:00Z,135,-90,1,1",
+        "2018-10-09T00:00:00Z,35,-90,60,80",
+    ]
+    with pytest.raises(DataError) as caught:
+        read(write(tmp_path / "w.csv", lines))
+    assert re.fullmatch(
+        r"wind file \S*w.csv has 4 faults: \(1\) row 2: time is 'yesterday'; expected an ISO 8601 time.*; "
+        r"\(2\) row 2: u is 'x'; expected a number; \(3\) row 39: latitude 135, longitude -90 is not on .*; "
+        r"\(4\) row 40: wind speed 100.0 m/s is not plausible; .*",
+        str(caught.value),
+    )
+
+
+def test_of_many_faults_of_a_table_the_first_are_named_and_the_rest_is_counted(tmp_path):
+    lines = [f"2018-10-09T00:00:00Z,35,-{n},strong,1" for n in range(100)]
+    with pytest.raises(DataError, match=r"has 100 faults: \(1\) row 2: .*; and \d+ more$") as caught:
+        read(write(tmp_path / "w.csv", lines))
+    assert len(str(caught.value)) <= 2000
+
+
+def test_duplicates_of_several_tables_are_named_together(tmp_path):
+    for name in "ab":
+        write(tmp_path / f"{name}.csv", GOOD[:2])
+    with pytest.raises(DataError, match=r"2 faults: .*a.csv, row 2 and b.csv, row 2 .*; \(2\) .*row 3 and"):
+        table_of(WindConfig(source="csv", path=str(tmp_path)))
+
+
 def test_rows_are_counted_as_an_editor_counts_them(tmp_path):
     with pytest.raises(DataError, match="row 5:"):
         read(write(tmp_path / "w.csv", [GOOD[0], "", "", "2018-10-09T00:00:00Z,35,-90,x,1"]))
@@ -584,6 +615,18 @@ def test_a_file_that_is_no_whole_grib_is_named(spoil, words, gribs):
             call(grib(gribs))
         assert "gfs.06" in str(caught.value)
         assert "\n" not in str(caught.value)
+
+
+def test_faults_of_several_messages_stand_in_one_line(gribs, eccodes):
+    lat = np.repeat(np.arange(44, 29, -1), 17)
+    raw = [message(eccodes, "10u", lat, hour) for hour in (0, 6, 12)]
+    (gribs / "gfs.00").write_bytes(b"".join(raw))
+    (gribs / "gfs.06").write_bytes(message(eccodes, "2t", 280.0, level=2))
+    with pytest.raises(DataError, match="holds no wind 10 m above ground"):
+        table_of(grib(gribs))
+    (gribs / "gfs.06").unlink()
+    with pytest.raises(DataError, match=r"3 faults: \(1\) .*00:00:00Z has no v component.*\(3\) .*12:00:00Z"):
+        table_of(grib(gribs))
 
 
 def test_a_message_with_a_date_that_there_cannot_be_is_named(gribs):

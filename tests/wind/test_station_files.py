@@ -89,6 +89,12 @@ def test_what_quality_control_drops_is_counted(tmp_path):
     )
 
 
+def test_all_times_that_cannot_be_read_are_named(tmp_path):
+    lines = [report(time="noon"), report("KBBB", lat=41), report("KCCC", time="midnight", lat=42)]
+    with pytest.raises(DataError, match=r"has 2 faults: \(1\) row 2: .*'noon'.*\(2\) row 4: .*'midnight'"):
+        read(tmp_path, lines)
+
+
 def test_lines_before_the_table_are_passed_over(tmp_path):
     told = "No errors\nNo warnings\n12 ms\ndata source=metars\n1 results\n" + METAR
     assert len(read(tmp_path, [report()], told).points[0]) == 1

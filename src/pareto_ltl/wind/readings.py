@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.faults import Faults
 
 HOUR = 3600.0  # [s]
 KNOT = 1852.0 / 3600.0  # [m/s]
@@ -186,7 +186,11 @@ def check_readings(
     where: str,
     rows: Sequence[int] | None = None,
 ) -> None:
-    """Raise a DataError for the first implausible reading; its message begins with ``where`` and its row."""
+    """Raise a DataError for implausible readings; messages begin with ``where`` and, of a table, the row.
+
+    Without ``rows``, one message for each kind of fault states how many readings have it.
+    """
+    faults = Faults(where)
     (lon, lat), speed = points.T, np.hypot(winds[:, 0], winds[:, 1])
     finite = np.isfinite(points).all(axis=1) & np.isfinite(winds).all(axis=1)
     checks = (
@@ -202,17 +206,23 @@ def check_readings(
         ),
     )
     for bad, fault in checks:
-        for i in np.flatnonzero(bad)[:1].tolist():
+        there = np.flatnonzero(bad).tolist()
+        for i in there if rows is not None else there[:1]:
             row = "" if rows is None else f", row {rows[i]}"
             text = fault.format(lat=lat[i], lon=lon[i], speed=speed[i])
-            raise DataError(f"{where}{row}: {text}")
+            several = f" ({len(there)} such readings)" if rows is None and len(there) > 1 else ""
+            faults.add(f"{where}{row}: {text}{several}")
+    faults.refuse()
 
 
 def check_all_readings(readings: Readings, max_speed: float) -> None:
-    """:func:`check_readings` of every time."""
+    """:func:`check_readings` of every time; one DataError names all faults."""
+    faults = Faults("the wind")
     for time, points, winds in zip(readings.times, readings.points, readings.winds, strict=True):
         where = f"wind readings of {iso(float(time))}"
-        check_readings(points, winds, readings.geographic, max_speed, where, range(len(points)))
+        with faults.noted():
+            check_readings(points, winds, readings.geographic, max_speed, where, range(len(points)))
+    faults.refuse()
 
 
 def wrap_longitude(lon: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ import numpy as np
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import PRESSURE, Level, parse_level
 from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
 from pareto_ltl.wind.readings import Readings, check_readings, iso, lead_text, wrap_longitude
@@ -135,7 +136,8 @@ def earth_relative(
     """
     turned: list[Snapshot] = []
     nodes = missing = checked = below = unchecked = 0  # numbers of nodes, and of fields not checked
-    for snap, twist, pressure in found:
+    faults = Faults.of_files("wind file", files)
+    for snap, twist, pressure in faults.going(found):
         here = np.asarray(np.isfinite(snap.winds).all(axis=1))
         nodes, missing = nodes + len(here), missing + int((~here).sum())
         if level.kind == PRESSURE and pressure is not None and len(pressure) == len(here):
@@ -145,8 +147,10 @@ def earth_relative(
             unchecked += 1
         winds = snap.winds if twist is None else rotate_vectors(snap.winds, -twist)
         points, winds = (snap.points, winds) if here.all() else (snap.points[here], winds[here])
-        check_readings(points, winds, True, max_speed, f"wind file {snap.files[0]}, {iso(snap.time)}")
+        with faults.noted():
+            check_readings(points, winds, True, max_speed, f"wind file {snap.files[0]}, {iso(snap.time)}")
         turned.append(replace(snap, points=points, winds=winds))
+    faults.refuse()
     more = []
     if missing:
         more.append(f"{missing} of {nodes} values at {level.text} are missing in the file and left out")

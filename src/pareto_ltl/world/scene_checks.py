@@ -13,6 +13,7 @@ import shapely
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.names import name_fault
 from pareto_ltl.world import projection
@@ -22,7 +23,7 @@ from pareto_ltl.world.polygons import outlines_of
 from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.scene_heights import sketch_at_height
 from pareto_ltl.world.scene_simplify import MANY_CORNERS, DrawnMap, simplified_map
-from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, Place, SceneSketch
+from pareto_ltl.world.scene_sketch import DrawingRules, MissionUse, Place, SceneSketch
 from pareto_ltl.world.windows import TimedPlace
 
 LOG = logging.getLogger(__name__)
@@ -44,7 +45,7 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
     DataError
         If something is missing, degenerate, outside the bounds, or overlaps.
     """
-    faults = MapFaults(sketch.where, sketch.faults)
+    faults = Faults(sketch.where, sketch.faults)
     if not sketch.regions and not sketch.faults:
         faults.add(f"{sketch.where} has no regions; a mission needs at least one place to visit")
     if len(sketch.start) == 0 and not sketch.faults:
@@ -76,7 +77,7 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
 
 def check_parts(sketch: SceneSketch) -> None:
     """Raise a DataError for the faults of a map that may lack its start or regions."""
-    faults = MapFaults(sketch.where, sketch.faults)
+    faults = Faults(sketch.where, sketch.faults)
     if np.ptp(sketch.bounds, axis=0).min() == 0.0:  # a start alone
         faults.refuse()
         return
@@ -84,7 +85,7 @@ def check_parts(sketch: SceneSketch) -> None:
 
 
 def _checked_drawing(
-    sketch: SceneSketch, rules: DrawingRules, faults: MapFaults
+    sketch: SceneSketch, rules: DrawingRules, faults: Faults
 ) -> tuple[SceneSketch, DrawnMap]:
     """``sketch`` at the height of the flight, and its shapes; DataError with ``faults`` and those found."""
     if not faults.each([_check_size, _check_distortion], lambda check: check(sketch))[1:]:
@@ -111,7 +112,7 @@ def _check_window(sketch: SceneSketch, window: TimedPlace) -> None:
         )
 
 
-def _checked_shapes(sketch: SceneSketch, rules: DrawingRules, faults: MapFaults) -> DrawnMap:
+def _checked_shapes(sketch: SceneSketch, rules: DrawingRules, faults: Faults) -> DrawnMap:
     """The polygons of all places with their buffers; places are checked as drawn, without buffers."""
     drawn = faults.each(sketch.regions, lambda place: _drawn_region(sketch, place))
     shapes = faults.each(sketch.obstacles, lambda place: draw.drawn_shape(sketch, place))
@@ -189,7 +190,7 @@ def _with_margin(
 
 def _apart(sketch: SceneSketch, drawn: DrawnMap) -> DrawnMap:
     """``drawn`` with the enlarged obstacles cut out of visited regions and landmarks."""
-    barriers, faults = np.array([polygon for _, polygon in drawn.obstacles]), MapFaults(sketch.where)
+    barriers, faults = np.array([polygon for _, polygon in drawn.obstacles]), Faults(sketch.where)
 
     def rest(what: str, shape: shapely.Geometry) -> shapely.Geometry:
         near = barriers[shapely.intersects(shape, barriers)] if len(barriers) else barriers

@@ -16,6 +16,7 @@ import shapely
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
@@ -25,7 +26,7 @@ from pareto_ltl.world.map_lengths import HIGHEST, LOWEST, height, length_in_metr
 from pareto_ltl.world.scene import read_fix
 from pareto_ltl.world.scene_edges import straight_in_crs
 from pareto_ltl.world.scene_roles import FEATURE_ROLES, LEFT_OUT, SYNONYMS, RoleRules
-from pareto_ltl.world.scene_sketch import MapFaults, Place, called, read_corners, read_start
+from pareto_ltl.world.scene_sketch import Place, called, read_corners, read_start
 from pareto_ltl.world.windows import TimedPlace
 
 LEVELS = {  # of lists in the coordinates of a geometry
@@ -51,7 +52,7 @@ class FeatureReader:
     plain: list[dict[str, Any]] = field(default_factory=list)  # the features with their roles
     total: int = 0
 
-    def read(self, file: MapFile, faults: MapFaults) -> list[Drawn]:
+    def read(self, file: MapFile, faults: Faults) -> list[Drawn]:
         """The places of ``file``; others are ``faults``."""
         self.where, self.file = file.where, file
         for text in file.faults:

@@ -13,6 +13,7 @@ import numpy as np
 from pareto_ltl.support.archives import stored
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.files import write_json
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.reading import Advice
@@ -26,7 +27,7 @@ from pareto_ltl.world.scene_features import FeatureReader
 from pareto_ltl.world.scene_geojson import sketch_features
 from pareto_ltl.world.scene_roles import RoleRules
 from pareto_ltl.world.scene_shapes import refuse_crossings
-from pareto_ltl.world.scene_sketch import MapFaults, Place, SceneSketch
+from pareto_ltl.world.scene_sketch import Place, SceneSketch
 from pareto_ltl.world.windows import TimedPlace, Window
 
 ZONE_FILES = Advice("check scene.zones", "write the file again, or leave it out")
@@ -129,7 +130,7 @@ def _zone_file(name: str) -> MapFile:
 def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
     check_document(data, "scene", str(path), SCENE_FILES)
     where = f"scene file {path}"
-    faults = MapFaults(where)
+    faults = Faults(where)
     _check_departure(where, data.get("time_zero"))
     landmarks = data.get("landmarks") or ()
     obstacles = sk.numbered_outlines(data.get("obstacles", ()))

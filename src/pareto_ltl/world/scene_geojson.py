@@ -12,13 +12,14 @@ import shapely
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
 from pareto_ltl.world.map_file import MapFile
 from pareto_ltl.world.scene_edges import straight_in_degrees, unwrapped
 from pareto_ltl.world.scene_features import Drawn, FeatureReader
 from pareto_ltl.world.scene_roles import FEATURE_ROLES
-from pareto_ltl.world.scene_sketch import MapFaults, Place, SceneSketch
+from pareto_ltl.world.scene_sketch import Place, SceneSketch
 
 LASTING_ERROR, USUAL_AIRSPEED = 0.35, 25.0  # [m/s] the part of a wind error that lasts; see open_bounds
 RECTANGULAR = 1e-9  # a border is a rectangle if it lacks at most this share of its bounding box
@@ -31,7 +32,7 @@ def sketch_features(files: Sequence[MapFile], reader: FeatureReader) -> SceneSke
     the map and left out; DataError if none is valid.
     """
     where, found = files[0].where, list[Drawn]()
-    faults = MapFaults(where)
+    faults = Faults(where)
     for file in files:
         if not isinstance(file.features, list):
             raise DataError(

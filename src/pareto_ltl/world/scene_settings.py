@@ -16,6 +16,7 @@ from pareto_ltl.settings import SceneConfig
 from pareto_ltl.settings.heights import Height
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.faults import Faults
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.map_file import MapFile
@@ -26,7 +27,7 @@ from pareto_ltl.world.scene_features import FeatureReader, in_degrees
 from pareto_ltl.world.scene_files import sketch_file
 from pareto_ltl.world.scene_geojson import sketch_features
 from pareto_ltl.world.scene_roles import RoleRules
-from pareto_ltl.world.scene_sketch import DrawingRules, MapFaults, MissionUse, SceneSketch, unknown_use
+from pareto_ltl.world.scene_sketch import DrawingRules, MissionUse, SceneSketch, unknown_use
 
 LOG = logging.getLogger(__name__)
 PLACEMENT_TRIES = 20_000  # random positions tried for one disc
@@ -69,7 +70,7 @@ def scene_from_settings(
     sketch = _sketch(cfg)
     sketch.unread.log(sketch.where)
     known = _known_border(cfg, sketch, border)
-    departure, faults = time_zero or sketch.time_zero, MapFaults(sketch.where, sketch.faults)
+    departure, faults = time_zero or sketch.time_zero, Faults(sketch.where, sketch.faults)
     times = faults.each(sketch.timed, lambda place: place.window(sketch.where, departure))
     windows = {place.name: window for place, window in times}
     sketch = replace(sketch, faults=tuple(faults.texts))
@@ -140,7 +141,7 @@ def _known_border(cfg: SceneConfig, sketch: SceneSketch, border: str) -> str:
 def scene_sketch(cfg: SceneConfig) -> SceneSketch:
     """The map of ``cfg`` in metres, before the checks of the complete map; DataError if not readable."""
     sketch = _sketch(cfg)
-    MapFaults(sketch.where, sketch.faults).refuse()
+    Faults(sketch.where, sketch.faults).refuse()
     return sketch
 
 
@@ -154,7 +155,7 @@ def _sketch(cfg: SceneConfig) -> SceneSketch:
 
 def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
     where = f"scene {cfg.name!r}"
-    faults = MapFaults(where)
+    faults = Faults(where)
     bounds = faults.tried(lambda: sk.read_bounds(where, "scene.bounds", cfg.bounds))
     start = faults.tried(lambda: sk.read_start(where, "scene.start", cfg.start))
     middle = np.zeros(2) if bounds is None or cfg.centre is None else bounds.mean(axis=0)

@@ -7,27 +7,22 @@ map's author; one DataError names all of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pareto_ltl.settings.heights import Height as FlightHeight
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import LONGEST_LINE, shown_text
+from pareto_ltl.support.faults import Faults
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.world.map_file import Unread
 from pareto_ltl.world.map_lengths import HIGHEST, LOWEST, Height
 from pareto_ltl.world.scene import AbsentPlace, FixShape, read_fix
 from pareto_ltl.world.windows import TimedPlace
 
-ENDING = 40  # characters of a message for the number of faults that are left out
-MOST_SHOWN = 400  # characters of one of several faults
-
-Item = TypeVar("Item")
-Made = TypeVar("Made")
 MOST_COORDINATE = 1e15  # largest coordinate, in any unit
 RELATIVE_TOLERANCE = 1e-9  # of the size of the map; smaller lengths count as rounding errors
 
@@ -229,7 +224,7 @@ def called(kind: str, name: str) -> str:
 
 
 def read_places(
-    faults: MapFaults, kind: str, items: Any, metres: Callable[[FloatArray], FloatArray]
+    faults: Faults, kind: str, items: Any, metres: Callable[[FloatArray], FloatArray]
 ) -> tuple[Place, ...]:
     """The places of ``items``, pairs of a name and corners, converted by ``metres``; others are ``faults``.
 
@@ -326,56 +321,3 @@ def _is_empty(value: Any) -> bool:
 
 def _typed_text(value: Any) -> str:
     return shown_text(str(value.tolist() if isinstance(value, np.ndarray) else value))
-
-
-# --- faults of a map --------------------------------------------------------------------------------
-
-
-class MapFaults:
-    """Faults of a map whose messages begin with ``where``; ``texts`` are the faults of earlier steps."""
-
-    def __init__(self, where: str, texts: Iterable[str] = ()) -> None:
-        self.where, self.texts = where, list(texts)
-
-    def add(self, text: str) -> None:
-        """Add the message ``text``, unless it is known."""
-        if text not in self.texts:
-            self.texts.append(text)
-
-    @contextmanager
-    def noted(self) -> Iterator[None]:
-        """Add the message of a DataError in the block, and go on after the block."""
-        try:
-            yield
-        except DataError as error:
-            self.add(str(error))
-
-    def tried(self, make: Callable[[], Made]) -> Made | None:
-        """The result of ``make``; None, with its message added, if it raises a DataError."""
-        with self.noted():
-            return make()
-        return None
-
-    def each(self, items: Iterable[Item], make: Callable[[Item], Made]) -> list[tuple[Item, Made]]:
-        """The ``items`` for which ``make`` raises no DataError, with its results."""
-        found: list[tuple[Item, Made]] = []
-        for item in items:
-            with self.noted():
-                found.append((item, make(item)))
-        return found
-
-    def refuse(self) -> None:
-        """Raise one DataError that names the faults, if there are any; of too many the first ones."""
-        if not self.texts:
-            return
-        if len(self.texts) == 1:
-            raise DataError(self.texts[0])
-        line = f"{self.where} has {len(self.texts)} faults: "
-        for number, text in enumerate(self.texts, 1):
-            own = shown_text(text.removeprefix(self.where).lstrip(": "), MOST_SHOWN)
-            more = f"{'; ' if number > 1 else ''}({number}) {own}"
-            if len(line) + len(more) > LONGEST_LINE - ENDING:
-                line += f"; and {len(self.texts) - number + 1} more"
-                break
-            line += more
-        raise DataError(line)

@@ -18,6 +18,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.faults import Faults, FaultsError
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.wind.readings import HOUR, KNOT, Readings, check_readings, iso, wrap_longitude
@@ -69,7 +70,10 @@ def read_csv_files(files: tuple[Path, ...], max_speed: float, current: bool = Fa
         If a file or row is not valid, some tables are in degrees and others in a plane, or two rows have the
         same time and place.
     """
-    tables, planes, owners = zip(*(read_csv_file(file, max_speed, current) for file in files), strict=True)
+    faults = Faults.of_files("wind file", files)
+    found = faults.each(files, lambda file: read_csv_file(file, max_speed, current))
+    faults.refuse()
+    tables, planes, owners = zip(*(rows for _, rows in found), strict=True)
     if len(set(planes)) > 1:
         raise DataError(f"{files[0].parent}: some tables have lat,lon and some x,y; expected one kind")
     table = np.concatenate(tables)
@@ -122,7 +126,11 @@ def read_csv_file(file: Path, max_speed: float, current: bool = False) -> tuple[
     if not rows:
         raise DataError(f"wind file {file} has a header but no rows; expected {columns_text}")
     zones: list[bool] = []
-    cells = np.array([_parse_row(f"wind file {file}, row {n}", row, table, layout, zones) for n, row in rows])
+    faults = Faults(f"wind file {file}")
+    parsed = faults.each(
+        rows, lambda row: _parse_row(f"{faults.where}, row {row[0]}", row[1], table, layout, zones)
+    )
+    cells = np.array([values for _, values in parsed]).reshape(len(parsed), len(layout.columns))
     if not all(zones) and not layout.zoned:
         LOG.warning(
             "%s: %d of %d times state no zone and are taken as UTC; write 2018-10-09T18:00:00Z, or the "
@@ -133,8 +141,10 @@ def read_csv_file(file: Path, max_speed: float, current: bool = False) -> tuple[
     winds = cells[:, 3:5] * layout.factors
     if layout.direction:
         winds = polar_winds(winds[:, 0], winds[:, 1], layout.direction)
-    numbers = [number for number, _ in rows]
-    check_readings(points, winds, not planar, max_speed, f"wind file {file}", numbers)
+    numbers = [number for (number, _), _ in parsed]
+    with faults.noted():
+        check_readings(points, winds, not planar, max_speed, f"wind file {file}", numbers)
+    faults.refuse()
     if not planar:
         points[:, 0] = wrap_longitude(points[:, 0])
     leads = cells[:, 5] * HOUR if cells.shape[1] > 5 else np.full(len(cells), np.nan)
@@ -284,7 +294,7 @@ def _unit_factor(
 def _parse_row(
     where: str, row: list[str], table: Table, layout: _Layout, zones: list[bool]
 ) -> tuple[float, ...]:
-    values = []
+    values, wrong = list[float](), list[str]()
     for name, at in layout.columns:
         text = row[at].strip() if at < len(row) else ""
         if name == "time" and layout.clock is not None and layout.clock < len(row):
@@ -300,16 +310,18 @@ def _parse_row(
                 values.append(table.number(text))
         except ValueError:
             wanted = CELLS.get(name, "a number")
-            raise DataError(f"{where}: {name} is {shown_value(text)}; expected {wanted}") from None
+            wrong.append(f"{where}: {name} is {shown_value(text)}; expected {wanted}")
+    if wrong:
+        raise FaultsError(wrong[0], tuple(wrong))
     return tuple(values)
 
 
 def _refuse_duplicates(keys: FloatArray, owners: list[str]) -> None:
-    order = np.lexsort(keys.T[::-1])
-    same = np.flatnonzero((np.diff(keys[order], axis=0) == 0).all(axis=1))
-    if len(same):
-        one, two = (owners[order[same[0] + i]] for i in (0, 1))
-        raise DataError(f"wind readings of {one} and {two} are at the same time and place; keep one of them")
+    order, faults = np.lexsort(keys.T[::-1]), Faults("the wind")
+    for at in np.flatnonzero((np.diff(keys[order], axis=0) == 0).all(axis=1)).tolist():
+        one, two = (owners[order[at + i]] for i in (0, 1))
+        faults.add(f"wind readings of {one} and {two} are at the same time and place; keep one of them")
+    faults.refuse()
 
 
 def _lead_hours(table: Table, text: str) -> float:

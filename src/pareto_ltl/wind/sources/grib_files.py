@@ -30,6 +30,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extras import missing_extra
+from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import iso
@@ -184,9 +185,12 @@ def grib_snapshots(
         component, time, lead and member.
     """
     scan = _Scan(quantity, wanted_level(quantity, level), area)
+    faults = Faults.of_files("wind file", files)
     for file in files:
         tell(file)
-        _scan_file(file, scan)
+        with faults.noted():
+            _scan_file(file, scan)
+    faults.refuse()
     notes = [
         f"{count} GRIB messages hold the {kind} of the wind, not its value at an instant: left out"
         for kind, count in sorted(scan.left_out.items())
@@ -204,6 +208,7 @@ def _scan_file(file: Path, scan: _Scan) -> None:
     levels: list[Level] = []
     found = False
     others: set[str] = set()
+    faults = Faults(f"wind file {file}")
     with _grib_messages(file) as messages:
         for message in messages:
             component = _component(message, scan.quantity)
@@ -216,7 +221,9 @@ def _scan_file(file: Path, scan: _Scan) -> None:
             if level is None:
                 continue
             found = found or component != SURFACE_PRESSURE
-            _add(message, component, level, file, scan)
+            with faults.noted():
+                _add(message, component, level, file, scan)
+    faults.refuse()
     if not found:
         raise _nothing_found(file, scan, levels, others)
 

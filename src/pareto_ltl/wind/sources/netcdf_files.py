@@ -17,6 +17,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import PRESSURE, Level, level_list
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox
@@ -105,8 +106,9 @@ def netcdf_snapshots(
 
     def found() -> Iterator[GridWind]:
         apart: Fields = {}  # of files that have one component
+        faults = Faults.of_files("wind file", files)
         for path in files:
-            with _open_dataset(path) as data:
+            with faults.noted(), _open_dataset(path) as data:
                 parts = _parts_at(path, _components(path, data, quantity), quantity, wanted)
                 notes.update(dict.fromkeys(_part_notes(parts[0], wanted)))
                 if len(parts) == 1:
@@ -116,6 +118,7 @@ def netcdf_snapshots(
                         yield from winds_of(fields, parts[0].level)
                     else:
                         _keep_apart(apart, fields)
+        faults.refuse()
         yield from winds_of(apart, wanted)
 
     return earth_relative(_with_values(found(), notes), files, wanted, max_speed, notes)
@@ -324,11 +327,16 @@ def _fields(
 ) -> Iterator[Fields]:
     """The components of every time and member, one time and member each."""
     first = parts[0].array
-    clock = clock_of(path, first)
+    faults = Faults(f"wind file {path}")
+    clock = faults.tried(lambda: clock_of(path, first))
+    grid = faults.tried(lambda: nodes_of(path, first, parts[0].kind.axes, area))
+    factors = [factor for _, factor in faults.each(parts, lambda part: _factor(path, part))]
+    faults.refuse()
+    assert clock is not None
+    assert grid is not None
     notes.update(dict.fromkeys(clock.notes))
     crew = member_dimension(first)
-    spatial, nodes = nodes_of(path, first, parts[0].kind.axes, area)
-    factors = [_factor(path, part) for part in parts]
+    spatial, nodes = grid
     for name, size in first.sizes.items():
         if name not in (*spatial, *clock.dims, crew, parts[0].dimension, EXPVER) and size != 1:
             raise DataError(

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, parse_level
 from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import GridWind, Nodes, Snapshot
@@ -198,9 +200,13 @@ def winds_of(fields: Fields, level: Level) -> Iterator[GridWind]:
     DataError
         If one lacks its counterpart, or both are on different grids.
     """
-    for key in sorted(fields, key=lambda k: (k[0], -1.0 if k[1] is None else k[1], k[2])):
-        if parts := fields[key].keys() - {SURFACE_PRESSURE}:
-            yield _wind_of(key, fields[key], parts, level)
+    keys = sorted(fields, key=lambda k: (k[0], -1.0 if k[1] is None else k[1], k[2]))
+    faults = Faults("the wind")
+    for key in keys:
+        parts = fields[key].keys() - {SURFACE_PRESSURE}
+        if parts and (wind := faults.tried(partial(_wind_of, key, fields[key], parts, level))) is not None:
+            yield wind
+    faults.refuse()
 
 
 def _wind_of(key: Key, parts: dict[str, Component], there: set[str], level: Level) -> GridWind:

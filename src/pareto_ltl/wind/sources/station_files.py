@@ -20,6 +20,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
 from pareto_ltl.wind.readings import HOUR, Readings, wrap_longitude
@@ -57,7 +58,9 @@ def read_station_files(files: tuple[Path, ...], max_speed: float, area: GeoBox |
     DataError
         If a file is not a table of reports, a time in it is not valid, or there is no usable report.
     """
-    found = [_reports_of(file, max_speed) for file in files]
+    faults = Faults.of_files("wind file", files)
+    found = [reports for _, reports in faults.each(files, lambda file: _reports_of(file, max_speed))]
+    faults.refuse()
     dropped: Counter[str] = sum((reports.dropped for reports in found), Counter())
     gusts = sum(reports.gusts for reports in found)
     stations = [name for reports in found for name in reports.stations]
@@ -136,18 +139,20 @@ def _reports_of(file: Path, max_speed: float) -> _Reports:
 
 def _times(file: Path, found: RawReports, used: IntArray) -> FloatArray:
     """The times of the reports ``used`` [s since 1970]; a warning if they state no zone."""
-    times, unzoned = [], 0
+    times, unzoned, faults = [], 0, Faults(f"wind file {file}")
     for i in used:
         text = found.cells["time"][i]
         try:
             time, zoned = seconds_of(text)
         except ValueError:
-            raise DataError(
+            faults.add(
                 f"wind file {file}, row {found.numbers[i]}: the time is {shown_value(text)}; expected an "
                 "ISO 8601 time: 2022-10-22T02:53:00Z"
-            ) from None
+            )
+            continue
         times.append(time)
         unzoned += not zoned
+    faults.refuse()
     if unzoned and found.clock != UTC:
         local = "local standard time, by its documentation" if found.clock == LOCAL else "of an unknown zone"
         LOG.warning(
