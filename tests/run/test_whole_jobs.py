@@ -22,6 +22,8 @@ from map_samples import box
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.results import Results
+from pareto_ltl.support.reading import read_json
+from pareto_ltl.wind.forecast_error import LAWS_FOLDER
 from quick_wind import wind_words
 
 START = "2026-10-09T00:00:00"
@@ -225,6 +227,30 @@ def test_a_wind_in_netcdf_is_flown(tmp_path: Path, name: str, make: Callable[[Pa
 def test_the_current_of_hycom_is_sailed(tmp_path: Path) -> None:
     place = job(tmp_path, *sea(tmp_path), f"wind={hycom(tmp_path / 'hycom.nc')}")
     assert_drift(place, current_of, 0.02)
+
+
+def test_the_box_without_a_border_holds_the_flights_of_an_uncertain_wind(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Errors four times as large: flights fail, and none because it left a map without a border."""
+    law = read_json(LAWS_FOLDER / "gfs.json")
+    law["forecast"]["sd"] = [4 * sd for sd in law["forecast"]["sd"]]
+    wide = written(tmp_path / "wide.json", law)
+    words = [*land(tmp_path), f"wind={era5(tmp_path / 'era5.nc')}", "robot.u_max=40", "deployment.runs=200"]
+    place = job(tmp_path, *words, f"wind.forecast_error={wide}", "planner.epsilon=0.9")
+    usual = tmp_path / "usual"
+    app.run_hydra([*words, f"hydra.run.dir={usual}", "pipelines.stages=[readings,scene]"])
+    low, high = (np.ptp(Results(where).scene.bounds, axis=0) for where in (usual, place))
+    assert (high > low + 10e3).all()
+    results = Results(place)
+    assert not results.scene.walled
+    flown = results.deployments["coherent"]
+    assert flown.failed.any()
+    assert not flown.off_map.any()
+    assert (place / "run.log").read_text().count("the sky is open") == 1
+    capsys.readouterr()
+    assert run_command_line(["show", str(place), "--print"]) == 0
+    assert "left the map" not in capsys.readouterr().out
 
 
 # --- GRIB --------------------------------------------------------------------------------------

@@ -67,6 +67,7 @@ def _check_sample(robot: RobotConfig, wind: WindConfig) -> None:
 def make_scene(inputs: StageInputs) -> Scene:
     """The map; without ``mission.start_time`` the robot departs at the first wind time."""
     from pareto_ltl.logic.mission import region_use
+    from pareto_ltl.planning.open_sky import sky_room
     from pareto_ltl.world.scene_settings import add_random_places, scene_from_settings
     from pareto_ltl.world.scene_sketch import MissionUse
 
@@ -80,7 +81,7 @@ def make_scene(inputs: StageInputs) -> Scene:
     height = flight_height(settings)
     return scene_from_settings(
         add_random_places(settings.scene), departure, settings.fidelity.border, use,
-        height if height.stated else None,
+        height if height.stated else None, sky_room(settings, inputs[keys.READINGS], departure),
     )  # fmt: skip
 
 
