@@ -253,6 +253,40 @@ def test_the_box_without_a_border_holds_the_flights_of_an_uncertain_wind(
     assert "left the map" not in capsys.readouterr().out
 
 
+def test_a_pilot_is_warned_of_all_that_a_table_leaves_open(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A table without zones and leads, of nearly equal winds, that ends inside the map; a flight above it."""
+    lon, lat = np.meshgrid(np.arange(-94.0, -91.9, 0.3), np.arange(35.5, 38.6, 0.3))
+    rows = ["time,lat,lon,u_kt,v_kt"]
+    for hours in (0, 6, 12):
+        places = zip(lon.ravel(), lat.ravel(), strict=True)
+        rows += [f"2026-10-09T{hours:02}:00:00,{y:.2f},{x:.2f},{10 + 0.1 * x:.3f},2" for x, y in places]
+    table = written(tmp_path / "w.csv", "\n".join(rows) + "\n")
+    words = [word for word in land(tmp_path) if not word.startswith("mission.start_time")]
+    place = job(
+        tmp_path, *words, f"wind={table}", "wind.level=10m", "robot.level=100m",
+        f"mission.start_time={START}",
+    )  # fmt: skip
+    log = (place / "run.log").read_text()
+    gap = "the robot flies 100 m above ground, and the wind used is 10 m above ground"
+    for warning in (
+        f"mission.start_time={START} states no zone and is taken as UTC; write {START}Z",
+        "w.csv: 231 of 231 times state no zone and are taken as UTC",
+        "w.csv: the readings end inside the map, which reaches up to ",
+        "w.csv does not state how old its forecast is: it is assumed to have begun 4 h before its first time",
+        "the law of forecast errors gfs was estimated from winds that vary by 3.2 m/s",
+        f"{gap}: winds at other heights differ",
+    ):
+        assert sum(warning in line and " WARNING " in line for line in log.splitlines()) == 1, warning
+    capsys.readouterr()
+    assert run_command_line(["show", str(place), "--print"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert f"No promise: {gap}; the rates are those of flights in that wind." in told
+    assert "fails in a wind of another level, coherent winds, " in told
+    assert f"The failure rates are no promise: {gap}." in (place / "plan.gpx").read_text()
+
+
 # --- GRIB --------------------------------------------------------------------------------------
 
 

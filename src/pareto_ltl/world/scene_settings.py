@@ -15,8 +15,9 @@ from numpy.random import Generator
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.settings.heights import Height
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text
+from pareto_ltl.support.display import distance_text, listed_text
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.map_file import MapFile
@@ -36,6 +37,7 @@ from pareto_ltl.world.scene_sketch import (
     unknown_use,
 )
 from pareto_ltl.world.time_step import tour_of
+from pareto_ltl.world.windows import lacks_zone
 
 LOG = logging.getLogger(__name__)
 PLACEMENT_TRIES = 20_000  # random positions tried for one disc
@@ -88,6 +90,12 @@ def scene_from_settings(
     departure, faults = time_zero or sketch.time_zero, MapFaults(sketch.where, sketch.faults)
     times = faults.each(sketch.timed, lambda place: place.window(sketch.where, departure))
     windows = {place.name: window for place, window in times}
+    zoneless = [place.name for place in sketch.timed if any(map(lacks_zone, (place.begin, place.end)))]
+    if zoneless:
+        LOG.warning(
+            "%s: times of %s state no zone and are taken as UTC; write 2018-10-09T18:00:00Z, or the offset: "
+            "2018-10-09T13:00:00-05:00", sketch.where, shown_text(listed_text(zoneless)),
+        )  # fmt: skip
     sketch = replace(sketch, faults=tuple(faults.texts))
     scene = checked_scene(
         sketch,
