@@ -59,7 +59,7 @@ def run_answer(
     )  # fmt: skip
     lines: list[object] = [
         _summary_table(settings.name, [*rows, *limit_rows(plan, settings.medium), last]),
-        *([f"No promise: {gap}; the rates are those of flights in that {flow}."] if gap else []),
+        *([f"No promise: {gap}; the rates count flights in the {flow} used."] if gap else []),
         *warning_paragraphs(warnings, directory),
         *([] if plan is None else plan_paragraphs(settings, directory, plan)),
         *(f"{key.replace('_', ' ').capitalize()}: {text}" for key, text in covers.items()),

@@ -29,8 +29,8 @@ class _Limit(NamedTuple):
 def sky_room(settings: Settings, readings: Readings, departure: str | None) -> Callable[[float], SkyRoom]:
     """The room for flights as a function of the length of a tour of all regions [m].
 
-    Five standard deviations of the position after the longest flight T, as the errors of the wind
-    (:func:`displacement_variance`) and those of the robot predict ::
+    Five standard deviations of the position after the longest flight T, predicted from errors of the wind
+    (:func:`displacement_variance`) and errors of the robot ::
 
         Var = wind + ((airspeed_sd² + heading_sd²) T² + clock_sd²) u_max² + start_sd²
 

@@ -86,7 +86,7 @@ def coverage_of(
 def level_gap(not_covered: str) -> str:
     """The part of a paragraph of :func:`coverage_of` about a wind of another level; empty if there is none.
 
-    The rates of such a plan are those of flights in the wind that was used, and no promise.
+    The rates of such a plan count flights in the wind that was used; they promise nothing about another one.
     """
     parts = not_covered.removesuffix(".").split("; ")
     return next((part for part in parts if part.startswith("the robot ") and " used is " in part), "")
