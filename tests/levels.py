@@ -87,6 +87,7 @@ NOT_BY_DAY = [
     "run/test_steering",
     "run/test_vehicles",
     "run/test_warmup",
+    "run/test_whole_jobs",
     "serve/test_allowed",
     "serve/test_desk_api",
     "serve/test_desk_browser",

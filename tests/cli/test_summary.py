@@ -6,6 +6,7 @@ import io
 import logging
 from pathlib import Path
 
+import pytest
 from rich.console import Console
 
 from pareto_ltl.cli.output import collected_warnings
@@ -47,6 +48,13 @@ def test_every_probability_stands_beside_its_wind_law() -> None:
         "  forest": "0.25 s",
         "in all": "1.50 s",
     }
+
+
+@pytest.mark.parametrize("verbose", [True, False])
+def test_a_rate_in_a_wind_of_another_level_is_named_so(verbose: bool) -> None:
+    rows = dict(summary_rows(METRICS, "coherent", verbose=verbose, fails="fails in a wind of another level"))
+    assert "fails in a wind of another level, coherent winds, 20,000 fresh flights" in rows
+    assert not any(name.startswith("fails,") for name in rows)
 
 
 def test_a_newcomer_reads_the_promise_and_what_limits_it() -> None:

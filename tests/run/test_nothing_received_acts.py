@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 import socket
 import subprocess
@@ -20,12 +21,14 @@ import pytest
 
 import pareto_ltl
 from documents import ROOT
+from map_files import GOAL, KML, START, WALL
 from pareto_ltl.cli.command_table import DIR, TOOL_COMMANDS
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.run.received import GRANTED
+from pareto_ltl.run.provenance import file_hashes
+from pareto_ltl.run.received import GRANTED, allowed_settings
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.checks import kind_at
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.locks import hold_lock
 from pareto_ltl.support.netcdf4 import refuse_other_files
 from pareto_ltl.wind.netcdf import read_netcdf
@@ -243,6 +246,32 @@ def test_a_wind_file_is_read_again_if_it_is_the_one_that_the_run_read(
     assert "read winds.csv, which is not there or not what the run read" in line
     assert run_command_line(["rerun", "run", "wind.path=same.csv"]) == 0
     assert run_command_line(["rerun", "run", "wind.path=winds.csv"]) == 1
+
+
+@pytest.mark.parametrize("key", ["scene.file", "scene.zones"])
+def test_a_file_to_which_a_map_links_is_read_again_if_it_is_the_one_that_the_run_read(
+    key: str, made: Path, tmp_path: Path
+) -> None:
+    zones, drawn = tmp_path / "zones.kml", tmp_path / "m.kml"
+    zones.write_text(KML.format(WALL))
+    link = "<NetworkLink><Link><href>zones.kml</href></Link></NetworkLink>"
+    drawn.write_text(KML.format(START + GOAL + link))
+    value = str(drawn) if key == "scene.file" else [str(drawn)]
+    place = received(made, tmp_path / "place", **{key.replace(".", "__"): value})
+    inputs = file_hashes([drawn, zones])
+    assert allowed_settings(place, inputs, ()).scene
+    with (
+        opened_paths() as opened,
+        pytest.raises(ConfigError, match=f"{zones}, to which a map links") as error,
+    ):
+        allowed_settings(place, {str(drawn): inputs[str(drawn)]}, ())
+    assert str(zones) not in opened  # run.json does not list it
+    zones.write_text(KML.format(""))
+    with pytest.raises(ConfigError, match=f"{zones}, to which a map links"):
+        allowed_settings(place, inputs, ())
+    word = str(error.value).partition("add ")[2].partition(", or")[0]
+    assert word.count("=") == 1
+    assert allowed_settings(place, inputs, shlex.split(word)).scene
 
 
 def test_a_table_goes_into_the_second_folder_and_an_earlier_run_is_not_continued(

@@ -11,7 +11,7 @@ import pytest
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import field
-from pareto_ltl.wind.coverage import OwnErrors, coverage_of, held_warning
+from pareto_ltl.wind.coverage import OwnErrors, coverage_of, held_warning, level_gap
 from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import CALM, Readings
@@ -170,6 +170,8 @@ def test_a_departure_by_default_and_a_wind_of_another_level_are_named():
     plain = coverage_of(wind, SCENE.time_zero, "10m")
     assert "departure" not in plain.covered
     assert "robot.level" not in plain.not_covered
+    gap = "the robot flies 100 m above ground, and the wind used is 10 m above ground"
+    assert (level_gap(said.not_covered), level_gap(plain.not_covered)) == (gap, "")
 
 
 def test_the_errors_of_a_current_are_named_in_words_of_the_water():

@@ -26,6 +26,7 @@ from map_files import (
     written,
 )
 from pareto_ltl.settings import SceneConfig
+from pareto_ltl.world.map_formats import linked_files
 from pareto_ltl.world.scene_settings import scene_from_settings
 
 
@@ -47,6 +48,21 @@ def test_links_inside_an_archive_and_beside_a_file_are_read(tmp_path):
     packed = archive(tmp_path / "zones.kmz", doc_kml=zones)
     chained = written(tmp_path / "c.kml", KML.format(START + GOAL + link(packed.name)))
     assert closed(pareto_ltl.read_map(chained), IN_WALL) == [True]
+
+
+def test_the_files_that_a_map_is_made_of_are_named_and_the_links_of_one_that_may_not_be_read_are_not(
+    tmp_path,
+):
+    (tmp_path / "b.kml").write_text(KML.format(link("sub/c.kml")))
+    (tmp_path / "sub").mkdir()
+    archive(tmp_path / "sub" / "c.kml", doc_kml=KML.format(WALL))
+    links = link("b.kml") + link("b.kml", "twice") + link("none.kml") + link("https://example.org/z.kml")
+    path = written(tmp_path / "m.kml", KML.format(START + GOAL + links))
+    inside = archive(tmp_path / "m.kmz", doc_kml=KML.format(START + GOAL + link("../b.kml") + link("z.kml")))
+    both = (tmp_path / "b.kml", tmp_path / "sub" / "c.kml")
+    assert linked_files(path) == linked_files(inside) == both
+    assert linked_files(path, lambda other: other.name != "b.kml") == both[:1]
+    assert linked_files(written(tmp_path / "m.geojson", "{}")) == linked_files(tmp_path / "none.kml") == ()
 
 
 def test_a_folder_of_links_gives_its_role_to_what_they_hold(tmp_path):

@@ -95,6 +95,18 @@ def test_windows_of_settings_are_in_seconds_after_departure_and_survive_the_file
     assert (again.windows, again.forbidden) == (scene.windows, scene.forbidden)
 
 
+def test_times_without_a_zone_are_warned_of_once_with_their_places(caplog: pytest.LogCaptureFixture) -> None:
+    plain, zoned = "2018-10-09T18:00", "2018-10-09T18:00:00+02:00"
+    windows = {"a": {"until": plain}, "b": {"region": "a", "from": zoned}, "c": {"region": "a", "from": "2h"}}
+    scene = scene_from_settings(scene_of(windows), DEPARTURE)
+    assert scene.windows["a"].end - scene.windows["b"].begin == 7200.0
+    (warning,) = [record.message for record in caplog.records if "no zone" in record.message]
+    assert "times of a state no zone and are taken as UTC" in warning
+    caplog.clear()
+    scene_from_settings(scene_of({key: windows[key] for key in ("b", "c")}), DEPARTURE)
+    assert "no zone" not in caplog.text
+
+
 @pytest.mark.parametrize(
     ("windows", "said"),
     [

@@ -39,6 +39,8 @@ def run_answer(
     """
     from rich.text import Text
 
+    from pareto_ltl.wind.coverage import level_gap
+
     plan = None
     if (directory / "plan.json").is_file():
         from pareto_ltl.planning.plan_files import read_plan
@@ -49,9 +51,15 @@ def run_answer(
         "directory": directory, "name": settings.name, "law": settings.fidelity.law, "metrics": metrics,
         "warnings": warnings, **covers,
     }  # fmt: skip
-    *rows, last = summary_rows(metrics, settings.fidelity.law, settings.medium, verbose=verbose)
+    flow = settings.medium.flow
+    gap = "" if plan is None else level_gap(plan.not_covered)
+    *rows, last = summary_rows(
+        metrics, settings.fidelity.law, settings.medium, verbose=verbose,
+        fails=f"fails in a {flow} of another level" if gap else "fails",
+    )  # fmt: skip
     lines: list[object] = [
         _summary_table(settings.name, [*rows, *limit_rows(plan, settings.medium), last]),
+        *([f"No promise: {gap}; the rates count flights in the {flow} used."] if gap else []),
         *warning_paragraphs(warnings, directory),
         *([] if plan is None else plan_paragraphs(settings, directory, plan)),
         *(f"{key.replace('_', ' ').capitalize()}: {text}" for key, text in covers.items()),
@@ -124,9 +132,10 @@ def limit_rows(plan: Plan | None, medium: Medium = AIR) -> Iterator[tuple[str, s
 
 
 def summary_rows(
-    metrics: Mapping[str, float], law: str, medium: Medium = AIR, *, verbose: bool = True
-) -> Iterator[tuple[str, str]]:
-    """Names and values of the metrics that exist; ``law`` is the wind law of the plan.
+    metrics: Mapping[str, float], law: str, medium: Medium = AIR, *, verbose: bool = True,
+    fails: str = "fails",
+) -> Iterator[tuple[str, str]]:  # fmt: skip
+    """Names and values of the metrics that exist; ``law`` is the wind law of the plan, ``fails`` its rate.
 
     Where flights judge, only ``verbose`` has the bounds and other simulated flights; only it has the times
     of stages.
@@ -134,12 +143,12 @@ def summary_rows(
     flows = medium.flows
     if {"promise_failure", "length_m"} <= set(metrics) and not verbose:  # a plan, not a study of plans
         yield from _cost_rows(metrics, medium)
-        yield _promise_row(metrics, f"{law} {flows}")
+        yield _promise_row(metrics, f"{fails}, {law} {flows}")
         yield "in all", f"{metrics['run_seconds']:.2f} s"
         return
     if "length_m" in metrics:
         yield from _cost_rows(metrics, medium)
-        yield from _bound_rows(metrics, f"{law} {flows}", f"independent {flows}")
+        yield from _bound_rows(metrics, f"{law} {flows}", f"independent {flows}", fails)
     elif "wind_speed_m_s" in metrics:
         yield from _wind_rows(metrics)
     for key in metrics:
@@ -176,10 +185,10 @@ def _cost_rows(metrics: Mapping[str, float], medium: Medium) -> Iterator[tuple[s
             yield cost.name, cost.text(metrics[cost.column]) + share
 
 
-def _bound_rows(metrics: Mapping[str, float], law: str, paper: str) -> Iterator[tuple[str, str]]:
+def _bound_rows(metrics: Mapping[str, float], law: str, paper: str, fails: str) -> Iterator[tuple[str, str]]:
     """Bounds in the ``law`` of the plan and in the ``paper``'s, each a law with its medium."""
     if "promise_failure" in metrics:
-        yield _promise_row(metrics, law)
+        yield _promise_row(metrics, f"{fails}, {law}")
         yield f"bound V + R, {law}", probability_text(metrics["promise_bound"])
     yield f"mission risk f_o (paper), {paper}", probability_text(metrics["mission_risk_paper"])
     yield f"mission risk V, {law}", probability_text(metrics["mission_risk_ordered"])
@@ -198,11 +207,11 @@ def _wind_rows(metrics: Mapping[str, float]) -> Iterator[tuple[str, str]]:
         yield "modes of the error", f"{metrics['wind_modes']:.0f}, {share:.0f} % of its variance"
 
 
-def _promise_row(metrics: Mapping[str, float], law: str) -> tuple[str, str]:
+def _promise_row(metrics: Mapping[str, float], name: str) -> tuple[str, str]:
     fails, most = (probability_text(metrics[f"promise_{name}"]) for name in ("failure", "high"))
     kind = "weighted" if metrics.get("promise_weighted") else "fresh"
     return (
-        f"fails, {law}, {metrics['promise_runs']:,.0f} {kind} flights",
+        f"{name}, {metrics['promise_runs']:,.0f} {kind} flights",
         f"{fails}, at most {most} (95 %)",
     )
 

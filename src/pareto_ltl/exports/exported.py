@@ -23,6 +23,7 @@ from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl.support.medium import Medium
+from pareto_ltl.wind.coverage import level_gap
 from pareto_ltl.world.scene import Scene
 
 GENERIC, FIXED_WING, MULTIROTOR, SUBMARINE = 0, 1, 2, 12  # MAV_TYPE
@@ -126,6 +127,8 @@ class ExportedPlan:
                 "failure rates leave out."
             )
         told.append(height_sentence(self.height, self.air, self.medium))
+        if gap := level_gap(plan.not_covered):
+            told.append(f"The failure rates are no promise: {gap}.")
         if absent := absent_sentence(self.scene):
             told.append(absent)
         if plan.not_covered:

@@ -27,12 +27,14 @@ from pareto_ltl.support.links import is_below
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.wind.sources import wind_source
+from pareto_ltl.world.map_formats import linked_files
 
 GRANTED = (  # settings that a user may write after the directory
     "evaluation.cluster", "evaluation.resume", "wind.source", "wind.base_url", "wind.offline", "wind.path",
     "wind.forecast_error", "scene.file", "scene.zones", "mission.automaton", "selection.extra_paths",
     "hindcast.truth", "forecast_test.truth",
 )  # fmt: skip
+LINKED = "read {}, to which a map links, and which is not what the run read"
 OTHER_MACHINE = ("//", "\\\\")  # Windows opens a connection for such a path
 
 
@@ -115,10 +117,14 @@ def acts(settings: Settings, known: KnownFiles, given: Mapping[str, Any]) -> Ite
     for key, name in named_files(settings):
         if key not in given and not known.knows(name):
             yield Act(key, name, f"read {_shown(name)}, which is not there or not what the run read")
-    zones = settings.scene.zones
-    if "scene.zones" not in given and not all(map(known.knows, zones)):
+    drawn, zones = settings.scene.file, settings.scene.zones
+    if "scene.file" not in given and drawn and (link := known.unknown_link([drawn])):
+        yield Act("scene.file", drawn, LINKED.format(_shown(link)))
+    if "scene.zones" not in given:
         deed = f"read {_shown(', '.join(zones))}, not all of which are there and what the run read"
-        yield Act("scene.zones", f"[{','.join(zones)}]", deed)
+        link = known.unknown_link(zones)
+        if link or not all(map(known.knows, zones)):
+            yield Act("scene.zones", f"[{','.join(zones)}]", LINKED.format(_shown(link)) if link else deed)
     reads_path = "wind.path" not in given and wind.path is not None and _reads_path(settings)
     if reads_path and not known.knows_wind(settings):
         deed = f"read {_shown(wind.path)}, which is not there or not what the run read"
@@ -179,6 +185,16 @@ class KnownFiles:
         return any(
             str(one) in self.inputs and self._unchanged(str(one)) for one in (path, path / "front.npz")
         )
+
+    def unknown_link(self, names: Sequence[str]) -> Path | None:
+        """A file that may not be read and to which one of the maps ``names`` links; None: there is none."""
+
+        def may_read(path: Path) -> bool:
+            return self.knows(str(path))
+
+        maps = [Path(name).expanduser() for name in names if self.knows(name)]
+        links = (link for path in maps for link in linked_files(path, may_read))
+        return next((link for link in links if not may_read(link)), None)
 
     def knows_wind(self, settings: Settings) -> bool:
         """Whether all files of ``wind.path``, a file, a folder or a pattern, may be read."""

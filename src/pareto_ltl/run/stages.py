@@ -67,8 +67,10 @@ def _check_sample(robot: RobotConfig, wind: WindConfig) -> None:
 def make_scene(inputs: StageInputs) -> Scene:
     """The map; without ``mission.start_time`` the robot departs at the first wind time."""
     from pareto_ltl.logic.mission import region_use
+    from pareto_ltl.planning.open_sky import sky_room
     from pareto_ltl.world.scene_settings import add_random_places, scene_from_settings
     from pareto_ltl.world.scene_sketch import MissionUse
+    from pareto_ltl.world.windows import lacks_zone
 
     settings = inputs.settings
     departure, mission = settings.mission.start_time or inputs[keys.READINGS].first_time, settings.mission
@@ -77,10 +79,15 @@ def make_scene(inputs: StageInputs) -> Scene:
         found = region_use(mission)
         return None if found is None else MissionUse(*found)
 
+    if mission.start_time and lacks_zone(mission.start_time):
+        LOG.warning(
+            "mission.start_time=%s states no zone and is taken as UTC; write %sZ, or the offset of its zone",
+            shown_text(mission.start_time), shown_text(mission.start_time),
+        )  # fmt: skip
     height = flight_height(settings)
     return scene_from_settings(
         add_random_places(settings.scene), departure, settings.fidelity.border, use,
-        height if height.stated else None,
+        height if height.stated else None, sky_room(settings, inputs[keys.READINGS], departure),
     )  # fmt: skip
 
 

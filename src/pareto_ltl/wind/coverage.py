@@ -83,6 +83,15 @@ def coverage_of(
     return Coverage("; ".join(covered) + ".", "; ".join(left) + ".")
 
 
+def level_gap(not_covered: str) -> str:
+    """The part of a paragraph of :func:`coverage_of` about a wind of another level; empty if there is none.
+
+    The rates of such a plan count flights in the wind that was used; they promise nothing about another one.
+    """
+    parts = not_covered.removesuffix(".").split("; ")
+    return next((part for part in parts if part.startswith("the robot ") and " used is " in part), "")
+
+
 def own_errors_texts(robot: OwnErrors, speed: str) -> tuple[list[str], str]:
     """What is covered of the robot's own errors, and what is not; ``speed`` is the word for its airspeed."""
     names = (speed, "heading", "timing")

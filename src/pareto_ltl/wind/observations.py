@@ -103,7 +103,7 @@ def _implied_leads(cfg: WindConfig, readings: Readings) -> FloatArray:
 
     The packaged sample, currents and observations are no forecasts.
     """
-    if not _of_weather_model(cfg, readings):
+    if not of_weather_model(cfg, readings):
         return readings.leads
     leads, message = assumed_leads(readings)
     if message:
@@ -111,7 +111,7 @@ def _implied_leads(cfg: WindConfig, readings: Readings) -> FloatArray:
     return leads
 
 
-def _of_weather_model(cfg: WindConfig, readings: Readings) -> bool:
+def of_weather_model(cfg: WindConfig, readings: Readings) -> bool:
     """Whether the readings are fields of a weather model whose age and analyses count."""
     return wind_source(cfg).modelled and parse_level(readings.level).kind != DEPTH
 
@@ -132,7 +132,7 @@ def _variability(
 
     recent = (times >= times[first] - OLDEST_ANALYSIS) & (times <= times[max(placed)])
     used = [k for k in np.flatnonzero(recent & (readings.leads == 0)).tolist() if same_places(k)]
-    if len(used) < 2 or not _of_weather_model(cfg, readings):
+    if len(used) < 2 or not of_weather_model(cfg, readings):
         return None
     winds = np.stack([(placed.get(k) or _readings_in_plane(cfg, scene, readings, k)).winds for k in used])
     since = times[used] - _departure_time(scene, readings)

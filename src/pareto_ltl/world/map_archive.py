@@ -23,6 +23,11 @@ Found = TypeVar("Found")
 MOST_TRIED = 20  # KML files of an archive among which the map is looked for
 
 
+def any_file(_path: Path) -> bool:
+    """Whether a file that a map links to may be read: yes."""
+    return True
+
+
 def linked_name(name: str, href: str) -> str | None:
     """The name of the file to which ``href`` in the file ``name`` leads; None if it is outside the folder."""
     target = unquote(href.partition("#")[0].partition("?")[0]).replace("\\", "/")
@@ -33,16 +38,28 @@ def linked_name(name: str, href: str) -> str | None:
 
 @dataclass(slots=True)
 class KmlSources:
-    """The files of the map ``path``; ``content`` has what was read before."""
+    """The files of the map ``path``.
+
+    Attributes
+    ----------
+    members : list of str
+        The KML files of an archive.
+    beside : list of Path
+        The files in the folder of the map that links have led to, also those that could not be read.
+    readable : callable
+        Whether such a file may be read.
+    """
 
     path: Path
     advice: Advice
     members: list[str] = field(default_factory=list)
+    beside: list[Path] = field(default_factory=list)
+    readable: Callable[[Path], bool] = any_file
 
     @classmethod
-    def of(cls, path: Path, advice: Advice) -> KmlSources:
+    def of(cls, path: Path, advice: Advice, readable: Callable[[Path], bool] = any_file) -> KmlSources:
         """The sources of a KML or KMZ file; DataError if an archive cannot be opened or has no KML."""
-        found = cls(path, advice)
+        found = cls(path, advice, readable=readable)
         if found.archived:
             found.members = [name for name in found._names() if name.lower().endswith(".kml")]
             if not found.members:
@@ -87,6 +104,10 @@ class KmlSources:
         place = self._place(name)
         if place is None:
             raise DataError(f"{name} lies outside of the folder of the map; copy it there")
+        if name != self.path.name:
+            self.beside.append(self.path.parent / name)
+            if not self.readable(self.beside[-1]):
+                raise DataError(f"{self.beside[-1]} may not be read")
         if is_archive(place):
             return self._first_kml(place)
         return read_bounded(place, advice)

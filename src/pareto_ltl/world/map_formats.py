@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import Advice, read_bounded, refuse_many_features, shown_json
 from pareto_ltl.world import map_airspace as airspace
 from pareto_ltl.world import map_fences as fences
-from pareto_ltl.world.map_archive import KmlSources, is_archive
+from pareto_ltl.world.map_archive import KmlSources, any_file, is_archive
 from pareto_ltl.world.map_file import MapFile
 from pareto_ltl.world.map_kml import read_kml
 from pareto_ltl.world.map_openair import is_openair, read_openair
@@ -30,6 +31,8 @@ SHAPES = (
     "GeometryCollection",
 )
 TO_GEOJSON = "convert it with ogr2ogr -f GeoJSON map.geojson FILE (GDAL), or in QGIS"
+HEAD = 2000  # bytes of a file that show its format
+BLANK = b"\xef\xbb\xbf \t\r\n"  # before the first character of a text
 RECORD_SEPARATOR = b"\x1e"  # before each text of RFC 8142
 FOREIGN_BYTES = (  # the first bytes, and what a file that begins with them is
     (b"SQLite format 3", "a GeoPackage or another database"),
@@ -73,8 +76,8 @@ def read_map_file(path: Path, advice: Advice = SCENE_FILES) -> MapFile | Mapping
     for begin, kind in FOREIGN_BYTES:
         if content.startswith(begin):
             raise DataError(f"{where} is {kind}; {TO_GEOJSON}")
-    start = content[:2000].lstrip(b"\xef\xbb\xbf \t\r\n")
-    if start.startswith(b"<") or path.suffix.lower() == ".kml":
+    start = content[:HEAD].lstrip(BLANK)
+    if _is_kml(path, start):
         _refuse_foreign_xml(where, start)
         return read_kml(where, KmlSources.of(path, advice), advice)
     if start[:1] in b"{[" and start:
@@ -82,6 +85,28 @@ def read_map_file(path: Path, advice: Advice = SCENE_FILES) -> MapFile | Mapping
     if content.lstrip()[:1] == RECORD_SEPARATOR:
         return _sequence(where, [text for text in content.split(RECORD_SEPARATOR) if text.strip()], advice)
     return _from_text(path, where, content, advice)
+
+
+def _is_kml(path: Path, start: bytes) -> bool:
+    return start.startswith(b"<") or path.suffix.lower() == ".kml"
+
+
+def linked_files(path: Path, readable: Callable[[Path], bool] = any_file) -> tuple[Path, ...]:
+    """The files in the folder of the map ``path`` to which its links lead, also through one another.
+
+    Of those that are not ``readable`` the links are not followed. A map that cannot be read has none; the
+    stage that reads it reports that.
+    """
+    try:
+        with path.open("rb") as file:
+            if not (_is_kml(path, file.read(HEAD).lstrip(BLANK)) or is_archive(path)):
+                return ()  # other formats have no links
+        sources = KmlSources.of(path, SCENE_FILES, readable)
+    except (DataError, OSError):
+        return ()
+    with suppress(DataError):
+        read_kml(f"scene file {path}", sources, SCENE_FILES)
+    return tuple(dict.fromkeys(sources.beside))
 
 
 def _refuse_foreign_xml(where: str, start: bytes) -> None:

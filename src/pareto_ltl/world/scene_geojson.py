@@ -21,7 +21,7 @@ from pareto_ltl.world.scene_features import Drawn, FeatureReader
 from pareto_ltl.world.scene_roles import FEATURE_ROLES
 from pareto_ltl.world.scene_sketch import Place, SceneSketch
 
-LASTING_ERROR, USUAL_AIRSPEED = 0.35, 25.0  # [m/s] the part of a wind error that lasts; see open_bounds
+LEAST_ROOM = 0.07  # of the longer side of a drawing without a border
 RECTANGULAR = 1e-9  # a border is a rectangle if it lacks at most this share of its bounding box
 
 
@@ -65,7 +65,7 @@ def sketch_features(files: Sequence[MapFile], reader: FeatureReader) -> SceneSke
     bounds = _bounding_box(reach) if border is None else _bounding_box(fences[0].corners)
     with faults.noted():
         if border is None:
-            bounds = open_bounds(reach)
+            bounds = open_bounds(_bounding_box(reach))
         elif _is_rectangle(border):
             bounds = _rectangle_bounds(where, border, metres)
     return SceneSketch(
@@ -81,7 +81,7 @@ def sketch_features(files: Sequence[MapFile], reader: FeatureReader) -> SceneSke
         timed=tuple(window for _, _, window in found if window is not None),
         faults=tuple(faults.texts),
         unread=reader.unread,
-        drawn_border=border is not None,
+        drawing=_bounding_box(reach) if border is None else None,
     )
 
 
@@ -98,16 +98,17 @@ def _turned(crs: str, place: Place) -> Place:
     return replace(place, fix=place.fix._replace(bearing=place.fix.bearing - turn))
 
 
-def open_bounds(reach: FloatArray) -> FloatArray:
-    """The box (2, 2) [m] of a map whose author drew no border: ``reach`` (n, 2) [m] with a margin.
+def least_room(drawing: FloatArray) -> float:
+    """The least margin [m] about a ``drawing`` (2, 2) [m], so that flights can pass outside of its places."""
+    return LEAST_ROOM * float(np.ptp(drawing, axis=0).max())
 
-    The sky is open: leaving the box is no failure. Planned positions lie within it. The wind does not depend
-    on the map, so the margin is 5 standard deviations of the position after a usual flight across it,
 
-        5 (LASTING_ERROR / USUAL_AIRSPEED) side = 7 % of the longer side
+def open_bounds(drawing: FloatArray, margin: float = 0.0) -> FloatArray:
+    """The box (2, 2) [m] in which plans lie on a map without a border: ``drawing`` (2, 2) [m] with a margin.
+
+    The sky is open: leaving the box is no failure. The margin is at least :func:`least_room`.
     """
-    side = float(np.ptp(reach, axis=0).max())
-    return _bounding_box(reach, 5.0 * LASTING_ERROR / USUAL_AIRSPEED * side)
+    return _bounding_box(drawing, max(margin, least_room(drawing)))
 
 
 def _rectangle_bounds(where: str, border: Place, metres: Callable[[FloatArray], FloatArray]) -> FloatArray:

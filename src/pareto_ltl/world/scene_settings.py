@@ -15,22 +15,27 @@ from numpy.random import Generator
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.settings.heights import Height
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import distance_text, listed_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.faults import Faults
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.map_file import MapFile
 from pareto_ltl.world.map_formats import read_map_file
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_checks import check_parts, checked_scene
+from pareto_ltl.world.scene_checks import LARGE_ERROR, check_parts, checked_scene
 from pareto_ltl.world.scene_features import FeatureReader, in_degrees
 from pareto_ltl.world.scene_files import sketch_file
-from pareto_ltl.world.scene_geojson import sketch_features
+from pareto_ltl.world.scene_geojson import LEAST_ROOM, least_room, open_bounds, sketch_features
 from pareto_ltl.world.scene_roles import RoleRules
-from pareto_ltl.world.scene_sketch import DrawingRules, MissionUse, SceneSketch, unknown_use
+from pareto_ltl.world.scene_sketch import DrawingRules, MissionUse, SceneSketch, SkyRoom, unknown_use
+from pareto_ltl.world.time_step import tour_of
+from pareto_ltl.world.windows import lacks_zone
 
 LOG = logging.getLogger(__name__)
 PLACEMENT_TRIES = 20_000  # random positions tried for one disc
+SHRINK = 0.9  # of the room around a drawing, until its plane is good enough
 CORNER_RANGE = (5, 9)  # of a polygon: smallest number, largest number + 1
 
 PlacedDisc = tuple[float, float, float]
@@ -42,6 +47,7 @@ def scene_from_settings(
     border: str = "open",
     use: Callable[[], MissionUse | None] = unknown_use,
     height: Height | None = None,
+    room: Callable[[float], SkyRoom] | None = None,
 ) -> Scene:
     """The checked scene of ``cfg``, in metres.
 
@@ -61,6 +67,9 @@ def scene_from_settings(
         How the mission uses the regions, see :class:`DrawingRules`.
     height : Height or None
         Of the flight; places above or below it are left out.
+    room : callable or None
+        The room around the drawing of a map without a border, from the length of a tour of its regions [m];
+        None: the least, :func:`open_bounds`.
 
     Raises
     ------
@@ -69,10 +78,18 @@ def scene_from_settings(
     """
     sketch = _sketch(cfg)
     sketch.unread.log(sketch.where)
+    if sketch.drawing is not None:
+        sketch = _with_room(sketch, room, walled=cfg.border == "wall")
     known = _known_border(cfg, sketch, border)
     departure, faults = time_zero or sketch.time_zero, Faults(sketch.where, sketch.faults)
     times = faults.each(sketch.timed, lambda place: place.window(sketch.where, departure))
     windows = {place.name: window for place, window in times}
+    zoneless = [place.name for place in sketch.timed if any(map(lacks_zone, (place.begin, place.end)))]
+    if zoneless:
+        LOG.warning(
+            "%s: times of %s state no zone and are taken as UTC; write 2018-10-09T18:00:00Z, or the offset: "
+            "2018-10-09T13:00:00-05:00", sketch.where, shown_text(listed_text(zoneless)),
+        )  # fmt: skip
     sketch = replace(sketch, faults=tuple(faults.texts))
     scene = checked_scene(
         sketch,
@@ -128,14 +145,34 @@ def _known_border(cfg: SceneConfig, sketch: SceneSketch, border: str) -> str:
     """Whether leaving the map is a failure; never by default if its author drew no border."""
     if cfg.border != "auto":
         return cfg.border
-    if sketch.drawn_border:
-        return sketch.border or border
-    if border == "wall":
+    return "open" if sketch.drawing is not None else sketch.border or border
+
+
+def _with_room(sketch: SceneSketch, room: Callable[[float], SkyRoom] | None, *, walled: bool) -> SceneSketch:
+    """A map without a border with room for flights around its drawing; one line says how much.
+
+    The plane limits the room: at its corners, lengths are wrong by 1 % at most.
+    """
+    assert sketch.drawing is not None
+    needed = SkyRoom(0.0, "")
+    names = dict.fromkeys(place.name for place in sketch.regions if not place.solid)
+    if room is not None and len(sketch.start) and names:
+        centres = [[p.corners.mean(axis=0) for p in sketch.regions if p.name == name] for name in names]
+        needed = room(tour_of(sketch.start, centres))
+    margin, bounds = needed.margin, open_bounds(sketch.drawing, needed.margin)
+    while margin > 1.0 and projection.scale_error(str(sketch.crs), bounds) > LARGE_ERROR:
+        margin *= SHRINK
+        bounds = open_bounds(sketch.drawing, margin)
+    if margin < (least := least_room(sketch.drawing)):
+        margin, needed = least, SkyRoom(least, f"{100 * LEAST_ROOM:g} % of its longer side")
+    elif margin < needed.margin:
+        needed = SkyRoom(margin, "as far as lengths in the plane of the map are right to 1 %")
+    if not walled:
         LOG.info(
-            "%s: it has no border, so the sky is open: leaving the map is no failure; draw a border to make "
-            "one", sketch.where,
+            "%s: it has no border, so the sky is open: leaving the map is no failure; plans lie within %s of "
+            "the drawing (%s); draw a border to make one", sketch.where, distance_text(margin), needed.reason,
         )  # fmt: skip
-    return "open"
+    return replace(sketch, bounds=bounds)
 
 
 def scene_sketch(cfg: SceneConfig) -> SceneSketch:

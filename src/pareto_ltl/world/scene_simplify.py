@@ -76,7 +76,7 @@ class _Simplifier:
     """Simplifies the polygons of one map; ``farthest`` is the largest distance that an outline moved [m]."""
 
     def __init__(self, sketch: SceneSketch, rules: DrawingRules, drawn: DrawnMap) -> None:
-        size = float((sketch.bounds[1] - sketch.bounds[0]).max())
+        size = sketch.size
         border = shapely.box(*sketch.bounds.ravel()).exterior
         parts = [part for shape in drawn.shapes for part in shapely.get_parts(shape).tolist()]
         self.sketch, self.drawn, self.farthest = sketch, drawn, 0.0

@@ -115,8 +115,8 @@ class SceneSketch:
         Messages about places that could not be read; they are left out of the sketch.
     unread : Unread
         What the map file has and the sketch has not.
-    drawn_border : bool
-        Whether the author drew a border; if not, ``bounds`` is a box around the drawing.
+    drawing : (2, 2) float or None
+        Of a map without a border: the corners of the box around the drawing [m], inside of ``bounds``.
     """
 
     where: str
@@ -135,12 +135,25 @@ class SceneSketch:
     absent: tuple[AbsentPlace, ...] = ()
     faults: tuple[str, ...] = ()
     unread: Unread = field(default_factory=Unread)
-    drawn_border: bool = True
+    drawing: FloatArray | None = None
 
     @property
     def tolerance(self) -> float:
         """Length below which differences count as rounding errors [m]."""
         return RELATIVE_TOLERANCE * float((self.bounds[1] - self.bounds[0]).max())
+
+    @property
+    def size(self) -> float:
+        """The longer side of the map, without the room around a drawing that has no border [m]."""
+        low, high = self.bounds if self.drawing is None else self.drawing
+        return float((high - low).max())
+
+
+class SkyRoom(NamedTuple):
+    """The room [m] that flights need around a drawing without a border, and how it was found, as text."""
+
+    margin: float
+    reason: str
 
 
 class MissionUse(NamedTuple):

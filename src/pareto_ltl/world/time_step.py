@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -109,9 +110,15 @@ def polygon_width(corners: FloatArray) -> float:
 
 def tour_length(scene: Scene) -> float:
     """Length [m] of a tour from the start to all regions, each time to the nearest region not yet visited."""
-    here = np.asarray(scene.start, float)
-    left = [[corners.mean(axis=0) for corners in outlines] for outlines in scene.regions.values() if outlines]
-    total = 0.0
+    regions = [
+        [corners.mean(axis=0) for corners in outlines] for outlines in scene.regions.values() if outlines
+    ]
+    return tour_of(scene.start, regions)
+
+
+def tour_of(start: FloatArray, regions: Sequence[Sequence[FloatArray]]) -> float:
+    """:func:`tour_length` from ``start`` (2,) to one of the places (2,) of each of ``regions`` [m]."""
+    here, left, total = np.asarray(start, float), list(regions), 0.0
     while left:
         gaps = [min(float(np.linalg.norm(place - here)) for place in places) for places in left]
         nearest = int(np.argmin(gaps))

@@ -131,6 +131,15 @@ def seconds_after(what: str, value: Any, departure: str | None) -> float:
     return (moment - utc_moment(departure)).total_seconds()
 
 
+def lacks_zone(value: Any) -> bool:
+    """Whether ``value`` is an ISO 8601 time without a zone, which is read as UTC."""
+    text = value.isoformat() if isinstance(value, datetime) else str(value).strip()
+    try:
+        return duration_seconds(text) is None and datetime.fromisoformat(text).tzinfo is None
+    except ValueError:  # whoever reads it says so
+        return False
+
+
 def duration_seconds(text: str, unit: str | None = None) -> float | None:
     """``6h``, ``90 min``, ``1.5d``, ``30s``, or a number with the default ``unit``, in [s]; else None.
 

@@ -28,6 +28,7 @@ from pareto_ltl.report.records import ShownRun
 from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
+from pareto_ltl.wind.coverage import level_gap
 from pareto_ltl.world.projection import utc_times
 
 if TYPE_CHECKING:
@@ -167,7 +168,9 @@ def _headline(run: ShownRun, plan: Plan, chosen: int | None) -> Iterator[dict[st
     promise, path, flows = plan.promise, plan.path, run.medium.flows
     cost, times = path.objectives, utc_times(run.scene.time_zero, path.t)
     if promise is not None:
-        yield fact("fails", probability_text(promise.rate.failure), _interval_note(promise.rate, flows))
+        gap = level_gap(plan.not_covered)
+        note = _interval_note(promise.rate, flows) + (f"; no promise: {gap}" if gap else "")
+        yield fact("fails", probability_text(promise.rate.failure), note)
     elif plan.alarmed:
         yield fact("fails", "no promise", NO_PROMISE)
     else:
@@ -206,7 +209,8 @@ def _verdicts(run: ShownRun, plan: Plan) -> Iterator[dict[str, str]]:
     if plan.promise is not None:
         promise = plan.promise
         stands = "the claim stands" if promise.passed else "above what the front claimed"
-        yield _row("promised: fresh flights of the plan", promise.rate, f"{promise.rate.sample}; {stands}")
+        promised = "" if level_gap(plan.not_covered) else "promised: "
+        yield _row(f"{promised}fresh flights of the plan", promise.rate, f"{promise.rate.sample}; {stands}")
         yield _row("claimed when the front was judged", promise.claimed, promise.claimed.sample)
     for law in _laws(run.deployments, plan.models.law):
         flown = run.deployments[law]

@@ -84,7 +84,7 @@ export class Panels {
 
   listFeatures() {
     const { features } = this.store.mission, missing = ["start", "region"].filter(role => !features.some(one => one.role === role));
-    byId("draw-note").textContent = missing.length ? `Use the tools above the map: the mission needs ${missing.map(role => role === "start" ? "a start" : "a region to visit").join(" and ")}.` : "Click a feature on the map to move it or its corners. Without a border, the map ends a little outside of what is drawn.";
+    byId("draw-note").textContent = missing.length ? `Use the tools above the map: the mission needs ${missing.map(role => role === "start" ? "a start" : "a region to visit").join(" and ")}.` : "Click a feature on the map to move it or its corners. Without a border the sky is open: leaving the map is no failure.";
     const counts = {};
     byId("features").replaceChildren(...features.map((one, number) => {
       counts[one.role] = (counts[one.role] ?? 0) + 1;

@@ -1,0 +1,75 @@
+"""How far the errors of a wind displace a flight, from the readings and the settings alone.
+
+It is a rough size, for the extent of a map; what is promised comes from the fitted field (``wind/modes.py``).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.wind.doubts import assumed_leads
+from pareto_ltl.wind.forecast_error import forecast_error_law
+from pareto_ltl.wind.observations import of_weather_model
+from pareto_ltl.wind.readings import HOUR, Readings, seconds
+from pareto_ltl.wind.sources import wind_source
+
+SPACE_SHARE = 0.11  # error of interpolation in space / spread of the winds: 0.35 of 3.2 m/s on GFS fields
+INSTANTS = 64  # of the integral over the flight
+
+
+def known_for(cfg: WindConfig, readings: Readings, departure: str | None) -> float:
+    """The time [s] from ``departure`` to the end of the wind; inf for calm air."""
+    if not len(readings.times):
+        return np.inf
+    held = cfg.max_gap * HOUR if cfg.hold_last else 0.0
+    return max(0.0, float(readings.times[-1]) + held - _zero(readings, departure))
+
+
+def displacement_variance(
+    cfg: WindConfig, readings: Readings, departure: str | None, duration: float
+) -> float:
+    """Variance [m²] of the position, in one direction, after ``duration`` T [s] in the errors of the wind.
+
+    The sum of ::
+
+        ∫∫ e(s) e(t) ρ^(|s - t| / τ) ds dt      forecasts, with the variance e² of the law at their leads
+        b² T min(T, gap)                        interpolation in time, halfway in the longest gap
+        D(h) h²                                 the last field, held for h
+        (0.11 spread T)²                        interpolation in space, as on GFS fields
+        m² T²                                   the spread m of the members of an ensemble
+        noise_min² gust_time T                  gusts
+
+    Parameters
+    ----------
+    departure : str or None
+        ISO 8601 UTC; None: the first time of the readings.
+    """
+    if not len(readings.times):
+        return 0.0
+    zero, times = _zero(readings, departure), readings.times
+    spread = float(np.sqrt(readings.winds[0].var(axis=0).mean()))
+    law = forecast_error_law(cfg.forecast_error, wind_source(cfg).forecast_error)
+    forecasts = bool(law.forecast_sd.any()) and of_weather_model(cfg, readings)
+    leads = assumed_leads(readings)[0] if forecasts else readings.leads
+    law = law.for_winds(readings.level, spread).shared(readings.forecast_share)
+    t = (np.arange(INSTANTS) + 0.5) * duration / INSTANTS
+    e = np.sqrt(law.forecast_variance(np.interp(zero + t, times, leads)))
+    kept = law.persistence ** (np.abs(t[:, None] - t) / law.persistence_time)
+    total = float(e @ kept @ e) * (duration / INSTANTS) ** 2
+    during = times[(times >= zero) & (times <= zero + duration)]
+    around = np.unique(
+        np.concatenate([times[times <= zero][-1:], during, times[times > zero + duration][:1]])
+    )
+    if len(around) > 1:
+        gap = float(np.diff(around).max())
+        total += float(law.between_variance(np.array(0.5), np.array(gap))) * duration * min(duration, gap)
+    held = max(0.0, zero + duration - float(times[-1]))
+    total += float(law.change_variance(np.array(held))) * held**2
+    member_variance = float((readings.members[0] ** 2).sum(axis=2).mean()) if readings.members else 0.0
+    lasting = (SPACE_SHARE * spread) ** 2 + member_variance
+    return total + lasting * duration**2 + cfg.noise_min**2 * cfg.gust_time * duration
+
+
+def _zero(readings: Readings, departure: str | None) -> float:
+    return float(readings.times[0]) if departure is None else seconds(departure)
