@@ -15,7 +15,7 @@ from numpy.random import SeedSequence
 
 from oracle import path_risk as risk
 from pareto_ltl.kernels import collision_risk as kernel
-from pareto_ltl.kernels.data import Ordered, PathBound
+from pareto_ltl.kernels.bounds import Ordered, PathBound
 from pareto_ltl.kernels.path_collision import REFLECT, GaussianPath, collision_bound
 from pareto_ltl.planning.evaluate import collision_memory, evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest, mission_columns

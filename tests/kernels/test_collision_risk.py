@@ -8,7 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.kernels import collision_risk as kernel
-from pareto_ltl.kernels.data import Cov, Gaussian, PathBound, PathMemory, Point, StepBound
+from pareto_ltl.kernels.bounds import PathBound, PathMemory, StepBound
+from pareto_ltl.kernels.data import Cov, Gaussian, Point
 from pareto_ltl.kernels.geometry import look_around
 from pareto_ltl.planning.pack import pack_faces, pack_nearby
 from problems import KM, box, make_problem, make_scene, polygon_faces, two_goals

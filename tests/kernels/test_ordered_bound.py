@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from one_epoch import one_epoch, reading_of
 from oracle.live_bound import keep_live, live_bound, read_live_letter
-from pareto_ltl.kernels.data import Cells, Corners, Faces, StateLists
+from pareto_ltl.kernels.bounds import StateLists
+from pareto_ltl.kernels.data import Cells, Corners, Faces
 from pareto_ltl.kernels.ordered_bound import (
     begin_bound,
     live_value,

@@ -5,17 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from pareto_ltl.kernels.data import (
-    CollisionBound,
-    CollisionMemory,
-    Cov,
-    Faces,
-    Gaussian,
-    Nearby,
-    PathBound,
-    PathMemory,
-    StepBound,
-)
+from pareto_ltl.kernels.bounds import CollisionBound, CollisionMemory, PathBound, PathMemory, StepBound
+from pareto_ltl.kernels.data import Cov, Faces, Gaussian, Nearby
 from pareto_ltl.kernels.gaussian import tail, variance_along
 from pareto_ltl.kernels.geometry import look_around
 from pareto_ltl.kernels.jit import by_type, implements, inlined, kernel

@@ -33,6 +33,7 @@ from pareto_ltl.kernels.data import (
     Point,
     Square,
 )
+from pareto_ltl.kernels.gaussian import FixWeights, fix_weights
 from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.jit import implements, kernel, vector
 from pareto_ltl.kernels.polygon import polygon_probability
@@ -168,8 +169,10 @@ def _advance_with_fixes(
             memory.previous[f] = fix
             memory.chance[target] = sight.chance
             keep_shares(memory.share, f, faded)
-            gained = learn(memory, target, f, unknown, error, sight.chance)
-            learn_errors(memory.errors, step, f, unknown, error, sight.chance)
+            weights = fix_weights(unknown, error)
+            learn(memory, target, f, weights, sight.chance)
+            learn_errors(memory.errors, step, f, weights, sight.chance)
+            gained = covariance_gained(weights.gain, unknown, sight.chance)
             known = Cov(known.xx + gained.xx, known.xy + gained.xy, known.yy + gained.yy)
             unknown = without(unknown, gained)
             fix, faded = f, UNFADED
@@ -230,24 +233,18 @@ def copy_theta(theta: Float32Array, row: int, target: int) -> None:
 
 
 @vector
-def learn(memory: LandmarkMemory, v: int, f: int, unknown: Cov, error: Cov, chance: float) -> Cov:
-    """Kalman update of row ``v`` of ``theta``, with Cov(ẽ) = ``unknown``; write √p D of fix ``f``.
+def learn(memory: LandmarkMemory, v: int, f: int, weights: FixWeights, chance: float) -> None:
+    """Kalman update of row ``v`` of ``theta``, with the weights of Cov(ẽ); write √p D of fix ``f``.
 
-    ``chance`` is p. Returns p Σ̃ S⁻¹ Σ̃ [m²], the covariance that moves from the unknown to the known part.
+    ``chance`` is p.
 
     Eq. (M26) of docs/mathematics.md.
     """
-    uxx, uxy, uyy = unknown
-    a, b, c = uxx + error.xx, uxy + error.xy, uyy + error.yy
-    l00 = math.sqrt(a)
-    l10 = b / l00
-    l11 = math.sqrt(max(c - l10 * l10, 1e-9 * c))
-    det = a * c - b * b
-    g00, g01 = (uxx * c - uxy * b) / det, (uxy * a - uxx * b) / det
-    g10, g11 = (uxy * c - uyy * b) / det, (uyy * a - uxy * b) / det
+    l00, l10, l11, gain = weights
     root = math.sqrt(chance)
     i00, i10, i11 = F32(root / l00), F32(-root * l10 / (l00 * l11)), F32(root / l11)
-    k00, k01, k10, k11 = F32(chance * g00), F32(chance * g01), F32(chance * g10), F32(chance * g11)
+    k00, k01 = F32(chance * gain.xx), F32(chance * gain.xy)
+    k10, k11 = F32(chance * gain.yx), F32(chance * gain.yy)
     theta = memory.theta
     for w in range(2):
         for m in range(theta.shape[3]):
@@ -256,9 +253,17 @@ def learn(memory: LandmarkMemory, v: int, f: int, unknown: Cov, error: Cov, chan
             memory.gain[f, 1, w, m] = i10 * p + i11 * q
             theta[v, 0, w, m] = p - k00 * p - k01 * q
             theta[v, 1, w, m] = q - k10 * p - k11 * q
+
+
+@kernel
+def covariance_gained(gain: Linear, unknown: Cov, chance: float) -> Cov:
+    """p Σ̃ S⁻¹ Σ̃ [m²], the covariance that moves from the unknown to the known part."""
+    uxx, uxy, uyy = unknown
     return Cov(
-        chance * (g00 * uxx + g01 * uxy), chance * (g00 * uxy + g01 * uyy), chance * (g10 * uxy + g11 * uyy)
-    )  # fmt: skip
+        chance * (gain.xx * uxx + gain.xy * uxy),
+        chance * (gain.xx * uxy + gain.xy * uyy),
+        chance * (gain.yx * uxy + gain.yy * uyy),
+    )
 
 
 @kernel

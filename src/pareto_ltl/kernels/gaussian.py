@@ -1,14 +1,45 @@
-"""The normal distribution and the paper's probabilities, Eqs. (6) and (10)."""
+"""The normal distribution, its update by a position fix, and the paper's probabilities, Eqs. (6) and (10)."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from pareto_ltl.kernels.data import Cov, Faces, Gaussian
+from pareto_ltl.kernels.data import Cov, Faces, Gaussian, Linear
 from pareto_ltl.kernels.jit import inlined, kernel
 from pareto_ltl.support.arrays import IntArray
 
 SQRT_HALF = math.sqrt(0.5)
+
+
+class FixWeights(NamedTuple):
+    """What a fix with the error R makes of a deviation with the covariance Σ: L of L L' = Σ + R, and K.
+
+    ``gain`` is K = Σ (Σ + R)⁻¹; L is lower triangular [m].
+    """
+
+    l00: float
+    l10: float
+    l11: float
+    gain: Linear
+
+
+@kernel
+def fix_weights(cov: Cov, error: Cov) -> FixWeights:
+    """The weights of a fix with the error ``error`` = R [m²] for a deviation with ``cov`` = Σ [m²].
+
+    Eq. (M26) of docs/mathematics.md.
+    """
+    xx, xy, yy = cov
+    a, b, c = xx + error.xx, xy + error.xy, yy + error.yy
+    l00 = math.sqrt(a)
+    l10 = b / l00
+    l11 = math.sqrt(max(c - l10 * l10, 1e-9 * c))
+    det = a * c - b * b
+    gain = Linear(
+        (xx * c - xy * b) / det, (xy * a - xx * b) / det, (xy * c - yy * b) / det, (yy * a - xy * b) / det
+    )
+    return FixWeights(l00, l10, l11, gain)
 
 
 @kernel

@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Cov, Gaussian, Ordered, Point, Theorem2
+from pareto_ltl.kernels.bounds import Ordered, Theorem2
+from pareto_ltl.kernels.data import Cov, Gaussian, Point
 from pareto_ltl.kernels.gaussian import inside, region_missed, tail, variance_along
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import allocating, kernel

@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Cov, Gaussian, Letters, LiveRows, Ordered, Point
+from pareto_ltl.kernels.bounds import Letters, LiveRows, Ordered
+from pareto_ltl.kernels.data import Cov, Gaussian, Point
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import allocating, inlined, kernel
 from pareto_ltl.kernels.letters import epoch_at, next_state

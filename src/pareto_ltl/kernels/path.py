@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from pareto_ltl.kernels import fixes  # noqa: F401 - the code of the law with landmarks
+from pareto_ltl.kernels.bounds import CollisionMemory, World
 from pareto_ltl.kernels.collision_risk import step_allowed
 from pareto_ltl.kernels.data import (
     CoherentLaw,
-    CollisionMemory,
     Cov,
     FlightErrors,
     Gaussian,
@@ -17,7 +17,6 @@ from pareto_ltl.kernels.data import (
     Law,
     Linear,
     Point,
-    World,
 )
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.interpolation import corner_weights, mode_square, mode_value, wind_at

@@ -30,6 +30,7 @@ from pareto_ltl.kernels.data import (
     Motion,
     Point,
 )
+from pareto_ltl.kernels.gaussian import FixWeights
 from pareto_ltl.kernels.jit import by_type, implements, kernel
 from pareto_ltl.support.arrays import FloatArray
 
@@ -143,24 +144,19 @@ def add_errors(errors: FlightErrors, motion: Motion, t: int, f: Linear, drifted:
 
 
 @kernel
-def learn_errors(errors: FlightErrors, t: int, f: int, unknown: Cov, error: Cov, chance: float) -> None:
+def learn_errors(errors: FlightErrors, t: int, f: int, weights: FixWeights, chance: float) -> None:
     """Kalman update of C at step ``t`` by fix ``f``, and its √p D, as by ``fixes.learn``.
 
     Eq. (M26) of docs/mathematics.md.
     """
-    uxx, uxy, uyy = unknown
-    a, b, c = uxx + error.xx, uxy + error.xy, uyy + error.yy
-    l00 = math.sqrt(a)
-    l10 = b / l00
-    l11 = math.sqrt(max(c - l10 * l10, 1e-9 * c))
-    det, root = a * c - b * b, math.sqrt(chance)
-    g00, g01 = chance * (uxx * c - uxy * b) / det, chance * (uxy * a - uxx * b) / det
-    g10, g11 = chance * (uxy * c - uyy * b) / det, chance * (uyy * a - uxy * b) / det
+    l00, l10, l11, gain = weights
+    root = math.sqrt(chance)
     for q in range(len(errors.sd)):
         x, y = errors.cross[t, 0, q], errors.cross[t, 1, q]
         errors.gain[f, 0, q] = root * x / l00
         errors.gain[f, 1, q] = root * (y - l10 * x / l00) / l11
-        errors.cross[t, 0, q], errors.cross[t, 1, q] = x - g00 * x - g01 * y, y - g10 * x - g11 * y
+        errors.cross[t, 0, q] = x - chance * (gain.xx * x + gain.xy * y)
+        errors.cross[t, 1, q] = y - chance * (gain.yx * x + gain.yy * y)
 
 
 @kernel

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl.kernels import fixes  # noqa: F401 - the code of the law with landmarks
-from pareto_ltl.kernels.data import Cov, Gaussian, Logic, Memory, Motion, Point, World
+from pareto_ltl.kernels.bounds import World
+from pareto_ltl.kernels.data import Cov, Gaussian, Logic, Memory, Motion, Point
 from pareto_ltl.kernels.dijkstra import Heap
 from pareto_ltl.kernels.jit import inlined, kernel
 from pareto_ltl.kernels.letters import next_state, too_late

@@ -11,6 +11,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pareto_ltl.kernels.bounds import (
+    CollisionBound,
+    MissionBound,
+    Ordered,
+    PathBound,
+    StepBound,
+    Theorem2,
+    World,
+)
 from pareto_ltl.kernels.collision_risk import (
     FAR_DEVIATIONS,
     leg_between,
@@ -18,18 +27,7 @@ from pareto_ltl.kernels.collision_risk import (
     pass_obstacles,
     step_is_clear,
 )
-from pareto_ltl.kernels.data import (
-    CollisionBound,
-    Cov,
-    Gaussian,
-    MissionBound,
-    Ordered,
-    PathBound,
-    Point,
-    StepBound,
-    Theorem2,
-    World,
-)
+from pareto_ltl.kernels.data import Cov, Gaussian, Point
 from pareto_ltl.kernels.jit import by_type, implements, inlined
 from pareto_ltl.kernels.letters import epoch_at
 from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way, visit_risk

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.costs import path_costs
 from pareto_ltl.planning.pack_logic import PATH_LIVE, empty_letters, helpful_delta, live_rows
@@ -71,14 +72,14 @@ LAW_MEMORY: dict[type, Callable[[Any, int], kd.Memory]] = {
 }
 
 
-def _path_runs(bound: kd.PathBound, rows: int) -> kd.PathMemory:
+def _path_runs(bound: kb.PathBound, rows: int) -> kb.PathMemory:
     runs = min(len(bound.barriers.ptr) - 1, MOST_RUNS)
-    return kd.PathMemory(np.full((rows, runs), -1, np.int32), np.empty((rows, runs, 3), np.float32))
+    return kb.PathMemory(np.full((rows, runs), -1, np.int32), np.empty((rows, runs, 3), np.float32))
 
 
-COLLISION_MEMORY: dict[type, Callable[[Any, int], kd.CollisionMemory]] = {
-    kd.StepBound: lambda _bound, _rows: None,
-    kd.PathBound: _path_runs,
+COLLISION_MEMORY: dict[type, Callable[[Any, int], kb.CollisionMemory]] = {
+    kb.StepBound: lambda _bound, _rows: None,
+    kb.PathBound: _path_runs,
 }
 
 
@@ -87,7 +88,7 @@ def law_memory(law: kd.Law, rows: int) -> kd.Memory:
     return LAW_MEMORY[type(law)](law, rows)
 
 
-def collision_memory(bound: kd.CollisionBound, rows: int) -> kd.CollisionMemory:
+def collision_memory(bound: kb.CollisionBound, rows: int) -> kb.CollisionMemory:
     """Arrays of a collision bound for ``rows`` vertices or steps; None for the step bound."""
     return COLLISION_MEMORY[type(bound)](bound, rows)
 
@@ -241,12 +242,12 @@ def _flown_until(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
     return q, cell, int(fault), int(where)
 
 
-def judged_world(problem: Problem) -> kd.World:
+def judged_world(problem: Problem) -> kb.World:
     """The world that paths are checked in: without chance constraints where flights judge."""
     if problem.fidelity.judge == "bound":
         return problem.world
     bound = problem.world.collision
-    return problem.world._replace(collision=kd.PathBound(bound.barriers, bound.nearby, math.inf, math.inf))
+    return problem.world._replace(collision=kb.PathBound(bound.barriers, bound.nearby, math.inf, math.inf))
 
 
 def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: float) -> Objectives:
@@ -255,7 +256,7 @@ def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: flo
     alone = flight if problem.world.law is independent else propagate(problem, flight.x, independent)
     ordered = ordered_mission_risk(problem, flight)
     paper = theorem2_mission_risk(problem, alone, cell)
-    if isinstance(problem.world.mission, kd.Ordered):
+    if isinstance(problem.world.mission, kb.Ordered):
         judged = ordered
     else:
         judged = paper if alone is flight else theorem2_mission_risk(problem, flight, cell)
@@ -302,7 +303,7 @@ def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool
     bound, path = problem.world.collision, gaussian_path(law, flight, tight=tight)
     faces = (
         with_supporting_lines(problem, flight)
-        if tight and isinstance(bound, kd.PathBound)
+        if tight and isinstance(bound, kb.PathBound)
         else bound.barriers
     )
     total = float(collision_bound(faces, bound.nearby, path))

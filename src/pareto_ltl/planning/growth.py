@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
+from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import growth as kernel
 from pareto_ltl.kernels import tree as kt
@@ -194,22 +195,22 @@ def _slack(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Gen
 
 def mission_columns(problem: Problem) -> int:
     """Columns of ``Tree.risk`` that hold mission risk: one per proposition (f_o), or only V."""
-    return {kd.Theorem2: len(problem.atoms), kd.Ordered: 1}[type(problem.world.mission)]
+    return {kb.Theorem2: len(problem.atoms), kb.Ordered: 1}[type(problem.world.mission)]
 
 
-def _mission_rows(problem: Problem, rows: int) -> kd.OrderedMemory | None:
+def _mission_rows(problem: Problem, rows: int) -> kb.OrderedMemory | None:
     """Arrays for what the mission bound stores for the vertices of a tree; None for Theorem 2."""
-    if isinstance(problem.world.mission, kd.Theorem2):
+    if isinstance(problem.world.mission, kb.Theorem2):
         return None
-    return kd.OrderedMemory(tree_rows(problem.ordered, rows), np.empty(0, np.int64), None)
+    return kb.OrderedMemory(tree_rows(problem.ordered, rows), np.empty(0, np.int64), None)
 
 
-def _mission_scratch(problem: Problem) -> kd.OrderedMemory | None:
+def _mission_scratch(problem: Problem) -> kb.OrderedMemory | None:
     """Two scratch rows of the mission bound, in which candidate vertices are evaluated."""
-    if isinstance(problem.world.mission, kd.Theorem2):
+    if isinstance(problem.world.mission, kb.Theorem2):
         return None
     rows, letters = live_rows(problem.ordered, 2), empty_letters(problem.ordered)
-    return kd.OrderedMemory(rows, np.full(2, -1, np.int64), letters)
+    return kb.OrderedMemory(rows, np.full(2, -1, np.int64), letters)
 
 
 def _for_trees(cfg: PlannerConfig, problem: Problem) -> Problem:
@@ -225,7 +226,7 @@ def _for_trees(cfg: PlannerConfig, problem: Problem) -> Problem:
             raise InfeasibleError(start_breach(problem))
         LOG.warning("%s", start_breach(problem))
         return replace(problem, world=judged_world(problem))
-    if not isinstance(bound, kd.PathBound):
+    if not isinstance(bound, kb.PathBound):
         return problem
     return replace(problem, world=problem.world._replace(collision=bound._replace(delta=math.inf)))
 
@@ -276,7 +277,7 @@ def grow_forest(
 
 def _require_memory(cfg: PlannerConfig, problem: Problem) -> None:
     """Raise ConfigError if the trees do not fit into memory; the size of a vertex depends on the models."""
-    columns = mission_columns(problem) + isinstance(problem.world.collision, kd.PathBound)
+    columns = mission_columns(problem) + isinstance(problem.world.collision, kb.PathBound)
     vertex = _array_bytes(empty_vertices(problem, 64, columns)) / 64
     growing = _threads(cfg)
     each = growing * vertex + cfg.trees * PACKED_BYTES
@@ -323,7 +324,7 @@ def plant_tree(task: GrowthTask, seed: SeedSequence, number: int, options: Growt
     rng = np.random.Generator(np.random.PCG64(seed))
     rule = RULE_MAKERS[problem.fidelity.parents](cfg, problem, number, rng)
     settings = _growth_settings(cfg, problem, rule, options)
-    columns = mission_columns(problem) + isinstance(problem.world.collision, kd.PathBound)
+    columns = mission_columns(problem) + isinstance(problem.world.collision, kb.PathBound)
     vertices = empty_vertices(problem, cfg.n_max, columns)
     swaps = cfg.n_max if options.record_swaps else 0
     state = _tree_state(task, settings, columns, swaps)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels import data as kd
+from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning import shortest_mission as line
 from pareto_ltl.planning.evaluate import completing_path, steps_flown
@@ -184,7 +184,7 @@ def _tried_advice(trials: _Trials, forest: Forest) -> str:
         wider = replace(trials, cfg=replace(cfg, n_max=n_max))
         if blocked and (found := _least_epsilon(wider)):
             return _risk_text(wider, *found, more=n_max > cfg.n_max)
-    return _step_bound_advice(trials) if blocked and isinstance(problem.world.collision, kd.PathBound) else ""
+    return _step_bound_advice(trials) if blocked and isinstance(problem.world.collision, kb.PathBound) else ""
 
 
 def _step_bound_advice(trials: _Trials) -> str:
@@ -232,7 +232,7 @@ def _risk_text(trials: _Trials, epsilon: float, paths: tuple[PlannedPath, ...], 
     least = min(path.objectives.mission_risk + path.objectives.collision_risk for path in paths)
     settings = [f"planner.epsilon={epsilon:g}"] if epsilon > problem.epsilon else []
     limits = f"planner.epsilon = {problem.epsilon:g}"
-    if isinstance(problem.world.collision, kd.PathBound):
+    if isinstance(problem.world.collision, kb.PathBound):
         limits += f" and planner.delta = {trials.cfg.delta:g}"
         settings += _delta_settings(trials, epsilon, paths)
     if more:

@@ -10,6 +10,7 @@ from itertools import zip_longest
 
 import numpy as np
 
+from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.logic.timed import letter_of, places_of
@@ -270,7 +271,7 @@ def pack_landmarks(
 def pack_theorem2(
     decomposition: Decomposition, automaton: Automaton, cells: kd.Cells, logic: kd.Logic,
     epochs: Sequence[Epoch],
-) -> kd.Theorem2:  # fmt: skip
+) -> kb.Theorem2:  # fmt: skip
     """The paper's bound: convex parts of the regions to visit, and the propositions of each cell by epoch."""
     windows, atoms = automaton.windows, automaton.atoms
     place = {name: windows[name].region if name in windows else name for name in atoms}
@@ -281,7 +282,7 @@ def pack_theorem2(
     letters = [[letter_of(label, windows, one.now) for label in decomposition.labels] for one in epochs]
     holds = [[[name in regions and name in shown for name in atoms] for shown in row] for row in letters]
     faces = pack_faces([part for _, part in parts])
-    return kd.Theorem2(faces, owner, np.array(holds, bool), cells, logic)
+    return kb.Theorem2(faces, owner, np.array(holds, bool), cells, logic)
 
 
 def pack_laws(
@@ -303,18 +304,18 @@ def pack_laws(
 
 def pack_collision(
     kind: str, barriers: kd.Faces, nearby: kd.Nearby, epsilon: float, delta: float
-) -> kd.CollisionBound:
+) -> kb.CollisionBound:
     """The collision bound ``step``, which splits epsilon equally over the barriers, or ``path``."""
     from scipy.special import ndtri
 
     if kind == "path":
-        return kd.PathBound(barriers, nearby, epsilon, delta)
+        return kb.PathBound(barriers, nearby, epsilon, delta)
     if epsilon >= NO_LIMIT:
         raise ConfigError(
             "planner.epsilon=null needs fidelity.collision_bound=path: Eq. (9) divides epsilon among the "
             "obstacles; set planner.epsilon, e.g. 0.05"
         )
-    return kd.StepBound(barriers, nearby, float(-ndtri(epsilon / max(len(barriers.ptr) - 1, 1))))
+    return kb.StepBound(barriers, nearby, float(-ndtri(epsilon / max(len(barriers.ptr) - 1, 1))))
 
 
 def build_problem(
@@ -339,7 +340,7 @@ def build_problem(
     theorem2 = pack_theorem2(decomposition, automaton, cells, logic, epochs)
     ordered = pack_ordered(decomposition, cells, logic)
     obstacles = pack_faces(decomposition.obstacles)
-    missions: dict[str, kd.MissionBound] = {"theorem2": theorem2, "ordered": ordered}
+    missions: dict[str, kb.MissionBound] = {"theorem2": theorem2, "ordered": ordered}
     barriers = pack_barriers(scene, obstacles)
     nearby = pack_nearby(barriers, scene.bounds)
     loose = (fidelity.collision_bound, fidelity.judge) == ("path", "flights") and fidelity.refine != "none"
@@ -348,7 +349,7 @@ def build_problem(
     return Problem(
         scene=scene,
         decomposition=decomposition,
-        world=kd.World(laws[fidelity.law], missions[fidelity.mission_bound], collision),
+        world=kb.World(laws[fidelity.law], missions[fidelity.mission_bound], collision),
         laws=laws,
         theorem2=theorem2,
         ordered=ordered,

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton, Letter
 from pareto_ltl.logic.timed import letter_of
@@ -117,20 +118,20 @@ def harmful_letters(automaton: Automaton, nothing: int) -> tuple[BoolArray, Bool
 # --- the ordered bound ------------------------------------------------------------------------
 
 
-def pack_ordered(decomposition: Decomposition, cells: kd.Cells, logic: kd.Logic) -> kd.Ordered:
+def pack_ordered(decomposition: Decomposition, cells: kd.Cells, logic: kd.Logic) -> kb.Ordered:
     """The ordered bound: the cells with a label, as corners in their order, and the states it tracks."""
     cell = [c for c, label in enumerate(decomposition.labels) if label]
     return follow_states(pack_corners(cell, [decomposition.cells[c] for c in cell]), cells, logic)
 
 
-def follow_states(labelled: kd.Corners, cells: kd.Cells, logic: kd.Logic) -> kd.Ordered:
+def follow_states(labelled: kd.Corners, cells: kd.Cells, logic: kd.Logic) -> kb.Ordered:
     """The ordered bound, with the states p for which V_t(p) is computed from the entry of each state."""
     states, last = len(logic.distance), logic.delta.shape[2] - 1
     losses = np.concatenate(logic.loses, axis=1)
     kind = np.unique(losses, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
     if states > LIVE:
-        none = kd.StateLists(np.zeros(states + 1, np.int64), np.empty(0, np.int64))
-        return kd.Ordered(labelled, cells, logic, none, np.array([logic.initial]), kind)
+        none = kb.StateLists(np.zeros(states + 1, np.int64), np.empty(0, np.int64))
+        return kb.Ordered(labelled, cells, logic, none, np.array([logic.initial]), kind)
     better = logic.covers & (kind[:, None] == kind)
     letters = np.unique(np.concatenate(logic.delta[:, :, [*labelled.cell.tolist(), last]], axis=1), axis=1)
     reached = logic.covers[letters].transpose(0, 2, 1)  # (Q, Q, L): l leads from q to a state ≥ p
@@ -138,7 +139,7 @@ def follow_states(labelled: kd.Corners, cells: kd.Cells, logic: kd.Logic) -> kd.
     ptr = np.concatenate([[0], np.cumsum([len(row) for row in lists])]).astype(np.int64)
     first = np.flatnonzero(logic.covers[logic.initial])
     begin = first[needed_states(better[np.ix_(first, first)], np.zeros((len(first), 0), bool))]
-    return kd.Ordered(labelled, cells, logic, kd.StateLists(ptr, np.concatenate(lists)), begin, kind)
+    return kb.Ordered(labelled, cells, logic, kb.StateLists(ptr, np.concatenate(lists)), begin, kind)
 
 
 def needed_states(better: BoolArray, reach: BoolArray) -> IntArray:
@@ -153,28 +154,28 @@ def needed_states(better: BoolArray, reach: BoolArray) -> IntArray:
     return np.asarray(np.flatnonzero(~(instead & (~instead.T | first)).any(axis=0)), np.int64)
 
 
-def live_rows(bound: kd.Ordered, rows: int, live: int = LIVE) -> kd.LiveRows:
+def live_rows(bound: kb.Ordered, rows: int, live: int = LIVE) -> kb.LiveRows:
     """Scratch rows, each for twice as many entries of V as are retained; at most ``live`` are retained."""
     limit = min(len(bound.logic.distance), live)
-    return kd.LiveRows(
+    return kb.LiveRows(
         2 * limit * np.arange(rows, dtype=np.int64), np.zeros(rows, np.int32),
         np.zeros(2 * limit * rows, np.int32), np.zeros(2 * limit * rows), np.zeros(1, np.int64), limit,
     )  # fmt: skip
 
 
-def tree_rows(bound: kd.Ordered, rows: int) -> kd.LiveRows:
+def tree_rows(bound: kb.Ordered, rows: int) -> kb.LiveRows:
     """Rows of a tree, each of the length that it needs; memory that is never written is never allocated."""
     limit = min(len(bound.logic.distance), LIVE)
-    return kd.LiveRows(
+    return kb.LiveRows(
         np.full(rows, -1, np.int64), np.zeros(rows, np.int32), np.empty(rows * limit, np.int32),
         np.empty(rows * limit), np.zeros(1, np.int64), limit,
     )  # fmt: skip
 
 
-def empty_letters(bound: kd.Ordered) -> kd.Letters:
+def empty_letters(bound: kb.Ordered) -> kb.Letters:
     """Scratch for the letters that may be read in one step."""
     parts, hazards = len(bound.labelled.cell), len(bound.logic.hazards.cell)
-    return kd.Letters(
+    return kb.Letters(
         np.zeros(parts + 1), np.zeros(hazards), np.zeros(parts, np.int64), np.zeros(hazards, np.int64),
         np.zeros(2, np.int64), np.full(len(bound.logic.distance), -1, np.int32), np.zeros(1, np.int64),
     )  # fmt: skip

@@ -14,6 +14,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.costs import ALWAYS, Cost, EnergyModel
@@ -42,7 +43,7 @@ class Problem(Displayed):
 
     Attributes
     ----------
-    world : kernels.data.World
+    world : kernels.bounds.World
         The models that planning uses, their types picked by ``fidelity``.
     laws : mapping of name to law
         Every wind law, for forecasts and simulation.
@@ -70,10 +71,10 @@ class Problem(Displayed):
 
     scene: Scene
     decomposition: Decomposition
-    world: kd.World
+    world: kb.World
     laws: Mapping[str, kd.Law]
-    theorem2: kd.Theorem2
-    ordered: kd.Ordered
+    theorem2: kb.Theorem2
+    ordered: kb.Ordered
     automaton: Automaton
     labels: tuple[frozenset[str], ...]
     fidelity: FidelityConfig

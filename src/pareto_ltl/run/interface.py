@@ -5,7 +5,7 @@ They go through the runner of the command line: the same settings and seed give 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,7 @@ from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import PlannedPath
+    from pareto_ltl.run.stage_table import Stage
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.support.arrays import FloatArray
     from pareto_ltl.wind.readings import Readings
@@ -93,17 +94,21 @@ def plan(
         with claimed_directory(Path(out), table.files):
             carry_out(run, pipeline.stages)
     else:
-        with run.budget.ends_at_key():
-            for stage in pipeline.stages:
-                run.perform(stage)
-                if stage.makes == PLAN:
-                    break
+        _perform_until_plan(run, pipeline.stages)
     if PLAN not in run.records:
         raise ConfigError(
             f"pipelines.stages makes no plan; it lists {', '.join(settings.pipelines.stages)}: use "
             "pipelines='plan', or add the stage plan and those that it needs"
         )
     return PlanningResult(run)
+
+
+def _perform_until_plan(run: Run, stages: Iterable[Stage[Any]]) -> None:
+    with run.budget.ends_at_key():
+        for stage in stages:
+            run.perform(stage)
+            if stage.makes == PLAN:
+                break
 
 
 def _given_wind(sections: Mapping[str, Any]) -> tuple[Records, dict[str, Any]]:

@@ -77,10 +77,7 @@ def judge_front(
         admitted = [path for path in raw if keeps_epsilon(problem, path)]
     judged = fly_race(problem, [*refined, *admitted], draws, seed)
     if all(flown.failed.all() for flown in judged):
-        text = _how_all_fail(problem, judged)
-        if strict:
-            raise InfeasibleError(text)
-        LOG.warning("%s", text)
+        _refuse_or_warn(_how_all_fail(problem, judged), strict)
     grown = {id(path) for path in raw}
     before, after = (
         [final_bound(problem, flown) if id(flown.path) in grown else flown for flown in unbeaten(paths)]
@@ -99,6 +96,12 @@ def judge_front(
         failed=np.stack([flown.failed for flown in after]),
         models=problem.fidelity,
     )
+
+
+def _refuse_or_warn(text: str, strict: bool) -> None:
+    if strict:
+        raise InfeasibleError(text)
+    LOG.warning("%s", text)
 
 
 def _how_all_fail(problem: Problem, judged: Sequence[Flown]) -> str:
