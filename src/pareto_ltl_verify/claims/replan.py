@@ -28,6 +28,7 @@ RISKS = ("mission_risk_paper", "mission_risk", "mission_risk_ordered", "collisio
 OF_RATES = ("promise_", "failure_", "least_failure", "mission_risk_i", "mission_risk_c", "collision_risk_")
 RUNS = 4000  # new flights of each of the two plans
 SHARE = 2e-3  # largest allowed relative difference of covariances and distances
+NEAR = 1e-6  # [sd] shorter distances of fixes count as this one
 WIND = 0.05  # m/s, largest allowed difference of the expected wind
 
 
@@ -168,11 +169,11 @@ def position(result: Evidence) -> Verdict | None:
     if learnt is None:
         return None
     told, distances = stated["position"], [fix["distance"] for fix in stated["fixes"]]
-    unit = math.sqrt(float(np.trace(np.array(told["before"]))))
+    unit = math.sqrt(float(np.trace(np.array(told["before"])))) or 1.0  # [m] of a position that is known
     worst = max(
         float(np.abs(learnt.mean - told["mean"]).max()) / unit,
         float(np.abs(learnt.cov - told["cov"]).max()) / unit**2,
-        float(np.abs(learnt.distance / distances - 1.0).max()),
+        float((np.abs(learnt.distance - distances) / np.maximum(distances, NEAR)).max()),
     )
     return within(f"{len(distances)} fixes", worst, SHARE)
 
