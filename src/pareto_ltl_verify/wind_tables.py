@@ -6,7 +6,7 @@ import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -117,6 +117,16 @@ class Modes:
         return chosen.reshape(k, nx * ny, c, chosen.shape[-1])
 
 
+class AirTable(NamedTuple):
+    """Mean temperature [K] and pressure [Pa] over the map at ``times`` (K,) [s], and their levels."""
+
+    times: FloatArray
+    temperature: FloatArray
+    pressure: FloatArray
+    level: str
+    pressure_level: str
+
+
 @dataclass(frozen=True, slots=True)
 class WindFile:
     """Mean [m/s] and ``latent`` variance (K, NX, NY, 2) on nodes ``x``, ``y`` [m]; ``gust`` variance (K, 2).
@@ -143,6 +153,7 @@ class WindFile:
     error: ErrorLaw | None
     clock: str
     held: float | None = None
+    air: AirTable | None = None
 
     @property
     def last_field(self) -> float:
@@ -184,7 +195,14 @@ def _wind_file(file: Any) -> WindFile:
         error=error_law(json.loads(attrs["forecast_error"])) if "forecast_error" in attrs else None,
         clock=str(file["time"].attrs["units"]),
         held=float(attrs["held_since"]) if "held_since" in attrs else None,
+        air=_air(file) if "air_temperature" in file else None,
     )  # fmt: skip
+
+
+def _air(file: Any) -> AirTable:
+    warmth, pressure = "air_temperature", "air_pressure_measured"
+    levels = [str(file[name].attrs["level"]) for name in (warmth, pressure)]
+    return AirTable(_table(file, "air_time"), _table(file, warmth), _table(file, pressure), *levels)
 
 
 def _modes(file: Any) -> Modes:

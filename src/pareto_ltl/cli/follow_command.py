@@ -134,7 +134,7 @@ def _source(
     from pareto_ltl.inflight.link import Link, LinkSettings, logged_readings, signing_key
     from pareto_ltl.inflight.sends import prologue_of
 
-    airspeeds = airspeeds_of(results.settings)
+    airspeeds = airspeeds_of(results.settings, results.plan.air)
     if options.log is not None:
         return logged_readings(options.log, scene.time_zero, options.departure, airspeeds), None
     sends = tuple(kind for kind in options.send.split(",") if kind)

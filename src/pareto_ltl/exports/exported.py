@@ -158,7 +158,7 @@ def exported_plan(settings: Settings, problem: Problem, plan: Plan, seed: SeedSe
     cfg, motion = settings.exports, problem.motion
     lower, upper = cfg.altitude_lower, cfg.altitude_upper
     height = flight_height(settings)
-    air = flight_air(settings, height)
+    air = plan.air or flight_air(settings, height)
     return ExportedPlan(
         name=settings.name,
         scene=problem.scene,

@@ -13,8 +13,9 @@ import math
 from dataclasses import dataclass
 
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.heights import ZERO_CELSIUS, flight_air, flight_height
+from pareto_ltl.settings.heights import FlownAir, flight_air, flight_height
 from pareto_ltl.support.atmosphere import (
+    FREEZING,
     Air,
     calibrated_airspeed,
     standard_air,
@@ -22,25 +23,33 @@ from pareto_ltl.support.atmosphere import (
     true_airspeed,
 )
 
+ALIKE = 0.1  # [K] between temperatures that are one
 OLD = 60.0  # [s] after which a pressure is not of this height any longer
 
 
-def planned_density_ratio(settings: Settings) -> float:
+def planned_density_ratio(settings: Settings, planned: FlownAir | None = None) -> float:
     """ρ / ρ0 at the height of the plan, as in its files; 1 in water, where there is one speed.
 
-    Without ``scene.ground`` a height above ground is taken as one above the sea: 300 m of ground change an
-    airspeed by 1.5 %.
+    ``planned`` is the air of the plan, which plans of earlier versions lack. Without ``scene.ground`` a
+    height above ground is taken as one above the sea: 300 m of ground change an airspeed by 1.5 %.
     """
-    air = flight_air(settings, flight_height(settings))
+    air = planned or flight_air(settings, flight_height(settings))
     return 1.0 if air is None else air.density_ratio
 
 
-def airspeeds_of(settings: Settings) -> Airspeeds:
-    """The airspeeds of a flight of the plan."""
-    air = flight_air(settings, flight_height(settings))
+def airspeeds_of(settings: Settings, planned: FlownAir | None = None) -> Airspeeds:
+    """The airspeeds of a flight of the plan, whose air is ``planned``, as above.
+
+    If its temperature is not the one of the standard atmosphere, it also counts for measured pressures.
+    """
+    air = planned or flight_air(settings, flight_height(settings))
     if air is None:
         return Airspeeds(measures=False, celsius=settings.robot.air_temperature)
-    return Airspeeds(air.density_ratio, celsius=settings.robot.air_temperature)
+    celsius = settings.robot.air_temperature
+    standard = standard_air(standard_height(air.pressure)).temperature
+    if celsius is None and abs(air.temperature - standard) > ALIKE:
+        celsius = air.temperature - FREEZING
+    return Airspeeds(air.density_ratio, celsius=celsius)
 
 
 @dataclass(slots=True)
@@ -70,7 +79,7 @@ class Airspeeds:
         except ValueError:
             return
         if self.celsius is not None:
-            air = Air(pressure, self.celsius + ZERO_CELSIUS)
+            air = Air(pressure, self.celsius + FREEZING)
         self.measured, self.time = air.density_ratio, time
 
     def density_ratio(self, time: float) -> float:

@@ -22,6 +22,7 @@ from pareto_ltl.run.rest_of_flight import issued
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.settings import Settings
+from pareto_ltl.settings.heights import FlownAir
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world.scene import Scene
 
@@ -78,13 +79,13 @@ def follow(
     place = None if out is None else require_place(Path(out), resume=resume)
     earlier = list(read_journal(place)) if place is not None and resume else []
     if isinstance(readings, str | Path):
-        readings = _table(Path(readings), scene, run.settings)
+        readings = _table(Path(readings), scene, run.settings, watch.plan.air)
     return _events(watch, readings, [begin, *begun], earlier, place, listener)
 
 
-def _table(path: Path, scene: Scene, settings: Settings) -> Iterator[Reading]:
+def _table(path: Path, scene: Scene, settings: Settings, air: FlownAir | None) -> Iterator[Reading]:
     """The readings of a table, with the air at the height of the plan."""
-    ratio = planned_density_ratio(settings)
+    ratio = planned_density_ratio(settings, air)
     return read_log(path, scene.time_zero, on_earth=scene.crs is not None, density_ratio=ratio)
 
 
@@ -175,7 +176,7 @@ class Session:
 
         scene, begun = self.results.scene, list[Event]()
         if isinstance(readings, Path):
-            readings = _table(readings, scene, self.results.settings)
+            readings = _table(readings, scene, self.results.settings, self.results.plan.air)
         stream, late = iter(readings), 0.0
         while True:
             if self.opened is not None:

@@ -56,13 +56,13 @@ def shown_run(
     """The records for the page, selected from ``records``; ``seeds`` are the seeds of the deployment."""
     from pareto_ltl.report.records import ShownRun
 
-    height = flight_height(settings)
+    height, plan = flight_height(settings), records.get(keys.PLAN)
     return ShownRun(
         name=settings.name,
         seeds=seeds,
         origin=origin,
         height=height,
-        air=flight_air(settings, height),
+        air=(plan and plan.air) or flight_air(settings, height),
         runs=min(settings.deployment.runs, MOST_RUNS),
         why=why,
         automaton=records.get(keys.AUTOMATON),

@@ -20,7 +20,7 @@ from pareto_ltl.run.page_stage import DEPLOYMENT_STREAM, drawn_records, make_pag
 from pareto_ltl.run.provenance import wanted_wind
 from pareto_ltl.run.stage_table import FOREST_STREAM, Stage, StageInputs, StageTable, named_child
 from pareto_ltl.settings import ReportConfig, RobotConfig, Settings, WindConfig
-from pareto_ltl.settings.heights import Height, flight_air, flight_height
+from pareto_ltl.settings.heights import Height, flight_air, flight_height, temperature_doubt
 from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text
@@ -271,7 +271,9 @@ def make_unpriced_plan(inputs: StageInputs) -> Plan:
     else:
         path, promise = choose_path(settings.selection, front), None
     held = held_warning(inputs[keys.WIND], float(path.t[-1]), problem.scene.time_zero)
-    for warning in filter(None, (bound_warning(path, settings.fidelity), held)):
+    measured = None if (air := inputs[keys.WIND].air) is None else air.during(path.t)
+    doubt = "" if measured is None else temperature_doubt(settings, height, measured)
+    for warning in filter(None, (bound_warning(path, settings.fidelity), held, doubt)):
         LOG.warning("%s", warning)
     plan = Plan(
         path=path,
@@ -289,7 +291,7 @@ def make_unpriced_plan(inputs: StageInputs) -> Plan:
         promise=promise,
         navigation=navigate(problem.scene, path.t, path.x, path.u),
         height=height,
-        air=flight_air(settings, height),
+        air=flight_air(settings, height, measured),
         covered=coverage.covered,
         not_covered=coverage.not_covered,
         worst=worst_segment(problem, path) if front.rates else None,

@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from pareto_ltl.support.atmosphere import HIGHEST, LOWEST, Air, calibrated_airspeed, standard_air
+from pareto_ltl.support.atmosphere import (
+    FREEZING,
+    HIGHEST,
+    LOWEST,
+    Air,
+    calibrated_airspeed,
+    pressure_above,
+    standard_air,
+)
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import ALTITUDE, DEPTH, HEIGHT, PRESSURE, Level, parse_level
 
@@ -15,7 +23,8 @@ if TYPE_CHECKING:
 
 ALIKE = 0.01  # largest relative difference of two statements of one height ...
 ALIKE_METRES = 1.0  # ... and the difference that is always allowed [m]
-ZERO_CELSIUS = 273.15  # [K]
+CONTRADICTION = 15.0  # [K] between the temperatures of the settings and of a wind file
+REACH = 500.0  # [m] from the flight, within which a temperature or pressure of a wind file is used
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +86,27 @@ class FlownAir:
     def calibrated(self, true: FloatArray) -> FloatArray:
         """Calibrated airspeeds of ``true`` ones, in the same unit."""
         return calibrated_airspeed(true, self.density_ratio)
+
+
+class MeasuredAir(NamedTuple):
+    """The air of a wind file during a flight.
+
+    Attributes
+    ----------
+    temperature : float
+        [K]
+    level : str
+        Where this is, as settings state a level.
+    pressure : float or None
+        [Pa]; None if it is not known.
+    pressure_level : str
+        Where this is.
+    """
+
+    temperature: float
+    level: str
+    pressure: float | None = None
+    pressure_level: str = "0m"
 
 
 def level_height(level: Level, stated: bool = True) -> Height:
@@ -149,12 +179,16 @@ def _cure(key: str, other: str, height: Height, second: Height) -> str:
     return f"{name}=null, and robot.level for the height"
 
 
-def flight_air(settings: Settings, height: Height) -> FlownAir | None:
+def flight_air(settings: Settings, height: Height, measured: MeasuredAir | None = None) -> FlownAir | None:
     """The air at ``height``; None in the water.
 
-    The pressure is ``robot.level`` where this is one, else the pressure of the standard atmosphere; the
-    temperature is ``robot.air_temperature``, else the one of the standard atmosphere at that pressure. For a
-    height above ground, ``scene.ground`` is added; without it the ground is taken to be at sea level.
+    The pressure is ``robot.level`` where this is one, else follows from a ``measured`` one, else is that of
+    the standard atmosphere. The temperature is ``robot.air_temperature``, else follows from the ``measured``
+    one, else is that of the standard atmosphere at that pressure. For a height above ground, ``scene.ground``
+    is added; without it the ground is taken to be at sea level.
+
+    A temperature measured at another height keeps its deviation from the standard atmosphere, within
+    ``REACH``; a pressure is reduced hydrostatically.
 
     Raises
     ------
@@ -163,8 +197,7 @@ def flight_air(settings: Settings, height: Height) -> FlownAir | None:
     """
     if settings.medium.matter == "water" or height.metres < 0.0:
         return None
-    ground = settings.scene.ground
-    metres = height.metres if height.above_sea else height.metres + (ground or 0.0)
+    metres, ground = _above_sea(settings, height), settings.scene.ground
     if not LOWEST <= metres <= HIGHEST:
         raise ConfigError(
             f"the flight is {height.text}, and the standard atmosphere, which gives the calibrated airspeed, "
@@ -177,9 +210,49 @@ def flight_air(settings: Settings, height: Height) -> FlownAir | None:
         source = f"the standard atmosphere {level.phrase}"
     elif not height.above_sea and ground is None:
         source += ", with the ground at sea level, as scene.ground is not set"
-    pressure = level.value if level.kind == PRESSURE else standard.pressure
-    celsius = settings.robot.air_temperature
-    if celsius is None:
-        return FlownAir(pressure, standard.temperature, source)
-    source = f"{source}, but {celsius:g} °C (robot.air_temperature)"
-    return FlownAir(pressure, celsius + ZERO_CELSIUS, source)
+    pressure, temperature, words = standard.pressure, standard.temperature, ""
+    warmth = None if measured is None else measured_temperature(settings, height, measured)
+    if measured is not None and warmth is not None:
+        temperature, words = warmth, f", but {warmth - FREEZING:.1f} °C, the temperature of the wind file"
+    if (celsius := settings.robot.air_temperature) is not None:
+        temperature, words = celsius + FREEZING, f", but {celsius:g} °C (robot.air_temperature)"
+    if level.kind == PRESSURE:
+        pressure = level.value
+    elif measured is not None and (found := _measured_pressure(settings, height, measured)) is not None:
+        pressure, source = found, f"{found / 100.0:.1f} hPa, from the pressure of the wind file"
+        words = words.replace(", but", " and")
+    return FlownAir(pressure, temperature, source + words)
+
+
+def _above_sea(settings: Settings, height: Height) -> float:
+    """Metres of ``height`` above mean sea level; a ground that is not known is at sea level."""
+    return height.metres + (0.0 if height.above_sea else settings.scene.ground or 0.0)
+
+
+def measured_temperature(settings: Settings, height: Height, measured: MeasuredAir) -> float | None:
+    """Temperature [K] at ``height`` by a ``measured`` one; None if it is measured too far above or below."""
+    there = _above_sea(settings, level_height(parse_level(measured.level)))
+    here = _above_sea(settings, height)
+    if abs(here - there) > REACH or not LOWEST <= there <= HIGHEST:
+        return None
+    return standard_air(here).temperature + measured.temperature - standard_air(there).temperature
+
+
+def _measured_pressure(settings: Settings, height: Height, measured: MeasuredAir) -> float | None:
+    """Pressure [Pa] at ``height`` by a ``measured`` one above ground; None if the ground is not known."""
+    start = level_height(parse_level(measured.pressure_level))
+    if measured.pressure is None or (height.above_sea and settings.scene.ground is None):
+        return None
+    rise = _above_sea(settings, height) - _above_sea(settings, start)
+    return None if abs(rise) > REACH else pressure_above(measured.pressure, measured.temperature, rise)
+
+
+def temperature_doubt(settings: Settings, height: Height, measured: MeasuredAir) -> str:
+    """A warning if ``robot.air_temperature`` contradicts a ``measured`` temperature; else empty."""
+    celsius, warmth = settings.robot.air_temperature, measured_temperature(settings, height, measured)
+    if celsius is None or warmth is None or abs(celsius + FREEZING - warmth) <= CONTRADICTION:
+        return ""
+    return (
+        f"robot.air_temperature={celsius:g} is used, but the wind file has {warmth - FREEZING:.1f} °C at the "
+        "height of the flight: correct it, or set robot.air_temperature=null to use the file"
+    )

@@ -24,6 +24,7 @@ Speed = TypeVar("Speed", float, "FloatArray")
 
 GRAVITY = 9.80665  # [m/s2]
 GAS = 287.05287  # specific gas constant of dry air [J/(kg K)]
+FREEZING = 273.15  # [K] 0 °C
 SEA_PRESSURE, SEA_TEMPERATURE = 101_325.0, 288.15  # [Pa], [K]
 SEA_DENSITY = SEA_PRESSURE / (GAS * SEA_TEMPERATURE)  # 1.225 [kg/m3]
 LOWEST, HIGHEST = -2_000.0, 32_000.0  # [m] geopotential heights between which the layers hold
@@ -119,6 +120,17 @@ def standard_height(pressure: float) -> float:
         raise ValueError(f"pressure {pressure:g} Pa is not one between {LOWEST:g} and {HIGHEST:g} m")
     layer = next(layer for layer in reversed(LAYERS) if pressure <= layer.pressure or layer is LAYERS[0])
     return layer.height_of(pressure)
+
+
+def pressure_above(pressure: float, temperature: float, rise: float) -> float:
+    """Pressure [Pa] ``rise`` [m] above the height of ``pressure`` [Pa], in air of one ``temperature`` [K].
+
+    Examples
+    --------
+    >>> round(pressure_above(101_325.0, 288.15, 100.0))
+    100131
+    """
+    return pressure * math.exp(-GRAVITY * rise / (GAS * temperature))
 
 
 def true_airspeed(calibrated: Speed, density_ratio: float) -> Speed:

@@ -41,6 +41,7 @@ def field_from(field: WindField, moment: float) -> WindField:
         _with_slots(field, times, np.arange(first, len(field.times))),
         until=field.known_until - moment,
         held=None if field.held is None else field.held - moment,
+        air=None if field.air is None else replace(field.air, times=field.air.times - moment),
     )
 
 

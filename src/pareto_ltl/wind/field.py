@@ -168,6 +168,7 @@ def fit_wind_field(
         level=seen.level,
         ends=seen.ends,
         error=seen.error,
+        air=seen.air,
     )
 
 

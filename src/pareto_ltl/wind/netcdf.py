@@ -23,6 +23,7 @@ from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, parse_level
 from pareto_ltl.support.reading import inside, read_json
 from pareto_ltl.support.schemas import check_document
+from pareto_ltl.wind.air import MapAir
 from pareto_ltl.wind.forecast_error import ForecastError, forecast_error_of
 from pareto_ltl.wind.records import PARTS, WindEvidence, WindField, WindModes
 from pareto_ltl.world.projection import to_geographic
@@ -173,6 +174,8 @@ def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVa
         yield from _mode_variables(field.modes)
     if field.evidence is not None:
         yield from _evidence_variables(field.evidence)
+    if field.air is not None:
+        yield from _air_variables(field.air)
 
 
 def _axes(origin: FloatArray, spacing: float, table: NDArray[Any]) -> Iterator[FloatArray]:
@@ -251,6 +254,28 @@ def _evidence_variables(found: WindEvidence) -> Iterator[NetcdfVariable]:
         yield from _component_variables(HYPER_ROWS, np.moveaxis(found.hyper, -1, 0), c)
 
 
+def _air_variables(found: MapAir) -> Iterator[NetcdfVariable]:
+    """Means over the map, at the times of the files; ``level`` is the height of each."""
+    yield "air_time", ("air_time",), found.times, _attributes("time since the departure", "s")
+    for name, standard, level, values, unit in (
+        ("air_temperature", "air_temperature", found.level, found.temperature, "K"),
+        ("air_pressure_measured", "air_pressure", found.pressure_level, found.pressure, "Pa"),
+    ):
+        described = _attributes(f"mean of the wind file over the map at {level}", unit)
+        yield name, ("air_time",), values, described | {"standard_name": standard, "level": level}
+
+
+def _read_air(file: h5netcdf.File) -> MapAir:
+    warmth, pressure = file["air_temperature"], file["air_pressure_measured"]
+    return MapAir(
+        times=_values(file, "air_time"),
+        temperature=_values(file, "air_temperature"),
+        pressure=_values(file, "air_pressure_measured"),
+        level=str(warmth.attrs["level"]),
+        pressure_level=str(pressure.attrs["level"]),
+    )
+
+
 def _time_attributes(scene: Scene | None) -> dict[str, Any]:
     """Seconds since the departure, or seconds without a date: for CF, these are no time coordinate."""
     if scene is None or scene.time_zero is None:
@@ -291,6 +316,7 @@ def _read_field(file: h5netcdf.File) -> WindField:
         ends=str(file.attrs["known_until_because"]),
         error=_read_error(str(file.attrs["forecast_error"])) if "forecast_error" in file.attrs else None,
         held=float(file.attrs["held_since"]) if "held_since" in file.attrs else None,
+        air=_read_air(file) if "air_temperature" in file else None,
     )
     _check_field(field)
     return field

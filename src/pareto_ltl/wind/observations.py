@@ -12,6 +12,7 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import DEPTH, parse_level
+from pareto_ltl.wind.air import MapAir, NodeAir, map_air
 from pareto_ltl.wind.area import swap_question
 from pareto_ltl.wind.doubts import assumed_leads, edge_warning, refuse_small_extent, spread_warning
 from pareto_ltl.wind.forecast_error import ForecastError, Variability, forecast_error_law
@@ -95,7 +96,28 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
         ends=ends,
         error=law,
         members=tuple(each.members for each in placed.values()) if readings.members else (),
+        air=_air_of_map(scene, readings, slots, zero),
     )
+
+
+def _air_of_map(scene: Scene, readings: Readings, slots: IntArray, zero: float) -> MapAir | None:
+    """The air of the map at the times ``slots``, which count from ``zero`` [s since 1970]."""
+    if not readings.airs:
+        return None
+    from pareto_ltl.world import projection
+
+    placed = {}
+    for k in slots.tolist():
+        air = readings.airs[k]
+        if air is not None and readings.geographic:
+            centre = projection.to_geographic(str(scene.crs), scene.bounds.mean(axis=0))
+            near = on_sphere(air.points) @ on_sphere(np.stack(centre, axis=1))[0] >= np.cos(HORIZON_ANGLE)
+            air = NodeAir(
+                projection.to_plane(str(scene.crs), *air.points[near].T), air.temperature[near], air.level,
+                air.pressure[near], air.pressure_level,
+            )  # fmt: skip
+        placed[float(readings.times[k] - zero)] = air
+    return map_air(placed, scene.bounds)
 
 
 def _implied_leads(cfg: WindConfig, readings: Readings) -> FloatArray:

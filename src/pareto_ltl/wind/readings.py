@@ -12,6 +12,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.faults import Faults
+from pareto_ltl.wind.air import NodeAir
 
 HOUR = 3600.0  # [s]
 KNOT = 1852.0 / 3600.0  # [m/s]
@@ -49,6 +50,8 @@ class Readings:
         empty without an ensemble.
     forecast_share : float
         Share of the variance of the law of forecast errors that is used in addition to the members.
+    airs : tuple of K NodeAir or None
+        The air that the files have beside the wind; empty if they have none.
     """
 
     times: FloatArray
@@ -63,6 +66,7 @@ class Readings:
     notes: tuple[str, ...] = ()
     members: tuple[FloatArray, ...] = ()
     forecast_share: float = 1.0
+    airs: tuple[NodeAir | None, ...] = ()
 
     @classmethod
     def of_arrays(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pareto_ltl.support.arrays import FloatArray, IntArray, require_shape
 from pareto_ltl.support.display import Displayed
+from pareto_ltl.wind.air import MapAir
 from pareto_ltl.wind.forecast_error import ForecastError
 
 PARTS = (  # of the error of a field
@@ -46,6 +47,8 @@ class WindObservations:
         Error of forecasts and change of the wind in time; None: neither is covered.
     members : tuple of K (n_k, 2, M) float
         Deviations of the members of an ensemble at ``points`` [m/s], whose sum of squares is the variance.
+    air : MapAir or None
+        The air of the map; None if the source does not have it.
     """
 
     times: FloatArray
@@ -58,6 +61,7 @@ class WindObservations:
     ends: str = ""
     error: ForecastError | None = None
     members: tuple[FloatArray, ...] = ()
+    air: MapAir | None = None
 
     def __post_init__(self) -> None:
         if not len(self.leads):
@@ -204,6 +208,8 @@ class WindField(Displayed):
         Time of the last field of the data [s], if the slots are that field, conditioned on position fixes at
         later times: then ``latent_var`` includes the variance of the change since the field. None: the last
         slot is the last field.
+    air : MapAir or None
+        The air of the map; None if the source of the readings does not have it.
     """
 
     origin: FloatArray
@@ -223,6 +229,7 @@ class WindField(Displayed):
     ends: str = ""
     error: ForecastError | None = None
     held: float | None = None
+    air: MapAir | None = None
 
     @property
     def lattice(self) -> NodeLattice:

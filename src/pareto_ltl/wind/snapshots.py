@@ -18,6 +18,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import PRESSURE, Level, parse_level
+from pareto_ltl.wind.air import NodeAir, check_air, mean_of_members
 from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
 from pareto_ltl.wind.readings import Readings, check_readings, iso, lead_text, wrap_longitude
 from pareto_ltl.world.projection import rotate_vectors
@@ -47,6 +48,8 @@ class Snapshot:
         The files that contain it.
     member : str
         Name of the ensemble member; empty for a single forecast.
+    air : NodeAir or None
+        The air that the files have beside the wind.
     """
 
     time: float
@@ -56,6 +59,7 @@ class Snapshot:
     level: str
     files: tuple[Path, ...]
     member: str = ""
+    air: NodeAir | None = None
 
     @property
     def cycle(self) -> float:
@@ -147,8 +151,11 @@ def earth_relative(
             unchecked += 1
         winds = snap.winds if twist is None else rotate_vectors(snap.winds, -twist)
         points, winds = (snap.points, winds) if here.all() else (snap.points[here], winds[here])
+        where = f"wind file {snap.files[0]}, {iso(snap.time)}"
         with faults.noted():
-            check_readings(points, winds, True, max_speed, f"wind file {snap.files[0]}, {iso(snap.time)}")
+            check_readings(points, winds, True, max_speed, where)
+            if snap.air is not None:
+                check_air(snap.air, where)
         turned.append(replace(snap, points=points, winds=winds))
     faults.refuse()
     more = []
@@ -217,6 +224,7 @@ def readings_of(
 ) -> Readings:
     """The readings of ``fields``, whose times increase; ``more`` are further attributes of the readings."""
     usual = {"remarks": tuple(lead_text(snap.lead) for snap in fields), "level": one_level(fields)}
+    airs = tuple(snap.air for snap in fields)
     return Readings(
         times=np.array([snap.time for snap in fields]),
         points=tuple(snap.points for snap in fields),
@@ -225,6 +233,7 @@ def readings_of(
         files=files,
         origins=tuple(snap.files for snap in fields),
         leads=np.array([snap.lead for snap in fields]),
+        airs=airs if any(air is not None for air in airs) else (),
         **usual | more,
     )
 
@@ -338,7 +347,9 @@ def _mean_and_deviations(
     deviations[..., [names.index(name) for name in aligned]] = weight * (stack - mean[..., None])
     lead = min(snap.lead for snap in group.values())
     files = tuple(dict.fromkeys(file for snap in group.values() for file in snap.files))
-    return replace(first, lead=lead, points=first.points[everywhere], winds=mean, files=files), deviations
+    air = mean_of_members([snap.air for snap in group.values()])
+    mean_wind = replace(first, lead=lead, points=first.points[everywhere], winds=mean, files=files, air=air)
+    return mean_wind, deviations
 
 
 def _at_nodes(snap: Snapshot, nodes: FloatArray) -> FloatArray:

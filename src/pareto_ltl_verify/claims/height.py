@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, unlike
 from pareto_ltl_verify.claims.exports import GPX, KML, unlike_at, xml_root
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.heights import (
+    CONSTANT,
     Flight,
     agree,
     level_flight,
@@ -22,6 +24,7 @@ from pareto_ltl_verify.heights import (
 )
 
 METRES = 0.06  # [m] files state heights to 0.1 m
+NEAR = 500.0  # [m] from the flight, within which the air of the wind file counts
 AIR = 1e-4  # largest allowed relative difference of pressures and temperatures
 ZERO_CELSIUS = 273.15  # [K]
 WAYPOINTS = (16, 17, 22)  # MAV_CMD of items with a place
@@ -65,14 +68,48 @@ def airspeeds(result: Evidence) -> Verdict | None:
         return no_fault("no air", ["plan.json has no calibrated airspeeds"])
     metres = height.metres + (0.0 if height.above_sea else _ground(result))
     celsius = result.settings["robot"].get("air_temperature")
-    pressure = pressure_at(metres) if height.pressure is None else height.pressure
-    temperature = temperature_at(metres) if celsius is None else celsius + ZERO_CELSIUS
+    warmth, there = _of_the_wind(result, height, metres)
+    pressure = there if height.pressure is None else height.pressure
+    temperature = warmth if celsius is None else celsius + ZERO_CELSIUS
     ratio = pressure / temperature * 288.15 / 101_325.0
     wanted = {"pressure": pressure, "temperature": temperature, "density_ratio": ratio}
     faults = [f"{key} {air[key]:.6g}" for key, value in wanted.items() if not close(air[key], value, AIR)]
     speed = np.hypot(*result.u.T)
     faults += unlike_at("leg {}: airspeed_calibrated", plan["airspeed_calibrated"], speed * math.sqrt(ratio))
     return no_fault(f"density ratio {air['density_ratio']:.5g}", faults)
+
+
+def _of_the_wind(result: Evidence, height: Flight, metres: float) -> tuple[float, float]:
+    """Temperature [K] and pressure [Pa] at ``metres`` above the sea, by wind.nc where they are near enough.
+
+    A temperature keeps its difference from the standard atmosphere. A pressure falls off in air of one
+    temperature; if the height counts from the sea, the ground must be known.
+    """
+    air, standard = result.wind.air, (temperature_at(metres), pressure_at(metres))
+    if air is None:
+        return standard
+    moments = np.array(result.plan["t"], float)
+    warmth, pressure = (
+        float(np.mean(_linear(moments, air.times, row))) for row in (air.temperature, air.pressure)
+    )
+    places = [level_flight(level) for level in (air.level, air.pressure_level)]
+    ground, known = _ground(result), result.settings["scene"].get("ground") is not None
+    heights = [place.metres + (0.0 if place.above_sea else ground) for place in places]
+    near = [abs(metres - there) <= NEAR for there in heights]
+    falls = (known or not height.above_sea) and near[1] and math.isfinite(pressure)
+    return (
+        standard[0] + warmth - temperature_at(heights[0]) if near[0] else standard[0],
+        pressure * math.exp(-CONSTANT * (metres - heights[1]) / warmth) if falls else standard[1],
+    )
+
+
+def _linear(at: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+    """Values at ``at`` between ``times``, held before the first one and after the last one."""
+    if len(times) == 1:
+        return np.full(len(at), values[0])
+    k = np.clip(np.searchsorted(times, at) - 1, 0, len(times) - 2)
+    share = np.clip((at - times[k]) / (times[k + 1] - times[k]), 0.0, 1.0)
+    return np.asarray((1.0 - share) * values[k] + share * values[k + 1], float)
 
 
 def exported(name: str, result: Evidence) -> Verdict:

@@ -106,7 +106,8 @@ def at_stated_level(readings: Readings, level: Level) -> Readings:
         return readings
     what = "current" if level.kind == DEPTH else "wind"
     note = f"taken as the {what} {level.phrase}, as wind.level states; the table does not state its level"
-    return replace(readings, level=level.text, notes=(*readings.notes, note))
+    airs = tuple(air and air._replace(level=level.text, pressure_level=level.text) for air in readings.airs)
+    return replace(readings, level=level.text, notes=(*readings.notes, note), airs=airs)
 
 
 def _read_grib(cfg: WindConfig, wanted: Wanted) -> Readings:

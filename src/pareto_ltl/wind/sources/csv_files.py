@@ -2,7 +2,8 @@
 
 Speeds are in m/s, or in the unit in the title of their column: ``u_kt``, ``v [km/h]``. A column
 ``lead_hours`` has the time from the start of the forecast to the time of the row; 0 is an analysis or
-observation. A table may be compressed: ``winds.csv.gz``.
+observation. Columns ``temperature_c`` and ``pressure_hpa``, also in other units, are of the air at the level
+of the wind. A table may be compressed: ``winds.csv.gz``.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import re
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -20,14 +22,17 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults, FaultsError
 from pareto_ltl.support.files import write_text
+from pareto_ltl.support.levels import PRESSURES
 from pareto_ltl.support.messages import shown_text, shown_value
+from pareto_ltl.wind.air import NodeAir, check_air, temperature_scale
 from pareto_ltl.wind.readings import HOUR, KNOT, Readings, check_readings, iso, wrap_longitude
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
-from pareto_ltl.wind.sources.quantities import FROM, SPEED, TOWARDS, polar_winds
+from pareto_ltl.wind.sources.quantities import FROM, SPEED, TEMPERATURE, TOWARDS, polar_winds
 from pareto_ltl.wind.sources.speed_units import EXPECTED, speed_factor
 from pareto_ltl.wind.sources.tables import Table, read_table, seconds_of
 
 LOG = logging.getLogger(__name__)
+AIR_PRESSURE = "pressure"
 UNCLEAR = "direction"  # of a wind, that from which it blows; of a current it may be either
 OTHER_UNITS = ("utc", "z", "gmt", "deg", "degrees", "degree", "degrees_north", "degrees_east", "degrees_true")
 GEOGRAPHIC_COLUMNS = ("time", "lat", "lon", "u", "v")
@@ -52,8 +57,11 @@ TITLES = {  # of columns, without their units
     ),
     TOWARDS: ("wind_to_direction", "direction_to", "direction_towards", "current_direction_to", "set"),
     UNCLEAR: ("direction", "dir", "current_direction"),
+    TEMPERATURE: ("air_temperature", "temperature", "temp", "tmp"),
+    AIR_PRESSURE: ("air_pressure", "pressure"),
 }
 LONGEST_TITLE = 60
+MISSING = ("", "m", "nan", "null", "na", "-")  # cells of a column of the air without a value
 LEAD_COLUMN = "lead_hours"
 PLACES = (("time", "lat", "lon"), ("time", "x", "y"))
 COLUMN_NAME = re.compile(r"[A-Za-z][\w .°/^*()\[\]-]{0,40}")
@@ -86,7 +94,10 @@ def read_csv_files(files: tuple[Path, ...], max_speed: float, current: bool = Fa
         if len(np.unique(own)) > 1:
             mixed.append(time)
         lead = np.nan if np.isnan(own).all() else float(np.nanmax(own))
-        fields.append(Snapshot(float(time), lead, table[rows, 2:4], table[rows, 4:], "10m", files))
+        points, winds, warmth, pressure = np.split(table[rows, 2:], [2, 4, 5], axis=1)
+        known = np.isfinite(warmth).any() and not current
+        air = NodeAir(points, warmth[:, 0], "10m", pressure[:, 0], "10m") if known else None
+        fields.append(Snapshot(float(time), lead, points, winds, "10m", files, air=air))
     notes: tuple[str, ...] = ()
     if mixed:
         more = f" and {len(mixed) - 1} more times" if len(mixed) > 1 else ""
@@ -116,8 +127,9 @@ def write_csv_table(
 def read_csv_file(file: Path, max_speed: float, current: bool = False) -> tuple[FloatArray, bool, list[str]]:
     """The checked rows of ``file``, whether they are in a plane, and the description of each row.
 
-    A row has its time [s since 1970] and lead [s], its place (longitude, latitude or x, y), and u and v
-    [m/s]. ``current``: a column ``direction`` is not taken as that from which a wind blows.
+    A row has its time [s since 1970] and lead [s], its place (longitude, latitude or x, y), u and v [m/s],
+    and temperature [K] and pressure [Pa], NaN where they are not known. ``current``: a column ``direction``
+    is not taken as that from which a wind blows.
     """
     columns_text = ",".join(GEOGRAPHIC_COLUMNS)
     table = read_table(file, columns_text, lambda titles: not _missing(_roles(titles)))
@@ -147,8 +159,14 @@ def read_csv_file(file: Path, max_speed: float, current: bool = False) -> tuple[
     faults.refuse()
     if not planar:
         points[:, 0] = wrap_longitude(points[:, 0])
-    leads = cells[:, 5] * HOUR if cells.shape[1] > 5 else np.full(len(cells), np.nan)
-    found = np.column_stack([cells[:, 0], leads, points, winds])
+    names = [name for name, _ in layout.columns]
+
+    def column(name: str) -> FloatArray:
+        return cells[:, names.index(name)] if name in names else np.full(len(cells), np.nan)
+
+    leads, air = column(LEAD_COLUMN) * HOUR, (column(TEMPERATURE), column(AIR_PRESSURE))
+    check_air(NodeAir(points, air[0], "", air[1]), f"wind file {file}")
+    found = np.column_stack([cells[:, 0], leads, points, winds, *air])
     return found, planar, [f"{file.name}, row {number}" for number in numbers]
 
 
@@ -165,6 +183,7 @@ class _Layout(NamedTuple):
     zoned: bool
     clock: int | None
     skipped: int  # rows of units
+    air: Mapping[str, tuple[float, float]] = MappingProxyType({})  # factor and offset to [K] and [Pa]
 
 
 @lru_cache(maxsize=4096)  # every line that may be the header is tried
@@ -181,7 +200,7 @@ def _split_title(title: str) -> tuple[str, str] | None:
                 return role, unit.strip()
             end = name[len(known) + 1 :]
             ended = not found and name.startswith(f"{known}_") and re.fullmatch(r"[a-z/_]+", end)
-            if ended and (role in ("u", "v", SPEED) or end in OTHER_UNITS):
+            if ended and (role in ("u", "v", SPEED, TEMPERATURE, AIR_PRESSURE) or end in OTHER_UNITS):
                 return role, end
     return None
 
@@ -232,6 +251,8 @@ def _layout(file: Path, table: Table, current: bool) -> _Layout:
     columns = [(role, at) for role, (at, _) in chosen.items()]
     if LEAD_COLUMN in table.titles:
         columns.append((LEAD_COLUMN, table.titles.index(LEAD_COLUMN)))
+    air = _air_columns(file, table.titles, roles, units)
+    columns += [(role, at) for role, (at, _) in air.items()]
     direction = ""
     if polar:
         direction = FROM if winds[1] == UNCLEAR and not current else winds[1]
@@ -241,7 +262,30 @@ def _layout(file: Path, table: Table, current: bool) -> _Layout:
                 "whether it is the direction from or towards; name it direction_to or wind_from_direction"
             )
     stated = table.titles[time[0]] in ("utc",) or time[1] in ("utc", "z", "gmt") or "UTC" in units[:1]
-    return _Layout(columns, np.array(factors), direction, stated, clock, skipped)
+    scales = {role: scale for role, (_, scale) in air.items()}
+    return _Layout(columns, np.array(factors), direction, stated, clock, skipped, scales)
+
+
+def _air_columns(
+    file: Path, titles: list[str], roles: Mapping[str, list[tuple[int, str]]], units: list[str]
+) -> dict[str, tuple[int, tuple[float, float]]]:
+    """Position, factor and offset of the columns of the air whose unit is known; a warning for others."""
+    found = {}
+    for role, names in ((TEMPERATURE, "temperature_c or temperature_k"), (AIR_PRESSURE, "pressure_hpa")):
+        for at, unit in roles.get(role, [])[:1]:
+            stated = unit or (units[at] if at < len(units) else "")
+            factor = PRESSURES.get(stated.lower())
+            scale = None if factor is None else (factor, 0.0)
+            if role == TEMPERATURE:
+                scale = temperature_scale(stated)
+            if scale is None:
+                LOG.warning(
+                    "%s: column %s states no unit that is known, and is not used; name it %s", file.name,
+                    shown_text(titles[at]), names,
+                )  # fmt: skip
+            else:
+                found[role] = at, scale
+    return found if TEMPERATURE in found else {}
 
 
 def _time_columns(titles: list[str], found: list[tuple[int, str]]) -> tuple[tuple[int, str], int | None]:
@@ -306,6 +350,9 @@ def _parse_row(
                 values.append(time)
             elif name == LEAD_COLUMN:
                 values.append(_lead_hours(table, text))
+            elif name in layout.air:
+                factor, offset = layout.air[name]
+                values.append(np.nan if text.lower() in MISSING else table.number(text) * factor + offset)
             else:
                 values.append(table.number(text))
         except ValueError:

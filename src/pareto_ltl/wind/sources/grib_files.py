@@ -19,7 +19,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
@@ -32,6 +32,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extras import missing_extra
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
+from pareto_ltl.wind.air import NodeAir, nearest_level, temperature_scale
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import Nodes, Snapshot, Snapshots, crop, earth_relative, same_values
@@ -40,11 +41,14 @@ from pareto_ltl.wind.sources.grid_directions import twist_of_grib
 from pareto_ltl.wind.sources.magic import wind_file
 from pareto_ltl.wind.sources.quantities import (
     CURRENTS,
+    OF_AIR,
     SPEED,
     SURFACE_PRESSURE,
+    TEMPERATURE,
     WINDS,
     Component,
     Fields,
+    Key,
     Quantity,
     U,
     level_gap,
@@ -54,8 +58,8 @@ from pareto_ltl.wind.sources.quantities import (
 )
 
 UNITS = ("m s**-1", "m s-1", "m/s", "Degree true", "degrees", "unknown")  # of the parameters of the WMO
-PRESSURE_NUMBER = (0, 3, 0)  # discipline, category, number
-NAMED = re.compile(r"(?:\d+)?([uv])|(sp)")  # short names of edition 1: u, 10u, 100v
+AIR_NUMBERS = {(0, 3, 0): SURFACE_PRESSURE, (0, 0, 0): TEMPERATURE, (11,): TEMPERATURE}  # as in Quantity
+NAMED = re.compile(r"(?:\d+)?([uv])|(sp)|(?:2)?(t)")  # short names of edition 1: u, 10u, 100v, 2t
 LAST_WMO_TABLE = 3  # of edition 1, whose numbers of winds and currents the WMO defines
 MEANS = (0, 1, 6)  # code table 4.7: means of the members; other statistics of an ensemble are not a wind
 LEVELS = {
@@ -84,6 +88,8 @@ class _Scan:
     area : GeoBox or None
     fields : dict
         Components by level, then by time, lead [s] and member.
+    temperatures : dict
+        The same of temperatures.
     grids : dict
         Grids that are decoded already, by their fingerprint.
     left_out : Counter
@@ -96,6 +102,7 @@ class _Scan:
     level: Level
     area: GeoBox | None
     fields: dict[Level, Fields] = field(default_factory=dict)
+    temperatures: dict[Level, Fields] = field(default_factory=dict)
     grids: dict[str, Nodes] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
     twice: int = 0
@@ -134,8 +141,11 @@ def grib_snapshots_apart(
     if "error" in told:
         raise DataError(told["error"])
     winds = tuple(
-        Snapshot(time, lead, arrays[points], arrays[winds], wind_level, tuple(map(Path, names)), member)
-        for time, lead, points, winds, wind_level, names, member in told["winds"]
+        Snapshot(
+            *(time, lead, arrays[points], arrays[winds], wind_level, tuple(map(Path, names)), member),
+            None if air is None else NodeAir(*(arrays.get(x, x) for x in air)),
+        )
+        for time, lead, points, winds, wind_level, names, member, air in told["winds"]
     )
     return Snapshots(winds, files, tuple(told["notes"]))
 
@@ -151,12 +161,18 @@ def _answer(task: str, answer: Path) -> None:
         arrays[name := f"array_{id(array)}"] = array
         return name
 
+    def named(values: Iterable[Any]) -> list[Any]:
+        return [name_of(value) if isinstance(value, np.ndarray) else value for value in values]
+
     try:
         found = grib_snapshots(files, max_speed, level, area, lambda file: print(file, flush=True), quantity)
         winds = [
-            (w.time, w.lead, name_of(w.points), name_of(w.winds), w.level, list(map(str, w.files)), w.member)
+            (
+                *named((w.time, w.lead, w.points, w.winds, w.level)), list(map(str, w.files)), w.member,
+                None if w.air is None else named(w.air),
+            )
             for w in found.winds
-        ]
+        ]  # fmt: skip
         told: dict[str, Any] = {"winds": winds, "notes": found.notes}
     except (DataError, ConfigError) as error:
         told = {"error": str(error)}
@@ -197,10 +213,24 @@ def grib_snapshots(
     ]
     if scan.twice:
         notes.append(f"{scan.twice} GRIB messages occur twice with the same values: read once")
-    at = min(scan.fields, key=lambda found: abs(found.value - scan.level.value))
+    there = [level for level, fields in scan.fields.items() if any(map(_has_wind, fields.values()))]
+    at = min(there, key=lambda found: abs(found.value - scan.level.value))
+    _add_temperatures(scan, at)
     if at.text != scan.level.text:
         notes.append(f"the level {at.text} is used for {scan.level.text}")
     return earth_relative(winds_of(scan.fields[at], at), files, at, max_speed, notes)
+
+
+def _has_wind(parts: dict[str, Component]) -> bool:
+    return bool(parts.keys() - OF_AIR)
+
+
+def _add_temperatures(scan: _Scan, at: Level) -> None:
+    """Add the temperatures that belong to the winds at the level ``at``."""
+    level = nearest_level(list(scan.temperatures), at)
+    for key, pair in {} if level is None else scan.temperatures[level].items():
+        if key in scan.fields[at]:
+            scan.fields[at][key] |= pair
 
 
 def _scan_file(file: Path, scan: _Scan) -> None:
@@ -212,6 +242,9 @@ def _scan_file(file: Path, scan: _Scan) -> None:
     with _grib_messages(file) as messages:
         for message in messages:
             component = _component(message, scan.quantity)
+            if component == TEMPERATURE:
+                _add_temperature(message, file, scan)
+                continue
             if component is None:
                 others |= {
                     other.name for other in (WINDS, CURRENTS) if _component(message, other) in (U, SPEED)
@@ -228,12 +261,32 @@ def _scan_file(file: Path, scan: _Scan) -> None:
         raise _nothing_found(file, scan, levels, others)
 
 
+def _add_temperature(message: Message, file: Path, scan: _Scan) -> None:
+    """Add a temperature of an instant near the level of the wind; the first one of each time counts."""
+    level = _level_of(message, HEIGHT)
+    if level is None or nearest_level([level], scan.level) is None or _other_kind(message) is not None:
+        return
+    if (scale := temperature_scale(message["units"])) is None:
+        raise DataError(
+            f"wind file {file}: the temperature is in {message['units']}; expected K: convert the file"
+        )
+    nodes = _nodes_of(message, file, scan)
+    values = _values(message)[nodes.kept] * scale[0] + scale[1]
+    pair = scan.temperatures.setdefault(level, {}).setdefault(_key(message), {})
+    pair.setdefault(TEMPERATURE, Component(values, nodes, file, level.text))
+
+
+def _key(message: Message) -> Key:
+    """Time, lead and member of a field."""
+    time, begin = float(message["valid_time"]), float(message["time"])
+    return time, time - begin, _member(message)
+
+
 def _add(message: Message, component: str, level: Level, file: Path, scan: _Scan) -> None:
     """Add one field; of two with the same values, one."""
     if component != SURFACE_PRESSURE and (unit := message["units"]) not in UNITS:
         raise DataError(f"wind file {file}: {component} is in {unit}; expected m s-1: convert the file")
-    time, begin = float(message["valid_time"]), float(message["time"])
-    key = (time, time - begin, _member(message))
+    key = _key(message)
     pair = scan.fields.setdefault(level, {}).setdefault(key, {})
     nodes = _nodes_of(message, file, scan)
     values = _values(message)[nodes.kept]
@@ -241,7 +294,7 @@ def _add(message: Message, component: str, level: Level, file: Path, scan: _Scan
         if pair[component].nodes is not nodes or not same_values(pair[component].values, values):
             raise DataError(
                 f"wind files {pair[component].file.name} and {file.name} both hold "
-                f"{component} at {iso(time)} with the same lead and other values; keep one member"
+                f"{component} at {iso(key[0])} with the same lead and other values; keep one member"
             )
         scan.twice += 1
         return
@@ -270,24 +323,26 @@ def _nothing_found(file: Path, scan: _Scan, levels: list[Level], others: set[str
 def _component(message: Message, quantity: Quantity) -> str | None:
     if message["edition"] == 2:
         keys = ("discipline", "parameterCategory", "parameterNumber")
-        number = tuple(message[key] for key in keys)
-        return SURFACE_PRESSURE if number == PRESSURE_NUMBER else quantity.numbers.get(number)
-    if message["table2Version"] <= LAST_WMO_TABLE and (message["indicatorOfParameter"],) in quantity.numbers:
-        return quantity.numbers[(message["indicatorOfParameter"],)]
+        return _numbers(quantity).get(tuple(message[key] for key in keys))
+    number = (message["indicatorOfParameter"],)
+    if message["table2Version"] <= LAST_WMO_TABLE and number in _numbers(quantity):
+        return _numbers(quantity)[number]
     found = NAMED.fullmatch(str(message["shortName"])) if quantity is WINDS else None
-    return None if found is None else found[1] or SURFACE_PRESSURE
+    return None if found is None else found[1] or (SURFACE_PRESSURE if found[2] else TEMPERATURE)
+
+
+def _numbers(quantity: Quantity) -> dict[tuple[int, ...], str]:
+    return quantity.numbers | AIR_NUMBERS if quantity is WINDS else quantity.numbers
 
 
 def _wanted_level_of(message: Message, component: str, scan: _Scan, levels: list[Level]) -> Level | None:
     """The level if the message has a wanted one and values of an instant; else None, and it is recorded."""
     kind, other = message["typeOfLevel"], _other_kind(message)
     if component == SURFACE_PRESSURE:
-        surface = scan.level.kind == PRESSURE and kind == "surface" and other is None
-        return scan.level if surface else None
-    known = LEVELS[scan.quantity.length]
-    if kind not in known:
+        return scan.level if kind == "surface" and other is None else None
+    level = _level_of(message, scan.quantity.length)
+    if level is None:
         return None
-    level = Level(known[kind][0], float(message["level:float"]) * known[kind][1])
     levels.append(level)
     gap = level_gap(level, scan.level, scan.quantity.nearest)
     if gap is None or (gap and not scan.quantity.nearest):
@@ -296,6 +351,12 @@ def _wanted_level_of(message: Message, component: str, scan: _Scan, levels: list
         scan.left_out[other] += 1
         return None
     return level
+
+
+def _level_of(message: Message, length: str) -> Level | None:
+    """The level of a message, whose lengths mean ``length``; None for other kinds of levels."""
+    kind = LEVELS[length].get(message["typeOfLevel"])
+    return None if kind is None else Level(kind[0], float(message["level:float"]) * kind[1])
 
 
 def _other_kind(message: Message) -> str | None:

@@ -18,11 +18,12 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.faults import Faults
-from pareto_ltl.support.levels import PRESSURE, Level, level_list
+from pareto_ltl.support.levels import DEPTH, PRESSURE, Level, level_list
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import GridWind, Snapshots, earth_relative, same_values
+from pareto_ltl.wind.sources.cf_air import AirArray, surface_pressure_of, temperature_of
 from pareto_ltl.wind.sources.cf_directions import with_projection
 from pareto_ltl.wind.sources.cf_grid import levels_of, member_dimension, nodes_of, text
 from pareto_ltl.wind.sources.clocks import clock_of, with_text_clocks
@@ -34,6 +35,7 @@ from pareto_ltl.wind.sources.quantities import (
     FROM,
     SPEED,
     SURFACE_PRESSURE,
+    TEMPERATURE,
     TOWARDS,
     UNSTATED,
     WINDS,
@@ -113,7 +115,7 @@ def netcdf_snapshots(
                 notes.update(dict.fromkeys(_part_notes(parts[0], wanted)))
                 if len(parts) == 1:
                     _refuse_alone(files, path, parts[0])
-                for fields in _fields(path, parts, area, notes):
+                for fields in _fields(path, data, parts, area, notes):
                     if len(parts) == 2:
                         yield from winds_of(fields, parts[0].level)
                     else:
@@ -323,7 +325,7 @@ def _partner(
 
 
 def _fields(
-    path: Path, parts: tuple[_Part, ...], area: GeoBox | None, notes: dict[str, None]
+    path: Path, data: xr.Dataset, parts: tuple[_Part, ...], area: GeoBox | None, notes: dict[str, None]
 ) -> Iterator[Fields]:
     """The components of every time and member, one time and member each."""
     first = parts[0].array
@@ -343,13 +345,16 @@ def _fields(
                 f"wind file {path}: {first.name} has {size} values along {name}, which is not a time, level, "
                 "member or place; pick one and write the file again"
             )
-    pressure = _surface_pressure(parts[0], {*spatial, *clock.dims})
+    warmth = None
+    if parts[0].level.kind != DEPTH:
+        warmth = temperature_of(data, parts[0].level, spatial, {*clock.dims, crew, EXPVER}, notes)
+    pressure = _surface_pressure(data, parts[0], {*spatial, *clock.dims}, wanted=warmth is not None)
     rows = np.unravel_index(nodes.kept, [first.sizes[name] for name in spatial])
     box = {name: slice(int(r.min()), int(r.max()) + 1) for name, r in zip(spatial, rows, strict=True)}
     kept = np.ravel_multi_index([r - r.min() for r in rows], [int(np.ptp(r)) + 1 for r in rows])
     for place in np.ndindex(clock.times.shape):
         moment: dict[str | None, int] = dict(zip(clock.dims, place, strict=True))
-        ground = None if pressure is None else _values(pressure, box, moment)[kept]
+        ground = None if pressure is None else _air_values(pressure, box, moment)[kept]
         lead = float(clock.leads[place])
         for member in range(first.sizes[crew] if crew else 1):
             at = moment | {crew: member, parts[0].dimension: parts[0].place}
@@ -359,6 +364,10 @@ def _fields(
             }
             if ground is not None:
                 found[SURFACE_PRESSURE] = Component(ground, nodes, path)
+            if warmth is not None:
+                there = moment | {crew: member, warmth.dimension: warmth.place}
+                values = _air_values(warmth, box, there)[kept]
+                found[TEMPERATURE] = Component(values, nodes, path, warmth.level)
             name = f"{member:02d}" if crew else ""
             yield {(float(clock.times[place]), None if np.isnan(lead) else lead, name): found}
 
@@ -385,6 +394,11 @@ def _values(array: xr.DataArray, box: dict[str, slice], at: dict[str | None, int
     return found
 
 
+def _air_values(air: AirArray, box: dict[str, slice], at: dict[str | None, int]) -> FloatArray:
+    """Like :func:`_values`, in [K] or [Pa]."""
+    return _values(air.array, box, at) * air.factor + air.offset
+
+
 def _factor(path: Path, part: _Part) -> float:
     """Metres per second, or degrees, in one unit of a component."""
     units = text(part.array, "units").strip()
@@ -399,13 +413,15 @@ def _factor(path: Path, part: _Part) -> float:
     return factor
 
 
-def _surface_pressure(part: _Part, dimensions: set[str | None]) -> xr.DataArray | None:
-    """Surface pressure [Pa] on the same grid and times, for a pressure level; None if there is none."""
+def _surface_pressure(
+    data: xr.Dataset, part: _Part, dimensions: set[str | None], *, wanted: bool
+) -> AirArray | None:
+    """Surface pressure on the same grid and times, for a pressure level, or if it is ``wanted``."""
+    dims = tuple(str(name) for name in part.array.dims if name in dimensions)
     if part.level.kind != PRESSURE:
-        return None
-    dims = tuple(name for name in part.array.dims if name in dimensions)
+        return surface_pressure_of(data, dims) if wanted else None
     for name in part.array.cf.standard_names.get("surface_air_pressure", ()):
         array: xr.DataArray = part.array.coords[name]
         if array.dims == dims and text(array, "units").lower() in ("pa", "pascal"):
-            return array
+            return AirArray(array, "0m")
     return None

@@ -21,10 +21,13 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, parse_level
+from pareto_ltl.wind.air import NodeAir
 from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import GridWind, Nodes, Snapshot
 
 U, V, SPEED, FROM, TOWARDS, SURFACE_PRESSURE = "u", "v", "speed", "direction from", "direction towards", "sp"
+TEMPERATURE = "temperature"
+OF_AIR = {SURFACE_PRESSURE, TEMPERATURE}
 COUNTERPARTS = {U: (V,), V: (U,), SPEED: (FROM, TOWARDS), FROM: (SPEED,), TOWARDS: (SPEED,)}
 EARTH, GRID, UNSTATED = "earth", "grid", "unstated"  # what the components follow: east and north, or the axes
 DEPTH_TOLERANCE = (1.0, 0.1)  # [m], and as a share of the depth
@@ -181,11 +184,15 @@ def level_gap(found: Level, wanted: Level, nearest: bool) -> float | None:
 
 
 class Component(NamedTuple):
-    """One component [m/s] or [deg], or the surface pressure [Pa], (N,); NaN where there is none."""
+    """One component [m/s] or [deg], or of the air [Pa], [K], (N,); NaN where there is none.
+
+    ``level`` is the level of a temperature.
+    """
 
     values: FloatArray
     nodes: Nodes
     file: Path
+    level: str = ""
 
 
 Key = tuple[float, float | None, str]  # valid time [s since 1970], lead [s] or None, member
@@ -203,7 +210,7 @@ def winds_of(fields: Fields, level: Level) -> Iterator[GridWind]:
     keys = sorted(fields, key=lambda k: (k[0], -1.0 if k[1] is None else k[1], k[2]))
     faults = Faults("the wind")
     for key in keys:
-        parts = fields[key].keys() - {SURFACE_PRESSURE}
+        parts = fields[key].keys() - OF_AIR
         if parts and (wind := faults.tried(partial(_wind_of, key, fields[key], parts, level))) is not None:
             yield wind
     faults.refuse()
@@ -231,8 +238,19 @@ def _wind_of(key: Key, parts: dict[str, Component], there: set[str], level: Leve
     files = tuple(dict.fromkeys((one.file, two.file)))
     pressure = parts.get(SURFACE_PRESSURE)
     ahead = np.nan if lead is None else lead
-    snap = Snapshot(time, ahead, one.nodes.lonlat, values, level.text, files, member)
+    snap = Snapshot(time, ahead, one.nodes.lonlat, values, level.text, files, member, air_of(parts))
     return GridWind(snap, twist, None if pressure is None else pressure.values)
+
+
+def air_of(parts: dict[str, Component]) -> NodeAir | None:
+    """The temperature in ``parts``, with the surface pressure if it is on the same nodes."""
+    warmth, pressure = parts.get(TEMPERATURE), parts.get(SURFACE_PRESSURE)
+    if warmth is None:
+        return None
+    points = warmth.nodes.lonlat
+    known = pressure is not None and np.array_equal(pressure.nodes.lonlat, points)
+    there = pressure.values if pressure is not None and known else np.full(len(points), np.nan)
+    return NodeAir(points, warmth.values, warmth.level, there)
 
 
 def polar_winds(speed: FloatArray, direction: FloatArray, meaning: str) -> FloatArray:
