@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pareto_ltl.settings import ExportsConfig, RobotConfig, SceneConfig, Settings, WindConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.settings.heights import flight_air, flight_height
+from pareto_ltl.settings.heights import FlownAir, MeasuredAir, flight_air, flight_height, temperature_doubt
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import parse_level
 
@@ -156,3 +156,60 @@ def test_every_aircraft_has_air(robot: str) -> None:
     air = flight_air(settings, flight_height(settings))
     assert air is not None
     assert 0.05 < air.density_ratio < 1.0
+
+
+# --- the air of a wind file ----------------------------------------------------------------------
+
+
+def air_of(measured: MeasuredAir, **stated: Any) -> FlownAir:
+    settings = settings_of(**stated)
+    air = flight_air(settings, flight_height(settings), measured)
+    assert air is not None
+    return air
+
+
+def test_at_the_level_of_the_wind_the_air_is_that_of_the_file() -> None:
+    air = air_of(MeasuredAir(289.45, "925hPa"), level="925hPa")
+    assert air.temperature == pytest.approx(289.45)
+    assert air.pressure == 92_500.0
+    assert air.density_ratio == pytest.approx(92_500.0 / (287.05287 * 289.45) / 1.225)
+    assert air.source == "the standard atmosphere at 925 hPa, but 16.3 °C, the temperature of the wind file"
+
+
+def test_a_temperature_at_another_height_keeps_its_deviation_from_the_standard() -> None:
+    """20 K above the standard at 2 m are 20 K above the standard at 300 m, where this is 286.2 K."""
+    air = air_of(MeasuredAir(288.15 - 0.0065 * 2.0 + 20.0, "2m"), level="300m")
+    assert air.temperature == pytest.approx(288.15 - 0.0065 * 300.0 + 20.0)
+    ground = air_of(MeasuredAir(288.15 - 0.0065 * 1502.0, "2m"), level="300m", ground=1500.0)
+    assert ground.temperature == pytest.approx(288.15 - 0.0065 * 1800.0)
+
+
+def test_a_pressure_at_the_ground_falls_off_with_the_height() -> None:
+    air = air_of(MeasuredAir(290.0, "2m", 90_000.0), level="200m")
+    assert air.pressure == pytest.approx(90_000.0 * math.exp(-9.80665 * 200.0 / (287.05287 * 290.0)))
+    assert "from the pressure of the wind file and 15.6 °C, the temperature of the wind file" in air.source
+    amsl = MeasuredAir(290.0, "2m", 90_000.0)
+    assert air_of(amsl, level="1200m amsl", ground=1000.0).pressure == pytest.approx(air.pressure)
+    assert "standard atmosphere" in air_of(amsl, level="400m amsl").source  # the ground is not known
+
+
+def test_air_far_above_or_below_the_flight_is_not_used() -> None:
+    stated = {"level": "700hPa", "ground": 0.0}
+    settings = settings_of(**stated)
+    assert air_of(MeasuredAir(310.0, "2m", 101_000.0), **stated) == flight_air(
+        settings, flight_height(settings)
+    )
+
+
+def test_a_temperature_of_the_settings_wins_and_a_contradiction_is_said() -> None:
+    measured = MeasuredAir(289.15, "925hPa")
+    near, far = (settings_of(level="925hPa", celsius=celsius) for celsius in (2.0, -2.0))
+    for settings, celsius in ((near, 2.0), (far, -2.0)):
+        air = flight_air(settings, flight_height(settings), measured)
+        assert air is not None
+        assert air.temperature == pytest.approx(celsius + 273.15)
+    assert temperature_doubt(near, flight_height(near), measured) == ""
+    words = temperature_doubt(far, flight_height(far), measured)
+    assert words.startswith("robot.air_temperature=-2 is used, but the wind file has 16.0 °C at the height")
+    cured = settings_of(level="925hPa")
+    assert temperature_doubt(cured, flight_height(cured), measured) == ""

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from pareto_ltl.exports.exported import height_sentence
 from pareto_ltl.exports.geojson import border_corners
 from pareto_ltl.exports.navigation_log import expected_winds, navigation_log
 from pareto_ltl.logic.automaton import show_letter
@@ -154,7 +155,7 @@ def plan_lines(
     *,
     each: bool = False,
 ) -> Iterator[str]:
-    """Lines of text: mission, the legs towards each goal, the promise and the errors that it does not cover.
+    """Lines of text: mission, height, legs towards each goal, the promise and the errors that it leaves out.
 
     ``flown`` are simulated flights of the plan, ``legs`` come from :func:`plan_legs`; every probability is
     given with its wind law. Successive legs of one heading and airspeed share a line, or with ``each`` have
@@ -169,6 +170,8 @@ def plan_lines(
         + "".join(f", {cost_named(name).text(cost)}" for name, cost in path.objectives.further_costs.items())
         + (f", departure {utc[0]}" if utc else "")
     )
+    if plan.height is not None:
+        yield height_sentence(plan.height, plan.air, medium)
     failed = "simulated flights that have failed by the end of the leg"
     yield f"failed: share of {len(flown.x):,} {failed}, {flown.law} {flows}"
     sd = f"standard deviation of the position, and of the {medium.flow}"

@@ -225,7 +225,7 @@ class RobotConfig(CheckedSettings, section="robot"):
         "temperature of the air at the height of the flight, for the calibrated airspeed",
         "[-100, 60]",
         unit="degC",
-        remark="null: of the standard atmosphere",
+        remark="null: of the wind file where it has one, else of the standard atmosphere",
     )
     a: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix A of the dynamics (2 x 2)")
     b: list[Any] = setting([[1.0, 0.0], [0.0, 1.0]], "matrix B of the dynamics (2 x 2, invertible)")
