@@ -105,6 +105,8 @@ NOT_BY_DAY = [
     "verify/test_far_barriers",
     "verify/test_fix_shapes",
     "verify/test_forbidden",
+    "verify/test_air",
+    "verify/test_exact_replans",
     "verify/test_robot_errors",
     "verify/test_simplified",
     "wind/test_netcdf_files",
