@@ -37,8 +37,9 @@ if TYPE_CHECKING:
     from pareto_ltl.run.beacons import beacons
     from pareto_ltl.run.choosing import choose
     from pareto_ltl.run.interface import export, plan, simulate, steer
+    from pareto_ltl.run.plan_run import Run
     from pareto_ltl.run.replanning import replan
-    from pareto_ltl.run.results import PlanningResult, Results, load_results
+    from pareto_ltl.run.results import load_results
     from pareto_ltl.run.showing import explain, page, show
     from pareto_ltl.settings import Settings
     from pareto_ltl.support.errors import (
@@ -63,10 +64,9 @@ __all__ = [
     "FormulaError",
     "InfeasibleError",
     "ParetoLtlError",
-    "PlanningResult",
     "Reading",
     "Readings",
-    "Results",
+    "Run",
     "Scene",
     "Settings",
     "WatchSettings",
@@ -98,8 +98,9 @@ _EXPORTS = {
     "pareto_ltl.run.beacons": ("beacons",),
     "pareto_ltl.run.choosing": ("choose",),
     "pareto_ltl.run.interface": ("export", "plan", "simulate", "steer"),
+    "pareto_ltl.run.plan_run": ("Run",),
     "pareto_ltl.run.replanning": ("replan",),
-    "pareto_ltl.run.results": ("PlanningResult", "Results", "load_results"),
+    "pareto_ltl.run.results": ("load_results",),
     "pareto_ltl.run.showing": ("explain", "page", "show"),
     "pareto_ltl.settings": ("Settings",),
     "pareto_ltl.support.errors": (

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pareto_ltl.inflight.following import Listener, Session
     from pareto_ltl.inflight.rules import Event
     from pareto_ltl.inflight.telemetry import Reading, Typed
-    from pareto_ltl.run.results import Results
+    from pareto_ltl.run.plan_run import Run
 
 
 ASSESSED = 60.0  # [s] at most between two statuses, from which alarms follow
@@ -124,7 +124,7 @@ def _shown(event: Event, output: Output) -> str:
 
 
 def _source(
-    options: Namespace, results: Results, typed: Typed | None
+    options: Namespace, results: Run, typed: Typed | None
 ) -> tuple[Iterable[Reading] | Path, Listener | None]:
     """The telemetry, and what answers to events."""
     scene = results.scene

@@ -58,7 +58,7 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
     """
     from pareto_ltl.run import pipeline, provenance
     from pareto_ltl.run.received import allowed_settings
-    from pareto_ltl.studies.stages import application_stages
+    from pareto_ltl.studies.stages import APPLICATION_STAGES
 
     refuse_links_out(directory)
     before = _finished_record(directory)
@@ -74,7 +74,7 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
         told = differences or [f"the same, byte for byte: {', '.join(compared)}"]
         return Answer(document, [*(f"note: {note}" for note in notes), *told], code=0 if same else 1)
 
-    checked = pipeline.check_pipeline(settings, application_stages(settings))
+    checked = pipeline.check_pipeline(settings, APPLICATION_STAGES)
     try:
         pipeline.run_pipeline(checked, place, before["argv"], before["overrides"])
     except InfeasibleError as error:

@@ -96,9 +96,9 @@ def plan_paragraphs(settings: Settings, directory: Path, plan: Plan) -> Iterator
         yield f"What helps, {remedies_text(plan.remedies)}."
     if not all((directory / name).is_file() for name in ("front.csv", "scene.json")):
         return
-    from pareto_ltl.run.results import Results
+    from pareto_ltl.run.plan_run import Run
 
-    results = Results(directory)
+    results = Run.open(directory)
     if results.scene.landmarks:
         from pareto_ltl.report.limits import detour_lines
 

@@ -30,7 +30,7 @@ from pareto_ltl.inflight.lines import flows_of
 from pareto_ltl.inflight.rules import Event
 from pareto_ltl.inflight.telemetry import read_places
 from pareto_ltl.inflight.watch import ELLIPSE
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import DataError
@@ -99,7 +99,7 @@ def fix_ranks(folders: Sequence[Path]) -> dict[str, Any]:
 # --- picture ------------------------------------------------------------------------------------
 
 
-def draw_watch(results: Results, folder: Path) -> Path | None:
+def draw_watch(results: Run, folder: Path) -> Path | None:
     """Draw the journal of ``folder`` on the map of ``results``; None without a status."""
     from pareto_ltl.report.axes import save_figures
     from pareto_ltl.report.plan_maps import watch_figure

@@ -26,7 +26,7 @@ from pareto_ltl.serve.server import Guard, loopback_server
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
-    from pareto_ltl.run.results import Results
+    from pareto_ltl.run.plan_run import Run
 
 PAGE = "pareto_ltl.serve.live_page"
 MOST = 5000  # the newest events, which are sent to the page
@@ -46,7 +46,7 @@ class LivePage:
         self.rest: dict[str, Any] = {"at": [], "failed": []}
         self.lock = threading.Lock()
 
-    def opened(self, results: Results) -> None:
+    def opened(self, results: Run) -> None:
         """Show a plan from now on."""
         scene, plan = results.scene, results.plan
         shown = {
