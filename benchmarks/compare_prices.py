@@ -23,8 +23,8 @@ import shapely
 from numpy.random import SeedSequence
 
 from pareto_ltl import Scene, Settings, load_results
-from pareto_ltl.planning.costs import Price
 from pareto_ltl.planning.evaluate import completing_path
+from pareto_ltl.planning.limits import Price
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.sweep import FINE, new_sweep
 from pareto_ltl.run.plan_run import Run

@@ -3,7 +3,8 @@
     import pareto_ltl
 
     result = pareto_ltl.plan("phi1", "F(a & F b & F c)", wind="calm")
-    result.plan, result.front, result.wind       # the records, each with a short repr and plot()
+    result.plan, result.front, result.wind       # its records, made when asked for, each with plot()
+    result.given(wind=field).plan                # the same mission in another wind
     pareto_ltl.choose(result, failure=0.02)      # another path of the front, without planning again
     pareto_ltl.export(result, "flight")          # files for autopilots, maps and navigators
     pareto_ltl.show(result)                      # one page with map, front, flights, in a browser

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 from pareto_ltl import Run
-from pareto_ltl.run.record import record
+from pareto_ltl.extend import record
 
 
 @record()

@@ -16,8 +16,8 @@ from numpy.random import SeedSequence
 import pareto_ltl
 from lies.editing import Lie, both, edited, in_json, in_metrics, in_plan
 from pareto_ltl.cli.summary import limit_rows, plan_paragraphs
-from pareto_ltl.planning.costs import EnergyModel, Wing
 from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.power import EnergyModel, Wing
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine import separation

@@ -11,7 +11,7 @@ from numpy.random import SeedSequence
 
 from desk import SMALL
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.planning.costs import EnergyModel
+from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl_verify.evidence import open_evidence

@@ -10,7 +10,7 @@ from itertools import combinations
 from pathlib import Path
 
 from pareto_ltl import Run
-from pareto_ltl.run.record import record
+from pareto_ltl.extend import record
 from pareto_ltl.settings import MissionConfig, SelectionConfig, WindConfig
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 
@@ -47,7 +47,7 @@ def read_steady(cfg: WindConfig, wanted):
 
 
 def _steady_wind():
-    from pareto_ltl.wind.sources import WindSource
+    from pareto_ltl.extend import WindSource
 
     return WindSource(read=read_steady, files=lambda cfg, wanted: ())
 

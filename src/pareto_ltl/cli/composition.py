@@ -33,14 +33,13 @@ from hydra.types import RunMode, TaskFunction
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pareto_ltl import __version__
+from pareto_ltl import Settings, __version__
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.setting_keys import refuse_unknown_key, settings_from
 from pareto_ltl.cli.wind_words import unread_wind_source, wind_file_words
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.run.provenance import one_line
-from pareto_ltl.settings import Settings
 from pareto_ltl.studies.stages import APPLICATION_STAGES
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl.support.extras import install_command

@@ -19,8 +19,8 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.run_status import ending_text
 
 if TYPE_CHECKING:
+    from pareto_ltl import Settings
     from pareto_ltl.run.pipeline import Pipeline
-    from pareto_ltl.settings import Settings
 
 CODE_VERSIONS = ("version", "code_hash", "python")
 TIME_COLUMN = "second"  # part of the name of columns of computing times

@@ -28,9 +28,9 @@ CLAIM_FAILS = 3  # exit code; 1 is for a crash, 2 for an input that cannot be re
 
 def front(options: Namespace) -> Answer:
     """The paths of a front with all their costs."""
+    from pareto_ltl import Run
     from pareto_ltl.report.limits import chosen_number
     from pareto_ltl.report.page.points import shown_points
-    from pareto_ltl.run.plan_run import Run
 
     run = Run.open(options.directory)
     front = run.get("front")
@@ -80,9 +80,9 @@ def _risk_text(point: dict[str, Any]) -> str:
 
 def choose(options: Namespace) -> Answer:
     """Write the plan of another path."""
+    from pareto_ltl import Run
     from pareto_ltl.cli.summary import run_answer
     from pareto_ltl.run.choosing import Choice, chosen_run, default_place
-    from pareto_ltl.run.plan_run import Run
     from pareto_ltl.studies.stages import APPLICATION_STAGES
 
     choice = Choice(
@@ -124,7 +124,7 @@ def read_selection(rule: str | None, words: Sequence[str]) -> dict[str, Any] | N
 
 def export(options: Namespace) -> Answer:
     """Write files of a plan."""
-    from pareto_ltl.run.interface import export
+    from pareto_ltl import export
 
     settings: dict[str, Any] = {}
     if options.altitude is not None:
@@ -223,7 +223,8 @@ def _claim_lines(found: Finding) -> tuple[str, ...]:
 
 def replan(options: Namespace) -> Answer:
     """Write a new plan for the rest of a flight."""
-    from pareto_ltl.run.replanning import comparison_lines, replan, replan_document
+    from pareto_ltl import replan
+    from pareto_ltl.run.replanning import comparison_lines, replan_document
 
     if options.time is None and options.fixes is None:
         raise ConfigError(

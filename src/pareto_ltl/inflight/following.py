@@ -11,21 +11,19 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pareto_ltl import Scene, Settings
 from pareto_ltl.inflight.airspeeds import planned_density_ratio
 from pareto_ltl.inflight.journal import NAME, SCHEMA, Journal, read_journal, require_place
 from pareto_ltl.inflight.replans import Replans, ReplanSettings
 from pareto_ltl.inflight.rules import Event, alarm, event_of
 from pareto_ltl.inflight.telemetry import Reading, Typed, read_log
 from pareto_ltl.inflight.watch import Watch, WatchSettings
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.run.rest_of_flight import issued
 from pareto_ltl.run.results import planned_run
-from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
-    from pareto_ltl.run.plan_run import Run
+    from pareto_ltl import Run
 
 STREAM = "follow"
 Listener = Callable[[Watch, Event], Iterable[Event]]
@@ -67,7 +65,7 @@ def follow(
     """
     cfg = settings or WatchSettings()
     run = planned_run(planned)
-    scene, seed = run.scene, stage_seeds(run.settings.seed, STREAM)
+    scene, seed = run.scene, run.seeds(STREAM)
     wind, medium = run.wind, run.settings.medium
     watch = Watch(run.problem, run.plan, cfg, seed, issued(wind), medium)
     begin = event_of(
@@ -170,7 +168,7 @@ class Session:
         self, readings: Iterable[Reading] | Path, *, resume: bool = False
     ) -> Generator[Event, None, None]:
         """Watch until the telemetry ends."""
-        from pareto_ltl.run.results import load_results
+        from pareto_ltl import load_results
 
         scene, begun = self.results.scene, list[Event]()
         if isinstance(readings, Path):

@@ -60,9 +60,7 @@ class Run(BaseRun):
 
         settings = self.settings
         if self.read is not None:
-            raise DataError(
-                "a results directory has no readings of winds: give the run a wind"
-            )
+            raise DataError("a results directory has no readings of winds: give the run a wind")
         _check_sample(settings.robot, settings.wind)
         readings = read_readings(settings.wind, wanted_wind(settings))
         for note in readings.notes:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning.costs import remedies_text
+from pareto_ltl.planning.limits import remedies_text
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, Plan
 from pareto_ltl.planning.refine.prices import limits_of

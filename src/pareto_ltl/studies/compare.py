@@ -41,9 +41,9 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Run, Settings
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.plan_run import Run
-from pareto_ltl.settings import Settings, preset
+from pareto_ltl.settings import preset
 from pareto_ltl.settings.studies import FACTOR_SECTIONS, FACTOR_TITLES
 from pareto_ltl.studies import planning, tables
 from pareto_ltl.studies.parts import Progress, part_key

@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Run, Settings
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Tree
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import stage_seeds
-from pareto_ltl.settings import FidelityConfig, Settings
+from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.studies import planning, tables
 from pareto_ltl.studies.parts import Part, Progress, part_key, work_parts
 from pareto_ltl.studies.planning import flags

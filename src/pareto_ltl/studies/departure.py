@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Readings, Run, Scene, Settings
 from pareto_ltl.exports.navigation_log import expected_winds
 from pareto_ltl.planning.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.planning.records import PlannedPath
@@ -27,11 +28,11 @@ from pareto_ltl.report.records import Study
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.pipeline import carry_out, files_of
-from pareto_ltl.run.plan_run import PLAN_STAGES, Run, UnpricedRun
+from pareto_ltl.run.plan_run import PLAN_STAGES, UnpricedRun
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.record import named_child, stage_seeds
 from pareto_ltl.run.rest_of_flight import quick_settings
-from pareto_ltl.settings import DepartureConfig, Settings
+from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.simulation.judging import which_fail_each
 from pareto_ltl.studies import departure_table as tables
 from pareto_ltl.studies.departure_fronts import compare_fronts, flown_front, pooled_front, starts_to_repeat
@@ -41,8 +42,7 @@ from pareto_ltl.studies.tables import Columns, flags_to_text
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import plain_data, write_json
-from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
-from pareto_ltl.world.scene import Scene
+from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.world.scene_files import scene_to_dict
 
 STREAM = "departure"  # random stream of the flights that compare starts

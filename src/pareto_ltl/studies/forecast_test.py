@@ -20,11 +20,11 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Run, Settings
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.plan_run import Run
-from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, Settings, preset
+from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, preset
 from pareto_ltl.settings.fidelity import FidelityConfig
 from pareto_ltl.studies import calibration, random_missions
 from pareto_ltl.studies.calibration import CHOSEN

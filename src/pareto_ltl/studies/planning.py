@@ -16,19 +16,18 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Run, Settings, WindField
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
-from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import stage_seeds
-from pareto_ltl.settings import Settings, preset
+from pareto_ltl.settings import preset
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.studies import tables
 from pareto_ltl.studies.parts import Part, Progress, part_key, work_parts
 from pareto_ltl.studies.tables import Columns
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.wind.records import WindField
 
 OF_THE_LATTICE = ("origin", "spacing", "times", "until", "ends", "leads", "level", "score", "source")
 FLAGS = ("accepted", "collided", "off_map", "failed")

@@ -20,16 +20,17 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.random import Generator
 
+from pareto_ltl import Run, Settings, WindField
 from pareto_ltl.exports.exported import held_problem
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.plan_run import Run, UnpricedRun
+from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.run.replanning import replanned
 from pareto_ltl.run.rest_of_flight import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES, NewWind
-from pareto_ltl.settings import ReplanningConfig, Settings
+from pareto_ltl.settings import ReplanningConfig
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.studies import forecast_test
 from pareto_ltl.studies.known_winds import DepartureWinds
@@ -41,7 +42,7 @@ from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.wind.conditioned import field_from, lattice_values
 from pareto_ltl.wind.readings import HOUR
-from pareto_ltl.wind.records import FORECAST, WindField
+from pareto_ltl.wind.records import FORECAST
 
 LOG = logging.getLogger(__name__)
 STREAM, FIXES, FORECASTS = "replanning", "replanning fixes", "replanning forecasts"

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
+from pareto_ltl import Run, Settings
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import stage_seeds
-from pareto_ltl.settings import Settings, SitlConfig
+from pareto_ltl.settings import SitlConfig
 from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation import aircraft as jsbsim

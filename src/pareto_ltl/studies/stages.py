@@ -8,9 +8,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl import Run
+from pareto_ltl.extend import Record
 from pareto_ltl.run.pipeline import FIGURES
-from pareto_ltl.run.plan_run import FIGURE_FILES, PLAN_STAGES, Run, UnpricedRun
-from pareto_ltl.run.record import Record
+from pareto_ltl.run.plan_run import FIGURE_FILES, PLAN_STAGES, UnpricedRun
 
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
