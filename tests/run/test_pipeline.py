@@ -109,7 +109,7 @@ def test_a_list_that_cannot_run_is_refused(names: tuple[str, ...], message: str)
     ("record_name", "changes", "message"),
     [
         ("scene", {}, "scene is missing: choose a ready mission"),
-        ("automaton", {"scene": SceneConfig(bounds=[[0, 0], [1, 1]])}, r"mission\.formula is missing"),
+        ("automaton", {"scene": phi1()}, r"mission\.formula is missing"),
     ],
 )
 def test_a_map_or_a_formula_that_is_missing_is_named_whatever_asks_for_it(
