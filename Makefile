@@ -92,6 +92,7 @@ lint: $(READY) ## ruff, and which module may import which
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports
+	$(BIN)/python release/waist.py
 
 types: $(READY) ## mypy --strict
 	$(BIN)/mypy

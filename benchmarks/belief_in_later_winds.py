@@ -20,7 +20,6 @@ from joblib import Parallel, delayed
 from numpy.random import SeedSequence
 
 from pareto_ltl.inflight.belief import Belief
-from pareto_ltl.run.records import PLAN, PROBLEM
 from pareto_ltl.settings import PlannerConfig, SelectionConfig, Settings, preset
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.studies.forecast_test import known_of_files, mission_settings, reality
@@ -39,12 +38,12 @@ def distances(known: KnownWinds, k: int) -> tuple[FloatArray, FloatArray]:
     task = mission(known.cfg, settings.seed, k, known.spells, settings.border)
     run = known.run_of(task, mission_settings(settings, known.cfg, task, preset("full")))
     try:
-        path = run.make(PLAN).path
+        path = run.plan.path
     except ParetoLtlError:
         return np.empty(0), np.empty(0)
     wind = draw_flights(reality(known, run), "independent", 1, SeedSequence([7, k]))
     flight = wind.flown(path.u, path.x)[0]
-    problem, rng = run.make(PROBLEM), np.random.default_rng([8, k])
+    problem, rng = run.problem, np.random.default_rng([8, k])
     belief, dt, R = Belief(problem, MEMBERS, SeedSequence(k)), problem.motion.dt, SD**2 * np.eye(2)
     found, middle = [], len(path.u) // 2
     for t in range(len(path.u)):

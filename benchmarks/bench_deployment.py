@@ -15,12 +15,11 @@ from numpy.random import SeedSequence
 import pareto_ltl
 from pareto_ltl.planning.evaluate import propagate_controls
 from pareto_ltl.planning.records import WEIGHTED
-from pareto_ltl.run.records import PROBLEM, Records
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation import importance
 from pareto_ltl.simulation.common_flights import draw_flights
-from pareto_ltl.studies.planning import study_run
 from problems import MISSIONS, paper_problem
 
 STEPS = 100
@@ -52,7 +51,7 @@ def windy():
     """phi2 in the coherent winds of the sample, with the modes of full runs, and a tour of 50 steps."""
     given = {"pipelines": "plan", "scene": "phi2", "mission": {"formula": MISSIONS["phi2"]}}
     settings = build_settings(given | {"fidelity": "full", "robot": {"dt": 1800.0}})
-    problem = study_run(settings, Records()).make(PROBLEM)
+    problem = Run(settings).problem
     angle = np.linspace(0, 2 * np.pi, 50, endpoint=False)
     u = 12.0 * np.column_stack([np.cos(angle), np.sin(angle)])
     deployment.simulate_flights(problem, u, 2, "coherent", SeedSequence(0))

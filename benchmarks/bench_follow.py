@@ -17,7 +17,6 @@ from pareto_ltl.inflight.belief import Belief
 from pareto_ltl.inflight.following import follow
 from pareto_ltl.inflight.telemetry import Reading
 from pareto_ltl.planning.conditioning import Fix
-from pareto_ltl.run.records import PROBLEM
 from pareto_ltl.run.replanning import replanned
 
 HALF_WAY = 15  # steps
@@ -29,7 +28,7 @@ FIXES = 40
 def flight():
     """The default plan of phi1, and a belief of 1,000 flights half-way."""
     result = pareto_ltl.plan("phi1", "F(a & F b & F c)", report="none")
-    problem, plan = result.run.make(PROBLEM), result.plan
+    problem, plan = result.problem, result.plan
     belief, dt = Belief(problem, 1000, SeedSequence(1)), problem.motion.dt
     for t in range(HALF_WAY):
         belief.advance(dt, dt * plan.path.u[t])
@@ -81,7 +80,7 @@ def test_ten_hours_of_ten_readings_a_second(benchmark, flight):
 def test_new_plan_after_a_fix(benchmark, flight):
     """From a position fix half-way to the new plan, on phi1, at 40 places where the robot may be."""
     result, *_ = flight
-    run, path = result.run, result.plan.path
+    run, path = result, result.plan.path
     rng = np.random.default_rng(3)
     places = iter(rng.multivariate_normal(path.x[HALF_WAY], path.cov[HALF_WAY], FIXES + 1))
     seconds: list[float] = []

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from pareto_ltl.planning.selection import hypervolume
-from pareto_ltl.run.records import FOREST, FRONT
 from search_best_known import KEPT, benchmark_run
 
 KNOWN: dict[str, list[dict[str, float]]] = json.loads(KEPT.read_text()) if KEPT.is_file() else {}
@@ -38,8 +37,8 @@ def dominated_share(rows: np.ndarray[Any, Any], box: tuple[float, float, float])
 def test_a_default_run_against_the_best_known_front(benchmark: Any, case: str, seed: int) -> None:
     name, border = case.split("_")
     run = benchmark_run(name, border, seed)
-    run.make(FOREST)
-    front = benchmark.pedantic(lambda: run.make(FRONT), rounds=1, iterations=1)
+    run.make("forest")
+    front = benchmark.pedantic(lambda: run.front, rounds=1, iterations=1)
     rows = np.array([[r.failure, p.objectives.length] for r, p in zip(front.rates, front.paths, strict=True)])
     known = np.array([[row["failure"], row["length_m"]] for row in KNOWN[case]])
     box = BOXES.get(name, (known[0, 1], known[-1, 1], MOST))

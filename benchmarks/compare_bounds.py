@@ -15,7 +15,6 @@ from numpy.random import SeedSequence
 from pareto_ltl import load_results
 from pareto_ltl.planning.evaluate import collision_risk, propagate
 from pareto_ltl.planning.refine.separation import separation
-from pareto_ltl.run.records import PROBLEM
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.simulation.flights import simulate_flights
 
@@ -46,7 +45,7 @@ def main() -> None:
 def bounds(folder: str, runs: int) -> tuple[float, ...] | None:
     """The three bounds and the simulated rate of the plan in ``folder``; None for a map without barriers."""
     results = load_results(folder)
-    problem, path = planned_run(results).make(PROBLEM), results.plan.path
+    problem, path = planned_run(results).problem, results.plan.path
     if not len(problem.barriers.ptr) - 1:
         return None
     law = problem.fidelity.law

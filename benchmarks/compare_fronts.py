@@ -16,9 +16,6 @@ from numpy.random import SeedSequence
 
 from pareto_ltl import load_results
 from pareto_ltl.run.front_stage import extra_paths
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PROBLEM, SCENE, WIND
-from pareto_ltl.run.stages import PLAN_TABLE
 from pareto_ltl.simulation.judging import which_fail_each
 from pareto_ltl.support.arrays import FloatArray
 
@@ -47,8 +44,7 @@ def main() -> None:
 def compared(folder: str, other: str, runs: int) -> str:
     """One line on a pair."""
     results = load_results(folder)
-    given = {SCENE: results.scene, WIND: results.wind}
-    problem = Run(results.settings, PLAN_TABLE, given).make(PROBLEM)
+    problem = results.problem
     groups = [extra_paths(place, problem) for place in (folder, other)]
     failed = which_fail_each(problem, [path for paths in groups for path in paths], runs, JUDGING)
     rates = np.maximum(failed.mean(axis=1), 0.5 / runs)

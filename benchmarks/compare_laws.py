@@ -17,9 +17,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import FRONT, PLAN, PROBLEM, SCENE, Records
-from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.flights import simulate_flights
 from search_best_known import benchmark_run, paper_run
@@ -44,14 +42,14 @@ def laws(settings: Settings) -> dict[str, Settings]:
 def plans(name: str, border: str, seed: int) -> dict[str, PlannedPath]:
     """Plans of a default run, of its front no longer than the paper's plan, and of the paper's method."""
     run = benchmark_run(name, border, seed)
-    paper = paper_run(run).make(PLAN).path
-    front = run.make(FRONT)
+    paper = paper_run(run).plan.path
+    front = run.front
     short = [
         (rate.failure, k)
         for k, (path, rate) in enumerate(zip(front.paths, front.rates, strict=True))
         if path.objectives.length <= paper.objectives.length
     ]
-    return {"default": run.make(PLAN).path, "as short": front.paths[min(short)[1]], "paper": paper}
+    return {"default": run.plan.path, "as short": front.paths[min(short)[1]], "paper": paper}
 
 
 def failure(problem: Problem, path: PlannedPath, dt: float) -> float:
@@ -79,7 +77,7 @@ def main() -> None:
             sep="; ",
         )
         for law, settings in laws(run.settings).items():
-            problem = Run(settings, PLAN_TABLE, Records({SCENE: run.make(SCENE)})).make(PROBLEM)
+            problem = Run(settings, {"scene": run.scene}).problem
             rates = (failure(problem, path, float(run.settings.robot.dt)) for path in paths.values())
             print(f"  {law:18}", *(f"{rate:8.4f}" for rate in rates), flush=True)
 

@@ -22,15 +22,12 @@ import numpy as np
 import shapely
 from numpy.random import SeedSequence
 
-from pareto_ltl import PlanningResult, Scene, Settings, load_results
-from pareto_ltl.planning.costs import Price
+from pareto_ltl import Scene, Settings, load_results
 from pareto_ltl.planning.evaluate import completing_path
+from pareto_ltl.planning.limits import Price
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.sweep import FINE, new_sweep
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import FRONT, PROBLEM, SCENE, WIND
-from pareto_ltl.run.results import Results
-from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.support.arrays import BoolArray, FloatArray
@@ -49,7 +46,7 @@ class Tried(NamedTuple):
     ``start`` (T+1, 2) [m] are the means of the plan, polished again on its map.
     """
 
-    results: Results
+    results: Run
     settings: Settings
     start: FloatArray
     rate: float
@@ -82,7 +79,7 @@ def main() -> None:
                 anew(tried, price, change, asked)
 
 
-def tried_plan(results: Results, runs: int) -> Tried:
+def tried_plan(results: Run, runs: int) -> Tried:
     """The plan of ``results`` with its time step, polished again, and its failure rate."""
     problem = problem_on(results, results.settings, results.scene)
     settings = replace(results.settings, robot=replace(results.settings.robot, dt=problem.motion.dt))
@@ -91,9 +88,9 @@ def tried_plan(results: Results, runs: int) -> Tried:
     return Tried(results, settings, start, float(failing(problem, start, runs).mean()), runs)
 
 
-def problem_on(results: Results, settings: Settings, scene: Scene) -> Problem:
+def problem_on(results: Run, settings: Settings, scene: Scene) -> Problem:
     """The problem with other settings or another map, in the same wind."""
-    return Run(settings, PLAN_TABLE, {SCENE: scene, WIND: results.wind}).make(PROBLEM)
+    return Run(settings, {"scene": scene, "wind": results.wind}).problem
 
 
 def tried_change(tried: Tried, price: Price, share: float) -> float:
@@ -166,7 +163,7 @@ def failure(settings: Settings, scene: Scene, length: float, asked: argparse.Nam
     found = []
     for seed in range(asked.seeds):
         cfg = replace(settings, seed=seed, selection=replace(settings.selection, draws=asked.runs))
-        front = PlanningResult(Run(cfg, PLAN_TABLE, {SCENE: scene}))[FRONT]
+        front = Run(cfg, {"scene": scene}).front
         order = np.argsort([path.objectives.length for path in front.paths])
         lengths = np.array([front.paths[k].objectives.length for k in order])
         rates = np.array([max(front.rates[k].failure, 0.5 / asked.runs) for k in order])

@@ -17,7 +17,6 @@ from numpy.random import SeedSequence
 from pareto_ltl import load_results
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.run.records import PROBLEM
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.simulation import importance
 from pareto_ltl.simulation.flights import simulate_flights
@@ -39,7 +38,7 @@ def main() -> None:
     asked = parser.parse_args()
     for folder in asked.results:
         results = load_results(folder)
-        problem, path = planned_run(results).make(PROBLEM), results.plan.path
+        problem, path = planned_run(results).problem, results.plan.path
         print(f"{folder}: {compared(problem, path, asked.plain, asked.draws)}", flush=True)
 
 

@@ -20,7 +20,6 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.report import style
 from pareto_ltl.report.axes import scale_rate_axis
-from pareto_ltl.run.records import FRONT, PROBLEM
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray
 from search_best_known import KEPT, benchmark_run, paper_run
@@ -37,7 +36,7 @@ LOOKS = {
 
 def full_front(name: str, border: str, seed: int) -> FloatArray:
     """Lengths [m] and failure rates of a default run."""
-    front = benchmark_run(name, border, seed).make(FRONT)
+    front = benchmark_run(name, border, seed).front
     rows = zip(front.paths, front.rates, strict=True)
     return np.array([[path.objectives.length, rate.failure] for path, rate in rows])
 
@@ -45,7 +44,7 @@ def full_front(name: str, border: str, seed: int) -> FloatArray:
 def paper_front(name: str, border: str, seed: int) -> FloatArray:
     """Lengths [m] and failure rates of the paper's method; its paths are then flown in coherent winds."""
     run = benchmark_run(name, border, seed)
-    problem, front = run.make(PROBLEM), paper_run(run).make(FRONT)
+    problem, front = run.problem, paper_run(run).front
     rows = []
     for path in front.paths:
         flown = simulate_flights(problem, path.u, FLIGHTS, "coherent", SeedSequence(9), path.x)

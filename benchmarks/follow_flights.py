@@ -32,10 +32,9 @@ from pareto_ltl.inflight.belief import LAW, Belief
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PLAN, PROBLEM
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.replanning import replanned
-from pareto_ltl.run.results import load_results, planned_run
+from pareto_ltl.run.results import planned_run
 from pareto_ltl.simulation.aircraft import Orders, fly_orders
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.simulation.flights import judge_flights
@@ -53,7 +52,7 @@ Parts = list[tuple[Problem, PlannedPath, int]]  # paths flown one after the othe
 
 def new_plan(run: Run, step: int, place: FloatArray, sd: float, seed: int) -> Parts:
     """The planned path to the step of the fix and the new one; the whole planned path if that is better."""
-    problem, path = run.make(PROBLEM), run.make(PLAN).path
+    problem, path = run.problem, run.plan.path
     old: Parts = [(problem, path, len(path.u))]
     belief, dt, R = Belief(problem, MEMBERS, SeedSequence(seed)), problem.motion.dt, sd**2 * np.eye(2)
     for t in range(step):
@@ -67,7 +66,7 @@ def new_plan(run: Run, step: int, place: FloatArray, sd: float, seed: int) -> Pa
         return old
     if done.situation.alarms or done.run is None:
         return old
-    new: Parts = [(problem, path, step), (done.run.make(PROBLEM), done.plan.path, len(done.plan.path.u))]
+    new: Parts = [(problem, path, step), (done.run.problem, done.plan.path, len(done.plan.path.u))]
     if sum(count for _, _, count in new) > len(problem.laws[LAW].wind.slot):
         return old
     before, after = (belief.rest_fails(*joined(parts))[1] for parts in (old, new))
@@ -108,14 +107,14 @@ AIRCRAFT = {"steps": flown_by_steps, "jsbsim": flown_by_jsbsim}
 @cache
 def plan_and_winds(folder: str, flights: int) -> tuple[Run, DrawnFlights]:
     """The run with the plan, and the winds of all flights; once a process."""
-    run = planned_run(load_results(folder))
-    return run, draw_flights(run.make(PROBLEM), LAW, flights, SeedSequence(77))
+    run = planned_run(folder)
+    return run, draw_flights(run.problem, LAW, flights, SeedSequence(77))
 
 
 def one_flight(folder: str, k: int, options: argparse.Namespace) -> list[int]:
     """Whether flight ``k`` fails without and with ``follow``, and whether it took a new plan."""
     run, winds = plan_and_winds(folder, options.flights)
-    problem, path, fly = run.make(PROBLEM), run.make(PLAN).path, AIRCRAFT[options.aircraft]
+    problem, path, fly = run.problem, run.plan.path, AIRCRAFT[options.aircraft]
     x = fly(run, winds, k, [(problem, path, len(path.u))])
     step = round(options.after * len(path.u))
     place = x[step] + options.sd * np.random.default_rng([5, k]).standard_normal(2)

@@ -19,7 +19,7 @@ from PIL import Image
 
 import pareto_ltl
 from pareto_ltl.report.figures import Drawing
-from pareto_ltl.run.results import PlanningResult
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.files import write_bytes, write_text
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
@@ -72,9 +72,9 @@ class Missions:
 
     def __init__(self, **small: Any) -> None:
         self._small = small
-        self._made: dict[str, PlanningResult] = {}
+        self._made: dict[str, Run] = {}
 
-    def __getitem__(self, name: str) -> PlanningResult:
+    def __getitem__(self, name: str) -> Run:
         if name not in self._made:
             wanted = MISSIONS[name]() | self._small
             self._made[name] = pareto_ltl.plan(wanted.pop("scene"), wanted.pop("formula"), **wanted)
@@ -87,7 +87,7 @@ def flown_map(missions: Missions, name: str) -> Drawing:
 
     made = missions[name]
     flights = {"coherent": pareto_ltl.simulate(made, FLIGHTS)}
-    return mission_drawing(made.scene, made.decomposition, made.wind, made.forest, made.plan, flights)
+    return mission_drawing(made.scene, made.cells, made.wind, made.forest, made.plan, flights)
 
 
 def strip_of_flights(missions: Missions) -> Drawing:

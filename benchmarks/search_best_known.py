@@ -26,9 +26,7 @@ from pareto_ltl.planning.refine.levels import looks
 from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
 from pareto_ltl.planning.refine.sweep import WARM, new_sweep
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import DECOMPOSITION, FOREST, PROBLEM, READINGS, SCENE, Records
-from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import HindcastConfig, RefineConfig, preset
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation.common_flights import draw_flights
@@ -65,28 +63,27 @@ def benchmark_run(name: str, border: str, seed: int) -> Run:
     if number == name:
         choices: dict[str, Any] = {"scene": name, "mission": name, "robot": {"dt": 1800.0}}
         settings = build_settings({"pipelines": "plan", "seed": seed} | choices)
-        return Run(replace(settings, scene=replace(settings.scene, border=border)), PLAN_TABLE)
+        return Run(replace(settings, scene=replace(settings.scene, border=border)))
     settings = build_settings({"pipelines": "plan", "seed": seed})
-    times = Run(settings, PLAN_TABLE).make(READINGS).times
+    times = Run(settings).readings.times
     spell = Spell(0, len(times) - 1, float(times[0]), float(times[-1]))
     task = random_mission(HindcastConfig(), RANDOM_SEED, int(number), [spell], border)
     settings = mission_settings(settings, HindcastConfig(), task, preset("full"))
-    return Run(replace(settings, seed=seed), PLAN_TABLE, Records({SCENE: task.scene}))
+    return Run(replace(settings, seed=seed), {"scene": task.scene})
 
 
 def paper_run(run: Run) -> Run:
     """The mission of ``run`` on its map, by the paper's method."""
-    kept = Records({key: run.make(key) for key in (SCENE, DECOMPOSITION)})
-    return Run(replace(run.settings, fidelity=preset("paper")), PLAN_TABLE, kept)
+    return Run(replace(run.settings, fidelity=preset("paper")), run.make("scene", "cells"))
 
 
 def wide_search(name: str, border: str, minutes: float) -> list[dict[str, float]]:
     """Failure rates and lengths of the best paths found, shortest first."""
     rng = np.random.default_rng([7, len(name)])
-    problem = benchmark_run(name, border, SEEDS[0]).make(PROBLEM)
+    problem = benchmark_run(name, border, SEEDS[0]).problem
     starts: dict[StartKind, Start] = {}
     for seed in SEEDS:
-        starts |= first_starts(problem, benchmark_run(name, border, seed).make(FOREST))
+        starts |= first_starts(problem, benchmark_run(name, border, seed).forest)
     law = problem.fidelity.law
     flights = draw_flights(problem, law, WIDE.flights, SeedSequence(8))
     sweep = new_sweep(WIDE, problem, flights)

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PROBLEM, SCENE, WIND, Records
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import MissionConfig, RobotConfig, Settings, preset
 from pareto_ltl.simulation import flights
 from pareto_ltl.wind.records import WindField
@@ -46,7 +45,7 @@ def judge(formula, regions, path):
         robot=RobotConfig(dt=100.0, u_max=10.5),
         fidelity=preset("paper"),  # both bounds are for the winds of these flights
     )
-    task = Run(settings, records=Records({SCENE: scene, WIND: wind})).make(PROBLEM)
+    task = Run(settings, records={"scene": scene, "wind": wind}).problem
     plan = evaluate_path(task, path, "by hand")
     missed = ~flights.simulate_flights(task, plan.u, RUNS, "independent", SeedSequence(1)).accepted
     low, high = flights.clopper_pearson(int(missed.sum()), RUNS)

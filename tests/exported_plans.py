@@ -37,7 +37,7 @@ def settings_named(name: str, **scene: Any) -> Settings:
 class Flown:
     """The plan, the problem that it solves, the exported values and the folder of the files."""
 
-    result: pareto_ltl.PlanningResult
+    result: pareto_ltl.Run
     exported: ExportedPlan
     folder: Path
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, OBSERVATIONS, SCENE, Records
+from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings import (
     DeploymentConfig,
     EvaluationConfig,
@@ -20,7 +20,6 @@ from pareto_ltl.settings import (
     SmoothingConfig,
     preset,
 )
-from pareto_ltl.studies.planning import study_run
 from pareto_ltl.wind.records import WindObservations
 from problems import box, make_scene
 
@@ -40,7 +39,7 @@ def settings(**changes: Any) -> Settings:
     return replace(plain, **changes)
 
 
-def world(cfg: Settings) -> Records:
+def world(cfg: Settings) -> UnpricedRun:
     """The results of the stages before a study."""
     scene = make_scene(
         {"a": box(13, 2, 17, 6), "b": box(3, 13, 7, 17)}, [box(9, 8, 12, 11)], start=(2.0, 3.0)
@@ -53,10 +52,9 @@ def world(cfg: Settings) -> Records:
         for k in range(3)
     ]
     seen = WindObservations(np.array([0.0, 9000.0, 30000.0]), (grid,) * 3, tuple(winds), "by hand")
-    run = study_run(cfg, Records({SCENE: scene, OBSERVATIONS: seen}))
-    run.make(DECOMPOSITION)
-    run.make(AUTOMATON)
-    return run.records
+    run = UnpricedRun(cfg, {"scene": scene, "observations": seen})
+    run.make("cells", "automaton")
+    return run
 
 
 def files(folder: Path) -> dict[str, bytes]:

@@ -23,9 +23,7 @@ from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.cli.setting_keys import settings_from
 from pareto_ltl.planning.refine import flown_lines
 from pareto_ltl.planning.refine.separation import ROUNDING
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PLAN, PROBLEM
-from pareto_ltl.run.stages import UNPRICED_TABLE
+from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.scene import Scene
@@ -66,11 +64,11 @@ def test_a_mission_that_a_line_can_fly_has_a_plan(number: int) -> None:
         arguments = composition.parse_flags([*words, *SMALL, "planner.trees=2", "planner.n_max=500"])
         with composition.opened_hydra(arguments) as hydra:
             settings = settings_from(composition.composed_config(hydra, arguments, RunMode.RUN))
-        run = Run(settings, UNPRICED_TABLE)
+        run = UnpricedRun(settings)
         try:
-            plan = run.make(PLAN)
+            plan = run.plan
         except InfeasibleError as error:
-            assert "robot.power.capacity" in str(error) or not flown_lines(run[PROBLEM]), error
+            assert "robot.power.capacity" in str(error) or not flown_lines(run.problem), error
         else:
             assert plan.worst is not None
             assert plan.epsilon_kept is (plan.worst.probability <= plan.epsilon * (1.0 + ROUNDING))

@@ -111,7 +111,7 @@ def small_words(words: Sequence[str], place: Path) -> list[str]:
     return [*words, *SMALL, *([] if named else ["report=none", f"hydra.run.dir={place}"])]
 
 
-def small_plan(scene: Any, formula: Any, **sections: Any) -> pareto_ltl.PlanningResult:
+def small_plan(scene: Any, formula: Any, **sections: Any) -> pareto_ltl.Run:
     """``pareto_ltl.plan`` in a small form."""
     few = {"trees": 2, "n_max": 1500, "epsilon": 0.2}
     sections |= {"planner": sections.get("planner", {}) | few, "selection": {"draws": 200, "runs": 500}}

@@ -14,10 +14,7 @@ from pareto_ltl.logic import parse_formula, translate
 from pareto_ltl.planning import growth
 from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.records import Forest
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import DECOMPOSITION, FOREST, FRONT, PROBLEM, SCENE, Records
-from pareto_ltl.run.stage_table import StageTable, with_extension_stages
-from pareto_ltl.run.stages import PLAN_STAGES
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import PlannerConfig, Settings
 from pareto_ltl.settings.building import build_settings
 
@@ -31,7 +28,7 @@ class Mission:
 
     name: str
     settings: Settings
-    records: Records
+    records: dict[str, Any]
 
     @classmethod
     def named(cls, name: str) -> Mission:
@@ -39,25 +36,23 @@ class Mission:
             {"pipelines": "plan", "scene": name, "mission": name, "wind": "calm", "fidelity": "paper"}
             | {"robot": {"dt": 1800.0}, "planner": {"threads": 1}}
         )
-        run = Run(settings, stages_of(settings), Records())
-        run.make(PROBLEM)
-        return cls(name, settings, run.records)
+        return cls(name, settings, Run(settings).make("scene", "cells", "problem"))
 
     def first_path(self, seed: int) -> float:
         """CPU time to the first path of one tree [s], with preparation of growth; inf if there is none."""
         cfg = PlannerConfig(trees=1, n_max=20_000, threads=1)
         options = GrowthOptions(stop_at_first=True)
         began = time.process_time()
-        forest = growth.grow_forest(cfg, self.records[PROBLEM], SeedSequence(seed), options=options)
+        forest = growth.grow_forest(cfg, self.records["problem"], SeedSequence(seed), options=options)
         return time.process_time() - began if len(forest.accepted) else float("inf")
 
     def plan(self, seed: int) -> dict[str, float]:
         """CPU time of growth, and with smoothing [s], the length of the best path of each [km], vertices."""
-        run = Run(replace(self.settings, seed=seed), stages_of(self.settings), self.records.copy())
+        run = Run(replace(self.settings, seed=seed), dict(self.records))
         began = time.process_time()
-        forest = run.make(FOREST)
+        forest = run.forest
         grown = time.process_time() - began
-        front = run.make(FRONT)
+        front = run.front
         return {
             "grown": grown, "grown_length": shortest(forest), "vertices": sum(map(len, forest.trees)),
             "planned": time.process_time() - began,
@@ -66,7 +61,7 @@ class Mission:
 
     def for_peers(self) -> dict[str, Any]:
         """The map in units of 100 km from its south-west corner, with the cells of the decomposition."""
-        scene, cells = self.records[SCENE], self.records[DECOMPOSITION]
+        scene, cells = self.records["scene"], self.records["cells"]
         corner = scene.bounds[0]
 
         def scaled(points: Any) -> Any:
@@ -82,12 +77,8 @@ class Mission:
             "inside": {
                 name: [i for i, label in enumerate(cells.labels) if name in label] for name in scene.regions
             },
-            "step": float(self.records[PROBLEM].reach / UNIT),
+            "step": float(self.records["problem"].reach / UNIT),
         }
-
-
-def stages_of(settings: Settings) -> StageTable:
-    return with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
 
 
 def shortest(forest: Forest) -> float:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.run.records import PROBLEM, SCENE, WIND, Records
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import (
     MissionConfig,
     PlannerConfig,
@@ -20,7 +20,6 @@ from pareto_ltl.settings import (
     WindConfig,
     preset,
 )
-from pareto_ltl.studies.planning import study_run
 from pareto_ltl.studies.random_missions import at_times
 from pareto_ltl.wind.field import wind_lattice
 from pareto_ltl.wind.readings import HOUR, seconds
@@ -87,9 +86,8 @@ def true_problem(mission: Mission, folder: Path = FOLDER) -> Problem:
         planner=PlannerConfig(max_steps=mission.most_steps),
         fidelity=preset("paper"),  # without modes: the field is known
     )
-    world = Records({SCENE: scene, WIND: true_wind(mission, scene, folder)})
-    problem: Problem = study_run(settings, world).make(PROBLEM)
-    return problem
+    world = {"scene": scene, "wind": true_wind(mission, scene, folder)}
+    return Run(settings, world).problem
 
 
 def true_wind(mission: Mission, scene: Scene, folder: Path = FOLDER) -> WindField:

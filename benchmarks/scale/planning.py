@@ -142,7 +142,7 @@ def full_problem(made: Any) -> Any:
 
     s = made.settings
     return build_problem(
-        s.robot, s.planner, s.wind, made.scene, made.wind, made.decomposition, made.automaton, preset("full")
+        s.robot, s.planner, s.wind, made.scene, made.wind, made.cells, made.automaton, preset("full")
     )
 
 

@@ -23,7 +23,6 @@ from pyproj import Geod
 import pareto_ltl
 from pareto_ltl.exports.navigation_log import navigation_log
 from pareto_ltl.inflight.airspeeds import airspeeds_of
-from pareto_ltl.run.records import PLAN, PROBLEM
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.simulation.aircraft import Cessna, Orders
 from pareto_ltl.simulation.flights import DRAWS
@@ -112,7 +111,7 @@ def report(link: mavutil.mavfile, vehicle: Point, t: float, fix: bool, rng: np.r
 def fly(options: argparse.Namespace) -> tuple[float, float]:
     """Fly to the end of the plan; returns the last position."""
     run = planned_run(pareto_ltl.load_results(options.directory))
-    problem, plan = run.make(PROBLEM), run.make(PLAN)
+    problem, plan = run.problem, run.plan
     log, rng = navigation_log(problem, plan.path), np.random.default_rng(options.seed)
     draws = DRAWS["coherent"](problem, 1, len(plan.path.u), rng)
     air = flight_air(problem, draws, 0, len(plan.path.u))

@@ -3,7 +3,8 @@
     import pareto_ltl
 
     result = pareto_ltl.plan("phi1", "F(a & F b & F c)", wind="calm")
-    result.plan, result.front, result.wind       # the records, each with a short repr and plot()
+    result.plan, result.front, result.wind       # its records, made when asked for, each with plot()
+    result.given(wind=field).plan                # the same mission in another wind
     pareto_ltl.choose(result, failure=0.02)      # another path of the front, without planning again
     pareto_ltl.export(result, "flight")          # files for autopilots, maps and navigators
     pareto_ltl.show(result)                      # one page with map, front, flights, in a browser
@@ -37,8 +38,9 @@ if TYPE_CHECKING:
     from pareto_ltl.run.beacons import beacons
     from pareto_ltl.run.choosing import choose
     from pareto_ltl.run.interface import export, plan, simulate, steer
+    from pareto_ltl.run.plan_run import Run
     from pareto_ltl.run.replanning import replan
-    from pareto_ltl.run.results import PlanningResult, Results, load_results
+    from pareto_ltl.run.results import load_results
     from pareto_ltl.run.showing import explain, page, show
     from pareto_ltl.settings import Settings
     from pareto_ltl.support.errors import (
@@ -63,10 +65,9 @@ __all__ = [
     "FormulaError",
     "InfeasibleError",
     "ParetoLtlError",
-    "PlanningResult",
     "Reading",
     "Readings",
-    "Results",
+    "Run",
     "Scene",
     "Settings",
     "WatchSettings",
@@ -98,8 +99,9 @@ _EXPORTS = {
     "pareto_ltl.run.beacons": ("beacons",),
     "pareto_ltl.run.choosing": ("choose",),
     "pareto_ltl.run.interface": ("export", "plan", "simulate", "steer"),
+    "pareto_ltl.run.plan_run": ("Run",),
     "pareto_ltl.run.replanning": ("replan",),
-    "pareto_ltl.run.results": ("PlanningResult", "Results", "load_results"),
+    "pareto_ltl.run.results": ("load_results",),
     "pareto_ltl.run.showing": ("explain", "page", "show"),
     "pareto_ltl.settings": ("Settings",),
     "pareto_ltl.support.errors": (

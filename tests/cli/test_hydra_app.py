@@ -20,14 +20,12 @@ from hydra.types import RunMode
 from pareto_ltl.cli import composition
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.setting_keys import settings_from
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.provenance import one_line
-from pareto_ltl.run.records import RecordKey
-from pareto_ltl.run.results import Results
-from pareto_ltl.run.stage_table import Stage, StageInputs
+from pareto_ltl.run.record import Record
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
-from pareto_ltl.studies import stages
 from pareto_ltl.support import machine
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
@@ -50,9 +48,10 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def stage(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Adds a stage, which has the name of its function, for the duration of a test."""
 
-    def add(make: Callable[[StageInputs], Any]) -> None:
-        added = Stage(makes=RecordKey[Any](make.__name__), make=make)
-        monkeypatch.setattr(stages, "STUDY_STAGES", (*stages.STUDY_STAGES, added))
+    def add(make: Callable[[Run], Any]) -> None:
+        added = Record(make)
+        listed = (*composition.APPLICATION_STAGES, added)
+        monkeypatch.setattr(composition, "APPLICATION_STAGES", listed)
 
     return add
 
@@ -172,7 +171,7 @@ def test_a_sweep_that_nobody_waits_for_is_refused(
 def test_results_go_where_they_are_said_to_be_when_a_job_changes_its_folder(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def idle(inputs: StageInputs) -> int:
+    def idle(run: Run) -> int:
         return 0
 
     stage(idle)
@@ -188,7 +187,7 @@ def test_results_go_where_they_are_said_to_be_when_a_job_changes_its_folder(
 def test_a_folder_with_spaces_and_other_letters_holds_results(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def idle(inputs: StageInputs) -> int:
+    def idle(run: Run) -> int:
         return 0
 
     stage(idle)
@@ -209,7 +208,7 @@ def test_files_differ_by_more_than_case_where_regions_do_not(here: Path) -> None
     stages = "pipelines.stages=[readings,scene,decomposition,automaton,observations,wind]"
     assert app.run_hydra([names, *words, stages, "wind=calm", "name=Aa"]) == 0
     place = only("outputs/Aa/*")
-    assert Results(place).scene.regions.keys() == {"a", "A"}
+    assert Run.open(place).scene.regions.keys() == {"a", "A"}
     files = [str(path.relative_to(place)) for path in place.rglob("*")]
     assert len({name.lower() for name in files}) == len(files)
 
@@ -285,11 +284,11 @@ def only(pattern: str) -> Path:
 def test_a_finished_run_leaves_its_settings_its_record_and_metrics_last(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def probe(inputs: StageInputs) -> int:
-        directory = inputs.directory
+    def probe(run: Run) -> int:
+        directory = run.directory
         assert not (directory / "metrics.json").exists()
         assert json.loads((directory / "run.json").read_text())["status"] == "running"
-        return inputs.settings.seed
+        return run.settings.seed
 
     stage(probe)
     assert app.run_hydra(["pipelines.stages=[probe]", "seed=7", "name=trial"]) == 0
@@ -320,7 +319,7 @@ def test_a_finished_run_leaves_its_settings_its_record_and_metrics_last(
 def test_a_failure_is_one_line_an_exit_code_and_a_record(
     error: BaseException, code: int, status: str, here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def burst(inputs: StageInputs) -> None:
+    def burst(run: Run) -> None:
         raise error
 
     stage(burst)
@@ -341,7 +340,7 @@ def test_a_failure_is_one_line_an_exit_code_and_a_record(
 def test_a_run_that_fails_before_its_first_tree_leaves_no_folder(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def refused(inputs: StageInputs) -> None:
+    def refused(run: Run) -> None:
         raise DataError("the wind file is empty")
 
     stage(refused)
@@ -366,7 +365,7 @@ def test_a_run_that_is_asked_to_end_notes_it_and_ends_with_the_code_of_the_signa
 ) -> None:
     number = signal.Signals[name]
 
-    def busy(inputs: StageInputs) -> None:
+    def busy(run: Run) -> None:
         os.kill(os.getpid(), number)
 
     stage(busy)
@@ -384,7 +383,7 @@ def test_a_log_that_cannot_be_written_is_one_line(
 ) -> None:
     monkeypatch.setattr(sys, "dont_write_bytecode", True)  # Python would keep half a module
 
-    def chatty(inputs: StageInputs) -> None:
+    def chatty(run: Run) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
         for _ in range(1000):
             logging.getLogger("pareto_ltl").info("a line of the log")
@@ -429,10 +428,10 @@ def test_a_disk_that_is_full_is_one_line_whatever_file_fills_it(here: Path) -> N
 def test_a_sweep_goes_on_after_a_failed_job_and_keeps_all_in_one_folder(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def picky(inputs: StageInputs) -> int:
-        if inputs.settings.seed == 2:
+    def picky(run: Run) -> int:
+        if run.settings.seed == 2:
             raise DataError("two is not to my taste")
-        return inputs.settings.seed
+        return run.settings.seed
 
     stage(picky)
     assert app.run_hydra(["-m", "pipelines.stages=[picky]", "seed=1,2,3", "name=x,y"]) == 2
@@ -445,7 +444,7 @@ def test_a_sweep_goes_on_after_a_failed_job_and_keeps_all_in_one_folder(
 
 
 def test_an_unwritable_place_is_one_line(here: Path, stage: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    def idle(inputs: StageInputs) -> int:
+    def idle(run: Run) -> int:
         return 0
 
     stage(idle)
@@ -477,7 +476,7 @@ def test_start_up_loads_no_numerical_package() -> None:
 def test_warnings_go_to_the_log_of_the_run(
     here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def uneasy(inputs: StageInputs) -> int:
+    def uneasy(run: Run) -> int:
         import warnings
 
         warnings.showwarning("the ice is thin", UserWarning, "lake.py", 1)
@@ -523,7 +522,7 @@ def test_the_same_command_gives_the_same_files_with_any_number_of_threads(here: 
     for threads in (1, 2):
         place = f"hydra.run.dir=outputs/threads{threads}/run"  # files name the run
         assert app.run_hydra([*SMALL, f"planner.threads={threads}", place]) == 0
-        results.append(Results(only(f"outputs/threads{threads}/*")))
+        results.append(Run.open(only(f"outputs/threads{threads}/*")))
     one, two = (result.directory for result in results)
     assert {path.name for path in one.iterdir()} == MADE
     for name in sorted(MADE - TIMED - {"config_resolved.yaml"}):
@@ -538,7 +537,7 @@ def test_the_same_command_gives_the_same_files_with_any_number_of_threads(here: 
     flights = results[0].deployments["independent"]
     assert metrics["runs_independent"] == len(flights.accepted) == 50
     assert metrics["failure_independent"] == flights.failed.mean()
-    assert set(results[0].run["inputs"].values())  # the packaged wind, by hash
+    assert set(results[0].provenance["inputs"].values())  # the packaged wind, by hash
 
 
 def test_trees_that_find_no_way_are_kept_with_their_picture(
@@ -550,8 +549,8 @@ def test_trees_that_find_no_way_are_kept_with_their_picture(
     place = only("outputs/phi1/*")
     assert err.count("\n") == 1
     assert str(place) in err
-    assert len(Results(place).forest.trees[0]) == 20
-    assert Results(place).run["status"] == "infeasible"
-    assert Results(place).metrics["completed"] == 0.0
+    assert len(Run.open(place).forest.trees[0]) == 20
+    assert Run.open(place).provenance["status"] == "infeasible"
+    assert Run.open(place).metrics["completed"] == 0.0
     assert (place / "figures" / "plan.png").stat().st_size > 0
     assert not (place / "plan.json").exists()

@@ -13,12 +13,12 @@ from pareto_ltl.simulation.flights import simulate_flights
 
 
 def test_the_rate_is_that_of_a_robot_with_feedback(flown: Flown) -> None:
-    run, path = flown.result.run, flown.exported.plan.path
+    run, path = flown.result, flown.exported.plan.path
     settings = run.settings
     other = build_problem(
         replace(settings.robot, feedback_time=60.0),
         settings.planner, settings.wind, flown.result.scene,
-        flown.result.wind, flown.result.decomposition, flown.result.automaton, settings.fidelity,
+        flown.result.wind, flown.result.cells, flown.result.automaton, settings.fidelity,
     )  # fmt: skip
     rate = held_course_rate(flown.problem, path, 600, SeedSequence(4))
     flights = simulate_flights(other, path.u, 600, "coherent", SeedSequence(4), path.x)

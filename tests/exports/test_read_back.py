@@ -32,7 +32,7 @@ from exported_plans import Flown, metres_apart, seconds_apart
 from pareto_ltl.exports.exported import vehicle_of
 from pareto_ltl.exports.formats import MAKERS
 from pareto_ltl.exports.xml_files import short_text
-from pareto_ltl.planning.costs import energy_model
+from pareto_ltl.planning.power import energy_model
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.heights import Height, level_height

@@ -15,16 +15,17 @@ import signal
 import time
 from pathlib import Path
 
-from pareto_ltl.run.records import RecordKey
-from pareto_ltl.run.stage_table import Stage, StageInputs
+from pareto_ltl import Run
+from pareto_ltl.extend import record
 
 
-def make_trouble(inputs: StageInputs) -> int:
+@record()
+def trouble(run: Run) -> int:
     """The seed, unless a file in the folder ``$TROUBLE`` names a fault."""
     from pareto_ltl.support import files
     from pareto_ltl.support.errors import InfeasibleError
 
-    settings, directory = inputs.settings, inputs.directory
+    settings, directory = run.settings, run.directory
     asked = Path(os.environ["TROUBLE"])
     real = files.write_bytes
 
@@ -47,6 +48,3 @@ def make_trouble(inputs: StageInputs) -> int:
     if (asked / f"none_{settings.seed}").exists():
         raise InfeasibleError("no way from a to b; raise planner.n_max")
     return settings.seed
-
-
-TROUBLE = Stage(makes=RecordKey[int]("trouble"), make=make_trouble)

@@ -230,26 +230,25 @@ def results(place: Path) -> Fuzz:
     """One file of a results directory is changed; everything that reads this file is called."""
     from pareto_ltl.cli.rerun_command import _finished_record
     from pareto_ltl.planning.plan_files import read_extra_paths
-    from pareto_ltl.run.results import Results
+    from pareto_ltl.run.plan_run import Run
     from pareto_ltl.studies.jobs import RunJob
 
     run = place / "run"
     corpora.write_run(run)
-    found = Results(run)
     readers: dict[str, tuple[Callable[[], object], ...]] = {
-        "scene.json": (lambda: found.scene,),
-        "cells.json": (lambda: found.decomposition,),
-        "automaton.json": (lambda: found.automaton.n_states,),
-        "plan.json": (lambda: found.plan, lambda: repr(found.plan)),
-        "front.csv": (lambda: repr(found.front),),
-        "front.npz": (lambda: repr(found.front), lambda: read_extra_paths(run)),
-        "metrics.json": (lambda: found.metrics, lambda: RunJob(run).look()),
+        "scene.json": (lambda: Run.open(run).scene,),
+        "cells.json": (lambda: Run.open(run).cells,),
+        "automaton.json": (lambda: Run.open(run).automaton.n_states,),
+        "plan.json": (lambda: Run.open(run).plan, lambda: repr(Run.open(run).plan)),
+        "front.csv": (lambda: repr(Run.open(run).front),),
+        "front.npz": (lambda: repr(Run.open(run).front), lambda: read_extra_paths(run)),
+        "metrics.json": (lambda: Run.open(run).metrics, lambda: RunJob(run).look()),
         "run.json": (
-            lambda: (found.done, repr(found), RunJob(run).look(), RunJob(run).settled()),
+            lambda: (Run.open(run).done, repr(Run.open(run)), RunJob(run).look(), RunJob(run).settled()),
             lambda: _finished_record(run),
         ),
-        "trees.npz": (lambda: [tree.path(len(tree) - 1) for tree in found.forest.trees],),
-        "deployments.npz": (lambda: found.deployments,),
+        "trees.npz": (lambda: [tree.path(len(tree) - 1) for tree in Run.open(run).forest.trees],),
+        "deployments.npz": (lambda: Run.open(run).deployments,),
     }  # fmt: skip
     whole = {name: (run / name).read_bytes() for name in readers}
     trees = corpora.json_trees(run)

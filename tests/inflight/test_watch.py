@@ -20,7 +20,7 @@ from pareto_ltl.inflight.lines import event_line
 from pareto_ltl.inflight.rules import Event
 from pareto_ltl.inflight.telemetry import Reading, Sieve
 from pareto_ltl.inflight.watch import Watch, WatchSettings
-from pareto_ltl.planning.costs import Body, EnergyModel
+from pareto_ltl.planning.power import Body, EnergyModel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.errors import DataError

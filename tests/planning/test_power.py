@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.planning import selection
-from pareto_ltl.planning.costs import EnergyModel, energy_model
+from pareto_ltl.planning.power import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath, counted_rate
 from pareto_ltl.planning.routes.taut_lines import CAP

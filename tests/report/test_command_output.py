@@ -12,7 +12,7 @@ import pytest
 
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.cli.output import Answer, Output, answered, output_of
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.errors import ConfigError
 
 WORDS = {
@@ -49,7 +49,7 @@ def test_every_command_gives_one_json_document(
 def test_the_documents_have_the_numbers_of_the_files(
     page_result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    front, plan = Results(page_result).front, Results(page_result).plan
+    front, plan = Run.open(page_result).front, Run.open(page_result).plan
 
     def document(name: str) -> dict[str, object]:
         run_command_line(["--json", *words_of(name, page_result, tmp_path)])
@@ -87,7 +87,7 @@ def test_the_table_of_a_front_fits_a_terminal_and_marks_the_plan(
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     assert sum(line.lstrip().startswith("plan ") for line in lines) == 1
-    front = Results(page_result).front
+    front = Run.open(page_result).front
     assert f"{front.models.law} winds" in " ".join(lines)
     rows = [line for line in lines if re.match(r" *(plan )?\d+ +[\d.e-]+ %", line)]
     assert len(rows) == len(front.paths)  # a line each
@@ -117,7 +117,7 @@ def test_errors_are_documents_too_and_stay_lines_on_the_error_stream(
     assert list(tmp_path.iterdir()) == []
 
 
-WARNED, OTHER = logging.getLogger("pareto_ltl.run.stages"), logging.getLogger("matplotlib.font_manager")
+WARNED, OTHER = logging.getLogger("pareto_ltl.run.plan_run"), logging.getLogger("matplotlib.font_manager")
 LONG = "the wind used is 10 m above ground: winds at other heights differ, often by a factor of two; read it"
 
 

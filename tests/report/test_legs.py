@@ -21,7 +21,7 @@ from pareto_ltl.report.legs import (
     closest_barriers,
     of_one_heading,
 )
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.medium import AIR, WATER
 from pareto_ltl.world.windows import Window
 from problems import along, box, make_problem, make_scene
@@ -65,7 +65,7 @@ def test_explain_tells_every_leg_and_names_laws(
 ) -> None:
     assert run_command_line(["explain", str(page_result), "--legs"]) == 0
     out = capsys.readouterr().out
-    plan = Results(page_result).plan
+    plan = Run.open(page_result).plan
     legs = [line for line in out.splitlines() if line[:7].strip().isdigit()]
     assert [int(line[:7]) for line in legs] == list(range(len(plan.path.u)))
     assert all("heading" in line or "drifting" in line for line in legs)
@@ -118,7 +118,7 @@ def test_a_leg_to_a_region_with_a_window_names_the_proposition() -> None:
 
 
 def test_explain_tells_any_point(page_result: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    front = Results(page_result).front
+    front = Run.open(page_result).front
     last = len(front.paths) - 1
     assert run_command_line(["explain", str(page_result), "--point", str(last)]) == 0
     assert f"{len(front.paths[last].u)} legs" in capsys.readouterr().out

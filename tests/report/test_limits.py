@@ -18,7 +18,7 @@ from matplotlib.collections import LineCollection
 import pareto_ltl
 from drawn_world import path_of, plan_of, run_records, scene_of
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
-from pareto_ltl.planning.costs import Price, SegmentLimits
+from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report import style
 from pareto_ltl.report.figures import draw_run_figures

@@ -23,7 +23,7 @@ from pareto_ltl.report.page.ground import MOST_CORNERS, rounded, shown_map, show
 from pareto_ltl.report.page.machine import told_clocks
 from pareto_ltl.report.page.points import MOST_LEGS, told_points
 from pareto_ltl.report.records import Origin, ShownRun
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.projection import to_geographic, to_plane
 
@@ -83,10 +83,10 @@ def test_the_points_are_the_rows_of_the_front(text: str, page_result: Path) -> N
 
 
 def test_the_chosen_point_and_its_promise_are_those_of_the_plan(text: str, page_result: Path) -> None:
-    plan, data = Results(page_result).plan, data_of(text)
+    plan, data = Run.open(page_result).plan, data_of(text)
     assert plan.promise is not None
     shown = data["paths"][str(data["chosen"])]
-    crs = Results(page_result).scene.crs
+    crs = Run.open(page_result).scene.crs
     assert crs is not None
     assert np.abs(to_plane(crs, *np.array(shown["line"]).T) - plan.path.x).max() <= 1.0
     assert shown["q"] == plan.path.q.tolist()
@@ -96,7 +96,7 @@ def test_the_chosen_point_and_its_promise_are_those_of_the_plan(text: str, page_
 
 
 def test_failures_along_the_way_end_at_the_failures_of_the_flights(text: str, page_result: Path) -> None:
-    data, flights = data_of(text), Results(page_result).deployments
+    data, flights = data_of(text), Run.open(page_result).deployments
     risk = data["paths"][str(data["chosen"])]["risk"]
     flown = flights[risk["law"]]
     counts = np.array(risk["failed"])
@@ -247,7 +247,7 @@ def test_the_components_are_joined_into_one_script() -> None:
 def test_folders_of_the_machine_are_named_only_where_run_json_names_them(
     text: str, page_result: Path
 ) -> None:
-    inputs = Results(page_result).run["inputs"]
+    inputs = Run.open(page_result).provenance["inputs"]
     page = text
     for name in inputs:
         assert name not in page

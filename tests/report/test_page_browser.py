@@ -19,7 +19,7 @@ from playwright.sync_api import Browser
 
 import pareto_ltl
 from chromium import PAUSE, Opened, launched, needs_chromium, opened_page
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.projection import to_plane
 
@@ -47,8 +47,8 @@ def drawn(opened: Opened, kind: str) -> list[str]:
 
 
 def test_the_first_view_is_the_chosen_plan(opened: Opened, page_result: Path) -> None:
-    plan = Results(page_result).plan
-    scene = Results(page_result).scene
+    plan = Run.open(page_result).plan
+    scene = Run.open(page_result).scene
     assert scene.crs is not None
     x = to_plane(scene.crs, *np.array(opened.value("path().line")).T)
     assert np.abs(x - plan.path.x).max() < 1.0

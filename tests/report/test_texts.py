@@ -49,7 +49,6 @@ from pareto_ltl.report.study_planners import (
 )
 from pareto_ltl.report.sweep_figures import axis_label
 from pareto_ltl.report.wind import wind_figure
-from pareto_ltl.run.records import DECOMPOSITION, SCENE
 from pareto_ltl.settings import (
     AblationConfig,
     CompareConfig,
@@ -271,9 +270,7 @@ def test_every_text_of_a_study_names_its_law(studies: Any) -> None:
     tables, pictures = made["compare"].tables, made["compare"].pictures
     with style.report_style():
         for figure in (
-            comparison_figure(
-                cfg.report, world[SCENE], world[DECOMPOSITION], pictures["wind"], pictures["panels"]
-            ),
+            comparison_figure(cfg.report, world.scene, world.cells, pictures["wind"], pictures["panels"]),
             outcomes_figure(tables["compare"], tables["compare_seeds"]),
             convergence_figure(made["convergence"].tables["convergence"], made["convergence"].numbers),
             ablation_figure(made["ablation"].tables["ablation"], ["epsilon"]),

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 import pareto_ltl
 from pareto_ltl.cli.arguments import read_length, read_number, read_share
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.run.choosing import Choice, later_stages
-from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.run.choosing import Choice, chosen_run
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import write_json
 from pareto_ltl_verify.judge import verify
@@ -111,10 +110,9 @@ def test_a_front_in_memory_is_chosen_from_without_a_directory() -> None:
     assert other.forest is result.forest
 
 
-def test_stages_that_make_what_is_kept_are_not_run(made: dict[str, Path]) -> None:
-    settings = pareto_ltl.load_results(made["full"]).settings
-    names = [stage.name for stage in later_stages(settings, PLAN_TABLE)]
-    assert names == ["problem", "plan", "forecasts", "deployment", "export", "report", "page"]
+def test_stages_that_make_what_is_kept_are_not_run(made: dict[str, Path], tmp_path: Path) -> None:
+    run = chosen_run(made["full"], Choice(point=0), tmp_path / "other")
+    assert list(run.seconds) == ["problem", "plan", "forecasts", "deployment", "export", "report", "page"]
 
 
 # --- the command ------------------------------------------------------------------------------
@@ -128,7 +126,7 @@ def test_the_command_writes_beside_the_results(
     there = place.with_name("full_knee")
     assert f"results in {there}" in capsys.readouterr().out.replace("\n", "")
     assert pareto_ltl.load_results(there).plan.rule == "knee"
-    assert pareto_ltl.load_results(there).run["argv"] == ["pareto-ltl", "choose", str(place), "--knee"]
+    assert pareto_ltl.load_results(there).provenance["argv"] == ["pareto-ltl", "choose", str(place), "--knee"]
     assert run_command_line(["choose", str(place), "--point", "0", "--out", str(place.parent / "first")]) == 0
     assert run_command_line(["rerun", str(place.parent / "first")]) == 0
     assert "the same, byte for byte" in capsys.readouterr().out

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.resources import choices
 from pareto_ltl.support.schemas import SCHEMA_NAMES, read_document
 
@@ -23,10 +23,10 @@ def test_the_files_of_an_experiment_fit_their_schemas(experiment: str, tmp_path:
     assert written == set(SCHEMA_NAMES) - {"sweep", "forecast_error", "plan_1", "departures"}
     for name in written:
         assert read_document(place / f"{name}.json", name)
-    results = Results(place)
+    results = Run.open(place)
     assert len(results.plan.path.u) == len(results.deployments["independent"].x[0]) - 1
     assert results.forest.trees
     assert len(results.front.paths) == results.metrics["front_size"]
     assert results.wind.times.size
-    assert results.decomposition.cells
-    assert results.settings.name == results.run["name"]
+    assert results.cells.cells
+    assert results.settings.name == results.provenance["name"]

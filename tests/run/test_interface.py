@@ -13,8 +13,7 @@ import pytest
 import pareto_ltl
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.run.interface import VEHICLE
-from pareto_ltl.run.records import FOREST, PLAN, PROBLEM
-from pareto_ltl.run.results import PlanningResult
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import MissionConfig, SceneConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.yaml_files import read_yaml
@@ -38,7 +37,7 @@ PHI1 = "F(a & F b & F c)"
 
 
 @pytest.fixture(scope="module")
-def planned() -> PlanningResult:
+def planned() -> Run:
     return pareto_ltl.plan("phi1", PHI1, **SMALL)
 
 
@@ -72,7 +71,7 @@ def test_the_interface_writes_the_bytes_of_the_command_line(name: str, both: tup
 
 def test_the_settings_are_those_of_the_command_line(both: tuple[Path, Path]) -> None:
     line, python = (pareto_ltl.load_results(place) for place in both)
-    assert line.run["config_hash"] == python.run["config_hash"]
+    assert line.provenance["config_hash"] == python.provenance["config_hash"]
     assert line.settings == python.settings
 
 
@@ -84,7 +83,7 @@ def test_a_results_directory_flies_as_its_own_run_did(both: tuple[Path, Path]) -
 
 
 def test_in_memory_the_plan_is_the_same_and_nothing_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, planned: PlanningResult
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, planned: Run
 ) -> None:
     monkeypatch.chdir(tmp_path)
     written = pareto_ltl.plan("phi1", PHI1, out="here", **SMALL)
@@ -92,20 +91,20 @@ def test_in_memory_the_plan_is_the_same_and_nothing_is_written(
     assert [path.name for path in tmp_path.iterdir()] == ["here"]
 
 
-def test_a_result_has_every_record_of_the_run(planned: PlanningResult) -> None:
-    assert planned.plan is planned[PLAN]
-    assert planned.forest is planned[FOREST]
-    assert planned.problem is planned[PROBLEM]
+def test_a_result_has_every_record_of_the_run(planned: Run) -> None:
+    assert planned.plan is planned.plan
+    assert planned.forest is planned.forest
+    assert planned.problem is planned.problem
     assert planned.scene.regions.keys() == {"a", "b", "c"}
     assert planned.automaton.formula == PHI1
     assert planned.metrics["nodes"] == sum(map(len, planned.forest.trees))
     assert planned.metrics["length_m"] == planned.plan.path.objectives.length
     assert any(path is planned.plan.path for path in planned.front.paths)
-    assert len(planned.decomposition.cells) > 0
+    assert len(planned.cells.cells) > 0
     assert planned.settings.planner.trees == 4
 
 
-def test_one_seed_is_one_wind_and_another_is_another(planned: PlanningResult) -> None:
+def test_one_seed_is_one_wind_and_another_is_another(planned: Run) -> None:
     first, again, other = (pareto_ltl.simulate(planned, 30, "independent", seed=seed).x for seed in (5, 5, 6))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
@@ -192,7 +191,7 @@ def test_the_wind_comes_as_readings_as_a_field_or_as_a_file(tmp_path: Path) -> N
         for source in (str(tmp_path / "wind.csv"), readings)
     ]
     found.append(pareto_ltl.plan(lab_scene(), "F a", wind=found[0].wind, **LAB))
-    assert [one.run.settings.wind.source for one in found] == ["csv", "given", "given"]
+    assert [one.settings.wind.source for one in found] == ["csv", "given", "given"]
     for one in found[1:]:
         np.testing.assert_array_equal(one.wind.mean, found[0].wind.mean)
         np.testing.assert_array_equal(one.plan.path.u, found[0].plan.path.u)
@@ -224,16 +223,16 @@ def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
 # --- how records show themselves -----------------------------------------------------------------
 
 
-def shown_records(planned: PlanningResult) -> tuple[Any, ...]:
+def shown_records(planned: Run) -> tuple[Any, ...]:
     """One record of every kind that users get."""
     front, forest = planned.front, planned.forest
     return (
         planned, planned.plan, front, front.paths[0], forest, forest.trees[0], planned.wind, planned.scene,
-        planned.decomposition, planned.automaton, planned.problem, pareto_ltl.simulate(planned, runs=50),
+        planned.cells, planned.automaton, planned.problem, pareto_ltl.simulate(planned, runs=50),
     )  # fmt: skip
 
 
-def test_records_are_one_line_and_a_table(planned: PlanningResult, both: tuple[Path, Path]) -> None:
+def test_records_are_one_line_and_a_table(planned: Run, both: tuple[Path, Path]) -> None:
     results = pareto_ltl.load_results(both[0])
     for record in (*shown_records(planned), results):
         line = repr(record)
@@ -246,7 +245,7 @@ def test_records_are_one_line_and_a_table(planned: PlanningResult, both: tuple[P
     assert "F(a &amp; F b &amp; F c)" in planned.plan._repr_html_()
 
 
-def test_records_draw_themselves(planned: PlanningResult, both: tuple[Path, Path], tmp_path: Path) -> None:
+def test_records_draw_themselves(planned: Run, both: tuple[Path, Path], tmp_path: Path) -> None:
     results = pareto_ltl.load_results(both[0])
     for number, record in enumerate((*shown_records(planned), results)):
         drawing = record.plot()
@@ -261,7 +260,7 @@ def test_records_draw_themselves(planned: PlanningResult, both: tuple[Path, Path
         assert record.plot(scene=planned.scene)._repr_png_().startswith(b"\x89PNG")
 
 
-def test_a_drawing_shows_what_it_is_asked_for(planned: PlanningResult) -> None:
+def test_a_drawing_shows_what_it_is_asked_for(planned: Run) -> None:
     early, late = (planned.wind.plot(scene=planned.scene, time=time) for time in (0.0, "6h"))
     assert early._repr_png_() != late._repr_png_()
     assert any("6 h after departure" in text.get_text() for text in late.figure.texts)
@@ -272,7 +271,7 @@ def test_a_drawing_shows_what_it_is_asked_for(planned: PlanningResult) -> None:
     assert any("7 drawn" in text.get_text() for text in few.legends[0].get_texts())
 
 
-def test_equal_drawings_are_equal_files(planned: PlanningResult, tmp_path: Path) -> None:
+def test_equal_drawings_are_equal_files(planned: Run, tmp_path: Path) -> None:
     for kind in ("png", "svg", "pdf"):
         one, two = (planned.plan.plot().save(tmp_path / f"{name}.{kind}") for name in ("one", "two"))
         assert one.read_bytes() == two.read_bytes()
@@ -295,8 +294,8 @@ def test_the_package_is_light_until_it_is_used() -> None:
         _ = pareto_ltl.plann  # type: ignore[attr-defined]
 
 
-def test_the_vehicle_without_a_choice_is_the_one_of_the_command_line(planned: PlanningResult) -> None:
+def test_the_vehicle_without_a_choice_is_the_one_of_the_command_line(planned: Run) -> None:
     """Its errors are in the promise, whichever way the plan is made."""
     rows = read_yaml(Path(__file__).parents[2] / "conf" / "config.yaml")["defaults"]
     assert [row["robot"] for row in rows if isinstance(row, dict) and "robot" in row] == [VEHICLE]
-    assert planned.run.settings.robot == section_of("robot", VEHICLE)
+    assert planned.settings.robot == section_of("robot", VEHICLE)

@@ -16,16 +16,13 @@ from numpy.random import SeedSequence
 import pareto_ltl
 from lies.editing import Lie, both, edited, in_json, in_metrics, in_plan
 from pareto_ltl.cli.summary import limit_rows, plan_paragraphs
-from pareto_ltl.planning.costs import EnergyModel, Wing
 from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.power import EnergyModel, Wing
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine import separation
 from pareto_ltl.run import front_stage
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import FOREST, FRONT, PLAN, PROBLEM, SCENE, WIND, Records
-from pareto_ltl.run.results import PlanningResult, Results
-from pareto_ltl.run.stage_table import StageInputs
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.reading import read_json
@@ -51,7 +48,7 @@ SMALL: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def planned(tmp_path_factory: pytest.TempPathFactory) -> PlanningResult:
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """A plan through a gap of 40 km, where positions are uncertain by as much."""
     return pareto_ltl.plan(GAP, "F a", out=tmp_path_factory.mktemp("nearest") / "run", **SMALL)
 
@@ -60,19 +57,17 @@ def worst_of(problem: Problem, x: np.ndarray) -> float:
     return float(separation.separation(problem, propagate(problem, x)).risk.max())
 
 
-def front_again(planned: PlanningResult, **planner: Any) -> Run:
+def front_again(planned: Run, **planner: Any) -> Run:
     """The run up to the trees with other settings of the planner; its front is not made yet."""
-    run = planned.run
-    settings = replace(run.settings, planner=replace(run.settings.planner, **planner))
-    made = {key: run.records[key] for key in (SCENE, WIND, PROBLEM, FOREST)}
-    return Run(settings, run.table, Records(made))
+    settings = replace(planned.settings, planner=replace(planned.settings.planner, **planner))
+    return Run(settings, planned.make("scene", "wind", "problem", "forest"))
 
 
-def test_the_nearest_path_is_the_plan_and_every_file_says_so(planned: PlanningResult) -> None:
-    place, plan = planned.run.directory, planned.plan
+def test_the_nearest_path_is_the_plan_and_every_file_says_so(planned: Run) -> None:
+    place, plan = planned.directory, planned.plan
     assert place is not None
     document, metrics = read_json(place / "plan.json"), read_json(place / "metrics.json")
-    worst = worst_of(planned.run[PROBLEM], plan.path.x)
+    worst = worst_of(planned.problem, plan.path.x)
     assert worst > plan.epsilon == 0.05
     assert plan.worst is not None
     assert document["epsilon_kept"] is False
@@ -82,7 +77,7 @@ def test_the_nearest_path_is_the_plan_and_every_file_says_so(planned: PlanningRe
     assert metrics["worst_segment_probability"] == pytest.approx(worst)
     assert plan.promise is not None
     assert plan.promise.rate.runs == 2000
-    again = Results(place).plan
+    again = Run.open(place).plan
     assert (again.epsilon_kept, again.worst, again.remedies) == (False, plan.worst, plan.remedies)
     log = (place / "run.log").read_text()
     step, nearest = plan.worst.step, plan.worst.nearest
@@ -95,12 +90,12 @@ def test_the_nearest_path_is_the_plan_and_every_file_says_so(planned: PlanningRe
     assert f"closest to {nearest}" in page
     rows = dict(limit_rows(plan))
     assert "above the limit of 5.0 %" in rows["worst segment, coherent winds"]
-    paragraphs = list(plan_paragraphs(planned.run.settings, place, plan))
+    paragraphs = list(plan_paragraphs(planned.settings, place, plan))
     assert paragraphs[0].startswith("The plan is the path nearest to planner.epsilon")
     assert ("What helps, tried with 4,000 flights" in " ".join(paragraphs)) is bool(plan.remedies)
 
 
-def test_prices_of_a_plan_that_breaks_epsilon_are_of_flights_alone(planned: PlanningResult) -> None:
+def test_prices_of_a_plan_that_breaks_epsilon_are_of_flights_alone(planned: Run) -> None:
     """Multipliers about such a path measure the breach: one metre would save more than all flights."""
     prices = planned.plan.prices
     assert prices
@@ -110,9 +105,7 @@ def test_prices_of_a_plan_that_breaks_epsilon_are_of_flights_alone(planned: Plan
     assert max(price.saving for price in prices) < planned.plan.promise.rate.failure / (0.1 * sd)
 
 
-def test_no_candidate_is_nearer_than_the_plan(
-    planned: PlanningResult, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_candidate_is_nearer_than_the_plan(planned: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of paths that are equally near, the plan is the one that fails least often."""
     seen: list[Sequence[PlannedPath]] = []
     nearest = front_stage.nearest_paths
@@ -123,8 +116,8 @@ def test_no_candidate_is_nearer_than_the_plan(
 
     monkeypatch.setattr(front_stage, "nearest_paths", watched)
     run = front_again(planned)
-    (path,), (paths,) = run.make(FRONT).paths, seen
-    problem = run[PROBLEM]
+    (path,), (paths,) = run.front.paths, seen
+    problem = run.problem
     worst = np.array([worst_of(problem, one.x) for one in paths])
     assert path.x.tobytes() == planned.plan.path.x.tobytes()
     assert worst_of(problem, path.x) <= (1.0 + separation.ALIKE) * worst.min()
@@ -133,7 +126,7 @@ def test_no_candidate_is_nearer_than_the_plan(
     assert count_failures(problem, path, 4000, SeedSequence(8)) <= min(failures) + 5 * 4000**0.5
 
 
-def test_a_path_that_needs_too_much_energy_is_not_the_nearest(planned: PlanningResult) -> None:
+def test_a_path_that_needs_too_much_energy_is_not_the_nearest(planned: Run) -> None:
     """Two paths, the nearer one beyond the capacity; if both are, energy is the cause that is named."""
     run = front_again(planned)
     curve = Wing(base=100.0, drag=0.0, lift=0.0)
@@ -145,15 +138,15 @@ def test_a_path_that_needs_too_much_energy_is_not_the_nearest(planned: PlanningR
         for x, energy in zip((path.x, np.add(path.x, [0.0, 20e3])), spent, strict=True)
     )
     for capacity, expected in ((3e6, near), (1.5e6, far), (0.5e6, near)):
-        problem = replace(run[PROBLEM], energy=EnergyModel(curve, capacity))
-        inputs = StageInputs(run.table.maker_of(FRONT), run.with_record(PROBLEM, problem))
-        (found,) = front_stage.nearest_to_epsilon(inputs, (near, far))
+        problem = replace(run.problem, energy=EnergyModel(curve, capacity))
+        search = front_stage.Search(run.settings, problem, run.forest, run.budget)
+        (found,) = front_stage.nearest_to_epsilon(search, (near, far))
         assert found is expected
 
 
-def test_a_strict_epsilon_refuses_and_its_advice_gives_the_plan(planned: PlanningResult) -> None:
+def test_a_strict_epsilon_refuses_and_its_advice_gives_the_plan(planned: Run) -> None:
     with pytest.raises(InfeasibleError, match=r"no path keeps planner\.epsilon = 0\.05") as told:
-        front_again(planned, epsilon_strict=True).make(FRONT)
+        front_again(planned, epsilon_strict=True).make("front")
     text = str(told.value)
     assert re.search(r"closest to obstacle [12] at step \d+ of \d+, with a collision probability of", text)
     assert "with planner.epsilon_strict=false this path is the plan" in text
@@ -163,27 +156,26 @@ def test_a_strict_epsilon_refuses_and_its_advice_gives_the_plan(planned: Plannin
 
 
 def test_where_no_refined_path_can_be_flown_a_line_of_the_map_is_the_plan(
-    planned: PlanningResult, monkeypatch: pytest.MonkeyPatch
+    planned: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """That the last polishes are refused is no cause to have no plan."""
     monkeypatch.setitem(front_stage.REFINERS, "sampled", lambda *_: ())
     monkeypatch.setattr(front_stage.selection, "unlike_paths", lambda *_: ())
     run = front_again(planned)
-    (path,) = run.make(FRONT).paths
+    (path,) = run.front.paths
     assert "line" in path.origin
-    assert not run.make(PLAN).epsilon_kept
+    assert not run.plan.epsilon_kept
     with pytest.raises(InfeasibleError, match="comes closest to obstacle"):
-        front_again(planned, epsilon_strict=True).make(FRONT)
+        front_again(planned, epsilon_strict=True).make("front")
 
 
-def test_the_figures_of_position_feedback_are_those_of_such_a_robot(planned: PlanningResult) -> None:
+def test_the_figures_of_position_feedback_are_those_of_such_a_robot(planned: Run) -> None:
     """The same path in a problem that is built from settings with that feedback, in other flights."""
     found = [one for one in planned.plan.remedies if one.change.startswith("position feedback")]
     assert len(found) == 1
     time = float(found[0].change.split("=")[1])
-    held = pareto_ltl.plan(GAP, "F a", **SMALL | {"robot": {"dt": 1800.0, "feedback_time": time}}).run[
-        PROBLEM
-    ]
+    robot = {"dt": 1800.0, "feedback_time": time}
+    held = pareto_ltl.plan(GAP, "F a", **SMALL | {"robot": robot}).problem
     path = planned.plan.path
     assert worst_of(held, path.x) == pytest.approx(found[0].worst_segment_probability, rel=1e-3)
     failed = count_failures(held, path, 4000, SeedSequence(99)) / 4000
@@ -192,8 +184,8 @@ def test_the_figures_of_position_feedback_are_those_of_such_a_robot(planned: Pla
     assert found[0].worst_segment_probability <= planned.plan.epsilon or time == 60.0
 
 
-def test_the_checker_accepts_the_plan_and_rejects_the_lie(planned: PlanningResult, tmp_path: Path) -> None:
-    place = planned.run.directory
+def test_the_checker_accepts_the_plan_and_rejects_the_lie(planned: Run, tmp_path: Path) -> None:
+    place = planned.directory
     assert place is not None
     assert [finding for finding in verify(place) if not finding.holds] == []
     kept = both(in_plan(lambda p: p.update(epsilon_kept=True)), in_metrics({"epsilon_kept": 1.0}))

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import io
 import re
+from contextlib import suppress
 
 import pytest
 from rich.console import Console
 
-from pareto_ltl.run.progress import STAGE_WORDS, ProgressBar
-from pareto_ltl.run.stages import PLAN_STAGES
+import pareto_ltl
+from pareto_ltl.run.plan_run import PLAN_STAGES
+from pareto_ltl.run.progress import STAGE_WORDS, Caller, ProgressBar
+from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.resources import PACKAGE
 
 
@@ -28,7 +31,7 @@ def test_the_words_of_the_stages_are_those_of_the_desk() -> None:
     script = (PACKAGE / "serve" / "page" / "result.js").read_text(encoding="utf-8")
     (table,) = re.findall(r"const STAGES = \{(.*?)\};", script, re.DOTALL)
     assert dict(re.findall(r'(\w+): "(.*?)"', table)) == STAGE_WORDS
-    assert {stage.name for stage in PLAN_STAGES} - {"table"} <= set(STAGE_WORDS)  # that of ingest
+    assert {stage.stage for stage in PLAN_STAGES} - {"table"} <= set(STAGE_WORDS)  # that of ingest
 
 
 def test_a_line_of_a_terminal_holds_the_time_and_the_words_of_the_front() -> None:
@@ -41,3 +44,25 @@ def test_a_line_of_a_terminal_holds_the_time_and_the_words_of_the_front() -> Non
     assert "Improving the paths" in text
     assert "0:00:00" in text
     assert "…" not in text
+
+
+def test_a_function_hears_of_each_stage_and_its_counts() -> None:
+    heard: list[tuple[str, int, int, str]] = []
+    small = {"planner": {"trees": 1, "n_max": 200}, "fidelity": "paper", "wind": "calm"}
+    with suppress(InfeasibleError):
+        pareto_ltl.plan("phi1", "F a", on_progress=lambda *news: heard.append(news), **small)
+    begun = [name for name, done, total, text in heard if (done, total, text) == (0, 0, "")]
+    assert begun[:5] == ["readings", "scene", "decomposition", "automaton", "observations"]
+    assert {total for name, _, total, _ in heard if name == "forest"} <= {0, 200}
+    bar = ProgressBar(shown=False, watcher=Caller(lambda *news: heard.append(news)))
+    with bar.stage("front"):
+        bar(3, 8, "2 paths")
+    assert heard[-1] == ("front", 3, 8, "2 paths")
+
+
+def test_after_a_stage_inside_another_one_the_outer_one_goes_on() -> None:
+    heard: list[str] = []
+    bar = ProgressBar(shown=False, watcher=Caller(lambda name, *_: heard.append(name)))
+    with bar.stage("plan"), bar.stage("front"):
+        bar(1, 2)
+    assert heard == ["plan", "front", "front", "plan"]

@@ -15,9 +15,9 @@ import pareto_ltl
 from coherent import SCENE
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.planning.records import NO_PROMISE
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.replanning import comparison_lines
 from pareto_ltl.run.rest_of_flight import warn_of_use
-from pareto_ltl.run.results import Results
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.projection import to_geographic
@@ -48,7 +48,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def near(made: Path, step: int, off: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
     """Latitude and longitude of a place ``off`` [m] from the plan at ``step``."""
-    results = Results(made)
+    results = Run.open(made)
     lon, lat = to_geographic(str(results.scene.crs), results.plan.path.x[step] + np.array(off))
     return float(lat[0]), float(lon[0])
 
@@ -92,9 +92,9 @@ def test_an_earlier_fix_tells_more_than_none(made: Path) -> None:
 
 
 def test_a_fix_between_two_steps_is_moved_along_the_plan(made: Path) -> None:
-    path = Results(made).plan.path
+    path = Run.open(made).plan.path
     between = 0.75 * path.x[LAST] + 0.25 * path.x[LAST - 1]
-    lon, lat = to_geographic(str(Results(made).scene.crs), between)
+    lon, lat = to_geographic(str(Run.open(made).scene.crs), between)
     done = pareto_ltl.replan(made, (LAST - 0.25) * 1800.0, (float(lat[0]), float(lon[0]), 100.0))
     assert done.situation.step == LAST
     assert done.situation.learnt is not None
@@ -267,8 +267,8 @@ def test_the_rest_is_planned_in_a_newer_forecast(made: Path, tmp_path: Path, fix
     assert "newer.csv" in done.wind
     assert done.situation.learnt is not None
     assert (done.situation.learnt.sd < 450.0) == fixed
-    assert Results(place).wind.error is not None
-    assert Results(place).wind.error.forecast_sd.any()
+    assert Run.open(place).wind.error is not None
+    assert Run.open(place).wind.error.forecast_sd.any()
     assert json.loads((place / "replan.json").read_text())["wind"] == done.wind
     assert not [finding.claim for finding in verify(place) if not finding.holds]
 
@@ -341,11 +341,10 @@ def test_the_new_plan_is_not_worse_than_the_rest_of_the_old_one(made: Path) -> N
 
 
 def test_the_rest_with_its_controls_is_a_path_of_the_race(made: Path) -> None:
-    from pareto_ltl.run.records import CANDIDATES
 
     done = pareto_ltl.replan(made, "3h", (*near(made, FIRST, (2e3, 1e3)), 300.0))
     assert done.run is not None
-    same = done.run.make(CANDIDATES)[0]
+    same = done.run.candidates[0]
     np.testing.assert_allclose(same.u, done.rest.u, atol=1e-6)
     assert same.origin == "rest of the old plan, same controls"
 

@@ -13,8 +13,8 @@ import pareto_ltl
 from pareto_ltl.cli.arguments import read_fix
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.cli.result_commands import default_place
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.replanning import comparison_lines
-from pareto_ltl.run.results import Results
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.projection import to_geographic
@@ -40,9 +40,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return place
 
 
-def fix_near(
-    results: Results, off: tuple[float, float] = (6e3, -4e3), sd: float = 400.0
-) -> tuple[float, ...]:
+def fix_near(results: Run, off: tuple[float, float] = (6e3, -4e3), sd: float = 400.0) -> tuple[float, ...]:
     """A fix that far from the expected position."""
     lon, lat = to_geographic(str(results.scene.crs), results.plan.path.x[STEP] + np.array(off))
     return float(lat[0]), float(lon[0]), sd
@@ -52,15 +50,15 @@ def fix_near(
 def anew(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory of the rest, planned from a fix by the command line."""
     place = tmp_path_factory.mktemp("anew") / "run"
-    told = ",".join(map(repr, fix_near(Results(made))))
+    told = ",".join(map(repr, fix_near(Run.open(made))))
     assert run_command_line(["replan", str(made), "--time", "5h", f"--fix={told}", "--out", str(place)]) == 0
     return place
 
 
 def test_without_a_fix_the_rest_of_the_plan_stays_to_the_bit(made: Path, tmp_path: Path) -> None:
-    old = Results(made).plan.path
+    old = Run.open(made).plan.path
     done = pareto_ltl.replan(made, "5h", out=tmp_path / "rest")
-    for path in (done.plan.path, Results(tmp_path / "rest").plan.path):
+    for path in (done.plan.path, Run.open(tmp_path / "rest").plan.path):
         np.testing.assert_array_equal(path.u, old.u[STEP:])
         np.testing.assert_array_equal(path.x, old.x[STEP:])
     assert done.plan.limits is not None
@@ -71,7 +69,7 @@ def test_without_a_fix_the_rest_of_the_plan_stays_to_the_bit(made: Path, tmp_pat
 
 
 def test_the_new_plan_starts_at_the_fix_and_at_its_time(made: Path, anew: Path) -> None:
-    old, new = Results(made), Results(anew)
+    old, new = Run.open(made), Run.open(anew)
     aim = old.plan.path.x[STEP] + np.array([6e3, -4e3])
     assert np.linalg.norm(new.plan.path.x[0] - aim) < 1500.0
     assert new.scene.time_zero == "2018-10-09T05:00:00Z"
@@ -85,7 +83,7 @@ def test_the_new_plan_starts_at_the_fix_and_at_its_time(made: Path, anew: Path) 
 
 
 def test_only_the_coherent_law_learns_of_the_wind(made: Path, anew: Path) -> None:
-    old, new = Results(made), Results(anew)
+    old, new = Run.open(made), Run.open(anew)
     kept = old.wind.mean[-len(new.wind.times) :]
     learnt = np.abs(new.wind.mean - kept).max()
     assert (learnt > 0.0) == (old.settings.fidelity.law == "coherent")
@@ -105,8 +103,8 @@ def test_the_new_result_can_be_chosen_from_exported_and_flown(anew: Path, tmp_pa
 
 def test_a_plan_in_memory_gives_the_same_plan(made: Path, anew: Path) -> None:
     result = pareto_ltl.plan("phi2", "F(a & F b)", fidelity=made.name, **SMALL)
-    done = pareto_ltl.replan(result, 5 * 3600.0, fix_near(Results(made)))
-    np.testing.assert_allclose(done.plan.path.x, Results(anew).plan.path.x, atol=1e-6)
+    done = pareto_ltl.replan(result, 5 * 3600.0, fix_near(Run.open(made)))
+    np.testing.assert_allclose(done.plan.path.x, Run.open(anew).plan.path.x, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +152,7 @@ def test_a_time_between_two_steps_is_rounded(made: Path) -> None:
 def test_the_rule_of_the_rest_has_the_length_that_is_left(made: Path) -> None:
     from pareto_ltl.run.rest_of_flight import rule_of_the_rest
 
-    path = Results(made).plan.path
+    path = Run.open(made).plan.path
     cfg = SelectionConfig(rule="length", length=path.objectives.length)
     flown = np.linalg.norm(np.diff(path.x[: STEP + 1], axis=0), axis=1).sum()
     assert rule_of_the_rest(cfg, path, STEP).length == pytest.approx(path.objectives.length - flown)
@@ -163,14 +161,14 @@ def test_the_rule_of_the_rest_has_the_length_that_is_left(made: Path) -> None:
 
 def test_a_newer_forecast_is_the_wind_of_the_rest(made: Path, tmp_path: Path, caplog: Any) -> None:
     """Here the forecast of the plan itself, which is not newer: the position is taken from the plan."""
-    old = Results(made)
+    old = Run.open(made)
     source = Path(pareto_ltl.__file__).parent / "support" / "data" / "gfs_conus_20181009.csv"
     place = tmp_path / "newer"
     assert (
         run_command_line(["replan", str(made), "--time", "5h", "--wind", str(source), "--out", str(place)])
         == 0
     )
-    new = Results(place)
+    new = Run.open(place)
     np.testing.assert_allclose(new.plan.path.x[0], old.plan.path.x[STEP], atol=1.0)
     document = json.loads((place / "replan.json").read_text())
     assert document["wind"] == str(source)
@@ -185,5 +183,5 @@ def test_a_forecast_that_does_not_exist_is_named(made: Path, tmp_path: Path) -> 
 
 
 def test_the_new_plan_is_not_worse_than_the_rest_of_the_old_one(made: Path) -> None:
-    done = pareto_ltl.replan(made, "5h", fix_near(Results(made), (0.0, 0.0)))
+    done = pareto_ltl.replan(made, "5h", fix_near(Run.open(made), (0.0, 0.0)))
     assert done.advice != "old"

@@ -30,8 +30,7 @@ from pareto_ltl.planning.records import (
     Promise,
     Tree,
 )
-from pareto_ltl.run.results import Results
-from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import preset
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.archives import read_npz
@@ -183,6 +182,7 @@ RECORDS = {
     "plan": promised_plan,
     "deployment": deployments,
 }
+ROWS = {row.stage: row for row in Run.rows().values()}
 FILES = {
     "scene": "scene.json",
     "decomposition": "cells.json",
@@ -195,8 +195,8 @@ FILES = {
 
 @pytest.mark.parametrize("name", RECORDS)
 def test_a_record_comes_back_bit_by_bit(name: str, tmp_path: Path) -> None:
-    make, read = RECORDS[name], PLAN_TABLE[name].load
-    PLAN_TABLE[name].save(tmp_path, make())
+    make, read = RECORDS[name], ROWS[name].load
+    ROWS[name].save(tmp_path, make())
     assert same(read(tmp_path), make())
     if name in FILES:
         assert same(read(tmp_path / FILES[name]), make())
@@ -278,18 +278,18 @@ def test_the_same_record_gives_the_same_bytes(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make = RECORDS[name]
-    PLAN_TABLE[name].save(tmp_path, make())
+    ROWS[name].save(tmp_path, make())
     first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     monkeypatch.setattr("time.time", lambda: 2e9)  # another day
-    PLAN_TABLE[name].save(tmp_path, make())
+    ROWS[name].save(tmp_path, make())
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == first
 
 
 @pytest.mark.parametrize("name", FILES)
 @pytest.mark.parametrize("spoil", ["missing", "cut", "foreign"])
 def test_a_spoilt_file_is_named_in_one_line(name: str, spoil: str, tmp_path: Path) -> None:
-    make, read = RECORDS[name], PLAN_TABLE[name].load
-    PLAN_TABLE[name].save(tmp_path, make())
+    make, read = RECORDS[name], ROWS[name].load
+    ROWS[name].save(tmp_path, make())
     path = tmp_path / FILES[name]
     if spoil == "missing":
         path.unlink()
@@ -466,7 +466,9 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path)
 
 
 def test_a_run_is_done_when_its_status_says_so_and_its_metrics_are_there(tmp_path: Path) -> None:
-    results = Results(tmp_path)
+    (tmp_path / "config_resolved.yaml").write_text("name: one\n")
+    write_json(tmp_path / "run.json", {"status": "running"})
+    results = Run.open(tmp_path)
     assert not results.done
     write_json(tmp_path / "run.json", {"status": "ok"})
     assert not results.done

@@ -43,7 +43,7 @@ def test_a_steered_path_reaches_the_goal_and_keeps_epsilon(
     np.testing.assert_allclose(path.x[0], start)
     assert (np.abs(path.x[-1] - np.array(end)) <= 25e3).all()
     assert (np.linalg.norm(path.u, axis=1) <= results.plan.u_max * (1.0 + 1e-9)).all()
-    parts = [convex(part) for part in results.decomposition.obstacles]
+    parts = [convex(part) for part in results.cells.obstacles]
     if results.scene.walled:
         parts += beyond_bounds(results.scene.bounds)
     _, risks = segment_risks(parts, path.x, path.cov)

@@ -14,7 +14,7 @@ import pytest
 
 import pareto_ltl
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import Settings, WindConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
@@ -86,7 +86,7 @@ def test_all_paths_of_a_vehicle_keep_its_airspeeds_and_tell_its_energy(
     assert told["objectives"]["energy"] == metrics["energy_j"] == found.plan.path.objectives.costs["energy"]
     assert told["capacity"] == 3600.0 * curve.power.capacity
     assert metrics["energy_share"] == metrics["energy_j"] / told["capacity"]
-    kept = Results(tmp_path)
+    kept = Run.open(tmp_path)
     assert kept.front.raw == found.front.raw
     assert kept.plan.capacity == told["capacity"]
     assert all(finding.holds for finding in verify(tmp_path))
@@ -102,7 +102,7 @@ def test_a_choice_by_energy_is_cheaper_and_can_be_made_later(tmp_path: Path) -> 
     limit = 0.5 * (min(rates) + 1.0)
     slower = [path for path in first.front.paths if "slower" in path.origin]
     assert slower  # of plans that take less energy than those that fail least
-    other = pareto_ltl.choose(Results(place), energy=limit, out=tmp_path / "second")
+    other = pareto_ltl.choose(Run.open(place), energy=limit, out=tmp_path / "second")
     allowed = [
         p.objectives.costs["energy"]
         for p, high in zip(first.front.paths, rates, strict=True)

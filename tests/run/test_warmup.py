@@ -14,10 +14,8 @@ from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.kernels import code_cache
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.pack_logic import LIVE
-from pareto_ltl.run import warmup
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PROBLEM
-from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.run import second_process, warmup
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.support import compiling
@@ -39,7 +37,7 @@ def test_each_preset_has_a_kind_and_one_for_every_model_changed() -> None:
 def test_every_kind_makes_a_problem(name: str) -> None:
     kind = warmup.KINDS[name]
     sections = {"pipelines": "plan", "mission": {"formula": kind.formula}, **warmup.small_sections(kind)}
-    problem = Run(build_settings(sections), PLAN_TABLE).make(PROBLEM)
+    problem = Run(build_settings(sections)).problem
     assert (len(problem.logic.distance) > LIVE) == name.endswith("large")
 
 
@@ -47,7 +45,7 @@ def test_every_kind_makes_a_problem(name: str) -> None:
 def test_the_given_path_completes_its_mission_and_is_within_reach(name: str) -> None:
     sections = warmup.small_sections(warmup.KINDS[name])
     settings = build_settings({"pipelines": "plan", "mission": {"formula": "F a"}, **sections})
-    problem = Run(settings, PLAN_TABLE).make(PROBLEM)
+    problem = Run(settings).problem
     forest = warmup.path_forest(problem)
     (tree,) = forest.trees
     assert problem.automaton.accepting[tree.q[-1]]
@@ -70,15 +68,16 @@ def test_a_helper_compiles_nothing_of_growth(tmp_path: Path, monkeypatch: pytest
 
 
 def test_kinds_of_settings() -> None:
-    assert warmup.kind_of(Settings()) == "full"
-    assert warmup.kind_of(build_settings({"fidelity": "paper"})) == "paper"
+    assert second_process.kind_of(Settings()) == "full"
+    assert second_process.kind_of(build_settings({"fidelity": "paper"})) == "paper"
     assert (
-        warmup.kind_of(build_settings({"scene": {"landmarks": [[[0, 0], [1, 0], [1, 1]]]}})) == "full-fixes"
+        second_process.kind_of(build_settings({"scene": {"landmarks": [[[0, 0], [1, 0], [1, 1]]]}}))
+        == "full-fixes"
     )
-    assert warmup.kind_of(build_settings({"robot": {"feedback_time": 60.0}})) is None
-    assert warmup.kind_of(Settings(fidelity=FidelityConfig(judge="bound"))) is None
+    assert second_process.kind_of(build_settings({"robot": {"feedback_time": 60.0}})) is None
+    assert second_process.kind_of(Settings(fidelity=FidelityConfig(judge="bound"))) is None
     landmarks = {"landmarks": [[[0, 0], [1, 0], [1, 1]]]}
-    assert warmup.kind_of(build_settings({"fidelity": "paper", "scene": landmarks})) == "paper"
+    assert second_process.kind_of(build_settings({"fidelity": "paper", "scene": landmarks})) == "paper"
     assert "full-fixes" in warmup.KINDS
 
 
@@ -105,8 +104,8 @@ def started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
     """The kinds for which a second process was started; the processes are stand-ins."""
     kinds: list[str] = []
     monkeypatch.setenv("PARETO_LTL_CACHE", str(tmp_path))
-    monkeypatch.setattr(warmup, "cores", lambda: 2)
-    monkeypatch.setattr(warmup, "_process", lambda kind, folder: (kinds.append(kind), Started(2))[1])
+    monkeypatch.setattr(second_process, "cores", lambda: 2)
+    monkeypatch.setattr(second_process, "_process", lambda kind, folder: (kinds.append(kind), Started(2))[1])
     return kinds
 
 
@@ -115,7 +114,7 @@ def announce(kernel: str) -> None:
 
 
 def test_a_second_process_is_started_when_growth_is_compiled_and_only_then(started: list[str]) -> None:
-    with warmup.compiling_in_two(Settings(), Budget()):
+    with second_process.compiling_in_two(Settings(), Budget()):
         announce("path.check_path")
         assert started == []
         announce("growth.grow")
@@ -125,16 +124,16 @@ def test_a_second_process_is_started_when_growth_is_compiled_and_only_then(start
 
 
 def test_of_two_runs_one_has_a_second_process(started: list[str]) -> None:
-    with warmup.compiling_in_two(Settings(), Budget()):
+    with second_process.compiling_in_two(Settings(), Budget()):
         announce("growth.grow")
-        with warmup.compiling_in_two(build_settings({"fidelity": "paper"}), Budget()):
+        with second_process.compiling_in_two(build_settings({"fidelity": "paper"}), Budget()):
             announce("growth.grow")
     assert started == ["full"]
 
 
 def test_with_one_core_there_is_none(started: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(warmup, "cores", lambda: 1)
-    with warmup.compiling_in_two(Settings(), Budget()):
+    monkeypatch.setattr(second_process, "cores", lambda: 1)
+    with second_process.compiling_in_two(Settings(), Budget()):
         announce("growth.grow")
     assert started == []
 
@@ -143,9 +142,9 @@ def test_a_second_process_that_takes_too_long_is_ended(
     started: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slow = Started(math.inf)
-    monkeypatch.setattr(warmup, "_process", lambda kind, folder: slow)
-    monkeypatch.setattr(warmup, "LONGEST", 0.3)
-    with warmup.compiling_in_two(Settings(), Budget()):
+    monkeypatch.setattr(second_process, "_process", lambda kind, folder: slow)
+    monkeypatch.setattr(second_process, "LONGEST", 0.3)
+    with second_process.compiling_in_two(Settings(), Budget()):
         announce("growth.grow")
     assert slow.calls == ["kill", "wait"]
 
@@ -153,8 +152,8 @@ def test_a_second_process_that_takes_too_long_is_ended(
 def test_a_time_limit_that_is_over_ends_it(started: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     slow, budget = Started(math.inf), Budget(1e-3)
     budget.begin()
-    monkeypatch.setattr(warmup, "_process", lambda kind, folder: slow)
-    with warmup.compiling_in_two(Settings(), budget):
+    monkeypatch.setattr(second_process, "_process", lambda kind, folder: slow)
+    with second_process.compiling_in_two(Settings(), budget):
         announce("growth.grow")
     assert slow.calls == ["kill", "wait"]
 
@@ -165,25 +164,25 @@ def test_a_second_process_that_cannot_start_changes_nothing(
     def none(kind: str, folder: str) -> None:
         raise OSError("no more processes")
 
-    monkeypatch.setattr(warmup, "_process", none)
-    with warmup.compiling_in_two(Settings(), Budget()):
+    monkeypatch.setattr(second_process, "_process", none)
+    with second_process.compiling_in_two(Settings(), Budget()):
         announce("growth.grow")
 
 
 def test_the_second_process_ends_with_the_first(tmp_path: Path) -> None:
     gone = subprocess.Popen([sys.executable, "-c", "pass"])
     gone.wait()
-    command = [sys.executable, "-c", warmup.CODE, "full", str(gone.pid)]
+    command = [sys.executable, "-c", second_process.CODE, "full", str(gone.pid)]
     done = subprocess.run(command, cwd=tmp_path, check=False, timeout=100, stderr=subprocess.DEVNULL)
     assert done.returncode == 1
 
 
 def test_an_error_ends_the_second_process(started: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     process = Started(0)
-    monkeypatch.setattr(warmup, "_process", lambda kind, folder: process)
+    monkeypatch.setattr(second_process, "_process", lambda kind, folder: process)
 
     def interrupted() -> None:
-        with warmup.compiling_in_two(Settings(), Budget()):
+        with second_process.compiling_in_two(Settings(), Budget()):
             announce("growth.grow")
             raise KeyboardInterrupt
 

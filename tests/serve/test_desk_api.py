@@ -21,7 +21,7 @@ import pytest
 
 from desk import HOP, MOST, SMALL, RunningDesk, running_desk
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.serve import views
 from pareto_ltl.serve.app import ROUTES
 from pareto_ltl.serve.folder import DeskFolder
@@ -119,7 +119,7 @@ def test_the_command_line_is_shown(hop: dict[str, Any], folder: Path) -> None:
 
 def test_the_front_has_the_points_of_the_result(desk: RunningDesk, hop: dict[str, Any]) -> None:
     front = desk.client.get(f"/api/plans/{hop['id']}/front").json()
-    results = Results(Path(hop["directory"]))
+    results = Run.open(Path(hop["directory"]))
     rates = [rate.failure for rate in results.front.rates]
     assert [point["failure"] for point in front["points"]] == pytest.approx(rates)
     lengths = [path.objectives.length for path in results.front.paths]
@@ -187,7 +187,7 @@ def test_what_limits_a_point_is_what_limits_it_as_the_plan(desk: RunningDesk, ho
 def test_a_map_and_a_formula_are_planned(desk: RunningDesk, folder: Path) -> None:
     state = desk.planned(map=drawn("Лес <b>"), formula="F a", overrides=[*SMALL, "wind=calm"])
     assert state["status"] == "done", state
-    assert Results(Path(state["directory"])).plan.formula == "F a"
+    assert Run.open(Path(state["directory"])).plan.formula == "F a"
     words = shlex.split(state["command"])
     assert words[:3] == ["cd", str(folder.resolve()), "&&"]
     words[-1] = "hydra.run.dir=by_command_line"

@@ -14,7 +14,7 @@ import pytest
 
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.choosing import choose
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import DepartureConfig, Settings
 from pareto_ltl.studies.departure import candidate_starts, repeat_seed
 from pareto_ltl.studies.departure_fronts import Comparison, compare_fronts, flown_front
@@ -252,8 +252,8 @@ def test_the_files_of_a_departure_study_fit_their_schema(place: Path) -> None:
 def test_each_start_is_a_result_that_can_be_used(place: Path) -> None:
     document = json.loads((place / "departures.json").read_text())
     for row in document["starts"][:2]:
-        results = Results(place / row["directory"])
-        assert results.run["status"] == "ok"
+        results = Run.open(place / row["directory"])
+        assert results.provenance["status"] == "ok"
         assert results.plan.path.objectives.length == row["length_m"]
         assert results.scene.time_zero == row["departure"]
         assert choose(results, point=0).plan.path.objectives.length > 0

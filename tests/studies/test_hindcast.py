@@ -173,11 +173,9 @@ def test_a_mission_does_not_depend_on_how_many_there_are() -> None:
 
 
 def test_a_front_is_flown_from_its_safest_to_its_shortest() -> None:
-    from pareto_ltl.run.records import FRONT
-    from pareto_ltl.studies.planning import study_run
 
     cfg = small_study.settings()
-    front = study_run(cfg, small_study.world(cfg)).make(FRONT)
+    front = small_study.world(cfg).front
     chosen = forecast_test.picked(front, 3)
     assert chosen[0] is front.paths[0]
     assert chosen[-1] is front.paths[-1]

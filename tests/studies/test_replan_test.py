@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from forecast_winds import calm, context_of, settings, snapshots
-from pareto_ltl.run.records import PLAN, PROBLEM
 from pareto_ltl.settings import ReplanningConfig, preset
 from pareto_ltl.studies import replanning as study
 from pareto_ltl.studies.forecast_test import mission_settings
@@ -63,8 +62,8 @@ def test_a_newer_forecast_is_that_of_the_files() -> None:
     known = known_winds(turning)
     task = mission(known.cfg, 0, 0, known.spells, "open")
     run = known.run_of(task, mission_settings(known.settings, known.cfg, task, preset("full")))
-    run.make(PLAN)
-    dt = run[PROBLEM].motion.dt
+    run.make("plan")
+    dt = run.problem.motion.dt
     late = study.field_cycle(known, task, run, None, 0, round(9.0 * HOUR / dt))
     before = known.readings(task)
     assert late.times.max() > before.times.max()

@@ -16,8 +16,8 @@ from pyproj import Geod
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
-from pareto_ltl.run.records import EXPORTS, PLAN, PROBLEM, Records
-from pareto_ltl.run.results import load_results, planned_run
+from pareto_ltl.run.plan_run import Run
+from pareto_ltl.run.results import planned_run
 from pareto_ltl.settings import Settings, SitlConfig
 from pareto_ltl.simulation.aircraft import Orders, fly_orders, read_orders
 from pareto_ltl.simulation.flights import draw_block, fly_block, pilot_maker
@@ -44,8 +44,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def planned(flown: Path) -> tuple[Problem, Plan]:
-    run = planned_run(load_results(flown))
-    return run.make(PROBLEM), run.make(PLAN)
+    run = planned_run(flown)
+    return run.problem, run.plan
 
 
 def legs(*rows: tuple[float, float, float]) -> Orders:
@@ -151,9 +151,10 @@ def test_what_cannot_be_flown_is_one_line(
     table = flown / "dead_reckoning.csv"
 
     def refused(kind: type[Exception], text: str, files: tuple[Path, ...], world: Any = problem) -> None:
-        given = Records({PROBLEM: world, PLAN: plan, EXPORTS: files})
+        given = {"problem": world, "plan": plan, "exports": files}
+        settings = Settings(sitl=SitlConfig(flights=1))
         with pytest.raises(kind, match=text) as caught:
-            sitl.run_sitl(Settings(sitl=SitlConfig(flights=1)), given, tmp_path)
+            sitl.run_sitl(settings, Run(settings, given), tmp_path)
         assert "\n" not in str(caught.value)
 
     refused(DataError, "was not exported as dead_reckoning.csv", ())

@@ -15,8 +15,8 @@ from pareto_ltl.planning import growth
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.report.records import Study
 from pareto_ltl.report.study_planners import FACTOR_LABELS
-from pareto_ltl.run.records import DECOMPOSITION, FOREST, PLAN, PROBLEM, SCENE, WIND, Records
-from pareto_ltl.run.stage_table import stage_seeds
+from pareto_ltl.run.plan_run import Run
+from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import (
     PRESETS,
     AblationConfig,
@@ -28,7 +28,7 @@ from pareto_ltl.settings import (
 )
 from pareto_ltl.settings.studies import METHODS, MODEL_FACTORS
 from pareto_ltl.studies import compare, convergence, planning, tables
-from pareto_ltl.studies.planning import fly_seeded, still, study_run, unsmoothed
+from pareto_ltl.studies.planning import fly_seeded, still, unsmoothed
 from pareto_ltl.support.errors import ConfigError
 
 DEFAULT_MODELS = (("parents", "mixed"), ("collision_bound", "path"), ("refine", "none"))
@@ -40,17 +40,17 @@ def cfg() -> Settings:
 
 
 @pytest.fixture(scope="module")
-def world(cfg: Settings) -> Records:
+def world(cfg: Settings) -> Run:
     return small_study.world(cfg)
 
 
 @pytest.fixture(scope="module")
-def compared(cfg: Settings, world: Records, tmp_path_factory: pytest.TempPathFactory) -> Study:
+def compared(cfg: Settings, world: Run, tmp_path_factory: pytest.TempPathFactory) -> Study:
     return compare.run_comparison(cfg, world, tmp_path_factory.mktemp("compare"))
 
 
 @pytest.fixture(scope="module")
-def converged(cfg: Settings, world: Records, tmp_path_factory: pytest.TempPathFactory) -> Study:
+def converged(cfg: Settings, world: Run, tmp_path_factory: pytest.TempPathFactory) -> Study:
     grown = replace(cfg, convergence=ConvergenceConfig(sizes=[400, 20, 100, 200]))
     return convergence.run_convergence(grown, world, tmp_path_factory.mktemp("convergence"))
 
@@ -65,8 +65,6 @@ def row_of(study: Study, method: str) -> dict[str, Any]:
 
 def test_a_plan_of_a_study_is_the_plan_of_the_pipeline(cfg: Settings, tmp_path: Path) -> None:
     from pareto_ltl.run import pipeline
-    from pareto_ltl.run.results import Results
-    from pareto_ltl.run.stages import PLAN_TABLE
     from pareto_ltl.settings import SceneConfig, WindConfig
 
     # not the small world: its wind is no file
@@ -81,39 +79,39 @@ def test_a_plan_of_a_study_is_the_plan_of_the_pipeline(cfg: Settings, tmp_path: 
         "problem", "forest", "front", "plan",
     ]  # fmt: skip
     mine.seed = 3
-    pipeline.run_pipeline(pipeline.check_pipeline(mine, PLAN_TABLE), tmp_path)
-    path = pipeline.Run(replace(mine, seed=0)).with_seed(3).make(PLAN).path
-    np.testing.assert_array_equal(Results(tmp_path).plan.path.x, path.x)
+    pipeline.run_pipeline(pipeline.check_pipeline(mine), tmp_path)
+    path = Run(replace(mine, seed=0)).with_seed(3).plan.path
+    np.testing.assert_array_equal(Run.open(tmp_path).plan.path.x, path.x)
 
 
-def test_cc_rrt_grows_the_forest_without_reselection(cfg: Settings, world: Records) -> None:
+def test_cc_rrt_grows_the_forest_without_reselection(cfg: Settings, world: Run) -> None:
     shop = compare.method("cc_rrt", cfg, world)
     options = growth.GrowthOptions(reselect=False)
     seeds = stage_seeds(cfg.seed, "forest")
-    plain = growth.grow_forest(cfg.planner, shop.make(PROBLEM), seeds, None, options)
-    for one, other in zip(shop.make(FOREST).trees, plain.trees, strict=True):
+    plain = growth.grow_forest(cfg.planner, shop.problem, seeds, None, options)
+    for one, other in zip(shop.forest.trees, plain.trees, strict=True):
         np.testing.assert_array_equal(one.x, other.x)
         np.testing.assert_array_equal(one.parent, other.parent)
-    proposed = compare.method("paper", cfg, world).make(FOREST)
+    proposed = compare.method("paper", cfg, world).forest
     assert sum(tree.reach["reselected"] for tree in proposed.trees) > 0
     assert sum(tree.reach["reselected"] for tree in plain.trees) == 0
 
 
-def test_ml_rrt_knows_of_no_wind(cfg: Settings, world: Records) -> None:
+def test_ml_rrt_knows_of_no_wind(cfg: Settings, world: Run) -> None:
     shop = compare.method("ml_rrt", cfg, world)
-    wind = shop.make(PROBLEM).wind
+    wind = shop.problem.wind
     assert not wind.mean.any()
     assert not wind.latent.any()
     assert not wind.gust.any()
-    assert not shop.make(PROBLEM).modes.psi.any()
-    assert compare.method("paper", cfg, world).make(PROBLEM).modes.psi.any()
-    plan = shop.make(PLAN)
+    assert not shop.problem.modes.psi.any()
+    assert compare.method("paper", cfg, world).problem.modes.psi.any()
+    plan = shop.plan
     assert plan.path.objectives.mission_risk_paper == 0.0
     np.testing.assert_allclose(np.diff(plan.path.x, axis=0), plan.path.u * cfg.robot.dt, atol=1e-6)
 
 
-def test_a_still_field_keeps_its_lattice_and_its_clock(cfg: Settings, world: Records) -> None:
-    wind = study_run(cfg, world).make(WIND)
+def test_a_still_field_keeps_its_lattice_and_its_clock(cfg: Settings, world: Run) -> None:
+    wind = world.with_settings(cfg).wind
     calm = still(wind)
     assert not calm.mean.any()
     assert wind.mean.any()
@@ -126,7 +124,7 @@ def test_every_fidelity_and_baseline_can_be_asked_for() -> None:
     assert set(PRESETS) <= set(METHODS)
 
 
-def test_one_seed_is_one_wind_whatever_flies(cfg: Settings, world: Records) -> None:
+def test_one_seed_is_one_wind_whatever_flies(cfg: Settings, world: Run) -> None:
     truth = planning.truth(cfg, world)
     u = np.tile([4.0, 3.0], (8, 1))
     first, again, longer, other = (
@@ -158,7 +156,7 @@ def test_rates_are_those_of_the_flights(compared: Study, cfg: Settings) -> None:
 
 
 def test_both_fidelities_fly_under_both_laws_and_keep_the_promise_of_each(
-    cfg: Settings, world: Records, tmp_path: Path
+    cfg: Settings, world: Run, tmp_path: Path
 ) -> None:
     few = EvaluationConfig(seeds=[0], jobs=1, laws=["independent", "coherent"])
     both = CompareConfig(["paper", "full"])
@@ -182,9 +180,7 @@ def test_a_difference_is_that_of_the_two_rates(compared: Study, cfg: Settings) -
         assert discordant == pytest.approx(gap * row["pairs"])
 
 
-def test_a_method_without_a_plan_is_counted_and_explained(
-    cfg: Settings, world: Records, tmp_path: Path
-) -> None:
+def test_a_method_without_a_plan_is_counted_and_explained(cfg: Settings, world: Run, tmp_path: Path) -> None:
     poor = replace(
         cfg, planner=replace(cfg.planner, trees=1, n_max=3), compare=CompareConfig(["paper", "cc_rrt"])
     )
@@ -213,8 +209,8 @@ def test_panels_show_the_first_seed_of_every_method(compared: Study, cfg: Settin
 # --- convergence -----------------------------------------------------------------------------
 
 
-def test_a_snapshot_is_the_forest_that_had_stopped_there(cfg: Settings, world: Records) -> None:
-    problem = study_run(cfg, world).make(PROBLEM)
+def test_a_snapshot_is_the_forest_that_had_stopped_there(cfg: Settings, world: Run) -> None:
+    problem = world.with_settings(cfg).problem
     big = growth.grow_forest(replace(cfg.planner, n_max=600), problem, stage_seeds(1, "forest"))
     small = growth.grow_forest(replace(cfg.planner, n_max=150), problem, stage_seeds(1, "forest"))
     look = convergence.snapshot(big, 150)
@@ -269,7 +265,7 @@ def test_hypervolume_counts_decades_of_risk() -> None:
 # --- ablation --------------------------------------------------------------------------------
 
 
-def test_levels_that_are_the_default_share_their_parts(cfg: Settings, world: Records, tmp_path: Path) -> None:
+def test_levels_that_are_the_default_share_their_parts(cfg: Settings, world: Run, tmp_path: Path) -> None:
     wanted = AblationConfig(factors=["trees", "epsilon"], trees=[3, 1], epsilon=[0.07])
     few = replace(
         cfg,
@@ -314,7 +310,7 @@ def test_models_are_not_changed_unless_asked_for() -> None:
 
 
 @pytest.mark.no_cover  # coverage slows the compiler down, and other tests run the same lines
-def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records, tmp_path: Path) -> None:
+def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Run, tmp_path: Path) -> None:
     """Parts of the default are shared; the flights of a level fly its plan in the run's world.
 
     Only the level ``step`` has kernels of its own, those of ``choices.COMPILED``.
@@ -331,7 +327,7 @@ def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records,
     assert len(rows) == 14
     truth = planning.truth(few, world)
     for factor, level in compare.levels(few):
-        plan = study_run(compare.changed(unsmoothed(few), factor, level), world).make(PLAN)
+        plan = world.with_settings(compare.changed(unsmoothed(few), factor, level)).plan
         for law in one_seed.laws:
             flown = fly_seeded(truth, plan.path.u, few.deployment.runs, law, 0, plan.path.x)
             row = rows[factor, level, law]
@@ -343,15 +339,13 @@ def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Records,
         assert rows["refine", "convex", law]["length_m"] < rows["refine", "none", law]["length_m"]
 
 
-def test_the_mean_path_is_the_planned_one(cfg: Settings, world: Records) -> None:
-    shop = study_run(unsmoothed(cfg), world)
-    path = shop.make(PLAN).path
-    np.testing.assert_allclose(forecast(shop.make(PROBLEM), path.u, "independent").x, path.x, atol=1e-6)
+def test_the_mean_path_is_the_planned_one(cfg: Settings, world: Run) -> None:
+    shop = world.with_settings(unsmoothed(cfg))
+    path = shop.plan.path
+    np.testing.assert_allclose(forecast(shop.problem, path.u, "independent").x, path.x, atol=1e-6)
 
 
-def test_independent_winds_promise_more_the_finer_the_step(
-    cfg: Settings, world: Records, tmp_path: Path
-) -> None:
+def test_independent_winds_promise_more_the_finer_the_step(cfg: Settings, world: Run, tmp_path: Path) -> None:
     """Σ_T = T v² dt: the bound of one flight falls with dt, though nothing about the wind has changed."""
     study = compare.run_ablation(
         replace(cfg, ablation=AblationConfig(factors=["dt"], dt=[1, 4])), world, tmp_path
@@ -362,7 +356,7 @@ def test_independent_winds_promise_more_the_finer_the_step(
     assert fine["bound"] < coarse["bound"]
 
 
-def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(cfg: Settings, world: Records) -> None:
+def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(cfg: Settings, world: Run) -> None:
     """A step may begin with the last field; its pieces must find a wind too."""
     cfg = replace(cfg, planner=replace(cfg.planner, max_steps=400))
     known = len(planning.truth(cfg, world).wind.slot)
@@ -376,7 +370,7 @@ def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(cfg: Setti
 
 
 def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
-    cfg: Settings, world: Records, tmp_path: Path
+    cfg: Settings, world: Run, tmp_path: Path
 ) -> None:
     damped = replace(cfg, robot=replace(cfg.robot, a=[[0.9, 0.0], [0.0, 0.9]]))
     with pytest.raises(ConfigError, match="leave dt out"):
@@ -387,14 +381,14 @@ def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
 
 
 def test_every_study_draws_its_figures(
-    cfg: Settings, world: Records, compared: Study, converged: Study, tmp_path: Path
+    cfg: Settings, world: Run, compared: Study, converged: Study, tmp_path: Path
 ) -> None:
     from pareto_ltl.report.axes import save_figures
     from pareto_ltl.report.study_planners import comparison_figures, convergence_figures
 
     asked = replace(cfg.report, formats=["png", "svg"])
     made = {
-        **comparison_figures(cfg, compared, world[SCENE], world[DECOMPOSITION]),
+        **comparison_figures(cfg, compared, world.scene, world.cells),
         **convergence_figures(cfg, converged),
     }
     drawn = save_figures(tmp_path, asked, made)

@@ -15,9 +15,8 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.logic.patterns import formula_of
-from pareto_ltl.run.stage_table import with_extension_stages
-from pareto_ltl.run.stages import PLAN_STAGES
-from pareto_ltl.settings import MissionConfig, SelectionConfig, Settings, WindConfig
+from pareto_ltl.run.pipeline import check_pipeline, stages_by_name
+from pareto_ltl.settings import MissionConfig, PipelineConfig, SelectionConfig, Settings, WindConfig
 from pareto_ltl.settings.planner import SELECTION_RULES as RULE_NAMES
 from pareto_ltl.settings.wind import WIND_SOURCES as SOURCE_NAMES
 from pareto_ltl.support import extensions, resources
@@ -120,7 +119,6 @@ def test_a_rule_of_another_package_reads_its_options(installed: dict[str, str], 
         ("mission.pattern=zigzag", "key_door, all_but_one; got 'zigzag'"),
         ("robot=submarine", "there is no robot 'submarine'; there are airframe, fixed_wing, glider"),
         ("pipelines.stages=[briefings]", "briefing"),
-        ("pipelines.stages=[briefing]", "'briefing' needs plan, scene, which no earlier stage makes"),
     ],
 )
 def test_messages_list_what_other_packages_add(
@@ -176,7 +174,7 @@ def test_a_name_that_is_taken_is_refused(added: dict[str, dict[str, str]]) -> No
 
     taken = "has a name that pareto_ltl uses; rename it, or uninstall it"
     with pytest.raises(ConfigError, match=f"entry point 'forest' .* {taken}"):
-        with_extension_stages(PLAN_STAGES, [])
+        stages_by_name(Settings())
     with pytest.raises(ConfigError, match=f"entry point 'csv' .* {taken}"):
         wind_source(WindConfig())
     with pytest.raises(ConfigError, match=f"entry point 'patrol' .* {taken}"):
@@ -191,18 +189,24 @@ def test_a_name_that_is_taken_is_refused(added: dict[str, dict[str, str]]) -> No
         ("no_such_module:STAGE", "cannot be loaded (ModuleNotFoundError: No module named 'no_such_module')"),
         ("os:no_such_name", "cannot be loaded (AttributeError"),
         ("os:getcwd", "is a builtin_function_or_method, which this group does not take"),
-        ("pareto_ltl.run.stages:PLAN_TABLE", "is a StageTable, which this group does not take"),
+        ("pareto_ltl.run.plan_run:PLAN_STAGES", "is a tuple, which this group does not take"),
     ],
 )
 def test_an_entry_point_that_does_not_work_is_one_line(
     value: str, reason: str, added: dict[str, dict[str, str]]
 ) -> None:
     added["pareto_ltl.stages"] = {"mine": value}
-    assert with_extension_stages(PLAN_STAGES, ["forest"]).known[-1] == "mine"  # known, and not loaded
+    with pytest.raises(ConfigError, match="table, mine, and"):  # known, and not loaded
+        check_pipeline(listing("other"))
     with pytest.raises(ConfigError) as caught:
-        with_extension_stages(PLAN_STAGES, ["mine"])
+        stages_by_name(listing("mine"))
     assert reason in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def listing(name: str) -> Settings:
+    """Settings of a pipeline of one stage."""
+    return Settings(pipelines=PipelineConfig(stages=[name]))
 
 
 def test_two_packages_with_one_name_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

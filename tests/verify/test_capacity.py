@@ -11,9 +11,8 @@ from numpy.random import SeedSequence
 
 from desk import SMALL
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.planning.costs import EnergyModel
-from pareto_ltl.run.records import PLAN, PROBLEM
-from pareto_ltl.run.results import load_results, planned_run
+from pareto_ltl.planning.power import EnergyModel
+from pareto_ltl.run.results import planned_run
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_rate
@@ -25,8 +24,8 @@ RUNS = 2000
 def test_the_checker_lands_as_many_robots_as_the_planner(tmp_path: Path) -> None:
     words = ["plan", "+experiment=hop", *SMALL, "robot.feedback_time=300", "exports=none"]
     assert run_command_line([*words, f"hydra.run.dir={tmp_path}"]) == 0
-    run = planned_run(load_results(tmp_path))
-    problem, path = run.make(PROBLEM), run.make(PLAN).path
+    run = planned_run(tmp_path)
+    problem, path = run.problem, run.plan.path
     assert problem.energy is not None
     evidence, told = open_evidence(tmp_path), {}
     law = evidence.law("coherent")

@@ -13,7 +13,7 @@ from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.logic import hoa
 from pareto_ltl.logic.automaton import translate
 from pareto_ltl.logic.formula import Formula, parse_formula
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.mission import SceneConfig
 from pareto_ltl.support.errors import DataError, FormulaError
 from pareto_ltl.support.names import joined_names, name_fault, quoted_name, split_names
@@ -88,7 +88,7 @@ def test_a_mission_over_any_names_is_planned_exported_and_verified(
         refine={"points": 3}, deployment={"runs": 50}, robot={"dt": 100.0, "u_max": 12.0},
     )  # fmt: skip
     assert done.plan.formula == formula
-    front = Results(tmp_path / "run").front
+    front = Run.open(tmp_path / "run").front
     seen = frozenset().union(*(label for path in front.paths for label in path.label))
     assert seen == {NAMES[0], NAMES[5]}
     assert run_command_line(["explain", str(tmp_path / "run")]) == 0

@@ -9,24 +9,20 @@ from __future__ import annotations
 from itertools import combinations
 from pathlib import Path
 
-from pareto_ltl.run.records import PLAN, SCENE, RecordKey
-from pareto_ltl.run.stage_table import Stage, StageInputs
+from pareto_ltl import Run
+from pareto_ltl.extend import record
 from pareto_ltl.settings import MissionConfig, SelectionConfig, WindConfig
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 
-BRIEFING: RecordKey[Path] = RecordKey("briefing")
 
-
-def make_briefing(inputs: StageInputs) -> Path:
+@record()
+def briefing(run: Run) -> Path:
     """A text file with the formula, the regions and the flight time."""
-    plan, scene = inputs[PLAN], inputs[SCENE]
-    hours = len(plan.path.u) * inputs.settings.robot.dt / 3600
-    path = inputs.directory / "briefing.txt"
-    path.write_text(f"{plan.formula}\nregions: {', '.join(scene.regions)}\nflight time: {hours:.1f} h\n")
+    hours = len(run.plan.path.u) * run.settings.robot.dt / 3600
+    path = run.place / "briefing.txt"
+    regions = ", ".join(run.scene.regions)
+    path.write_text(f"{run.plan.formula}\nregions: {regions}\nflight time: {hours:.1f} h\n")
     return path
-
-
-BRIEFING_STAGE = Stage(makes=BRIEFING, make=make_briefing, needs=(PLAN, SCENE))
 
 
 def read_steady(cfg: WindConfig, wanted):
@@ -51,7 +47,7 @@ def read_steady(cfg: WindConfig, wanted):
 
 
 def _steady_wind():
-    from pareto_ltl.wind.sources import WindSource
+    from pareto_ltl.extend import WindSource
 
     return WindSource(read=read_steady, files=lambda cfg, wanted: ())
 

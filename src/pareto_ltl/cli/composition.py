@@ -33,15 +33,14 @@ from hydra.types import RunMode, TaskFunction
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pareto_ltl import __version__
+from pareto_ltl import Settings, __version__
 from pareto_ltl.cli.arguments import CommandArguments
 from pareto_ltl.cli.setting_keys import refuse_unknown_key, settings_from
 from pareto_ltl.cli.wind_words import unread_wind_source, wind_file_words
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.run.provenance import one_line
-from pareto_ltl.settings import Settings
-from pareto_ltl.studies.stages import application_stages
+from pareto_ltl.studies.stages import APPLICATION_STAGES
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl.support.extras import install_command
 from pareto_ltl.support.messages import shown_text
@@ -228,7 +227,7 @@ class Prepared:
             return
         directory = Path(str(self.config.hydra.run.dir))
         OmegaConf.update(self.config, "hydra.run.dir", str(directory))  # the same time of day in both
-        with claimed_directory(directory, self.pipeline.table.files):
+        with claimed_directory(directory, self.pipeline.files):
             hydra.run(config_name=name, task_function=job, overrides=[])
 
 
@@ -257,7 +256,7 @@ def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> Prepared:
 
 def check_settings(settings: Settings) -> Pipeline:
     """The pipeline of ``settings``, checked across sections; each section was checked when it was made."""
-    return check_pipeline(settings, application_stages(settings))
+    return check_pipeline(settings, APPLICATION_STAGES)
 
 
 def _prepare_sweep(

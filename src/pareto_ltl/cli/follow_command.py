@@ -15,10 +15,10 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extras import require_extra
 
 if TYPE_CHECKING:
+    from pareto_ltl import Run
     from pareto_ltl.inflight.following import Listener, Session
     from pareto_ltl.inflight.rules import Event
     from pareto_ltl.inflight.telemetry import Reading, Typed
-    from pareto_ltl.run.results import Results
 
 
 ASSESSED = 60.0  # [s] at most between two statuses, from which alarms follow
@@ -26,12 +26,12 @@ ASSESSED = 60.0  # [s] at most between two statuses, from which alarms follow
 
 def follow(options: Namespace, output: Output) -> int:
     """Print what a watch says about a flight, and write its journal; return 0."""
+    from pareto_ltl import load_results
     from pareto_ltl.inflight.afterwards import draw_watch, truth_summary, write_search_area
     from pareto_ltl.inflight.following import FOLDER, Session
     from pareto_ltl.inflight.replans import ReplanSettings
     from pareto_ltl.inflight.telemetry import Typed
     from pareto_ltl.inflight.watch import WatchSettings
-    from pareto_ltl.run.results import load_results
     from pareto_ltl.support.files import write_json
 
     _check(options)
@@ -124,7 +124,7 @@ def _shown(event: Event, output: Output) -> str:
 
 
 def _source(
-    options: Namespace, results: Results, typed: Typed | None
+    options: Namespace, results: Run, typed: Typed | None
 ) -> tuple[Iterable[Reading] | Path, Listener | None]:
     """The telemetry, and what answers to events."""
     scene = results.scene

@@ -9,8 +9,9 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+from pareto_ltl import Settings
 from pareto_ltl.cli.command_table import COMMANDS, PipelineCommand
-from pareto_ltl.settings import Settings, declarations
+from pareto_ltl.settings import declarations
 from pareto_ltl.settings.checks import Declaration
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import added_folders, resource_folder

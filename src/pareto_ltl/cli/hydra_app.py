@@ -36,7 +36,7 @@ from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, Infe
 from pareto_ltl.support.stopping import ends_process
 
 if TYPE_CHECKING:
-    from pareto_ltl.settings import Settings
+    from pareto_ltl import Settings
     from pareto_ltl.studies.sweep_summary import SweepSummary
 
 

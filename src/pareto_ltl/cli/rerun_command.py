@@ -19,8 +19,8 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.run_status import ending_text
 
 if TYPE_CHECKING:
+    from pareto_ltl import Settings
     from pareto_ltl.run.pipeline import Pipeline
-    from pareto_ltl.settings import Settings
 
 CODE_VERSIONS = ("version", "code_hash", "python")
 TIME_COLUMN = "second"  # part of the name of columns of computing times
@@ -58,7 +58,7 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
     """
     from pareto_ltl.run import pipeline, provenance
     from pareto_ltl.run.received import allowed_settings
-    from pareto_ltl.studies.stages import application_stages
+    from pareto_ltl.studies.stages import APPLICATION_STAGES
 
     refuse_links_out(directory)
     before = _finished_record(directory)
@@ -74,7 +74,7 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
         told = differences or [f"the same, byte for byte: {', '.join(compared)}"]
         return Answer(document, [*(f"note: {note}" for note in notes), *told], code=0 if same else 1)
 
-    checked = pipeline.check_pipeline(settings, application_stages(settings))
+    checked = pipeline.check_pipeline(settings, APPLICATION_STAGES)
     try:
         pipeline.run_pipeline(checked, place, before["argv"], before["overrides"])
     except InfeasibleError as error:

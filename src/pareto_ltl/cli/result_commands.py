@@ -28,19 +28,17 @@ CLAIM_FAILS = 3  # exit code; 1 is for a crash, 2 for an input that cannot be re
 
 def front(options: Namespace) -> Answer:
     """The paths of a front with all their costs."""
+    from pareto_ltl import Run
     from pareto_ltl.report.limits import chosen_number
     from pareto_ltl.report.page.points import shown_points
-    from pareto_ltl.run.records import FRONT, PLAN
-    from pareto_ltl.run.results import load_results
 
-    results = load_results(options.directory)
-    records = results.records()
-    if FRONT not in records:
-        status = results.run.get("status")
+    run = Run.open(options.directory)
+    front = run.get("front")
+    if front is None:
+        status = run.provenance.get("status")
         why = "give the results of a plan" if status == "ok" else ending_text(options.directory, status)
         raise DataError(f"{options.directory}: there is no front: {why}")
-    front = records[FRONT]
-    chosen = chosen_number(front, records.get(PLAN))
+    chosen = chosen_number(front, run.get("plan"))
     points = [
         {"path": k, **row, "further": dict(path.objectives.further_costs)}
         for k, (row, path) in enumerate(zip(shown_points(front), front.paths, strict=True))
@@ -82,22 +80,21 @@ def _risk_text(point: dict[str, Any]) -> str:
 
 def choose(options: Namespace) -> Answer:
     """Write the plan of another path."""
+    from pareto_ltl import Run
     from pareto_ltl.cli.summary import run_answer
     from pareto_ltl.run.choosing import Choice, chosen_run, default_place
-    from pareto_ltl.run.metrics import run_metrics
-    from pareto_ltl.run.results import load_results
-    from pareto_ltl.studies.stages import application_stages
+    from pareto_ltl.studies.stages import APPLICATION_STAGES
 
     choice = Choice(
         failure=options.failure, energy=options.energy, length=options.length, knee=options.knee,
         point=options.point, selection=read_selection(options.rule, options.settings),
     )  # fmt: skip
-    results = load_results(options.directory)
-    place = options.out or default_place(results.directory, choice)
-    table = application_stages(results.settings)
+    source = Run.open(options.directory)
+    place = options.out or default_place(source.place, choice)
     with collected_warnings() as warnings:
-        run = chosen_run(results, choice, place, table, ("pareto-ltl", "choose", *options.words))
-    return run_answer(run.settings, place, run_metrics(run.records, run.seconds), warnings)
+        words = ("pareto-ltl", "choose", *options.words)
+        run = chosen_run(source, choice, place, APPLICATION_STAGES, words)
+    return run_answer(run.settings, place, run.metrics, warnings)
 
 
 def read_selection(rule: str | None, words: Sequence[str]) -> dict[str, Any] | None:
@@ -127,7 +124,7 @@ def read_selection(rule: str | None, words: Sequence[str]) -> dict[str, Any] | N
 
 def export(options: Namespace) -> Answer:
     """Write files of a plan."""
-    from pareto_ltl.run.interface import export
+    from pareto_ltl import export
 
     settings: dict[str, Any] = {}
     if options.altitude is not None:
@@ -173,12 +170,10 @@ def _in_columns(line: str) -> list[str]:
 def beacons(options: Namespace) -> Answer:
     """The best places for beacons; writes table and figure."""
     from pareto_ltl.run import beacons
-    from pareto_ltl.run.results import PlanningResult, planned_run
+    from pareto_ltl.run.results import planned_run
 
     run = planned_run(options.directory)
-    found = beacons.beacons(
-        PlanningResult(run), radius=options.radius, number=options.number, flights=options.flights
-    )
+    found = beacons.beacons(run, radius=options.radius, number=options.number, flights=options.flights)
     folder = options.out or options.directory / "beacons"
     beacons.write_beacons(run, found, folder)
     lines = [*beacons.beacon_lines(run, found), f"table and figure in {folder}"]
@@ -228,7 +223,8 @@ def _claim_lines(found: Finding) -> tuple[str, ...]:
 
 def replan(options: Namespace) -> Answer:
     """Write a new plan for the rest of a flight."""
-    from pareto_ltl.run.replanning import comparison_lines, replan, replan_document
+    from pareto_ltl import replan
+    from pareto_ltl.run.replanning import comparison_lines, replan_document
 
     if options.time is None and options.fixes is None:
         raise ConfigError(

@@ -21,9 +21,9 @@ from omegaconf.errors import (
     ValidationError,
 )
 
+from pareto_ltl import Settings
 from pareto_ltl.cli.output import EXPECTED_ERRORS
 from pareto_ltl.run.provenance import one_line
-from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import settings_of, unknown_setting
 from pareto_ltl.settings.checks import field_kinds, kind_at, kind_problem, kind_text
 from pareto_ltl.support.errors import ConfigError

@@ -8,8 +8,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pareto_ltl import Settings
 from pareto_ltl.cli.output import Answer, shown_table
-from pareto_ltl.settings import Settings
 from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.support.medium import AIR, Medium
 
@@ -92,7 +92,7 @@ def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str
 
 def plan_paragraphs(settings: Settings, directory: Path, plan: Plan) -> Iterator[str]:
     """Which path of the front is the plan, where flights judge; what detours through landmarks would save."""
-    from pareto_ltl.planning.costs import remedies_text
+    from pareto_ltl.planning.limits import remedies_text
     from pareto_ltl.planning.selection_rules import selection_rule
 
     cfg = settings.selection
@@ -104,9 +104,9 @@ def plan_paragraphs(settings: Settings, directory: Path, plan: Plan) -> Iterator
         yield f"What helps, {remedies_text(plan.remedies)}."
     if not all((directory / name).is_file() for name in ("front.csv", "scene.json")):
         return
-    from pareto_ltl.run.results import Results
+    from pareto_ltl import Run
 
-    results = Results(directory)
+    results = Run.open(directory)
     if results.scene.landmarks:
         from pareto_ltl.report.limits import detour_lines
 

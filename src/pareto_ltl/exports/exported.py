@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import SeedSequence
 
+from pareto_ltl import Scene, Settings
 from pareto_ltl.exports.corridor import Corridor, flown_corridor
 from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
 from pareto_ltl.kernels.pilots import Autopilot, Pilot
-from pareto_ltl.planning.costs import Rotor
 from pareto_ltl.planning.pack import with_feedback
+from pareto_ltl.planning.power import Rotor
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath
-from pareto_ltl.settings import Settings
 from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
 from pareto_ltl.simulation.flights import fly_pilot, unspawned
 from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
@@ -24,7 +24,6 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl.support.medium import Medium
 from pareto_ltl.wind.coverage import level_gap
-from pareto_ltl.world.scene import Scene
 
 GENERIC, FIXED_WING, MULTIROTOR, SUBMARINE = 0, 1, 2, 12  # MAV_TYPE
 HELD_TIME = 60.0  # robot.feedback_time of an autopilot that holds positions [s]

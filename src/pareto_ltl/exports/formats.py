@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pareto_ltl import Scene
 from pareto_ltl.exports.exported import ExportedPlan
 from pareto_ltl.exports.geojson import corridor_geojson, operational_intent, plan_geojson
 from pareto_ltl.exports.mavlink import mavlink_script, plan_lua
@@ -18,7 +19,6 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.world.projection import to_plane, utc_times
-from pareto_ltl.world.scene import Scene
 
 MAKERS: dict[str, Callable[[ExportedPlan], bytes]] = {
     "dead_reckoning": dead_reckoning_csv,

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Scene
 from pareto_ltl.exports.corridor import Corridor
 from pareto_ltl.exports.degrees import line_degrees, line_parts, lonlat, outline_degrees, polygon_parts
 from pareto_ltl.exports.exported import ExportedPlan
@@ -23,7 +24,7 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.polygons import united_rings
 from pareto_ltl.world.projection import meridian_convergence, to_geographic
-from pareto_ltl.world.scene import Scene, fix_document
+from pareto_ltl.world.scene import fix_document
 
 Feature = dict[str, Any]
 

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Run, Scene
 from pareto_ltl.exports.corridor import FINEST
 from pareto_ltl.exports.degrees import outline_degrees
 from pareto_ltl.exports.ellipses import ellipse_outlines, ellipse_scale
@@ -30,13 +31,11 @@ from pareto_ltl.inflight.lines import flows_of
 from pareto_ltl.inflight.rules import Event
 from pareto_ltl.inflight.telemetry import read_places
 from pareto_ltl.inflight.watch import ELLIPSE
-from pareto_ltl.run.results import Results
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.world.projection import to_plane, utc_times
-from pareto_ltl.world.scene import Scene
 
 SHARES = (0.5, 0.9, 0.99)  # probabilities of ellipses and areas
 BINS = 10
@@ -99,7 +98,7 @@ def fix_ranks(folders: Sequence[Path]) -> dict[str, Any]:
 # --- picture ------------------------------------------------------------------------------------
 
 
-def draw_watch(results: Results, folder: Path) -> Path | None:
+def draw_watch(results: Run, folder: Path) -> Path | None:
     """Draw the journal of ``folder`` on the map of ``results``; None without a status."""
     from pareto_ltl.report.axes import save_figures
     from pareto_ltl.report.plan_maps import watch_figure

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pareto_ltl.settings import Settings
+from pareto_ltl import Settings
 from pareto_ltl.settings.heights import FlownAir, flight_air, flight_height
 from pareto_ltl.support.atmosphere import (
     FREEZING,

@@ -11,30 +11,27 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pareto_ltl import Scene, Settings
 from pareto_ltl.inflight.airspeeds import planned_density_ratio
 from pareto_ltl.inflight.journal import NAME, SCHEMA, Journal, read_journal, require_place
 from pareto_ltl.inflight.replans import Replans, ReplanSettings
 from pareto_ltl.inflight.rules import Event, alarm, event_of
 from pareto_ltl.inflight.telemetry import Reading, Typed, read_log
 from pareto_ltl.inflight.watch import Watch, WatchSettings
-from pareto_ltl.run.records import PLAN, PROBLEM, SCENE, WIND
 from pareto_ltl.run.rest_of_flight import issued
 from pareto_ltl.run.results import planned_run
-from pareto_ltl.run.stage_table import stage_seeds
-from pareto_ltl.settings import Settings
 from pareto_ltl.settings.heights import FlownAir
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
-    from pareto_ltl.run.results import PlanningResult, Results
+    from pareto_ltl import Run
 
 STREAM = "follow"
 Listener = Callable[[Watch, Event], Iterable[Event]]
 
 
 def follow(
-    planned: PlanningResult | Results | str | Path,
+    planned: Run | str | Path,
     readings: Iterable[Reading] | str | Path,
     *,
     out: str | Path | None = None,
@@ -47,7 +44,7 @@ def follow(
 
     Parameters
     ----------
-    planned : PlanningResult, Results or path
+    planned : Run or path
         What :func:`pareto_ltl.plan` returned, or a results directory.
     readings : iterable of Reading, or path
         Telemetry in order of time, or a CSV file of it (docs/follow.md).
@@ -69,9 +66,9 @@ def follow(
     """
     cfg = settings or WatchSettings()
     run = planned_run(planned)
-    scene, seed = run.make(SCENE), stage_seeds(run.settings.seed, STREAM)
-    wind, medium = run.make(WIND), run.settings.medium
-    watch = Watch(run.make(PROBLEM), run.make(PLAN), cfg, seed, issued(wind), medium)
+    scene, seed = run.scene, run.seeds(STREAM)
+    wind, medium = run.wind, run.settings.medium
+    watch = Watch(run.problem, run.plan, cfg, seed, issued(wind), medium)
     begin = event_of(
         "begin", 0.0, schema=SCHEMA, plan=run.settings.name, formula=watch.plan.formula,
         departure=scene.time_zero, members=cfg.members, not_covered=watch.plan.not_covered,
@@ -152,7 +149,7 @@ class Session:
 
     Attributes
     ----------
-    results, folder : Results, Path
+    results, folder : Run, Path
         The plan that is followed, and the folder of its journal.
     listeners : sequence of Listener
         Called with each event; events of new plans come last.
@@ -160,19 +157,19 @@ class Session:
         Called with each result before it is followed.
     """
 
-    results: Results
+    results: Run
     folder: Path
     watching: WatchSettings = field(default_factory=WatchSettings)
     replanning: ReplanSettings = field(default_factory=ReplanSettings)
     listeners: Sequence[Listener] = ()
     typed: Typed | None = None
-    opened: Callable[[Results], None] | None = None
+    opened: Callable[[Run], None] | None = None
 
     def events(
         self, readings: Iterable[Reading] | Path, *, resume: bool = False
     ) -> Generator[Event, None, None]:
         """Watch until the telemetry ends."""
-        from pareto_ltl.run.results import load_results
+        from pareto_ltl import load_results
 
         scene, begun = self.results.scene, list[Event]()
         if isinstance(readings, Path):
@@ -193,7 +190,7 @@ class Session:
     ) -> Generator[Event, None, Event | None]:
         """Watch one plan; returns the event of a switch to another one."""
         earlier = list(read_journal(require_place(self.folder, resume=True))) if resume else begun
-        replans = Replans(self.results.directory, self.folder, self.replanning, self.typed, earlier)
+        replans = Replans(self.results.place, self.folder, self.replanning, self.typed, earlier)
         active = self.replanning.enabled or self.replanning.wind_folder is not None
         listeners = [*self.listeners, *([replans.answers] if active else [])]
 

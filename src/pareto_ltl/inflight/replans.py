@@ -171,7 +171,7 @@ class Replans:
 
     def _compared(self, watch: Watch, step: int) -> tuple[float, float, bool]:
         """Failure rates of both plans from now on in the same flights, and whether the new one is better."""
-        from pareto_ltl.run.results import load_results
+        from pareto_ltl import load_results
 
         path, other = watch.plan.path, load_results(self._place()).plan.path
         u, x = np.concatenate([path.u[:step], other.u]), np.concatenate([path.x[:step], other.x])

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Scene
 from pareto_ltl.exports import mavlink
 from pareto_ltl.inflight.rules import Event
 from pareto_ltl.inflight.vehicle import AGE, ARDUPILOT, PX4, Vehicle
 from pareto_ltl.inflight.watch import ELLIPSE, Watch
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.world.projection import to_geographic
-from pareto_ltl.world.scene import Scene
 
 KINDS = ("wind", "heading", "speed", "position", "prologue")
 ACCEPTED, UNDER_WAY = 0, 5  # MAV_RESULT_ACCEPTED, MAV_RESULT_IN_PROGRESS

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.planning.costs import energy_model
+from pareto_ltl.planning.power import energy_model
 from pareto_ltl.settings import RobotConfig, Settings
 from pareto_ltl.wind.displacement import displacement_variance, known_for
 from pareto_ltl.wind.readings import HOUR, Readings

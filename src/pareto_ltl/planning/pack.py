@@ -14,8 +14,9 @@ from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.logic.timed import letter_of, places_of
-from pareto_ltl.planning.costs import energy_model
+from pareto_ltl.planning.costs import ALWAYS
 from pareto_ltl.planning.pack_logic import Epoch, epochs_of, pack_corners, pack_logic, pack_ordered
+from pareto_ltl.planning.power import energy_model
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.turns import turns_of
 from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, WindConfig
@@ -362,6 +363,7 @@ def build_problem(
         max_steps=planner.max_steps,
         wind_ends=wind.ends,
         energy=energy_model(robot.power),
+        costs=ALWAYS,
         turns=turns_of(robot),
     )
 

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.planning.costs import Price, Remedy, SegmentLimits, WorstSegment, cost_named, known_costs
+from pareto_ltl.planning.costs import cost_named, known_costs
+from pareto_ltl.planning.limits import Price, Remedy, SegmentLimits, WorstSegment
 from pareto_ltl.planning.records import (
     RISKS,
     FailureRate,

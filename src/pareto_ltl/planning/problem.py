@@ -17,8 +17,9 @@ import numpy as np
 from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.planning.costs import ALWAYS, Cost, EnergyModel
+from pareto_ltl.planning.cost import Cost
 from pareto_ltl.planning.pack_logic import Reading, pack_corners
+from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.turns import Turns, TurnsOnTheSpot
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
@@ -84,7 +85,7 @@ class Problem(Displayed):
     max_steps: int
     wind_ends: str = ""
     energy: EnergyModel | None = None
-    costs: tuple[Cost, ...] = ALWAYS
+    costs: tuple[Cost, ...] = ()
     turns: Turns = field(default_factory=TurnsOnTheSpot)
 
     def facts(self) -> Mapping[str, str]:

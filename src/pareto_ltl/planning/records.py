@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.costs import Price, Remedy, SegmentLimits, WorstSegment, cost_named, hours_text
+from pareto_ltl.planning.costs import cost_named, hours_text
+from pareto_ltl.planning.limits import Price, Remedy, SegmentLimits, WorstSegment
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.settings.heights import FlownAir, Height

@@ -21,7 +21,7 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.planning.costs import EnergyModel, energy_model
+from pareto_ltl.planning.power import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front
 from pareto_ltl.planning.refine.starts import flown_lines, line_starts, paced_line

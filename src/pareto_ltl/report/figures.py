@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from pareto_ltl import Scene, WindField
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.logic.picture import automaton_figure
 from pareto_ltl.planning.problem import Problem
@@ -37,9 +38,7 @@ from pareto_ltl.settings.outputs import FIGURE_FORMATS
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
-from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.windows import hours_text, seconds_after
 
 NOTEBOOK_DPI = 160

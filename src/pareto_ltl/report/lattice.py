@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from pareto_ltl import WindField
 from pareto_ltl.planning.records import Forest
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.wind.records import WindField
 
 ARROWS_ALONG = 13  # wind arrows along the longer side of the map
 

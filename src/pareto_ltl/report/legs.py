@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from pareto_ltl import Scene
 from pareto_ltl.exports.exported import height_sentence
 from pareto_ltl.exports.geojson import border_corners
 from pareto_ltl.exports.navigation_log import expected_winds, navigation_log
@@ -24,7 +25,6 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
 from pareto_ltl.support.medium import Medium
 from pareto_ltl.world.projection import utc_times
-from pareto_ltl.world.scene import Scene
 
 FAR = 99.0  # standard deviations; larger clearances are shown as "over 99 sd"
 ONE_HEADING = 3.0  # degrees; legs of a group have headings that differ less from the first one's

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.costs import PRICE_KINDS, Price
+from pareto_ltl import Scene
+from pareto_ltl.planning.limits import PRICE_KINDS, Price
 from pareto_ltl.planning.records import Front, Plan
 from pareto_ltl.report.legs import step_times
 from pareto_ltl.support.display import SLOW, distance_text, probability_text
 from pareto_ltl.support.medium import AIR, Medium
-from pareto_ltl.world.scene import Scene
 
 MOST = 5  # segments and prices that are listed
 FINE = 2e-3  # largest change of an outline that a price is given for, as a share of the map's size

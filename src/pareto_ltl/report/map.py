@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from pareto_ltl import Scene
 from pareto_ltl.planning.records import NO_PROMISE, Forest, Plan, Promise
 from pareto_ltl.report import map_layers, style
 from pareto_ltl.report.map_layers import DRAWN_VERTICES, dense_path, timed_obstacles, visited_outlines
@@ -20,7 +21,6 @@ from pareto_ltl.report.wind import draw_wind_arrows, flight_midpoint
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
-from pareto_ltl.world.scene import Scene
 
 TEXT_LINE = 0.15  # height of a line of small text [in]
 HINTED = 1.05  # width of letters of a picture, at most, compared with their outlines

@@ -14,6 +14,7 @@ from matplotlib.collections import EllipseCollection, LineCollection, PolyCollec
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from pareto_ltl import Scene
 from pareto_ltl.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl.planning.records import Forest, Plan
 from pareto_ltl.report import style
@@ -22,7 +23,6 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import in_kilometres
 from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.windows import Window, hours_text
 
 DRAWN_VERTICES = 12_000  # tree vertices drawn, at most: a second for 50,000, which merge into one grey area

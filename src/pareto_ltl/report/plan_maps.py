@@ -15,7 +15,8 @@ from matplotlib.patches import Circle, Ellipse
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from pareto_ltl.planning.costs import SegmentLimits
+from pareto_ltl import Scene
+from pareto_ltl.planning.limits import SegmentLimits
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report import map_layers, style
 from pareto_ltl.report.axes import hide_frame, scale_rate_axis
@@ -38,7 +39,6 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.medium import AIR, Medium
-from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.windows import hours_text
 
 BARS = 6  # prices that are shown, at most

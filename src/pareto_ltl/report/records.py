@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from numpy.random import SeedSequence
 
+    from pareto_ltl import Scene, WindField
     from pareto_ltl.logic import Automaton
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.problem import Problem
@@ -20,9 +21,7 @@ if TYPE_CHECKING:
     from pareto_ltl.settings.heights import FlownAir, Height
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.support.arrays import FloatArray
-    from pareto_ltl.wind.records import WindField
     from pareto_ltl.world.cells import Decomposition
-    from pareto_ltl.world.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import NullLocator
 
+from pareto_ltl import Scene, Settings
 from pareto_ltl.report import map_layers, style
 from pareto_ltl.report.axes import (
     GRID_COLOUR,
@@ -26,10 +27,8 @@ from pareto_ltl.report.axes import (
     set_rate_ticks,
 )
 from pareto_ltl.report.records import Study
-from pareto_ltl.settings import Settings
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.scene import Scene
 
 LEFT, BASE = 0.52, 0.62  # [in] of both figures
 PANEL, MAP, GAP = 2.85, 2.75, 0.62  # [in] across

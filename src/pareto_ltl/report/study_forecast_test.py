@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pareto_ltl import Settings
 from pareto_ltl.report import style
 from pareto_ltl.report.axes import (
     BOUND_COLOUR,
@@ -24,7 +25,7 @@ from pareto_ltl.report.axes import (
     set_percent_axis,
 )
 from pareto_ltl.report.records import PromiseDiagrams, Study
-from pareto_ltl.settings import Settings, preset
+from pareto_ltl.settings import preset
 from pareto_ltl.support.arrays import FloatArray
 
 TICKS = (0.0, 0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 1.0)

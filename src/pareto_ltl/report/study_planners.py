@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
+from pareto_ltl import Scene, Settings
 from pareto_ltl.report import axes as shared
 from pareto_ltl.report import map_layers, style
 from pareto_ltl.report.axes import GRID_COLOUR, FigureRow, Figures, column_values, scale_rate_axis
@@ -26,11 +27,10 @@ from pareto_ltl.report.map import ground_keys
 from pareto_ltl.report.map_layers import dense_path, draw_flights, draw_ground, map_axes, name_regions
 from pareto_ltl.report.records import Study
 from pareto_ltl.report.wind import draw_wind_arrows
-from pareto_ltl.settings import ReportConfig, Settings
+from pareto_ltl.settings import ReportConfig
 from pareto_ltl.settings.studies import FACTOR_TITLES
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.scene import Scene
 
 MOST_KEYS = 6  # in a line of the legend of the panels
 PLANNED: dict[str, Any] = {"color": style.BLACK, "lw": 1.1, "ls": (0, (3.5, 1.5))}  # look of a planned path

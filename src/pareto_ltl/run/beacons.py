@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PLAN, PROBLEM, SCENE
+from pareto_ltl.run.plan_run import Run
+from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.run.results import Planned, planned_run
-from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.simulation.beacons import BeaconMap, BeaconPlaces, beacon_map
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.errors import ConfigError
@@ -32,7 +31,7 @@ def beacons(
 
     Parameters
     ----------
-    planned : PlanningResult, Results or path
+    planned : Run or path
         What :func:`pareto_ltl.plan` returned, or a results directory.
     radius : float, optional
         Distance within which the robot measures its position, with ``robot.fix_sd`` [m]; default 2 % of the
@@ -48,7 +47,7 @@ def beacons(
         If a value cannot be used, or the robot takes no position fixes.
     """
     run = planned_run(planned)
-    problem = run.make(PROBLEM)
+    problem = run.problem
     size = float(np.ptp(problem.scene.bounds, axis=0).min())
     wide = RADIUS * size if radius is None else float(radius)
     if not 0.0 < wide < 0.25 * size:
@@ -60,12 +59,12 @@ def beacons(
     if flights < 100:
         raise ConfigError(f"beacons: flights must be at least 100, got {flights}")
     seed = stage_seeds(run.settings.seed, STREAM)
-    return beacon_map(problem, run.settings.robot, run.make(PLAN).path, wide, number, flights, seed)
+    return beacon_map(problem, run.settings.robot, run.plan.path, wide, number, flights, seed)
 
 
 def beacon_lines(run: Run, found: BeaconMap) -> list[str]:
     """The summary for the user: the plan of ``run`` as it is, and with one to three beacons."""
-    scene, plan = run.make(SCENE), run.make(PLAN)
+    scene, plan = run.scene, run.plan
     now = found.without
     lines = [
         f"without a further beacon {now.failures:,} of {now.runs:,} flights in {now.law} winds fail, "
@@ -86,7 +85,7 @@ def beacon_lines(run: Run, found: BeaconMap) -> list[str]:
 
 def beacon_document(run: Run, found: BeaconMap) -> dict[str, Any]:
     """The same as :func:`beacon_lines` for programs: rates without and with each further beacon."""
-    scene, places = run.make(SCENE), found.places
+    scene, places = run.scene, found.places
     sites = [
         {
             "place": place_text(scene, places, site.number),
@@ -141,5 +140,5 @@ def write_beacons(run: Run, found: BeaconMap, folder: Path) -> None:
     )
     write_csv(folder / "beacons.csv", header, ((*row, law, found.flights) for row in rows))
     write_text(folder / "beacons.txt", "\n".join(beacon_lines(run, found)) + "\n")
-    draw = partial(beacons_figure, run.make(SCENE), run.make(PLAN), found, run.settings.medium)
+    draw = partial(beacons_figure, run.scene, run.plan, found, run.settings.medium)
     save_figures(folder, run.settings.report, {"beacons": draw})

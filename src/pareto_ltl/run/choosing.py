@@ -6,18 +6,17 @@ with another selection. Their files are identical to the files of a whole run wi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.run import records as keys
 from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.pipeline import Run, carry_out
-from pareto_ltl.run.records import Records
-from pareto_ltl.run.results import Planned, PlanningResult, place_of, planned_run
-from pareto_ltl.run.stage_table import Stage, StageTable
-from pareto_ltl.settings import SelectionConfig, Settings
+from pareto_ltl.run.pipeline import STUDIES, carry_out, files_of, stages_by_name
+from pareto_ltl.run.plan_run import PLAN_STAGES, Run
+from pareto_ltl.run.record import Record
+from pareto_ltl.run.results import Planned, place_of, planned_run
+from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.display import distance_text, probability_text, round_up
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
@@ -25,9 +24,9 @@ from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Front
 
-KEPT = (*keys.GROUND, keys.FOREST, keys.FRONT)
-RAW = (keys.READINGS, keys.OBSERVATIONS)  # from which the wind was made
-OUTWARD = ("readings", "table", "hindcast", "forecast_test", "replan_test")  # stages with files elsewhere
+KEPT = ("scene", "cells", "automaton", "wind", "forest", "front")
+RAW = ("readings", "observations")  # from which the wind was made
+OUTWARD = ("table", *STUDIES)  # stages with files elsewhere
 
 
 def choose(
@@ -40,12 +39,12 @@ def choose(
     energy: float | None = None,
     selection: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
-) -> PlanningResult:
+) -> Run:
     """Select another path of a front as the plan, without planning again. Give exactly one criterion.
 
     Parameters
     ----------
-    planned : PlanningResult, Results or path
+    planned : Run or path
         What :func:`plan` returned, or a results directory.
     failure : float, optional
         The shortest path with at most this failure rate (upper end of its interval in the front).
@@ -70,9 +69,9 @@ def choose(
         If the front has no such path.
     """
     choice = Choice(failure, length, knee, point, energy, selection)
-    if out is not None and isinstance(planned, PlanningResult):
+    if out is not None and isinstance(planned, Run) and planned.stored is None:
         raise ConfigError("choose writes from a results directory: plan with out=DIR and give choose DIR")
-    return PlanningResult(chosen_run(planned, choice, None if out is None else Path(out)))
+    return chosen_run(planned, choice, None if out is None else Path(out))
 
 
 # --- criteria -----------------------------------------------------------------------------------
@@ -183,15 +182,15 @@ def require_choice(choice: Choice, front: Front, where: str) -> None:
 
 
 def chosen_run(
-    planned: Planned, choice: Choice, place: Path | None = None, table: StageTable | None = None,
-    argv: Sequence[str] = (),
+    planned: Planned, choice: Choice, place: Path | None = None,
+    stages: Iterable[Record[Any]] = PLAN_STAGES, argv: Sequence[str] = (),
 ) -> Run:  # fmt: skip
     """The run of ``planned`` with the plan of ``choice``; with ``place``, all its later stages write there.
 
     Parameters
     ----------
-    table : StageTable, optional
-        The stages, if the run may have had stages of studies.
+    stages : iterable of Record
+        The stages that the run may have had.
 
     Raises
     ------
@@ -202,32 +201,24 @@ def chosen_run(
     InfeasibleError
         If the front has no such path.
     """
-    run, source = planned_run(planned, (keys.FRONT, keys.PLAN)), place_of(planned, place)
+    run, source = planned_run(planned, ("front", "plan")), place_of(planned, place)
     settings = replace(run.settings, selection=choice.settings(run.settings.selection))
-    require_choice(choice, run.make(keys.FRONT), str(source or "the front"))
-    records = Records({key: run.make(key) for key in KEPT})
-    other = Run(settings, table or run.table, records, directory=place, read=run.read)
+    require_choice(choice, run.front, str(source or "the front"))
+    other = Run(settings, run.make(*KEPT), directory=place, read=run.read)
     if place is None:
-        records[keys.PROBLEM] = run.make(keys.PROBLEM)
-        other.make(keys.PLAN)
+        other.records["problem"] = run.problem
+        other.make("plan")
         return other
-    stages = later_stages(settings, other.table)
-    if elsewhere := [stage.name for stage in stages if stage.name in OUTWARD]:
+    table = stages_by_name(settings, stages)
+    left = [table[name] for name in settings.pipelines.stages if table[name].name not in (*KEPT, *RAW)]
+    if elsewhere := [stage.stage for stage in left if stage.stage in OUTWARD]:
         raise DataError(
             f"{source}: the stages after its plan read or write files elsewhere ({', '.join(elsewhere)}), "
             "which the settings of a directory may not; run the whole pipeline with another selection.rule"
         )
-    with claimed_directory(place, other.table.files):
-        carry_out(other, stages, argv)
+    with claimed_directory(place, files_of(table.values())):
+        carry_out(other, left, argv)
     return other
-
-
-def later_stages(settings: Settings, table: StageTable) -> list[Stage[Any]]:
-    """The stages of ``settings`` that must run; stages of ``RAW`` only if another one needs their record."""
-    stages = [table[name] for name in settings.pipelines.stages]
-    left = [stage for stage in stages if stage.makes not in KEPT]
-    wanted = {need for stage in left for need in (*stage.needs, *stage.uses) if stage.makes not in RAW}
-    return [stage for stage in left if stage.makes not in RAW or stage.makes in wanted]
 
 
 def default_place(directory: Path, choice: Choice) -> Path:

@@ -5,7 +5,7 @@ They go through the runner of the command line: the same settings and seed give 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,11 +14,10 @@ import numpy as np
 
 from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.pipeline import Run, carry_out, check_pipeline
-from pareto_ltl.run.records import DEPLOYMENTS, PLAN, PROBLEM, READINGS, SCENE, WIND, Records
-from pareto_ltl.run.results import Planned, PlanningResult, planned_run
-from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
-from pareto_ltl.run.stages import EXPORT_STREAM, PLAN_STAGES
+from pareto_ltl.run.pipeline import carry_out, check_pipeline
+from pareto_ltl.run.plan_run import Run
+from pareto_ltl.run.progress import Caller, ProgressBar
+from pareto_ltl.run.results import Planned, planned_run
 from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, WindConfig
 from pareto_ltl.settings.building import build_settings, choice_values, section_of
 from pareto_ltl.support.display import distance_text
@@ -29,7 +28,6 @@ from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import PlannedPath
-    from pareto_ltl.run.stage_table import Stage
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.support.arrays import FloatArray
     from pareto_ltl.wind.readings import Readings
@@ -50,8 +48,9 @@ def plan(
     *,
     seed: int = 0,
     out: str | Path | None = None,
+    on_progress: Callable[[str, int, int, str], None] | None = None,
     **sections: Any,
-) -> PlanningResult:
+) -> Run:
     """Plan ``formula`` on ``scene``; the same settings give the same results as the command line.
 
     Parameters
@@ -65,6 +64,9 @@ def plan(
         Another seed gives other trees.
     out : path, optional
         Run the whole pipeline into this results directory. Without it only up to the plan, with no files.
+    on_progress : callable, optional
+        Called with the name of the stage, what is done of which total (0 of 0 at its begin), and a text on
+        the result so far.
     sections : mapping, str or settings object
         Any section of :class:`Settings`: ``wind="calm"``, ``planner={"trees": 4}``. A string names a choice
         in ``conf/``; ``mission`` gives the keys other than the formula. ``wind``, or its key ``source``, may
@@ -79,7 +81,7 @@ def plan(
     """
     given, sections = _given_wind(sections)
     if isinstance(scene, Scene):
-        given[SCENE] = scene
+        given["scene"] = scene
     settings = build_settings(
         {"pipelines": "plan", "seed": seed}
         | ({} if isinstance(scene, Scene) else {"scene": _map_settings(scene)})
@@ -87,31 +89,29 @@ def plan(
         | {"robot": _robot_settings(sections.get("robot"))}
         | {"mission": _mission_settings(formula, sections.get("mission"))}
     )
-    table = with_extension_stages(PLAN_STAGES, settings.pipelines.stages)
-    pipeline = check_pipeline(settings, table, tuple(given))
-    run = Run(settings, table, given, directory=None if out is None else Path(out))
-    if out is not None:
-        with claimed_directory(Path(out), table.files):
-            carry_out(run, pipeline.stages)
-    else:
-        _perform_until_plan(run, pipeline.stages)
-    if PLAN not in run.records:
+    pipeline = check_pipeline(settings, given=given)
+    if not any(stage.name == "plan" for stage in pipeline.stages):
         raise ConfigError(
             f"pipelines.stages makes no plan; it lists {', '.join(settings.pipelines.stages)}: use "
-            "pipelines='plan', or add the stage plan and those that it needs"
+            "pipelines='plan', or add the stage plan"
         )
-    return PlanningResult(run)
-
-
-def _perform_until_plan(run: Run, stages: Iterable[Stage[Any]]) -> None:
+    run = Run(settings, given, directory=None if out is None else Path(out))
+    if on_progress is not None:
+        shown = None if out else False
+        run.progress = ProgressBar(shown, settings.fidelity.name, Caller(on_progress))
+    if run.directory is not None:
+        with claimed_directory(run.directory, pipeline.files):
+            carry_out(run, pipeline.stages)
+        return run
     with run.budget.ends_at_key():
-        for stage in stages:
-            run.perform(stage)
-            if stage.makes == PLAN:
+        for stage in pipeline.stages:
+            run.made(stage)
+            if stage.name == "plan":
                 break
+    return run
 
 
-def _given_wind(sections: Mapping[str, Any]) -> tuple[Records, dict[str, Any]]:
+def _given_wind(sections: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """The records that section ``wind`` gives, and all sections with the settings that describe them."""
     from pareto_ltl.wind.readings import CALM, Readings, check_all_readings
     from pareto_ltl.wind.records import WindField
@@ -120,17 +120,18 @@ def _given_wind(sections: Mapping[str, Any]) -> tuple[Records, dict[str, Any]]:
     section = sections.get("wind")
     others = dict(section) if isinstance(section, Mapping) else {}
     wind = others.get("source") if isinstance(section, Mapping) else section
+    given: dict[str, Any] = {}
     if isinstance(wind, WindField):
-        given, found = Records({WIND: wind, READINGS: CALM}), _given_level(wind, others)
+        given, found = {"wind": wind, "readings": CALM}, _given_level(wind, others)
     elif isinstance(wind, Readings):
         check_all_readings(wind, float(others.get("max_speed", WindConfig().max_speed)))
-        given, found = Records({READINGS: wind}), _given_level(wind, others)
+        given, found = {"readings": wind}, _given_level(wind, others)
     elif isinstance(wind, str | Path) and _is_place(wind):
-        given, found = Records(), {"source": source_of_path(wind), "path": str(wind)}
+        found = {"source": source_of_path(wind), "path": str(wind)}
     elif wind is None and others.get("path") is not None:
-        given, found = Records(), {"source": source_of_path(others["path"])}
+        found = {"source": source_of_path(others["path"])}
     else:
-        return Records(), dict(sections)
+        return {}, dict(sections)
     return given, {**sections, "wind": others | found}
 
 
@@ -205,7 +206,7 @@ def simulate(
 
     Parameters
     ----------
-    planned : PlanningResult, Results or path
+    planned : Run or path
         What :func:`plan` returned, or a results directory.
     seed : int, optional
         Seed of the winds; default the seed of the plan. One seed gives the same winds to every plan.
@@ -216,8 +217,7 @@ def simulate(
         seed=run.settings.seed if seed is None else seed,
         deployment=DeploymentConfig(runs=runs, laws=[law]),
     )
-    records = Records({PROBLEM: run.make(PROBLEM), PLAN: run.make(PLAN)})
-    return Run(settings, run.table, records).make(DEPLOYMENTS)[law]
+    return Run(settings, run.make("problem", "plan")).deployments[law]
 
 
 def export(
@@ -232,7 +232,7 @@ def export(
 
     Parameters
     ----------
-    planned : PlanningResult, Results or path
+    planned : Run or path
         What :func:`pareto_ltl.plan` returned, or a results directory.
     formats : sequence of str, optional
         Some of the formats of ``exports.formats``; default the formats of the run.
@@ -260,13 +260,12 @@ def export(
         **settings,
     )
     if point is not None:
-        run = choose(planned, point=point).run
-    problem, plan = run.make(PROBLEM), run.make(PLAN)
+        run = choose(planned, point=point)
+    problem, plan = run.problem, run.plan
     written, reason = writable_formats(cfg.formats, problem.scene, plan.path.t)
     if reason and (formats is not None or not written):
         raise DataError(reason)
-    seeds = stage_seeds(run.settings.seed, EXPORT_STREAM)
-    exported = exported_plan(replace(run.settings, exports=cfg), problem, plan, seeds)
+    exported = exported_plan(replace(run.settings, exports=cfg), problem, plan, run.seeds("export"))
     return write_exports(exported, written, Path(folder))
 
 
@@ -281,7 +280,7 @@ def steer(
 
     Parameters
     ----------
-    planned : PlanningResult, Results or path
+    planned : Run or path
         What :func:`pareto_ltl.plan` returned, or a results directory.
     start, end : (2,) float
         Positions on the plane of the map [m].
@@ -300,7 +299,7 @@ def steer(
     from pareto_ltl.planning.refine.smoothing import steered_path
 
     run = planned_run(planned)
-    settings, scene, problem = run.settings, run.make(SCENE), run.make(PROBLEM)
+    settings, scene, problem = run.settings, run.scene, run.problem
     here, there = (_point(scene, name, at) for name, at in (("start", start), ("end", end)))
     wide = WIDE * problem.reach if radius is None else radius
     if not wide > 0.0:
@@ -310,8 +309,7 @@ def steer(
         mission=MissionConfig(formula=f"F {GOAL}", start_time=scene.time_zero),
         robot=replace(settings.robot, dt=problem.motion.dt),
     )
-    records = Records({SCENE: _towards(scene, here, there, wide), WIND: run.make(WIND)})
-    leg = Run(settings, run.table, records).make(PROBLEM)
+    leg = Run(settings, {"scene": _towards(scene, here, there, wide), "wind": run.wind}).problem
     return steered_path(leg, settings.smoothing, weight)
 
 

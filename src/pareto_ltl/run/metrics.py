@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.records import DEPLOYMENTS, FORECASTS, FOREST, FRONT, PLAN, WIND, RecordKey, Records
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.evaluate import Forecast
@@ -17,15 +16,15 @@ if TYPE_CHECKING:
     from pareto_ltl.wind.records import WindField
 
 
-def run_metrics(records: Records, seconds: Mapping[str, float]) -> dict[str, float]:
+def run_metrics(records: Mapping[str, Any], seconds: Mapping[str, float]) -> dict[str, float]:
     """Numbers from ``records`` and the ``seconds`` [s] of stages; ``completed`` is 1 with a plan or a study.
 
     A record of another package adds its attribute ``numbers``, a mapping of name to float.
     """
-    table: dict[str, float] = {"completed": float(PLAN in records)}
-    for key, numbers_of in NUMBERS.items():
-        if key in records:
-            table |= numbers_of(records[key])
+    table: dict[str, float] = {"completed": float("plan" in records)}
+    for name, numbers_of in NUMBERS.items():
+        if name in records:
+            table |= numbers_of(records[name])
     for record in records.values():
         if isinstance(record, Study):
             table |= {"completed": 1.0}
@@ -141,13 +140,13 @@ def _deployment_numbers(deployments: Mapping[str, Deployment]) -> dict[str, floa
     return {name: rate for flights in deployments.values() for name, rate in flight_rates(flights).items()}
 
 
-NUMBERS: dict[RecordKey[Any], Callable[[Any], dict[str, float]]] = {
-    WIND: _wind_numbers,
-    FOREST: _forest_numbers,
-    FRONT: _front_numbers,
-    PLAN: _plan_numbers,
-    FORECASTS: _forecast_numbers,
-    DEPLOYMENTS: _deployment_numbers,
+NUMBERS: dict[str, Callable[[Any], dict[str, float]]] = {
+    "wind": _wind_numbers,
+    "forest": _forest_numbers,
+    "front": _front_numbers,
+    "plan": _plan_numbers,
+    "forecasts": _forecast_numbers,
+    "deployments": _deployment_numbers,
 }
 
 

@@ -1,4 +1,4 @@
-"""``report.html`` of a run: its stage, and the same page from a results directory."""
+"""``report.html`` of a run: of a run that works, and from a results directory."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run import provenance
-from pareto_ltl.run import records as keys
-from pareto_ltl.run.stage_table import StageInputs
+from pareto_ltl.run.record import BaseRun
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.heights import flight_air, flight_height
 from pareto_ltl.settings.outputs import PAGE_FILE
@@ -17,29 +16,21 @@ from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.reading import read_json, read_text
 
 if TYPE_CHECKING:
-    from numpy.random import SeedSequence
-
     from pareto_ltl.report.records import Origin, ShownRun
-    from pareto_ltl.run.records import Records
 
 LOG = logging.getLogger(__name__)
-DEPLOYMENT_STREAM = "deployment"
 MOST_RUNS = 500  # flights of each point of the front
 SHOWN_FACTS = ("seed", "fidelity", "version", "code_hash", "config_hash", "python")
 
 
-def make_page(inputs: StageInputs) -> tuple[Path, ...]:
+def make_page(run: BaseRun) -> Path:
     """``report.html`` from the records that exist; without a plan the page states the reason."""
-    settings = inputs.settings
-    if not settings.report.page:
-        return ()
     from pareto_ltl.report.records import Origin
 
-    place, hashes = inputs.directory, inputs.hashes
+    place, hashes = run.place, run.input_hashes()
     begun = (place / "run.json").is_file()  # only a pipeline writes it, before its first stage
     origin = origin_of(place, read_json(place / "run.json"), hashes) if begun else Origin("", {}, hashes, "")
-    shown = shown_run(settings, inputs.records, origin, inputs.seeds, inputs.failure)
-    return (write_page(place / PAGE_FILE, shown),)
+    return write_page(place / PAGE_FILE, shown_run(run, origin, run.failure))
 
 
 def write_page(path: Path, shown: ShownRun) -> Path:
@@ -50,38 +41,31 @@ def write_page(path: Path, shown: ShownRun) -> Path:
     return path
 
 
-def shown_run(
-    settings: Settings, records: Records, origin: Origin, seeds: SeedSequence, why: str = ""
-) -> ShownRun:
-    """The records for the page, selected from ``records``; ``seeds`` are the seeds of the deployment."""
+def shown_run(run: BaseRun, origin: Origin, why: str = "") -> ShownRun:
+    """The records of ``run`` for the page; points of the front are flown in the winds of the plan."""
     from pareto_ltl.report.records import ShownRun
 
-    height, plan = flight_height(settings), records.get(keys.PLAN)
+    settings, height, plan = run.settings, flight_height(run.settings), run.get("plan")
     return ShownRun(
         name=settings.name,
-        seeds=seeds,
+        seeds=run.seeds("deployment"),
         origin=origin,
         height=height,
         air=(plan and plan.air) or flight_air(settings, height),
         runs=min(settings.deployment.runs, MOST_RUNS),
         why=why,
-        automaton=records.get(keys.AUTOMATON),
-        problem=records.get(keys.PROBLEM),
-        **drawn_records(records),
+        automaton=run.get("automaton"),
+        problem=run.get("problem"),
+        **drawn_records(run),
     )
 
 
-def drawn_records(records: Records) -> dict[str, Any]:
+def drawn_records(run: BaseRun) -> dict[str, Any]:
     """The records that figures and page show, as arguments of their ``DrawnRun``; None if not made."""
-    return {
-        "scene": records[keys.SCENE],
-        "wind": records[keys.WIND],
-        "forest": records.get(keys.FOREST),
-        "front": records.get(keys.FRONT),
-        "plan": records.get(keys.PLAN),
-        "deployments": records.get(keys.DEPLOYMENTS) or {},
-        "forecasts": records.get(keys.FORECASTS) or {},
-    }
+    shown = {name: run.get(name) for name in ("forest", "front", "plan", "deployments", "forecasts")}
+    for name in ("deployments", "forecasts"):
+        shown[name] = shown[name] or {}
+    return run.make("scene", "wind") | shown
 
 
 # --- where a result comes from -----------------------------------------------------------------

@@ -1,28 +1,23 @@
-"""The runner: checks a list of stages, makes their records in order, and writes a results directory.
-
-Single runs, studies and the Python interface use the same :class:`Run`. The run of a study has no directory:
-the study passes records to it and gets others with :meth:`Run.make`.
-"""
+"""Pipelines: a list of stages is checked, and their records are made in order, in a results directory."""
 
 from __future__ import annotations
 
 import logging
-import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pareto_ltl.run import provenance
 from pareto_ltl.run.directory import RUN_LOG, claimed_directory
-from pareto_ltl.run.progress import ProgressBar, watcher
-from pareto_ltl.run.records import AUTOMATON, DEPLOYMENTS, FOREST, PLAN, SCENE, RecordKey, Records, T
-from pareto_ltl.run.stage_table import FIGURES, Stage, StageInputs, StageTable
-from pareto_ltl.run.stages import PLAN_TABLE
+from pareto_ltl.run.plan_run import PLAN_STAGES, Run
+from pareto_ltl.run.progress import ProgressBar
+from pareto_ltl.run.record import BaseRun, Record
+from pareto_ltl.run.required import require_formula, require_map
 from pareto_ltl.settings import Settings
-from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
+from pareto_ltl.support.extensions import STAGE_GROUP, extension_names, load_extension
 from pareto_ltl.support.machine import cores, require_memory
 from pareto_ltl.support.messages import shown_value
 
@@ -30,6 +25,7 @@ LOG = logging.getLogger("pareto_ltl")
 VERTEX_BYTES = 150  # of a vertex, with fidelity=paper and one obstacle
 POSITION_BYTES = 16
 WRITTEN = 2.0  # copies of the positions while deployments.npz is packed
+FIGURES = "_figures"  # end of the names of stages that draw a study
 STUDIES = (  # in several processes
     "comparison", "convergence", "ablation", "hindcast", "forecast_test", "departure", "replanning",
     "replan_test",
@@ -41,60 +37,87 @@ STUDIES = (  # in several processes
 
 @dataclass(frozen=True, slots=True)
 class Pipeline:
-    """Settings and their stages, after a check: each stage finds the records that it needs."""
+    """Settings and their stages, after a check.
+
+    Attributes
+    ----------
+    files : tuple of str
+        Patterns of all files that a run of the application writes or shows.
+    """
 
     settings: Settings
-    table: StageTable
-    stages: tuple[Stage[Any], ...]
+    stages: tuple[Record[Any], ...]
+    files: tuple[str, ...] = ()
 
 
-def check_pipeline(settings: Settings, table: StageTable, given: Collection[RecordKey[Any]] = ()) -> Pipeline:
-    """The stages that ``settings.pipelines.stages`` lists, without those that make a ``given`` record.
+def stages_by_name(settings: Settings, stages: Iterable[Record[Any]] = PLAN_STAGES) -> dict[str, Record[Any]]:
+    """``stages`` by their names, with those that other packages add and ``settings`` list.
+
+    Raises
+    ------
+    ConfigError
+        If an added stage has the name of one of ``stages``, does not load, or is no :class:`Record`.
+    """
+    table = {stage.stage: stage for stage in stages}
+    added = extension_names(STAGE_GROUP, (*table, *Run.rows()))
+    for name in dict.fromkeys(settings.pipelines.stages):
+        if name in added:
+            stage = load_extension(STAGE_GROUP, name, lambda loaded: isinstance(loaded, Record))
+            if stage.stage != name:
+                raise ConfigError(
+                    f"entry point {name!r} in {STAGE_GROUP} is the stage {stage.stage!r}; give both one name"
+                )
+            table[name] = stage
+    return table
+
+
+def files_of(stages: Iterable[Record[Any]]) -> tuple[str, ...]:
+    """Patterns of the files that ``stages`` write or show."""
+    return tuple(name for stage in stages for name in (*stage.writes, *stage.shows))
+
+
+def check_pipeline(
+    settings: Settings, stages: Iterable[Record[Any]] = PLAN_STAGES, given: Collection[str] = ()
+) -> Pipeline:
+    """The stages that ``settings.pipelines.stages`` lists, without those of the records ``given``.
 
     Raises
     ------
     ConfigError, FormulaError
         If the list cannot run, or the settings lack the map or the formula that it needs.
     """
-    listed = settings.pipelines.stages
-    known = ", ".join(name for name in table.known if not name.endswith(FIGURES))
+    table, listed = stages_by_name(settings, stages), settings.pipelines.stages
+    names = dict.fromkeys((*table, *extension_names(STAGE_GROUP)))
+    known = ", ".join(name for name in names if not name.endswith(FIGURES))
     known = f"{known}, and the {FIGURES} of studies"
     if not listed:
         raise ConfigError(f"pipelines.stages is empty: list at least one of {known}")
-    stages: list[Stage[Any]] = []
-    seen: set[str] = set()
-    for name in listed:
+    for number, name in enumerate(listed):
         if name not in table:
             raise ConfigError(
                 f"pipelines.stages: there is no stage {shown_value(name, 40)}; there are {known}"
             )
-        if name in seen:
+        if name in listed[:number]:
             raise ConfigError(f"pipelines.stages lists {name!r} twice; list it once")
-        seen.add(name)
-        stage = table[name]
-        if stage.makes in given:
-            continue
-        made = {*given, *(other.makes for other in stages)}
-        if missing := [key.name for key in stage.needs if key not in made]:
-            raise ConfigError(
-                f"pipelines.stages: {name!r} needs {', '.join(missing)}, which no earlier stage makes; "
-                f"list {'it' if len(missing) == 1 else 'them'} before {name!r}"
-            )
-        stages.append(stage)
-    _check_mission(settings, [stage.makes for stage in stages])
-    _check_selection(settings, [stage.makes for stage in stages])
+    chosen = tuple(table[name] for name in listed if table[name].name not in given)
+    made = [stage.name for stage in chosen]
+    if "scene" in made:
+        require_map(settings.scene)
+    if "automaton" in made:
+        require_formula(settings.mission)
+    _check_selection(settings, made)
     check_sizes(settings, listed)
-    return Pipeline(settings, table, tuple(stages))
+    return Pipeline(settings, chosen, files_of(table.values()))
 
 
-def _check_selection(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
+def _check_selection(settings: Settings, made: Sequence[str]) -> None:
     """Raise ConfigError for a selection by a cost that the paths of the front do not have."""
     cfg, powered = settings.selection, settings.robot.power.kind != "none"
     known = ["length", *["energy"] * powered, *cfg.costs]
     by_energy = {"energy": "selection.rule=energy", "least": "selection.least=energy"}.get(cfg.rule, "")
     least = {"energy": "energy", "least": cfg.least}.get(cfg.rule, "length")
     weighed = any(cfg.weights[2 + len(known) :])
-    if PLAN not in made or (least in known and not weighed):
+    if "plan" not in made or (least in known and not weighed):
         return
     if not powered and (least == "energy" or (weighed and not cfg.costs)):
         raise ConfigError(
@@ -107,29 +130,6 @@ def _check_selection(settings: Settings, made: Sequence[RecordKey[Any]]) -> None
     )
 
 
-def _check_mission(settings: Settings, made: Sequence[RecordKey[Any]]) -> None:
-    from pareto_ltl.support.resources import choices
-
-    if SCENE in made and not (settings.scene.bounds or settings.scene.file):
-        raise ConfigError(
-            f"scene is missing: choose a ready mission with +experiment=NAME "
-            f"({', '.join(choices('experiment'))}) or a map with scene=NAME ({', '.join(choices('scene'))})"
-        )
-    if AUTOMATON not in made or settings.mission.automaton:
-        return
-    from pareto_ltl.logic.formula import parse_formula as parse
-    from pareto_ltl.logic.normal_form import positive_normal_form as positive
-    from pareto_ltl.logic.patterns import formula_of
-
-    formula = formula_of(settings.mission)
-    if not formula.strip():
-        raise ConfigError(
-            "mission.formula is missing: choose a ready mission with +experiment=NAME "
-            f"({', '.join(choices('experiment'))}) or give one, e.g. \"mission.formula='F(a & F b)'\""
-        )
-    positive(parse(formula))  # the automaton stage gets the same tree from the cache of ``parse``
-
-
 def check_sizes(settings: Settings, stages: Collection[str]) -> None:
     """Raise ConfigError if the trees or the flights of ``settings`` can never fit into memory.
 
@@ -137,8 +137,8 @@ def check_sizes(settings: Settings, stages: Collection[str]) -> None:
     is exact.
     """
     planner, flights = settings.planner, settings.deployment
-    if any(stage in stages for stage in (FOREST.name, *STUDIES)):
-        jobs = (settings.evaluation.jobs or cores()) if FOREST.name not in stages else 1
+    if any(stage in stages for stage in ("forest", *STUDIES)):
+        jobs = (settings.evaluation.jobs or cores()) if "forest" not in stages else 1
         busy = f" in each of {jobs} processes (evaluation.jobs)" if jobs > 1 else ""
         trees = f"{planner.trees} trees{busy}"
         require_memory(
@@ -147,7 +147,7 @@ def check_sizes(settings: Settings, stages: Collection[str]) -> None:
         if "convergence" in stages:
             sizes = max(settings.convergence.sizes)
             require_memory(planner.trees * VERTEX_BYTES, "convergence.sizes", sizes, trees, "planner.trees")
-    if DEPLOYMENTS.name in stages:
+    if "deployment" in stages:
         each = 2 * POSITION_BYTES * len(flights.laws) * WRITTEN
         require_memory(each, "deployment.runs", flights.runs, "the positions of all simulated flights")
 
@@ -155,104 +155,24 @@ def check_sizes(settings: Settings, stages: Collection[str]) -> None:
 # --- making ------------------------------------------------------------------------------------
 
 
-@dataclass(slots=True)
-class Run:
-    """Records and times of one run: ``run[WIND]`` is a record that was made or given.
-
-    Attributes
-    ----------
-    records : Records
-        Records made so far, and those given at the start.
-    seconds : dict of str to float
-        Time that each stage took, without the stages that it waited for [s].
-    directory : Path or None
-        Where records are written as soon as they are made; None keeps them in memory.
-    progress : ProgressBar or None
-        Shows the present stage.
-    failure : str
-        Why the mission is infeasible; empty if it is not, or not known to be.
-    read : mapping of str to str or None
-        SHA-256 of the files that an earlier run read for the ``records``; None if this run reads them.
-    budget : Budget
-        Time limit of growth and refinement together.
-    """
-
-    settings: Settings
-    table: StageTable = PLAN_TABLE
-    records: Records = field(default_factory=Records)
-    seconds: dict[str, float] = field(default_factory=dict)
-    directory: Path | None = None
-    progress: ProgressBar | None = None
-    failure: str = ""
-    read: Mapping[str, str] | None = None
-    budget: Budget = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.budget = Budget(self.settings.planner.budget_seconds)
-
-    def __getitem__(self, key: RecordKey[T]) -> T:
-        return self.records[key]
-
-    def input_hashes(self) -> Mapping[str, str]:
-        """SHA-256 of the files that the records depend on, by name; files of an earlier run are not read."""
-        return provenance.input_hashes(self.settings) if self.read is None else self.read
-
-    def make(self, key: RecordKey[T]) -> T:
-        """The record of ``key``; if it does not exist, it is made, after the records that it needs."""
-        if key not in self.records:
-            stage = self.table.maker_of(key)
-            for need in stage.needs:
-                self.make(need)
-            self.perform(stage)
-        return self.records[key]
-
-    def perform(self, stage: Stage[T]) -> T:
-        """Make the record of ``stage`` from existing records; write it if the run has a directory."""
-        start = time.perf_counter()
-        try:
-            with self.progress.stage(stage.name) if self.progress else nullcontext():
-                record = stage.make(StageInputs(stage, self))
-                self.records[stage.makes] = record
-                if self.directory is not None:
-                    stage.save(self.directory, record)
-                    watcher().made(stage.makes, self.records)
-        finally:
-            self.seconds[stage.name] = time.perf_counter() - start
-        if self.directory is not None:
-            LOG.info("%s done in %.3f s", stage.name, self.seconds[stage.name])
-        return record
-
-    def with_seed(self, seed: int) -> Run:
-        """A run of the same records with another seed, which applies to records not made yet."""
-        return Run(replace(self.settings, seed=seed), self.table, self.records.copy())
-
-    def with_record(self, key: RecordKey[T], record: T) -> Run:
-        """A run in which ``key`` has ``record``."""
-        return Run(self.settings, self.table, self.records.replaced(key, record))
-
-
-def make_all(run: Run, stages: Sequence[Stage[Any]]) -> None:
+def make_all(run: BaseRun, stages: Iterable[Record[Any]]) -> None:
     """Make the records of ``stages`` in order.
 
-    If the mission is infeasible, the stages that need no missing record still run (the figure shows how far
-    the trees came); then the error is raised.
+    If the mission is infeasible, the records that do not need a missing one are still made (the figure shows
+    how far the trees came); then the error is raised.
     """
-    for position, stage in enumerate(stages):
-        try:
-            run.perform(stage)
-        except InfeasibleError as error:
-            run.failure = str(error)
-            _make_rest(run, stages[position + 1 :])
-            raise
-
-
-def _make_rest(run: Run, stages: Sequence[Stage[Any]]) -> None:
+    infeasible: InfeasibleError | None = None
     for stage in stages:
-        if all(key in run.records for key in stage.needs):
-            try:
-                run.perform(stage)
-            except Exception:
-                LOG.exception("stage %s failed after the mission turned out infeasible", stage.name)
+        try:
+            run.made(stage)
+        except InfeasibleError as error:
+            infeasible = infeasible or error
+        except Exception:
+            if infeasible is None:
+                raise
+            LOG.exception("stage %s failed after the mission turned out infeasible", stage.stage)
+    if infeasible is not None:
+        raise infeasible
 
 
 # --- a run with a results directory --------------------------------------------------------------
@@ -266,7 +186,7 @@ def run_pipeline(
     An error that stops the run is written to ``run.json`` and ``run.log`` and then raised. Raises ConfigError
     if another run uses the directory.
     """
-    with claimed_directory(Path(directory), pipeline.table.files):
+    with claimed_directory(Path(directory), pipeline.files):
         return run_claimed(pipeline, directory, argv, overrides)
 
 
@@ -275,16 +195,16 @@ def run_claimed(
     progress: ProgressBar | None = None,
 ) -> dict[str, float]:  # fmt: skip
     """:func:`run_pipeline` in a directory that this process has already locked; ``progress`` shows it."""
-    run = Run(pipeline.settings, pipeline.table, directory=Path(directory), progress=progress)
+    run = Run(pipeline.settings, directory=Path(directory), progress=progress)
     return carry_out(run, pipeline.stages, argv, overrides)
 
 
-def _bar_of(run: Run) -> ProgressBar:
+def _bar_of(run: BaseRun) -> ProgressBar:
     return run.progress or ProgressBar(preset=run.settings.fidelity.name)
 
 
 def carry_out(
-    run: Run, stages: Sequence[Stage[Any]], argv: Sequence[str] = (), overrides: Sequence[str] = ()
+    run: BaseRun, stages: Iterable[Record[Any]], argv: Sequence[str] = (), overrides: Sequence[str] = ()
 ) -> dict[str, float]:
     """Make the records of ``stages`` in the directory of ``run``; result and errors as :func:`run_claimed`.
 
@@ -300,9 +220,9 @@ def carry_out(
             LOG.info("run %s, seed %d", run.settings.name, run.settings.seed)
             provenance.write_settings(place, run.settings)
             provenance.write(place, record)  # with the present status at any moment
-            for key in run.records:  # those that were given, so that the directory is complete
-                if key.name in run.table:
-                    run.table.maker_of(key).save(place, run.records[key])
+            for name, row in run.rows().items():  # those that were given, so that the directory is complete
+                if name in run.records:
+                    row.save(place, run.records[name])
             make_all(run, stages)
             return _close(run, place, record, "ok")
         except BaseException as error:
@@ -321,14 +241,14 @@ def _end_status(error: BaseException) -> str:
 
 
 def _close(
-    run: Run, place: Path, record: dict[str, Any], status: str, error: BaseException | None = None
+    run: BaseRun, place: Path, record: dict[str, Any], status: str, error: BaseException | None = None
 ) -> dict[str, float]:
     """Write how the run ended. A failed run has no metrics, an infeasible one has them if it grew trees."""
     from pareto_ltl.run.metrics import run_metrics
     from pareto_ltl.support.files import write_json
 
     table = run_metrics(run.records, run.seconds)
-    measured = status == "ok" or (status == "infeasible" and FOREST in run.records)
+    measured = status == "ok" or (status == "infeasible" and "forest" in run.records)
     elsewhere = [made for made in run.records.values() if isinstance(made, Path)]  # tables in other folders
     ended = {
         "status": status,

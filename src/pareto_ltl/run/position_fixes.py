@@ -19,9 +19,8 @@ import numpy as np
 from pareto_ltl.planning.conditioning import Fix, Learnt, expected_at, learn_at, likely_histories
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan, PlannedPath
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PLAN, PROBLEM
-from pareto_ltl.run.stage_table import stage_seeds
+from pareto_ltl.run.plan_run import Run
+from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError
@@ -284,7 +283,7 @@ def fixes_from(
     ConfigError
         If a fix cannot be used, or two contradict each other.
     """
-    problem, plan = run.make(PROBLEM), run.make(PLAN)
+    problem, plan = run.problem, run.plan
     if fix is not None and fixes is not None:
         raise ConfigError("fix and fixes are both given: put all fixes into the file, with their times")
     if fix is not None:
@@ -329,7 +328,7 @@ def planned_step(problem: Problem, plan: Plan, time: float | str | None, fixes: 
 
 def situation_at(run: Run, step: int, fixes: tuple[Fix, ...], *, ahead: bool = False) -> Situation:
     """Position, time and automaton state at ``step``, given fixes; ``ahead``: there is a newer forecast."""
-    problem, plan = run.make(PROBLEM), run.make(PLAN)
+    problem, plan = run.problem, run.plan
     time = step * problem.motion.dt
     if not fixes and not ahead:
         return Situation(step, time, (), None, int(plan.path.q[step]), 1.0)

@@ -1,14 +1,14 @@
-"""Progress of a run: a bar if the error stream is a terminal, and a watcher of the runs of this process."""
+"""Progress of a run: a bar if the error stream is a terminal, and a watcher."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run.compile_time import COSTS, CompileTime, seconds_text
-from pareto_ltl.run.records import RecordKey, Records
 from pareto_ltl.support.compiling import compilation_watched
 from pareto_ltl.support.machine import cores
 
@@ -50,6 +50,48 @@ def stage_words(name: str) -> str:
     return STAGE_WORDS.get(name, name.replace("_", " "))
 
 
+class Watcher:
+    """The calls that a run makes while it works; this one ignores them."""
+
+    def stage(self, name: str) -> None:
+        """The stage ``name`` begins, or goes on."""
+
+    def progress(self, done: int, total: int, state: str, found: Found) -> None:
+        """The present stage has done ``done`` of ``total``; ``state`` and ``found`` are the result so far."""
+
+    def made(self, name: str, records: Mapping[str, Any]) -> None:
+        """The record ``name`` was made; ``records`` has it and all before."""
+
+
+class Caller(Watcher):
+    """Calls ``call`` with the name of the stage, what is done of which total, and a text on the result."""
+
+    def __init__(self, call: Callable[[str, int, int, str], None]) -> None:
+        self._call, self._stage = call, ""
+
+    def stage(self, name: str) -> None:
+        """Call with 0 of 0."""
+        self._stage = name
+        self._call(name, 0, 0, "")
+
+    def progress(self, done: int, total: int, state: str, found: Found) -> None:  # noqa: ARG002 - as a Watcher
+        """Call with the counts."""
+        self._call(self._stage, done, total, state)
+
+
+_WATCHER: ContextVar[Watcher | None] = ContextVar("_WATCHER", default=None)
+
+
+@contextmanager
+def watched_by(watcher: Watcher) -> Iterator[None]:
+    """Let ``watcher`` follow the runs of command lines in the block."""
+    token = _WATCHER.set(watcher)
+    try:
+        yield
+    finally:
+        _WATCHER.reset(token)
+
+
 class ProgressBar:
     """One line for the present stage, on the error stream of a terminal.
 
@@ -58,7 +100,11 @@ class ProgressBar:
     paths.
     """
 
-    def __init__(self, shown: bool | None = None, preset: str = "full") -> None:
+    def __init__(
+        self, shown: bool | None = None, preset: str = "full", watcher: Watcher | None = None
+    ) -> None:
+        self._watcher = watcher or _WATCHER.get() or Watcher()
+        self._stages: list[str] = []
         self._shown = sys.stderr.isatty() if shown is None else shown
         self._preset = preset  # whose kernels are compiled in a first run
         self._bar: Progress | None = None
@@ -102,20 +148,28 @@ class ProgressBar:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Show what the stage ``name`` does for the duration of the block."""
-        watcher().stage(name)
-        if self._bar is None:
-            yield
-            return
-        outer, self._task = self._task, self._bar.add_task(stage_words(name), total=None, state="")
+        self._stages.append(name)
+        self._watcher.stage(name)
+        outer = self._task
+        if self._bar is not None:
+            self._task = self._bar.add_task(stage_words(name), total=None, state="")
         try:
             yield
         finally:
-            self._bar.remove_task(self._task)
+            if self._bar is not None and self._task is not None:
+                self._bar.remove_task(self._task)
             self._task = outer
+            self._stages.pop()
+            if self._stages:
+                self._watcher.stage(self._stages[-1])
+
+    def made(self, name: str, records: Mapping[str, Any]) -> None:
+        """Tell the watcher that the record ``name`` was made."""
+        self._watcher.made(name, records)
 
     def __call__(self, done: int, total: int, state: str = "", found: Found = ()) -> None:
         """Move the bar of the stage to ``done`` of ``total``; write ``state`` beside it, or both counts."""
-        watcher().progress(done, total, state, found)
+        self._watcher.progress(done, total, state, found)
         if self._bar is not None and self._task is not None:
             counts = state or f"{done:,} of {total:,}"
             self._bar.update(self._task, completed=done, total=total, state=counts)
@@ -157,32 +211,3 @@ class ProgressBar:
             number = f"{min(self._time.done + 1, self._time.total)} of {self._time.total}"
             words = f"{number}, once; {seconds_text(self._time.left())} left"
             self._bar.update(self._compiling, completed=self._time.share(), state=words)
-
-
-# --- watchers -----------------------------------------------------------------------------------
-
-
-class Watcher:
-    """The calls that a run makes while it works; it ignores them. The desk sets a subclass in its worker."""
-
-    def stage(self, name: str) -> None:
-        """The stage ``name`` begins."""
-
-    def progress(self, done: int, total: int, state: str, found: Found) -> None:
-        """The present stage has done ``done`` of ``total``; ``state`` and ``found`` are the result so far."""
-
-    def made(self, key: RecordKey[Any], records: Records) -> None:
-        """The record of ``key`` was made; ``records`` has it and all before."""
-
-
-_WATCHERS: list[Watcher] = [Watcher()]
-
-
-def watcher() -> Watcher:
-    """The watcher of the runs of this process."""
-    return _WATCHERS[0]
-
-
-def watch_runs(new: Watcher) -> None:
-    """Let ``new`` follow all later runs of this process, in place of the one before."""
-    _WATCHERS[0] = new

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning.costs import Remedy, hours_text
+from pareto_ltl.planning.costs import hours_text
 from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.limits import Remedy
 from pareto_ltl.planning.pack import build_problem, missing_for_fixes, with_feedback, with_landmarks
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import Plan, PlannedPath

@@ -23,15 +23,14 @@ import numpy as np
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, Plan, PlannedPath, counted_rate
-from pareto_ltl.run import records as keys
 from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.pipeline import Run, carry_out
+from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.position_fixes import Situation, fixes_from, planned_step, situation_at
 from pareto_ltl.run.provenance import file_hashes
-from pareto_ltl.run.records import Records
+from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.run.rest_of_flight import AUTOMATON_FILE, NewWind, remaining_path, run_of_the_rest, scene_from
 from pareto_ltl.run.results import Planned, place_of, planned_run
-from pareto_ltl.run.stage_table import stage_seeds
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import Displayed, distance_text, probability_text
@@ -133,7 +132,7 @@ class Replanned(Displayed):
         """The map with the new plan, and the rest of the old one dashed."""
         from pareto_ltl.report.figures import replanned_drawing
 
-        scene = None if self.run is None else self.run.make(keys.SCENE)
+        scene = None if self.run is None else self.run.scene
         return replanned_drawing(self.plan, self.rest, scene=scene, **options)
 
 
@@ -151,7 +150,7 @@ def replan(
 
     Parameters
     ----------
-    planned : PlanningResult, Results or path
+    planned : Run or path
         What :func:`plan` returned, or a results directory.
     time : float or str, optional
         When: seconds after departure, ``"6h"``, or an ISO 8601 time; rounded to a step of the plan. With
@@ -221,7 +220,7 @@ def replanned(
         If no path completes the mission from there.
     """
     began = clock.perf_counter()
-    problem, plan = run.make(keys.PROBLEM), run.make(keys.PLAN)
+    problem, plan = run.problem, run.plan
     step = planned_step(problem, plan, time, fixes)
     situation = situation_at(run, step, tuple(fixes), ahead=wind is not None)
     rest = remaining_path(problem, plan.path, step)
@@ -231,17 +230,17 @@ def replanned(
     situation = replace(situation, alarms=(*situation.alarms, *alarms))
     for alarm in situation.alarms:
         LOG.warning("ALARM: %s", alarm)
-    other.make(keys.PLAN)
+    other.make("plan")
     seconds = clock.perf_counter() - began
     other, flown = never_worse(other, rest)
     if situation.alarms:
-        other.records[keys.PLAN] = other.make(keys.PLAN).without_promise()
+        other.records["plan"] = other.plan.without_promise()
     new, *others = (counted_rate(problem.fidelity.law, int(row.sum()), len(row)) for row in flown)
     difference = paired_difference(flown[1], flown[0]) if others else (math.nan, math.nan, math.nan)
     return Replanned(
-        situation, other, other.make(keys.PLAN), rest, others[0] if others else None, new, difference,
+        situation, other, other.plan, rest, others[0] if others else None, new, difference,
         seconds,
-        "" if wind is None else str(wind) if isinstance(wind, str | Path) else other.make(keys.WIND).source,
+        "" if wind is None else str(wind) if isinstance(wind, str | Path) else other.wind.source,
     )  # fmt: skip
 
 
@@ -254,14 +253,14 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     """
     from pareto_ltl.simulation.judging import which_fail_each
 
-    problem, cfg = other.make(keys.PROBLEM), other.settings.selection
+    problem, cfg = other.problem, other.settings.selection
     seeds = stage_seeds(other.settings.seed, STREAM)
     if len(rest.u) > len(problem.wind.slot):
-        return other, list(which_fail_each(problem, [other.make(keys.PLAN).path], cfg.runs, seeds))
-    old, new = which_fail_each(problem, [rest, other.make(keys.PLAN).path], cfg.runs, seeds)
+        return other, list(which_fail_each(problem, [other.plan.path], cfg.runs, seeds))
+    old, new = which_fail_each(problem, [rest, other.plan.path], cfg.runs, seeds)
     if paired_difference(old, new)[1] <= 0.0:
         return other, [new, old]
-    front = other.make(keys.FRONT)
+    front = other.front
     tried = _safer_points(front, float(old.mean()))
     if not tried:
         return other, [new, old]
@@ -270,11 +269,11 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     row = held[0] if held else int(np.argmin(failed.sum(axis=1)))
     LOG.info("the choice of selection.rule=%s fails more often than the rest of the old plan", cfg.rule)
     selection = replace(cfg, rule="point", point=tried[row])
-    kept = (*keys.GROUND, keys.PROBLEM, keys.FOREST, keys.FRONT)
-    records = Records({key: other.make(key) for key in kept})
-    settings = replace(other.settings, selection=selection)
-    safer = Run(settings, other.table, records, dict(other.seconds), read=other.read)
-    safer.make(keys.PLAN)
+    kept = other.make("scene", "cells", "automaton", "wind", "problem", "forest", "front")
+    safer = Run(
+        replace(other.settings, selection=selection), kept, seconds=dict(other.seconds), read=other.read
+    )
+    safer.make("plan")
     return safer, [failed[row], old]
 
 
@@ -311,23 +310,24 @@ def _carried_on(
 
 def write_replanned(done: Replanned, run: Run, place: Path, source: str) -> None:
     """Write a results directory of the new plan; without a fix, the rest of the old one as ``plan.json``."""
-    with claimed_directory(place, run.table.files):
+    stages = stages_by_name(run.settings)
+    with claimed_directory(place, files_of(stages.values())):
         if done.run is not None:
             settings, records = done.run.settings, done.run.records
             mission = replace(settings.mission, automaton=str(place / AUTOMATON_FILE))
             if done.situation.alarms:
                 left = [name for name in settings.pipelines.stages if name not in NOT_ALARMED]
                 settings = replace(settings, pipelines=replace(settings.pipelines, stages=left))
-                records = Records({key: records[key] for key in records if key is not keys.FRONT})
+                records = {name: found for name, found in records.items() if name != "front"}
             written = Run(
-                replace(settings, mission=mission), run.table, records, dict(done.run.seconds), place,
+                replace(settings, mission=mission), dict(records), place, seconds=dict(done.run.seconds),
                 read=None if done.run.read is None else {**done.run.read, **flown_hashes(source)},
             )  # fmt: skip
-            stages = [run.table[name] for name in settings.pipelines.stages]
-            carry_out(written, [s for s in stages if s.makes not in written.records])
+            listed = [stages[name] for name in settings.pipelines.stages]
+            carry_out(written, [stage for stage in listed if stage.name not in records])
         else:
             place.mkdir(parents=True, exist_ok=True)
-            run.table.maker_of(keys.PLAN).save(place, done.plan)
+            Run.plan.save(place, done.plan)
         write_json(place / "replan.json", replan_document(done, source))
 
 

@@ -21,11 +21,10 @@ from pareto_ltl.planning.costs import path_costs
 from pareto_ltl.planning.evaluate import completing_path, propagate_controls, square_matrices
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.run.pipeline import Run
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.position_fixes import FAR, Situation, chance
 from pareto_ltl.run.provenance import file_hashes, wanted_wind
 from pareto_ltl.run.received import KnownFiles, law_file
-from pareto_ltl.run.records import AUTOMATON, CANDIDATES, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
 from pareto_ltl.settings import MissionConfig, PowerConfig, SelectionConfig, Settings, WindConfig
 from pareto_ltl.settings.wind import STATED, WIND_SOURCES, usual_level
 from pareto_ltl.support.arrays import FloatArray
@@ -85,15 +84,15 @@ def run_of_the_rest(
         steps = run.settings.planner.max_steps
         if run.read is not None:
             require_known_law(run.settings, run.read, wind)
-        cfg, field = newer_field(run.settings, wind, other.make(SCENE), steps)
-        warn_of_use(run.make(WIND), field, situation.time, float(rest.t[-1]))
+        cfg, field = newer_field(run.settings, wind, other.scene, steps)
+        warn_of_use(run.wind, field, situation.time, float(rest.t[-1]))
         newer = Run(
-            replace(other.settings, wind=cfg), other.table, other.records.replaced(WIND, field),
+            replace(other.settings, wind=cfg), other.records | {"wind": field},
             read=None if run.read is None else {**run.read, **wind_hashes(other.settings, cfg)},
         )  # fmt: skip
-        alarms = field_alarms(other.make(PROBLEM), newer.make(PROBLEM), rest)
+        alarms = field_alarms(other.problem, newer.problem, rest)
         other = newer
-    other.records[CANDIDATES] = candidates_of(other.make(PROBLEM), rest)
+    other.records["candidates"] = candidates_of(other.problem, rest)
     return other, alarms
 
 
@@ -135,37 +134,35 @@ def conditioned_run(run: Run, situation: Situation, *, quick: bool) -> Run:
     """A run that starts at the fix, in the conditioned wind, with the remaining mission."""
     learnt = situation.learnt
     assert learnt is not None
-    scene = scene_from(run.make(SCENE), learnt.mean, situation.time)
-    automaton = remaining_automaton(run.make(AUTOMATON), situation.state, situation.time)
+    scene = scene_from(run.scene, learnt.mean, situation.time)
+    automaton = remaining_automaton(run.automaton, situation.state, situation.time)
     if automaton.contradiction:
         raise ConfigError("the mission is lost at that time: no continuation completes it")
-    if run.make(PROBLEM).logic.distance[situation.state] == 0.0:
+    if run.problem.logic.distance[situation.state] == 0.0:
         raise ConfigError("the mission is complete at that time: nothing is left to plan")
     settings = settings_from(run, scene, situation)
-    records = Records(
-        {
-            SCENE: scene,
-            DECOMPOSITION: run.make(DECOMPOSITION),
-            AUTOMATON: automaton,
-            WIND: wind_from(run.make(WIND), learnt, situation.time, run.settings.fidelity.law),
-        }
-    )
-    return Run(prompt_settings(settings) if quick else settings, run.table, records, read=run.read)
+    records = {
+        "scene": scene,
+        "cells": run.cells,
+        "automaton": automaton,
+        "wind": wind_from(run.wind, learnt, situation.time, run.settings.fidelity.law),
+    }
+    return Run(prompt_settings(settings) if quick else settings, records, read=run.read)
 
 
 def settings_from(run: Run, scene: Scene, situation: Situation) -> Settings:
     """The settings of ``run`` with the departure, spread, mission and stages of the rest."""
-    settings, problem = run.settings, run.make(PROBLEM)
+    settings, problem = run.settings, run.problem
     assert situation.learnt is not None
     return replace(
         settings,
         mission=MissionConfig(start_time=scene.time_zero, automaton=AUTOMATON_FILE),
-        selection=rule_of_the_rest(settings.selection, run.make(PLAN).path, situation.step),
+        selection=rule_of_the_rest(settings.selection, run.plan.path, situation.step),
         robot=replace(
             settings.robot,
             dt=problem.motion.dt,
             start_sd=situation.learnt.sd,
-            power=power_left(settings.robot.power, problem, run.make(PLAN).path, situation.step),
+            power=power_left(settings.robot.power, problem, run.plan.path, situation.step),
         ),
         pipelines=replace(
             settings.pipelines, stages=[name for name in STAGES if name in settings.pipelines.stages]

@@ -9,14 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run import page_stage
-from pareto_ltl.run import records as keys
 from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.interface import simulate
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import RecordKey
-from pareto_ltl.run.results import Planned, PlanningResult, Results, load_results, place_of, planned_run
-from pareto_ltl.run.stage_table import stage_seeds, with_extension_stages
-from pareto_ltl.run.stages import PLAN_STAGES
+from pareto_ltl.run.plan_run import Run
+from pareto_ltl.run.results import Planned, load_results, place_of, planned_run
 from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.medium import medium_of
@@ -30,7 +26,7 @@ if TYPE_CHECKING:
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")  # a browser can open if one of them is set
 
 
-def page_of(planned: Results | str | Path, *, as_is: bool = False) -> Path:
+def page_of(planned: Planned, *, as_is: bool = False) -> Path:
     """The page of a results directory, written from its records; ``as_is``: the one that is there.
 
     A page contains scripts, and one from another person can contain any.
@@ -40,10 +36,10 @@ def page_of(planned: Results | str | Path, *, as_is: bool = False) -> Path:
     DataError
         If the directory holds no finished run of a plan, or cannot be read.
     """
-    results = load_results(planned)
-    path = results.directory / PAGE_FILE
+    run = load_results(planned)
+    path = run.place / PAGE_FILE
     if not as_is:
-        return page(results, path)
+        return page(run, path)
     if not path.is_file():
         raise DataError(f"{path}: there is no page; without --as-is it is written")
     return path
@@ -54,7 +50,7 @@ def page(planned: Planned, path: str | Path) -> Path:
 
     Parameters
     ----------
-    planned : PlanningResult, Results or path
+    planned : Run or path
         What :func:`pareto_ltl.plan` returned, or a results directory.
 
     Raises
@@ -62,47 +58,40 @@ def page(planned: Planned, path: str | Path) -> Path:
     DataError
         If there is no finished run of a plan.
     """
-    if not isinstance(planned, PlanningResult):
-        return page_stage.write_page(Path(path), shown_results(load_results(planned)))
-    run = planned.run
-    needed: tuple[RecordKey[Any], ...] = (keys.PROBLEM, keys.FRONT, keys.PLAN, keys.FORECASTS)
-    for key in needed:
-        run.make(key)
-    origin = page_stage.origin_in_memory(run.settings)
-    seeds = stage_seeds(run.settings.seed, page_stage.DEPLOYMENT_STREAM)
-    return page_stage.write_page(Path(path), page_stage.shown_run(run.settings, run.records, origin, seeds))
+    run = load_results(planned)
+    if run.stored is not None:
+        return page_stage.write_page(Path(path), shown_results(run))
+    run.make("problem", "front", "plan", "forecasts")
+    return page_stage.write_page(
+        Path(path), page_stage.shown_run(run, page_stage.origin_in_memory(run.settings))
+    )
 
 
-def shown_results(results: Results, *, unfinished: bool = False) -> ShownRun:
-    """The records for the page of a results directory; ``unfinished``: also of a run that still works."""
-    record, run = results.run, _run_of_records(results, unfinished)
-    origin = page_stage.origin_of(results.directory, record, record.get("inputs") or {})
-    seeds = stage_seeds(run.settings.seed, page_stage.DEPLOYMENT_STREAM)
-    return page_stage.shown_run(run.settings, run.records, origin, seeds, record.get("error") or "")
+def shown_results(run: Run, *, unfinished: bool = False) -> ShownRun:
+    """The records for the page of a results directory; ``unfinished``: also of a run that still works.
 
-
-def _run_of_records(results: Results, unfinished: bool) -> Run:
-    """A run with the records of the directory, and those that follow from them without planning."""
-    status = results.run.get("status")
-    if status not in ("ok", "infeasible") and not (unfinished and status == "running"):
-        ending = ending_text(results.directory, status)
-        raise DataError(f"{results.directory}: there is nothing to show: {ending}")
-    there = results.records()
-    if keys.SCENE not in there or keys.WIND not in there or keys.AUTOMATON not in there:
-        raise DataError(f"{results.directory}: it holds no plan of a mission; there is no page of it")
-    known, atoms = {*there[keys.SCENE].regions, *there[keys.SCENE].windows}, there[keys.AUTOMATON].atoms
+    Those that follow from its files without planning are made.
+    """
+    made, place = run.provenance, run.place
+    if made.get("status") not in ("ok", "infeasible") and not (
+        unfinished and made.get("status") == "running"
+    ):
+        raise DataError(f"{place}: there is nothing to show: {ending_text(place, made.get('status'))}")
+    scene, automaton = run.get("scene"), run.get("automaton")
+    if scene is None or automaton is None or run.get("wind") is None:
+        raise DataError(f"{place}: it holds no plan of a mission; there is no page of it")
+    known, atoms = {*scene.regions, *scene.windows}, automaton.atoms
     if lost := sorted({*atoms} - known - {*clock_windows(atoms)}):
         raise DataError(
-            f"{results.directory}: scene.json has no region {shown_value(lost[0])}, which automaton.json "
+            f"{place}: scene.json has no region {shown_value(lost[0])}, which automaton.json "
             "reads; the files are of two missions, or damaged: plan again"
         )
-    settings = results.settings
-    run = Run(settings, with_extension_stages(PLAN_STAGES, settings.pipelines.stages), there)
-    if keys.DECOMPOSITION in there:
-        run.make(keys.PROBLEM)
-    if keys.PLAN in there and not there[keys.PLAN].alarmed:
-        run.make(keys.FORECASTS)
-    return run
+    if run.get("cells") is not None:
+        run.make("problem")
+    if run.get("plan") is not None and not run.plan.alarmed:
+        run.make("forecasts")
+    origin = page_stage.origin_of(place, made, made.get("inputs") or {})
+    return page_stage.shown_run(run, origin, made.get("error") or "")
 
 
 def open_page(path: Path) -> bool:
@@ -155,7 +144,7 @@ def explanation(
 
     Parameters
     ----------
-    planned : PlanningResult, Results or path
+    planned : Run or path
         What :func:`pareto_ltl.plan` returned, or a results directory.
     point : int, optional
         The path of that number in ``front.csv``; default the plan.
@@ -176,9 +165,9 @@ def explanation(
 
     run = planned_run(planned)
     if point is not None:
-        run = choose(planned, point=point).run
-    problem, plan = run.make(keys.PROBLEM), run.make(keys.PLAN)
-    medium = medium_of(run.settings.robot.level, run.make(keys.WIND).level)
+        run = choose(planned, point=point)
+    problem, plan = run.problem, run.plan
+    medium = medium_of(run.settings.robot.level, run.wind.level)
     if limits:
         told = PlanLimits(problem.scene, plan, medium)
         document: dict[str, Any] = {
@@ -189,9 +178,9 @@ def explanation(
         }
         return Explanation(list(told.lines()), document)
     runs = min(run.settings.deployment.runs, page_stage.MOST_RUNS)
-    flown = simulate(PlanningResult(run), runs, problem.fidelity.law)
+    flown = simulate(run, runs, problem.fidelity.law)
     legs = plan_legs(problem, plan, flown)
-    front = run.records.get(keys.FRONT)
+    front = run.get("front")
     detours = [] if front is None else detour_lines(problem.scene, front, plan)
     document = {"law": flown.law, "flights": len(flown.x), "legs": [asdict(leg) for leg in legs]}
     lines = list(plan_lines(problem, plan, flown, legs, medium, each=each))

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -24,14 +22,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.settings import PRESETS, Settings, preset
-from pareto_ltl.support.budget import Budget
-from pareto_ltl.support.cache import LOCKS_FOLDER, cache_root
-from pareto_ltl.support.compiling import compilation_begins, compilation_ends, compilation_watched
+from pareto_ltl.settings import PRESETS
+from pareto_ltl.support.compiling import compilation_watched
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.files import process_lives
-from pareto_ltl.support.locks import TakenError, hold_lock
-from pareto_ltl.support.machine import cores
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
 
@@ -182,16 +176,15 @@ def _plan(kind: Kind, folder: Path) -> None:
 
 def _plan_given_path(kind: Kind, folder: Path) -> None:
     """Plan ``F a``, with a tree that is one path."""
-    from pareto_ltl.run.pipeline import Run, carry_out, check_pipeline
-    from pareto_ltl.run.records import FOREST, PROBLEM
-    from pareto_ltl.run.stages import PLAN_TABLE
+    from pareto_ltl.run.pipeline import carry_out, check_pipeline
+    from pareto_ltl.run.plan_run import Run
     from pareto_ltl.settings.building import build_settings
 
     settings = build_settings({"pipelines": "plan", "mission": {"formula": "F a"}, **small_sections(kind)})
-    made = Run(settings, PLAN_TABLE)
-    forest = path_forest(made.make(PROBLEM))
-    run = Run(settings, PLAN_TABLE, made.records.replaced(FOREST, forest), directory=folder)
-    carry_out(run, check_pipeline(settings, PLAN_TABLE, tuple(run.records)).stages)
+    made = Run(settings)
+    forest = path_forest(made.problem)
+    run = Run(settings, made.records | {"forest": forest}, directory=folder)
+    carry_out(run, check_pipeline(settings, given=run.records).stages)
 
 
 def path_forest(problem: Problem) -> Forest:
@@ -232,75 +225,7 @@ def _tell(report: Told, done: int, total: int, name: str, kernel: str) -> None:
     report(done, total, f"{name}: {kernel}")
 
 
-# --- in a second process ------------------------------------------------------------------------
-
-GROWTH = "growth.grow"
-LONGEST = 300.0  # [s] to wait for the second process
-PAUSE = 0.1  # [s]
-REST = "the rest, in a second process"
-CODE = "import sys; from pareto_ltl.run.warmup import second_process; second_process(*sys.argv[1:])"
-
-
-@contextmanager
-def compiling_in_two(settings: Settings, budget: Budget) -> Iterator[None]:
-    """In the block, a second process compiles all else while this one compiles growth.
-
-    Growth takes about half of the time. The second process plans a small mission of the same kind with a
-    given path (:func:`warm_up`); the machine code that it writes is then on disk. If it fails, or code for
-    other types is needed, this process compiles as usual. The block ends after the second process.
-
-    It ends earlier if ``budget`` is used up, or after :data:`LONGEST`; the second process is then ended.
-    """
-    kind = kind_of(settings)
-    if kind is None or not _may_start():
-        yield
-        return
-    started: list[subprocess.Popen[bytes]] = []
-    with ExitStack() as held:
-
-        def start(kernel: str) -> None:
-            if kernel == GROWTH and not started:
-                with suppress(OSError, TakenError):  # another run has a second process
-                    locks = cache_root() / LOCKS_FOLDER
-                    locks.mkdir(parents=True, exist_ok=True)
-                    held.enter_context(hold_lock(locks / "compiling", wait=False))
-                    folder = held.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
-                    started.append(_process(kind, folder))
-                    held.callback(started[0].wait)
-                    held.callback(started[0].kill)
-
-        with compilation_watched(start):
-            yield
-        latest = time.monotonic() + LONGEST
-        if started and started[0].poll() is None:
-            compilation_begins(REST)
-        while started and started[0].poll() is None and time.monotonic() < latest and not budget.over():
-            time.sleep(PAUSE)
-        compilation_ends(REST)
-
-
-def kind_of(settings: Settings) -> str | None:
-    """The kind of warm-up with the kernels of ``settings``; None if there is none."""
-    if settings.fidelity != preset(settings.fidelity.name) or settings.robot.feedback_time is not None:
-        return None
-    if settings.scene.landmarks and settings.fidelity.name == "full":  # paper takes no fixes
-        return "full-fixes"
-    return settings.fidelity.name
-
-
-def _may_start() -> bool:
-    """Whether there is a core for a second process, and this one is not a worker of a sweep or study."""
-    return cores() > 1 and multiprocessing.parent_process() is None and not getattr(sys, "frozen", False)
-
-
-def _process(kind: str, folder: str) -> subprocess.Popen[bytes]:
-    """The second process; ``folder`` is for its temporary files, as it may be killed."""
-    paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "TMPDIR": folder, "TEMP": folder}
-    return subprocess.Popen(
-        [sys.executable, "-c", CODE, kind, str(os.getpid())],
-        env=os.environ | paths,
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+# --- the second process of a run (second_process.py) ---------------------------------------------
 
 
 def second_process(kind: str, first: str) -> None:

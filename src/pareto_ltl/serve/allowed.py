@@ -17,8 +17,8 @@ from functools import lru_cache
 from types import NoneType, UnionType
 from typing import Any
 
+from pareto_ltl import Settings
 from pareto_ltl.serve.folder import DeskFolder
-from pareto_ltl.settings import Settings
 from pareto_ltl.settings.checks import (
     DECLARED,
     Declaration,

@@ -16,6 +16,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from pareto_ltl import Scene
 from pareto_ltl.inflight.lines import event_line
 from pareto_ltl.inflight.rules import Event
 from pareto_ltl.inflight.watch import Watch
@@ -23,10 +24,9 @@ from pareto_ltl.report.page.ground import map_places, north_turn, shown_map
 from pareto_ltl.report.page.points import plan_spread
 from pareto_ltl.serve.app import page_routes
 from pareto_ltl.serve.server import Guard, loopback_server
-from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
-    from pareto_ltl.run.results import Results
+    from pareto_ltl import Run
 
 PAGE = "pareto_ltl.serve.live_page"
 MOST = 5000  # the newest events, which are sent to the page
@@ -46,7 +46,7 @@ class LivePage:
         self.rest: dict[str, Any] = {"at": [], "failed": []}
         self.lock = threading.Lock()
 
-    def opened(self, results: Results) -> None:
+    def opened(self, results: Run) -> None:
         """Show a plan from now on."""
         scene, plan = results.scene, results.plan
         shown = {

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from pareto_ltl import choose, export, load_results
 from pareto_ltl.exports.degrees import lonlat
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import Front
@@ -20,11 +21,7 @@ from pareto_ltl.report.limits import PlanLimits, chosen_number
 from pareto_ltl.report.page.ground import map_places, rounded, shown_wind
 from pareto_ltl.report.page.points import flown_path, shown_flights, shown_path, shown_points
 from pareto_ltl.report.records import ShownRun
-from pareto_ltl.run.choosing import choose
-from pareto_ltl.run.interface import export
-from pareto_ltl.run.records import PLAN, SCENE, WIND
 from pareto_ltl.run.rest_of_flight import issued
-from pareto_ltl.run.results import load_results
 from pareto_ltl.run.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation.flights import CAUSES
@@ -111,9 +108,9 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
 @one_at_a_time
 def limits_view(directory: Path, number: int) -> dict[str, Any]:
     """Prices and tight segments of a point of the front, as they would be if it were the plan."""
-    run = choose(load_results(directory), point=number).run
-    medium = medium_of(run.settings.robot.level, run.make(WIND).level)
-    return PlanLimits(run.make(SCENE), run.make(PLAN), medium).tables()
+    run = choose(load_results(directory), point=number)
+    medium = medium_of(run.settings.robot.level, run.wind.level)
+    return PlanLimits(run.scene, run.plan, medium).tables()
 
 
 @one_at_a_time

@@ -15,7 +15,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from importlib import import_module
 from typing import IO, Any
@@ -23,8 +23,7 @@ from typing import IO, Any
 import numpy as np
 
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.run.progress import Found, Watcher, watch_runs
-from pareto_ltl.run.records import FOREST, FRONT, PROBLEM, RecordKey, Records
+from pareto_ltl.run.progress import Found, Watcher, watched_by
 from pareto_ltl.support.arrays import FloatArray
 
 MOST_PATHS = 40  # paths of the search trees that are reported
@@ -69,18 +68,18 @@ class Reporter(Watcher):
             self.last = now
             self.send("progress", done=int(done), total=int(total), state=state)
 
-    def made(self, key: RecordKey[Any], records: Records) -> None:
+    def made(self, name: str, records: Mapping[str, Any]) -> None:
         """Report the paths known so far, when the search trees or the front are made."""
-        if key == PROBLEM:
-            self.crs = records[PROBLEM].scene.crs
-        elif key == FOREST:
+        if name == "problem":
+            self.crs = records["problem"].scene.crs
+        elif name == "forest":
             from pareto_ltl.planning.selection import unlike_paths
 
             with suppress(ValueError):
-                found = unlike_paths(records[PROBLEM], records[FOREST])[:MOST_PATHS]
+                found = unlike_paths(records["problem"], records["forest"])[:MOST_PATHS]
                 self._send_paths("search", _by_bound(found), bound=True)
-        elif key == FRONT:
-            front = records[FRONT]
+        elif name == "front":
+            front = records["front"]
             paths = [
                 (r.failure, p.objectives.length, p.x) for r, p in zip(front.rates, front.paths, strict=False)
             ]
@@ -115,14 +114,13 @@ def work(run: Callable[[list[str]], int]) -> None:
         import_module(name)
     if jobs.empty():
         _load_kernels(run)
-    watch_runs(reporter)
     reporter.send("ready")
     while True:
         job = jobs.get()
         reporter.job, reporter.crs = job["id"], None
         reporter.send("begun")
         said, errors = io.StringIO(), io.StringIO()
-        with redirect_stdout(said), redirect_stderr(errors):
+        with redirect_stdout(said), redirect_stderr(errors), watched_by(reporter):
             code = run([str(word) for word in job["argv"]])
         lines = [line for line in errors.getvalue().splitlines() if line.startswith("pareto-ltl: ")]
         error = lines[-1].removeprefix("pareto-ltl: ") if code and lines else ""

@@ -13,7 +13,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot
-from pareto_ltl.planning.costs import EnergyModel
+from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem, merged_draws
 from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.simulation import flights as sim

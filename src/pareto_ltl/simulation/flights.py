@@ -29,8 +29,8 @@ from pareto_ltl.kernels.pilots import (
     Navigator,
     Pilot,
 )
-from pareto_ltl.planning.costs import EnergyModel
 from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig

@@ -41,10 +41,9 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Run, Settings
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PROBLEM, SCENE, WIND, Records
-from pareto_ltl.settings import Settings, preset
+from pareto_ltl.settings import preset
 from pareto_ltl.settings.studies import FACTOR_SECTIONS, FACTOR_TITLES
 from pareto_ltl.studies import planning, tables
 from pareto_ltl.studies.parts import Progress, part_key
@@ -66,7 +65,7 @@ CALM = ("ml_rrt", "calm_shortest")  # methods that plan for calm air
 COSTS = ("mission_risk_paper", "mission_risk_ordered", "collision_risk")
 
 
-def method(name: str, settings: Settings, world: Records) -> Run:
+def method(name: str, settings: Settings, world: Run) -> Run:
     """The run of the planner ``name``, with its settings and the wind that it plans in."""
     models = preset("full" if name == "full" else "paper")
     if name not in ("smoothed", "full", "calm_shortest"):
@@ -74,15 +73,15 @@ def method(name: str, settings: Settings, world: Records) -> Run:
     # Seeds share the cores, not trees. Without other parents to try there is no re-selection.
     near = 0 if name == "cc_rrt" else settings.planner.near
     planner = replace(settings.planner, threads=1, near=near)
-    run = planning.study_run(replace(settings, fidelity=models, planner=planner), world)
-    wind = run.make(WIND)
+    run = world.with_settings(replace(settings, fidelity=models, planner=planner))
+    wind = run.wind
     if name in CALM:
-        run = run.with_record(WIND, planning.still(wind))
-    run.make(PROBLEM)
+        run = run.given(wind=planning.still(wind))
+    run.make("problem")
     return run
 
 
-def run_comparison(settings: Settings, world: Records, directory: Path, progress: Progress = None) -> Study:
+def run_comparison(settings: Settings, world: Run, directory: Path, progress: Progress = None) -> Study:
     """Plan with every method and seed, fly all, and compare."""
     world = planning.with_wind(settings, world)
     real = planning.truth(settings, world)
@@ -111,7 +110,7 @@ def run_comparison(settings: Settings, world: Records, directory: Path, progress
         for end in ("", "_low", "_high")
     }
     numbers |= {f"{row['method']}_planned": row["planned"] for row in rows} | {"seeds": float(len(seeds))}
-    winds = (planner.run[WIND] for planner in planners.values())
+    winds = (planner.run.wind for planner in planners.values())
     pictures = {
         "panels": [_panel(flown, name, found[name, seeds[0]], seeds[0]) for name in names],
         "wind": next((wind for wind in winds if wind.mean.any()), None),  # for the arrows
@@ -250,7 +249,7 @@ def changed(settings: Settings, factor: str, level: Any) -> Settings:
     return replace(settings, **{FACTOR_SECTIONS[factor]: replace(part, **new)})
 
 
-def run_ablation(settings: Settings, world: Records, directory: Path, progress: Progress = None) -> Study:
+def run_ablation(settings: Settings, world: Run, directory: Path, progress: Progress = None) -> Study:
     """Plan with every level and seed, and fly all plans.
 
     Raises
@@ -264,7 +263,7 @@ def run_ablation(settings: Settings, world: Records, directory: Path, progress: 
             "ablation.factors contains dt, which divides time steps: this needs robot.a = [[1,0],[0,1]] and "
             "robot.feedback_time = null (they depend on the time step); leave dt out"
         )
-    dt = step_of(settings.robot, world[SCENE], settings.planner.max_steps)
+    dt = step_of(settings.robot, world.scene, settings.planner.max_steps)
     settings = replace(settings, robot=replace(settings.robot, dt=dt))
     cfg = settings.evaluation
     _, found = planning.fly_planners(settings, _planners(settings, world), directory, progress)
@@ -277,18 +276,18 @@ def run_ablation(settings: Settings, world: Records, directory: Path, progress: 
     return Study({"ablation": rows}, {"seeds": float(len(cfg.seeds))} | numbers, _levels_text(settings, rows))
 
 
-def _planners(settings: Settings, world: Records) -> dict[tuple[str, Any], Planner]:
+def _planners(settings: Settings, world: Run) -> dict[tuple[str, Any], Planner]:
     """A planner for each (factor, level); those with the default settings share a run."""
     mine = planning.unsmoothed(settings)
     whole = planning.with_wind(mine, world)
-    reference, real = planning.study_run(mine, whole), planning.truth(settings, whole)
+    reference, real = whole.with_settings(mine), planning.truth(settings, whole)
     key = "ablation", part_key(replace(settings, seed=0))  # with the model of the flights, which stays
     planners = {}
     for factor, level in levels(settings):
         other = changed(mine, factor, level)
         same = world if factor == "kernel" else whole
-        run = planning.study_run(other, same) if other != mine else reference
-        run.make(PROBLEM)
+        run = same.with_settings(other) if other != mine else reference
+        run.make("problem")
         pieces = level if factor == "dt" else 1
         flown_in = planning.truth(cut(settings, pieces), world) if pieces > 1 else real
         planners[factor, level] = Planner(run, flown_in, key, pieces)

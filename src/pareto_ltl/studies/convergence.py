@@ -19,13 +19,12 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Run, Settings
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Tree
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import FOREST, PLAN, PROBLEM, Records
-from pareto_ltl.run.stage_table import stage_seeds
-from pareto_ltl.settings import FidelityConfig, Settings
+from pareto_ltl.run.record import stage_seeds
+from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.studies import planning, tables
 from pareto_ltl.studies.parts import Part, Progress, part_key, work_parts
 from pareto_ltl.studies.planning import flags
@@ -38,13 +37,13 @@ FAR = 2.0  # the reference of the hypervolume, in lengths of the shortest path o
 BY_CREATION = ("swaps", "beta")  # arrays of a tree without a row for each vertex
 
 
-def run_convergence(settings: Settings, world: Records, directory: Path, progress: Progress = None) -> Study:
+def run_convergence(settings: Settings, world: Run, directory: Path, progress: Progress = None) -> Study:
     """Grow one forest for each seed, and select and fly a plan at every size."""
     cfg, sizes = settings.evaluation, tuple(sorted(settings.convergence.sizes))
     mine = planning.unsmoothed(settings, n_max=sizes[-1])
     world = planning.with_wind(settings, world)
-    run = planning.study_run(mine, world)
-    run.make(PROBLEM)
+    run = world.with_settings(mine)
+    run.make("problem")
     inputs = sizes, settings.deployment.runs, tuple(cfg.laws)
     todo = [
         Part(f"seed-{seed}", (seed,), part_key(replace(mine, seed=seed), "convergence", *inputs))
@@ -60,9 +59,9 @@ def run_convergence(settings: Settings, world: Records, directory: Path, progres
 def convergence_part(context: tuple[Run, Problem], seed: int) -> Columns:
     """One forest at every size, and the time of its first solution; ``context``: the run, the true model."""
     run = context[0].with_seed(seed)
-    forest = run.make(FOREST)
+    forest = run.forest
     sizes = sorted(run.settings.convergence.sizes)
-    looks = [_look(run.with_record(FOREST, snapshot(forest, n)), context[1], n) for n in sizes]
+    looks = [_look(run.given(forest=snapshot(forest, n)), context[1], n) for n in sizes]
     spent = sum(tree.seconds for tree in forest.trees)
     rate = sum(map(len, forest.trees)) / spent if spent > 0 else math.nan
     return {"looks": looks, "nodes_per_second": rate, **first_answer(run)}
@@ -70,10 +69,10 @@ def convergence_part(context: tuple[Run, Problem], seed: int) -> Columns:
 
 def _look(run: Run, truth: Problem, n: int) -> Columns:
     """The plan of a run that stops at ``n`` vertices per tree, and the outcomes of its flights."""
-    forest, cfg = run[FOREST], run.settings
+    forest, cfg = run.forest, run.settings
     look: Columns = {"size": n, "vertices": sum(map(len, forest.trees)), "accepted": len(forest.accepted)}
     try:
-        plan = run.make(PLAN)
+        plan = run.plan
     except InfeasibleError:
         return look | {"planned": False}
     flight = plan.path.u, plan.path.x
@@ -114,7 +113,7 @@ def first_answer(run: Run) -> Columns:
 
     seeds = stage_seeds(run.settings.seed, "forest")
     options = growth.GrowthOptions(stop_at_first=True)
-    forest = growth.grow_forest(run.settings.planner, run.make(PROBLEM), seeds, None, options)
+    forest = growth.grow_forest(run.settings.planner, run.problem, seeds, None, options)
     there = np.unique(forest.accepted[:, 0])
     if not len(there):
         return {"first_seconds": None, "first_vertices": None, "trees_done": 0}

@@ -19,33 +19,30 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Readings, Run, Scene, Settings
 from pareto_ltl.exports.navigation_log import expected_winds
 from pareto_ltl.planning.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.selection_rules import within_capacity
 from pareto_ltl.report.records import Study
-from pareto_ltl.run import records
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.metrics import run_metrics
-from pareto_ltl.run.pipeline import Run, carry_out
+from pareto_ltl.run.pipeline import carry_out, files_of
+from pareto_ltl.run.plan_run import PLAN_STAGES, UnpricedRun
 from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.run.records import Records
+from pareto_ltl.run.record import named_child, stage_seeds
 from pareto_ltl.run.rest_of_flight import quick_settings
-from pareto_ltl.run.stage_table import StageTable, named_child, stage_seeds
-from pareto_ltl.run.stages import PLAN_TABLE, UNPRICED_TABLE
-from pareto_ltl.settings import DepartureConfig, Settings
+from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.simulation.judging import which_fail_each
 from pareto_ltl.studies import departure_table as tables
 from pareto_ltl.studies.departure_fronts import compare_fronts, flown_front, pooled_front, starts_to_repeat
 from pareto_ltl.studies.departure_table import Found, folder_name
 from pareto_ltl.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
-from pareto_ltl.studies.planning import study_run
 from pareto_ltl.studies.tables import Columns, flags_to_text
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import plain_data, write_json
-from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
-from pareto_ltl.world.scene import Scene
+from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.world.scene_files import scene_to_dict
 
 STREAM = "departure"  # random stream of the flights that compare starts
@@ -68,7 +65,7 @@ class DepartureContext:
     """Data for all starts."""
 
     settings: Settings
-    world: Records
+    world: Run
     directory: Path
 
     @property
@@ -77,7 +74,7 @@ class DepartureContext:
         return self.directory / STARTS if self.settings.departure.keep == "all" else None
 
 
-def run_departure(settings: Settings, world: Records, directory: Path, progress: Progress = None) -> Study:
+def run_departure(settings: Settings, world: Run, directory: Path, progress: Progress = None) -> Study:
     """Plan the starts of ``settings.departure``, compare their fronts and plan the recommended one in full.
 
     Raises
@@ -88,7 +85,7 @@ def run_departure(settings: Settings, world: Records, directory: Path, progress:
         If no start has a plan, or none arrives in time.
     """
     cfg = settings.departure
-    times = candidate_starts(cfg, world[records.READINGS], settings.mission.start_time)
+    times = candidate_starts(cfg, world.readings, settings.mission.start_time)
     context = DepartureContext(settings, world, directory)
     found = _planned_starts(context, times, progress)
     _require_one(settings, found)
@@ -103,11 +100,11 @@ def run_departure(settings: Settings, world: Records, directory: Path, progress:
     rows = tables.start_rows(settings, found, comparison)
     extra, place = tables.compared_paths(cfg, time, found), directory / RECOMMENDED
     run = plan_in_full(settings, world, time, place, extra)
-    front = within_capacity(settings.selection, run[records.FRONT], run[records.PROBLEM])
+    front = within_capacity(settings.selection, run.front, run.problem)
     seeds = stage_seeds(settings.seed, STREAM)
-    failed = which_fail_each(run[records.PROBLEM], front.paths, cfg.flights, seeds)
+    failed = which_fail_each(run.problem, front.paths, cfg.flights, seeds)
     lengths = np.array([path.objectives.length for path in front.paths])
-    delivered = tables.Delivered(run[records.PLAN], flown_front(lengths, failed), pooled_front(fronts[time]))
+    delivered = tables.Delivered(run.plan, flown_front(lengths, failed), pooled_front(fronts[time]))
     document = tables.departures_document(settings, rows, comparison, delivered, RECOMMENDED)
     write_json(directory / "departures.json", document)
     return tables.departure_study(settings, rows, comparison, found, delivered)
@@ -208,14 +205,14 @@ def departure_part(context: DepartureContext, time: float, repeat: int) -> Colum
     settings = start_settings(context.settings, time, quick=context.settings.departure.quick, repeat=repeat)
     folder = context.folder if repeat == 0 else None
     try:
-        run = world_at(settings, context.world, UNPRICED_TABLE if folder is None else PLAN_TABLE)
+        run = world_at(settings, context.world, UnpricedRun if folder is None else Run)
         plan_start(run)
     except (InfeasibleError, DataError) as error:
         return {"planned": False, "reason": str(error)}
     if folder is not None:
         _make_rest(run, folder / folder_name(time))
-    plan, problem = run[records.PLAN].path, run[records.PROBLEM]
-    paths = within_capacity(settings.selection, run[records.FRONT], problem).paths
+    plan, problem = run.plan.path, run.problem
+    paths = within_capacity(settings.selection, run.front, problem).paths
     seeds = stage_seeds(context.settings.seed, STREAM)
     flown = which_fail_each(problem, paths, settings.departure.flights, seeds)
     numbers = run_metrics(run.records, {})
@@ -241,15 +238,14 @@ def _path_columns(path: PlannedPath, failed: BoolArray) -> Columns:
     }
 
 
-def world_at(settings: Settings, world: Records, table: StageTable = UNPRICED_TABLE) -> Run:
+def world_at(settings: Settings, world: Run, kind: type[Run] = UnpricedRun) -> Run:
     """A run of one start, with the readings and, if its map is the map of ``world``, cells and automaton.
 
     A map can depend on the time, for example by windows in UTC; then each start has another map.
     """
-    run = study_run(settings, Records({records.READINGS: world[records.READINGS]}), table)
-    if same_map(run.make(records.SCENE), world[records.SCENE]):
-        run.records[records.DECOMPOSITION] = world[records.DECOMPOSITION]
-        run.records[records.AUTOMATON] = world[records.AUTOMATON]
+    run = kind(settings, {"readings": world.readings})
+    if same_map(run.scene, world.scene):
+        run.records |= world.make("cells", "automaton")
     return run
 
 
@@ -265,21 +261,19 @@ def plan_start(run: Run) -> None:
     If no tree reaches acceptance before the wind ends, no other settings are tried: to find out which one
     would help takes as long as ten plans.
     """
-    forest = run.make(records.FOREST)
+    forest = run.forest
     if not len(forest.accepted) and any(tree.reach["beyond"] for tree in forest.trees):
-        problem = run[records.PROBLEM]
+        problem = run.problem
         hours = problem.horizon * problem.motion.dt / 3600.0
         raise InfeasibleError(
             f"no flight is short enough: the wind is known for {hours:.1f} h from there"
             f"{f' ({problem.wind_ends})' if problem.wind_ends else ''}, and no tree completes the mission in "
             "that time"
         )
-    run.make(records.PLAN)
+    run.make("plan")
 
 
-def plan_in_full(
-    settings: Settings, world: Records, time: float, place: Path, extra: Sequence[ExtraPath]
-) -> Run:
+def plan_in_full(settings: Settings, world: Run, time: float, place: Path, extra: Sequence[ExtraPath]) -> Run:
     """The recommended start as a separate run, with exports and figures; ``extra`` paths are judged too."""
     mine = start_settings(settings, time, quick=False, files=True)
     if extra:
@@ -290,12 +284,12 @@ def plan_in_full(
 
 def _make_rest(run: Run, place: Path, extra: Sequence[ExtraPath] = ()) -> Run:
     """Make what is left of ``run`` in the results directory ``place``, and return the run of all stages."""
-    mine = Run(run.settings, PLAN_TABLE, run.records.copy(), dict(run.seconds), place, ProgressBar(False))
-    stages = [PLAN_TABLE[name] for name in run.settings.pipelines.stages]
-    with claimed_directory(place, PLAN_TABLE.files):
+    mine = Run(run.settings, dict(run.records), place, ProgressBar(False), dict(run.seconds))
+    listed = [stage for stage in PLAN_STAGES if stage.stage in run.settings.pipelines.stages]
+    with claimed_directory(place, files_of(PLAN_STAGES)):
         if extra:
             write_extra_paths(place / EXTRA_FILE, extra)
-        carry_out(mine, [stage for stage in stages if stage.makes not in run.records])
+        carry_out(mine, [stage for stage in listed if stage.name not in run.records])
     return mine
 
 

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Settings
 from pareto_ltl.planning.plan_files import ExtraPath
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report.records import Study
-from pareto_ltl.settings import DepartureConfig, Settings
+from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.studies import departure_fronts, tables
 from pareto_ltl.studies.departure_fronts import NEARLY, Comparison, FlownFront, SeedSpread, rates_at
 from pareto_ltl.studies.tables import Columns, interval_columns, length_cell, markdown_table, rate_cell

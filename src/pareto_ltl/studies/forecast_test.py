@@ -20,18 +20,17 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Run, Settings
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, FRONT, PLAN, PROBLEM, SCENE, WIND, Records
-from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, Settings, preset
+from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, preset
 from pareto_ltl.settings.fidelity import FidelityConfig
 from pareto_ltl.studies import calibration, random_missions
 from pareto_ltl.studies.calibration import CHOSEN
 from pareto_ltl.studies.known_winds import KNOWN_WINDS, KnownWinds
 from pareto_ltl.studies.parts import Part, PartWork, Progress, part_key, work_parts
-from pareto_ltl.studies.planning import fly_seeded, study_run
+from pareto_ltl.studies.planning import fly_seeded
 from pareto_ltl.studies.random_missions import Mission
 from pareto_ltl.studies.tables import Columns
 from pareto_ltl.support.errors import DataError, InfeasibleError
@@ -59,12 +58,12 @@ OUTCOMES = ("failure", "missed", "collided", "off_map", "miss_m", "sd_m")
 ENDS = ("", "_low", "_high")
 
 
-def run_forecast_test(settings: Settings, _: Records, directory: Path, progress: Progress = None) -> Study:
+def run_forecast_test(settings: Settings, _: Run, directory: Path, progress: Progress = None) -> Study:
     """Plan and fly the missions of ``settings.forecast_test``."""
     return fly_missions(settings, settings.forecast_test, directory, progress)
 
 
-def run_hindcast(settings: Settings, _: Records, directory: Path, progress: Progress = None) -> Study:
+def run_hindcast(settings: Settings, _: Run, directory: Path, progress: Progress = None) -> Study:
     """Plan and fly the missions of ``settings.hindcast``: the same test with ``known=all``."""
     return fly_missions(settings, settings.hindcast, directory, progress)
 
@@ -142,12 +141,12 @@ def mission_part(known: KnownWinds, k: int) -> Columns:
     for fidelity in cfg.fidelities:
         run = known.run_of(task, mission_settings(settings, cfg, task, preset(fidelity)))
         try:
-            chosen = run.make(PLAN).path
+            chosen = run.plan.path
         except (InfeasibleError, DataError) as error:
             row |= {f"reason_{fidelity}": str(error)}
             continue
         row |= known.run_columns(run)
-        paths = [(calibration.FRONT, path) for path in picked(run.make(FRONT), cfg.plans)]
+        paths = [(calibration.FRONT, path) for path in picked(run.front, cfg.plans)]
         flown = _flown_plans(known, run, [*paths, (CHOSEN, chosen)], settings.seed + k)
         plans += [{"fidelity": fidelity} | plan for plan in flown]
     return row | {"plans": plans}
@@ -202,15 +201,11 @@ def _flown_plans(
 
 def reality(known: KnownWinds, run: Run) -> Problem:
     """The problem of ``run`` with the real wind."""
-    real = random_missions.real_wind(
-        known.cfg, run.settings.wind, known.truth, run.make(SCENE), run.make(WIND)
-    )
-    world = Records({SCENE: run.make(SCENE), WIND: real})
-    world[DECOMPOSITION] = run.make(DECOMPOSITION)  # map and automaton do not depend on the fidelity
-    world[AUTOMATON] = run.make(AUTOMATON)
+    real = random_missions.real_wind(known.cfg, run.settings.wind, known.truth, run.scene, run.wind)
+    world = run.make("scene", "cells", "automaton")  # they do not depend on the fidelity
     # Without modes: the field is known, and gusts are independent at each step.
     models = replace(preset("paper"), collision_bound=run.settings.fidelity.collision_bound)
-    return study_run(replace(run.settings, fidelity=models), world).make(PROBLEM)
+    return Run(replace(run.settings, fidelity=models), world | {"wind": real}).problem
 
 
 # --- all missions ----------------------------------------------------------------------------

@@ -8,23 +8,21 @@ from pathlib import Path
 
 import numpy as np
 
+from pareto_ltl import Readings, Run, Scene, Settings, WindField
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PROBLEM, READINGS, SCENE, WIND, Records
-from pareto_ltl.settings import ForecastTestConfig, Settings, preset
-from pareto_ltl.studies.planning import fly_seeded, study_run
+from pareto_ltl.run.plan_run import UnpricedRun
+from pareto_ltl.settings import ForecastTestConfig, preset
+from pareto_ltl.studies.planning import fly_seeded
 from pareto_ltl.studies.random_missions import Mission, Spell, at_times
 from pareto_ltl.studies.tables import Columns
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.files import write_text
 from pareto_ltl.wind.ingest import winds_at
-from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
-from pareto_ltl.wind.records import WindField
+from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.snapshots import Snapshot, known_at, latest_readings
-from pareto_ltl.world.scene import Scene
 
 NORMAL_90 = 1.6448536269514722  # P(|z| <= this) = 0.9 for a standard normal z
 
@@ -113,11 +111,11 @@ class DepartureWinds(KnownWinds):
         folder, longest = str(readings.files[0].parent), max(mine.wind.max_gap, held)
         wind = replace(mine.wind, source="grib", path=folder, hold_last=True, max_gap=longest)
         scene = replace(task.scene, border=mine.border)  # set by the fidelity where scene.border is auto
-        return study_run(replace(mine, wind=wind), Records({SCENE: scene, READINGS: readings}))
+        return UnpricedRun(replace(mine, wind=wind), {"scene": scene, "readings": readings})
 
     def promised(self, run: Run, paths: Iterable[PlannedPath], seed: int) -> list[dict[str, float]]:
         """The share of failures in the problem in which a path is planned, and the bound of planning."""
-        law, model = run.settings.fidelity.law, run.make(PROBLEM)
+        law, model = run.settings.fidelity.law, run.problem
         return [
             {f"bound_{law}": min(1.0, path.objectives.mission_risk + path.objectives.collision_risk)}
             | self.simulated(model, path, (law,), seed)
@@ -126,7 +124,7 @@ class DepartureWinds(KnownWinds):
 
     def run_columns(self, run: Run) -> Columns:
         """Last field and newest cycle that planning knew [h after departure]; negative if before it."""
-        departure, readings = seconds(str(run.make(SCENE).time_zero)), run.make(READINGS)
+        departure, readings = seconds(str(run.scene.time_zero)), run.readings
         newest = float(np.max(readings.times - readings.leads))
         return {
             "known_hours": float(readings.times[-1] - departure) / HOUR,
@@ -177,13 +175,13 @@ class AllWinds(KnownWinds):
     def run_of(self, task: Mission, mine: Settings) -> Run:
         """Plans from the table of the period; the last field is not held."""
         wind = replace(mine.wind, source="csv", path=str(self._table(task.spell)), hold_last=False)
-        return study_run(replace(mine, wind=wind), Records({SCENE: task.scene}))
+        return UnpricedRun(replace(mine, wind=wind), {"scene": task.scene})
 
     def promised(self, run: Run, paths: Iterable[PlannedPath], seed: int) -> list[dict[str, float]]:
         """V + R and the share of failures with ``fidelity=full`` under each law, and f_o + R."""
         full = replace(run.settings, fidelity=preset("full"))
         laws = self.settings.evaluation.laws
-        model = study_run(full, Records({SCENE: run[SCENE]})).make(PROBLEM)
+        model = UnpricedRun(full, {"scene": run.scene}).problem
         promises = []
         for path in paths:
             costs = path.objectives
@@ -197,7 +195,7 @@ class AllWinds(KnownWinds):
 
     def run_columns(self, run: Run) -> Columns:
         """The fit inside the map: sd of z = (truth - mean)/sd, and share of |z| within 90 %."""
-        z = scores(self.truth, run.make(SCENE), run.make(WIND))
+        z = scores(self.truth, run.scene, run.wind)
         return {"z_sd": float(np.sqrt((z**2).mean())), "coverage_90": float((np.abs(z) <= NORMAL_90).mean())}
 
     def title(self, numbers: Mapping[str, float]) -> str:

@@ -15,8 +15,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pareto_ltl import Settings
 from pareto_ltl.run.provenance import input_files
-from pareto_ltl.settings import EvaluationConfig, Settings
+from pareto_ltl.settings import EvaluationConfig
 from pareto_ltl.studies import cluster
 from pareto_ltl.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 from pareto_ltl.support.errors import DataError

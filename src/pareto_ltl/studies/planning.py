@@ -1,4 +1,4 @@
-"""Planners and flights for studies, by runs of ``run/pipeline.py`` without a results directory.
+"""Planners and flights for studies, by runs without a results directory.
 
 A plan made here is identical to the plan of the command line with the same settings: the stages and their
 random streams are the same. ``compare``, ``ablation`` and ``convergence`` fly the plans of several planners,
@@ -16,21 +16,18 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Run, Settings, WindField
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import PLAN, PROBLEM, WIND, Records
-from pareto_ltl.run.stage_table import StageTable, stage_seeds
-from pareto_ltl.run.stages import UNPRICED_TABLE
-from pareto_ltl.settings import Settings, preset
+from pareto_ltl.run.record import stage_seeds
+from pareto_ltl.settings import preset
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.studies import tables
 from pareto_ltl.studies.parts import Part, Progress, part_key, work_parts
 from pareto_ltl.studies.tables import Columns
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.wind.records import WindField
 
 OF_THE_LATTICE = ("origin", "spacing", "times", "until", "ends", "leads", "level", "score", "source")
 FLAGS = ("accepted", "collided", "off_map", "failed")
@@ -39,14 +36,9 @@ Result = Mapping[str, Any]
 Results = Mapping[tuple[Any, int], Result]  # by planner and seed
 
 
-def study_run(settings: Settings, world: Records, table: StageTable = UNPRICED_TABLE) -> Run:
-    """A run from the records of ``world``; it does not change ``world``."""
-    return Run(settings, table, world.copy())
-
-
-def with_wind(settings: Settings, world: Records) -> Records:
+def with_wind(settings: Settings, world: Run) -> Run:
     """``world`` with its wind field, for all planners that use the same one."""
-    return world.replaced(WIND, study_run(settings, world).make(WIND))
+    return world.given(wind=world.with_settings(settings).wind)
 
 
 def still(wind: WindField) -> WindField:
@@ -66,11 +58,11 @@ def unsmoothed(settings: Settings, **planner: Any) -> Settings:
     return replace(settings, fidelity=models, planner=replace(settings.planner, threads=1, **planner))
 
 
-def truth(settings: Settings, world: Records) -> Problem:
+def truth(settings: Settings, world: Run) -> Problem:
     """The problem in which plans are flown: ``fidelity=full``, all wind laws."""
     laws = list(settings.evaluation.laws)
     real = replace(settings, fidelity=preset("full"), deployment=replace(settings.deployment, laws=laws))
-    return study_run(real, world).make(PROBLEM)
+    return world.with_settings(real).problem
 
 
 def fly_seeded(
@@ -131,7 +123,7 @@ class FlownPlanners:
         key = id(planner.run), (seed if planner.seeded else None)
         if key not in self.plans:
             run = planner.run.with_seed(seed) if planner.seeded else planner.run
-            self.plans[key] = run.make(PLAN)
+            self.plans[key] = run.plan
         return self.plans[key]
 
 

@@ -14,16 +14,15 @@ from zlib import crc32
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
+from pareto_ltl import Readings, Scene, WindField
 from pareto_ltl.settings import ForecastTestConfig, WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import checkout
 from pareto_ltl.wind import field as lattices
-from pareto_ltl.wind.readings import Readings, iso, seconds, wrap_longitude
-from pareto_ltl.wind.records import WindField
+from pareto_ltl.wind.readings import iso, seconds, wrap_longitude
 from pareto_ltl.wind.sources.content import is_data_file
 from pareto_ltl.world import projection
-from pareto_ltl.world.scene import Scene
 
 REGIONS = ("a", "b", "c")
 REGION, OBSTACLE = (0.06, 0.11), (0.05, 0.13)  # radii in sides of the map

@@ -20,22 +20,21 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.random import Generator
 
+from pareto_ltl import Run, Settings, WindField
 from pareto_ltl.exports.exported import held_problem
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.pipeline import Run
-from pareto_ltl.run.records import AUTOMATON, DECOMPOSITION, PLAN, PROBLEM, SCENE, WIND, Records
+from pareto_ltl.run.plan_run import UnpricedRun
+from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.run.replanning import replanned
 from pareto_ltl.run.rest_of_flight import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES, NewWind
-from pareto_ltl.run.stage_table import stage_seeds
-from pareto_ltl.settings import ReplanningConfig, Settings
+from pareto_ltl.settings import ReplanningConfig
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.studies import forecast_test
 from pareto_ltl.studies.known_winds import DepartureWinds
 from pareto_ltl.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
-from pareto_ltl.studies.planning import study_run
 from pareto_ltl.studies.random_missions import Mission, mission
 from pareto_ltl.studies.tables import Columns, interval_columns, markdown_table, rate_cell, rate_columns
 from pareto_ltl.support.arrays import Float32Array, FloatArray
@@ -43,7 +42,7 @@ from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.wind.conditioned import field_from, lattice_values
 from pareto_ltl.wind.readings import HOUR
-from pareto_ltl.wind.records import FORECAST, WindField
+from pareto_ltl.wind.records import FORECAST
 
 LOG = logging.getLogger(__name__)
 STREAM, FIXES, FORECASTS = "replanning", "replanning fixes", "replanning forecasts"
@@ -99,14 +98,14 @@ class ReplanningContext:
     cycles: Cycles
 
 
-def run_replanning(settings: Settings, world: Records, directory: Path, progress: Progress = None) -> Study:
+def run_replanning(settings: Settings, world: Run, directory: Path, progress: Progress = None) -> Study:
     """Fly the plan ``settings.replanning.flights`` times in each way."""
     cfg = settings.replanning
-    run = study_run(settings, world)
-    run.make(WIND)
-    plan, problem = run.make(PLAN), run.make(PROBLEM)
+    run = world.with_settings(settings)
+    run.make("wind")
+    plan, problem = run.plan, run.problem
     if cfg.forecasts is not None:
-        require_cycles(run.make(WIND))
+        require_cycles(run.wind)
     winds = draw_flights(problem, problem.fidelity.law, cfg.flights, stage_seeds(settings.seed, STREAM))
     ways = (*unaided_ways(run), *ways_of(cfg, run))
     context = ReplanningContext(run, winds, ways, law_cycle)
@@ -127,7 +126,7 @@ def run_replanning(settings: Settings, world: Records, directory: Path, progress
 
 def ways_of(cfg: ReplanningConfig, run: Run) -> tuple[Way, ...]:
     """As planned; with a known position; with each set of fixes; with newer forecasts; with both."""
-    plan = run.make(PLAN)
+    plan = run.plan
     steps, path = len(plan.path.u), plan.path
     if cfg.every is not None:
         apart = max(1, round(3600.0 * cfg.every / plan.dt))
@@ -135,7 +134,7 @@ def ways_of(cfg: ReplanningConfig, run: Run) -> tuple[Way, ...]:
     else:
         sets = {f"{count} fix{'es' * (count > 1)}": evenly(steps, count) for count in cfg.fixes}
         sets |= {"fixes at landmarks": path.fixes} if path.fixes else {}
-    known = [] if run[PROBLEM].motion.gain > 0.0 else [Way(HELD, path, always_known)]
+    known = [] if run.problem.motion.gain > 0.0 else [Way(HELD, path, always_known)]
     ways = [Way(AS_PLANNED, path), *known, *(Way(name, path, fixes=own) for name, own in sets.items())]
     if cfg.forecasts is not None:
         apart = max(1, round(3600.0 * cfg.forecasts / plan.dt))
@@ -150,13 +149,12 @@ def ways_of(cfg: ReplanningConfig, run: Run) -> tuple[Way, ...]:
 
 def unaided_ways(run: Run) -> tuple[Way, ...]:
     """On a map with landmarks, the plan made without them: flown without fixes, and with those it meets."""
-    scene = run.make(SCENE)
+    scene = run.scene
     if not scene.landmarks:
         return ()
-    bare = Records({SCENE: replace(scene, landmarks=()), DECOMPOSITION: run[DECOMPOSITION]})
-    bare[AUTOMATON], bare[WIND] = run[AUTOMATON], run[WIND]
+    bare = {"scene": replace(scene, landmarks=()), **run.make("cells", "automaton", "wind")}
     try:
-        path = study_run(run.settings, bare).make(PLAN).path
+        path = UnpricedRun(run.settings, bare).plan.path
     except (InfeasibleError, DataError) as error:
         LOG.warning(
             "no rows '%s' and '%s': without landmarks there is no plan (%s)", NO_FIXES, BY_CHANCE, error
@@ -205,7 +203,7 @@ def replanned_controls(
         fixes = (Fix(there + error, sd, step - since),) if step in way.fixes else ()
         newer = context.cycles(context.run, wind, number, step) if step in way.forecasts else None
         try:
-            done = replanned(run, run[PROBLEM].motion.dt * (step - since), fixes, wind=newer)
+            done = replanned(run, run.problem.motion.dt * (step - since), fixes, wind=newer)
         except (ConfigError, InfeasibleError):  # complete, failed, or no new plan: the plan continues
             continue
         except DataError as fault:
@@ -232,9 +230,9 @@ def stream_at(settings: Settings, stream: str, number: int, step: int) -> Genera
 
 def law_cycle(run: Run, wind: DrawnFlights, number: int, step: int) -> NewWind:
     """A forecast that begins at ``step``, drawn from the law of the plan given the wind of the flight."""
-    moment = step * run[PROBLEM].motion.dt
+    moment = step * run.problem.motion.dt
     rng = stream_at(run.settings, FORECASTS, number, step)
-    newer = newer_forecast(run[WIND], wind.problem.modes, wind.draws.theta[:, 0], moment, rng)
+    newer = newer_forecast(run.wind, wind.problem.modes, wind.draws.theta[:, 0], moment, rng)
     return field_from(newer, moment)
 
 
@@ -359,10 +357,10 @@ def field_cycle(
     known: DepartureWinds, task: Mission, run: Run, _wind: DrawnFlights, _number: int, step: int
 ) -> NewWind:
     """The forecasts of the files that have become available at ``step`` of a flight of ``task``."""
-    return known.readings(task, step * run[PROBLEM].motion.dt)
+    return known.readings(task, step * run.problem.motion.dt)
 
 
-def run_replan_test(settings: Settings, _: Records, directory: Path, progress: Progress = None) -> Study:
+def run_replan_test(settings: Settings, _: Run, directory: Path, progress: Progress = None) -> Study:
     """Fly the missions of ``settings.forecast_test`` in the ways of ``settings.replanning``."""
     cfg, ways = replace(settings.forecast_test, known="departure"), settings.replanning
     settings = replace(settings, evaluation=half_the_cores(settings.evaluation))
@@ -377,7 +375,7 @@ def mission_part(known: DepartureWinds, k: int) -> Columns:
     task = mission(cfg, settings.seed, k, known.spells, settings.border)
     run = known.run_of(task, forecast_test.mission_settings(settings, cfg, task, settings.fidelity))
     try:
-        run.make(PLAN)
+        run.make("plan")
     except (InfeasibleError, DataError) as error:
         return {"reason": str(error), "flown": {}}
     stream = stage_seeds(settings.seed + k, TEST_STREAM)

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
+from pareto_ltl import Run, Settings
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.report.records import Study
-from pareto_ltl.run.records import EXPORTS, PLAN, PROBLEM, Records
-from pareto_ltl.run.stage_table import stage_seeds
-from pareto_ltl.settings import Settings, SitlConfig
+from pareto_ltl.run.record import stage_seeds
+from pareto_ltl.settings import SitlConfig
 from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation import aircraft as jsbsim
@@ -62,7 +62,7 @@ class SitlFlights:
         return np.asarray(np.linalg.norm(self.aircraft.x - self.steps.x, axis=2)[:, 1:], float)
 
 
-def run_sitl(settings: Settings, world: Records, _: Path, progress: Progress = None) -> Study:
+def run_sitl(settings: Settings, world: Run, _: Path, progress: Progress = None) -> Study:
     """The study: ``sitl.csv`` with a row for each flight, and the numbers that compare both aircraft.
 
     Raises
@@ -72,9 +72,9 @@ def run_sitl(settings: Settings, world: Records, _: Path, progress: Progress = N
     DataError
         If the plan was not exported as a dead-reckoning table, or the robot has feedback.
     """
-    cfg, problem, plan = settings.sitl, world[PROBLEM], world[PLAN]
+    cfg, problem, plan = settings.sitl, world.problem, world.plan
     require_extra("sim", "a flight in JSBSim")
-    table = next((path for path in world[EXPORTS] if path.name == TABLE), None)
+    table = next((path for path in world.exports if path.name == TABLE), None)
     if table is None:
         raise DataError(
             f"the plan was not exported as {TABLE}, which the aircraft needs: add dead_reckoning to "

@@ -8,18 +8,17 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.run import records
-from pareto_ltl.run.records import RecordKey
-from pareto_ltl.run.stage_table import FIGURES, Stage, StageInputs, StageTable, with_extension_stages
-from pareto_ltl.run.stages import FIGURE_FILES, PLAN_STAGES
-from pareto_ltl.settings import Settings
+from pareto_ltl import Run
+from pareto_ltl.extend import Record
+from pareto_ltl.run.pipeline import FIGURES
+from pareto_ltl.run.plan_run import FIGURE_FILES, PLAN_STAGES, UnpricedRun
 
 if TYPE_CHECKING:
     from pareto_ltl.report.records import Study
 
 STUDY_FILES = "pareto_ltl.report.records:study"
-MAP = (records.SCENE, records.DECOMPOSITION)  # records of figures with a map
-WORLD = (records.OBSERVATIONS, records.DECOMPOSITION, records.AUTOMATON, records.SCENE)  # for plans
+MAP = ("scene", "cells")  # records of figures with a map
+WORLD = ("observations", "cells", "automaton", "scene")  # for plans
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,38 +41,37 @@ class StudyKind:
     module: str
     drawing: str
     tables: tuple[str, ...]
-    needs: tuple[RecordKey[Any], ...] = WORLD
-    drawn_on: tuple[RecordKey[Any], ...] = ()
+    needs: tuple[str, ...] = WORLD
+    drawn_on: tuple[str, ...] = ()
 
-    @property
-    def key(self) -> RecordKey[Study]:
-        """Key of the record of the study."""
-        return RecordKey(self.name)
-
-    def make(self, inputs: StageInputs) -> Study:
+    def make(self, run: Run) -> Study:
         """The tables, numbers and text of the study."""
-        run = getattr(import_module(f"pareto_ltl.studies.{self.module}"), f"run_{self.name}")
-        study: Study = run(inputs.settings, inputs.records, inputs.directory, inputs.progress)
+        work = getattr(import_module(f"pareto_ltl.studies.{self.module}"), f"run_{self.name}")
+        world = UnpricedRun(run.settings, run.make(*self.needs))
+        study: Study = work(run.settings, world, run.place, run.progress)
         return study
 
-    def draw(self, inputs: StageInputs) -> tuple[Path, ...]:
+    def draw(self, run: Run, study: Study) -> tuple[Path, ...]:
         """The figures of the study; none with ``report.figures=false``."""
-        cfg = inputs.settings.report
+        cfg = run.settings.report
         if not cfg.figures:
             return ()
         from pareto_ltl.report.axes import save_figures
 
         figures = getattr(import_module(f"pareto_ltl.report.{self.drawing}"), f"{self.name}{FIGURES}")
-        made = figures(inputs.settings, inputs[self.key], *(inputs[key] for key in self.drawn_on))
-        return save_figures(inputs.directory / "figures", cfg, made)
+        made = figures(run.settings, study, *run.make(*self.drawn_on).values())
+        return save_figures(run.place / "figures", cfg, made)
 
-    def stages(self) -> Iterator[Stage[Any]]:
+    def stages(self) -> Iterator[Record[Any]]:
         """The stages of the study."""
-        yield Stage(
-            self.key, self.make, needs=self.needs, writes=self.tables, shows=("tables.md",), codec=STUDY_FILES
-        )
-        drawn: RecordKey[tuple[Path, ...]] = RecordKey(f"{self.name}{FIGURES}")
-        yield Stage(drawn, self.draw, needs=(*self.drawn_on, self.key), shows=FIGURE_FILES)
+        study = Record(self.make, self.name, self.tables, shows=("tables.md",), codec=STUDY_FILES)
+        yield study
+
+        def draw(run: Run) -> tuple[Path, ...]:
+            """The figures of the study."""
+            return self.draw(run, run.made(study))
+
+        yield Record(draw, f"{self.name}{FIGURES}", shows=FIGURE_FILES)
 
 
 FIELD_TABLES = ("reliability.csv", "regions.csv", "scorecard.csv", "no_plan.csv")
@@ -98,18 +96,14 @@ STUDIES = (
     StudyKind(
         "departure", "departure", "study_departure",
         ("departures.csv", "departure_lengths.csv", "departures.json"),
-        needs=(records.READINGS, *MAP, records.AUTOMATON), drawn_on=MAP,
+        needs=("readings", *MAP, "automaton"), drawn_on=MAP,
     ),
     StudyKind("replanning", "replanning", "study_planners", FLIGHT_TABLES),
     StudyKind("replan_test", "replanning", "study_planners", FLIGHT_TABLES, needs=()),
     StudyKind(
         "sitl", "sitl", "study_planners", ("sitl.csv",),
-        needs=(records.PROBLEM, records.PLAN, records.EXPORTS), drawn_on=MAP,
+        needs=("problem", "plan", "exports"), drawn_on=MAP,
     ),
 )  # fmt: skip
 STUDY_STAGES = tuple(stage for study in STUDIES for stage in study.stages())
-
-
-def application_stages(settings: Settings) -> StageTable:
-    """The stages of plans, of studies and, if ``settings`` list them, of other packages, which it loads."""
-    return with_extension_stages((*PLAN_STAGES, *STUDY_STAGES), settings.pipelines.stages)
+APPLICATION_STAGES = (*PLAN_STAGES, *STUDY_STAGES)

@@ -1,6 +1,6 @@
 """Extensions by other packages: Python entry points in the groups below.
 
-``pareto_ltl.stages``           a ``Stage`` of a pipeline (``run/stage_table.py``)
+``pareto_ltl.stages``           a ``Record`` that pipelines can list (``run/record.py``)
 ``pareto_ltl.wind_sources``     a ``WindSource`` (``wind/sources``)
 ``pareto_ltl.patterns``         a function from ``MissionConfig`` to a formula (``logic/patterns.py``)
 ``pareto_ltl.selection_rules``  a function that picks a path of a front (``planning/selection_rules.py``)

@@ -28,8 +28,8 @@ import numpy as np
 from pareto_ltl.kernels import margin as km
 from pareto_ltl.kernels.descent import LEAST_VALUE
 from pareto_ltl.kernels.margin_events import NOWHERE, MarginModel, Scratch
-from pareto_ltl.planning.costs import Price, SegmentLimits
 from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch, shown_letters
 from pareto_ltl.planning.problem import Problem, barrier_outlines, barrier_polygons, lines_of
 from pareto_ltl.planning.records import PlannedPath

@@ -15,8 +15,8 @@ import numpy as np
 from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.costs import WorstSegment
 from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.limits import WorstSegment
 from pareto_ltl.planning.pack import NO_LIMIT, pack_faces
 from pareto_ltl.planning.pack_logic import pack_corners
 from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons, lines_of

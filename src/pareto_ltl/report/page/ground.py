@@ -6,15 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Scene, WindField
 from pareto_ltl.exports.degrees import crosses, lonlat, outline_degrees
 from pareto_ltl.exports.formats import holds_pole
 from pareto_ltl.exports.geojson import titled_outlines
 from pareto_ltl.planning.records import Forest
 from pareto_ltl.report import lattice
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, utc_times
-from pareto_ltl.world.scene import Scene
 
 MOST_TIMES = 25  # times at which the wind is shown, at most
 MOST_CORNERS = 20_000  # corners of all polygons, at most; more are thinned out

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Scene
 from pareto_ltl.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl.exports.navigation_log import SHARE, navigation_log
 from pareto_ltl.planning.costs import cost_named
@@ -18,7 +19,6 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.projection import utc_times
-from pareto_ltl.world.scene import Scene
 
 MOST_LEGS = 3000  # legs of all complete paths, at most: 200 bytes each
 MOST_PLAIN_LEGS = 40_000  # legs of all paths, with or without a navigation log: 40 bytes each

@@ -1,0 +1,33 @@
+"""What the settings of a plan must have: a map and a mission."""
+
+from __future__ import annotations
+
+from pareto_ltl.settings import MissionConfig, SceneConfig
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.resources import choices
+
+
+def require_map(scene: SceneConfig) -> None:
+    """Raise ConfigError if there is no map."""
+    if not (scene.bounds or scene.file):
+        raise ConfigError(
+            f"scene is missing: choose a ready mission with +experiment=NAME "
+            f"({', '.join(choices('experiment'))}) or a map with scene=NAME ({', '.join(choices('scene'))})"
+        )
+
+
+def require_formula(mission: MissionConfig) -> None:
+    """Raise ConfigError if there is no formula, FormulaError if it cannot be read."""
+    if mission.automaton:
+        return
+    from pareto_ltl.logic.formula import parse_formula as parse
+    from pareto_ltl.logic.normal_form import positive_normal_form as positive
+    from pareto_ltl.logic.patterns import formula_of
+
+    formula = formula_of(mission)
+    if not formula.strip():
+        raise ConfigError(
+            "mission.formula is missing: choose a ready mission with +experiment=NAME "
+            f"({', '.join(choices('experiment'))}) or give one, e.g. \"mission.formula='F(a & F b)'\""
+        )
+    positive(parse(formula))  # the automaton is made of the same tree, from the cache of ``parse``
