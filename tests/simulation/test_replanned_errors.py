@@ -29,7 +29,7 @@ ROBOT: dict[str, Any] = {"dt": 100.0, "u_max": 20.0, "start_sd": 50.0}
 STEP, FIX_SD, GUST = 5, 150.0, 0.05
 WALLS = [box(14, 10.7, 19, 12), box(14, 8, 19, 9.3)]  # of a corridor at the end of the flight
 GOAL = np.array([17.0, 10.0]) * KM
-RUNS, FIXES, PLAIN = 2_000, 100, 200_000
+RUNS, FIXES, PLAIN = 2_000, 60, 200_000
 
 
 def corridor(start: FloatArray, start_sd: float) -> Problem:

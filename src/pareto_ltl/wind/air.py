@@ -11,7 +11,7 @@ import numpy as np
 from pareto_ltl.settings.heights import MeasuredAir
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.atmosphere import FREEZING
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import HEIGHT, PRESSURE, Level, parse_level
 
 COLDEST, WARMEST = 173.15, 333.15  # [K] of air up to 32 km
@@ -100,19 +100,27 @@ def _gap(one: Level, other: Level) -> float:
     return abs(one.value - other.value)
 
 
-def check_air(air: NodeAir, where: str) -> None:
-    """Raise a DataError, which begins with ``where``, for a temperature or pressure that no air has."""
+def check_air(air: NodeAir, where: str, rows: Sequence[int] | None = None) -> None:
+    """Raise a DataError for temperatures and pressures that no air has, with the first of each.
+
+    The messages begin with ``where`` and, of a table, with the first of the ``rows`` of its nodes.
+    """
+    faults = Faults(where)
     limits = (
         ("temperature", air.temperature, COLDEST, WARMEST, "K"),
         ("pressure", air.pressure, LEAST_PRESSURE, LARGEST_PRESSURE, "Pa"),
     )
     for name, values, low, high, unit in limits:
-        bad = np.isfinite(values) & ~((values >= low) & (values <= high))
-        if bad.any():
-            raise DataError(
-                f"{where}: {name} {values[bad][0]:.6g} {unit} is not plausible for air; expected {low:g} to "
-                f"{high:g} {unit}: correct its unit or its values, or write the file without it"
+        bad = np.flatnonzero(np.isfinite(values) & ~((values >= low) & (values <= high)))
+        if len(bad):
+            row = "" if rows is None else f", row {rows[bad[0]]}"
+            several = f" ({len(bad)} such values)" if len(bad) > 1 else ""
+            faults.add(
+                f"{where}{row}: {name} {values[bad[0]]:.6g} {unit} is not plausible for air{several}; "
+                f"expected {low:g} to {high:g} {unit}: correct its unit or its values, or write the file "
+                "without it"
             )
+    faults.refuse()
 
 
 def mean_of_members(airs: Sequence[NodeAir | None]) -> NodeAir | None:

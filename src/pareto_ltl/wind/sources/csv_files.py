@@ -154,18 +154,19 @@ def read_csv_file(file: Path, max_speed: float, current: bool = False) -> tuple[
     if layout.direction:
         winds = polar_winds(winds[:, 0], winds[:, 1], layout.direction)
     numbers = [number for (number, _), _ in parsed]
-    with faults.noted():
-        check_readings(points, winds, not planar, max_speed, f"wind file {file}", numbers)
-    faults.refuse()
-    if not planar:
-        points[:, 0] = wrap_longitude(points[:, 0])
     names = [name for name, _ in layout.columns]
 
     def column(name: str) -> FloatArray:
         return cells[:, names.index(name)] if name in names else np.full(len(cells), np.nan)
 
     leads, air = column(LEAD_COLUMN) * HOUR, (column(TEMPERATURE), column(AIR_PRESSURE))
-    check_air(NodeAir(points, air[0], "", air[1]), f"wind file {file}")
+    with faults.noted():
+        check_readings(points, winds, not planar, max_speed, faults.where, numbers)
+    with faults.noted():
+        check_air(NodeAir(points, air[0], "", air[1]), faults.where, numbers)
+    faults.refuse()
+    if not planar:
+        points[:, 0] = wrap_longitude(points[:, 0])
     found = np.column_stack([cells[:, 0], leads, points, winds, *air])
     return found, planar, [f"{file.name}, row {number}" for number in numbers]
 
