@@ -39,8 +39,6 @@ def run_answer(
     """
     from rich.text import Text
 
-    from pareto_ltl.wind.coverage import level_gap
-
     plan = None
     if (directory / "plan.json").is_file():
         from pareto_ltl.planning.plan_files import read_plan
@@ -52,7 +50,7 @@ def run_answer(
         "warnings": warnings, **covers,
     }  # fmt: skip
     flow = settings.medium.flow
-    gap = "" if plan is None else level_gap(plan.not_covered)
+    gap = "" if plan is None else plan.level_gap
     *rows, last = summary_rows(
         metrics, settings.fidelity.law, settings.medium, verbose=verbose,
         fails=f"fails in a {flow} of another level" if gap else "fails",

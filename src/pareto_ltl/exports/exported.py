@@ -23,7 +23,6 @@ from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl.support.medium import Medium
-from pareto_ltl.wind.coverage import level_gap
 
 GENERIC, FIXED_WING, MULTIROTOR, SUBMARINE = 0, 1, 2, 12  # MAV_TYPE
 HELD_TIME = 60.0  # robot.feedback_time of an autopilot that holds positions [s]
@@ -126,7 +125,7 @@ class ExportedPlan:
                 "failure rates leave out."
             )
         told.append(height_sentence(self.height, self.air, self.medium))
-        if gap := level_gap(plan.not_covered):
+        if gap := plan.level_gap:
             told.append(f"The failure rates are no promise: {gap}.")
         if absent := absent_sentence(self.scene):
             told.append(absent)

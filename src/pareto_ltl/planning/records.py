@@ -17,6 +17,7 @@ from pareto_ltl.settings.heights import FlownAir, Height
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import Displayed, distance_text, interval_text, probability_text, rate_text
+from pareto_ltl.wind.coverage import level_gap
 from pareto_ltl.world.projection import Navigation
 from pareto_ltl.world.scene import Scene
 
@@ -402,6 +403,11 @@ class Plan(Displayed):
     def models(self) -> FidelityConfig:
         """The models that the plan was made with; its risks hold under their wind law."""
         return models_of(self.fidelity)
+
+    @property
+    def level_gap(self) -> str:
+        """That the wind has another level than the flight, so that nothing is promised; else empty."""
+        return level_gap(self.not_covered)
 
     @property
     def alarmed(self) -> bool:

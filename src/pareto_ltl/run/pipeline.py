@@ -79,7 +79,7 @@ def files_of(stages: Iterable[Record[Any]]) -> tuple[str, ...]:
 def check_pipeline(
     settings: Settings, stages: Iterable[Record[Any]] = PLAN_STAGES, given: Collection[str] = ()
 ) -> Pipeline:
-    """The stages that ``settings.pipelines.stages`` lists, without those of the records ``given``.
+    """The stages that ``settings.pipelines.stages`` lists, without the stages of the records ``given``.
 
     Raises
     ------

@@ -28,7 +28,6 @@ from pareto_ltl.report.records import ShownRun
 from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
-from pareto_ltl.wind.coverage import level_gap
 from pareto_ltl.world.projection import utc_times
 
 if TYPE_CHECKING:
@@ -168,7 +167,7 @@ def _headline(run: ShownRun, plan: Plan, chosen: int | None) -> Iterator[dict[st
     promise, path, flows = plan.promise, plan.path, run.medium.flows
     cost, times = path.objectives, utc_times(run.scene.time_zero, path.t)
     if promise is not None:
-        gap = level_gap(plan.not_covered)
+        gap = plan.level_gap
         note = _interval_note(promise.rate, flows) + (f"; no promise: {gap}" if gap else "")
         yield fact("fails", probability_text(promise.rate.failure), note)
     elif plan.alarmed:
@@ -209,7 +208,7 @@ def _verdicts(run: ShownRun, plan: Plan) -> Iterator[dict[str, str]]:
     if plan.promise is not None:
         promise = plan.promise
         stands = "the claim stands" if promise.passed else "above what the front claimed"
-        promised = "" if level_gap(plan.not_covered) else "promised: "
+        promised = "" if plan.level_gap else "promised: "
         yield _row(f"{promised}fresh flights of the plan", promise.rate, f"{promise.rate.sample}; {stands}")
         yield _row("claimed when the front was judged", promise.claimed, promise.claimed.sample)
     for law in _laws(run.deployments, plan.models.law):
