@@ -182,10 +182,10 @@ def _cure(key: str, other: str, height: Height, second: Height) -> str:
 def flight_air(settings: Settings, height: Height, measured: MeasuredAir | None = None) -> FlownAir | None:
     """The air at ``height``; None in the water.
 
-    The pressure is ``robot.level`` where this is one, else follows from a ``measured`` one, else is that of
-    the standard atmosphere. The temperature is ``robot.air_temperature``, else follows from the ``measured``
-    one, else is that of the standard atmosphere at that pressure. For a height above ground, ``scene.ground``
-    is added; without it the ground is taken to be at sea level.
+    The pressure is ``robot.level`` where this is one, else follows from a ``measured`` one, else from the
+    standard atmosphere. The temperature is ``robot.air_temperature``, else follows from the ``measured`` one,
+    else from the standard atmosphere. For a height above ground, ``scene.ground`` is added; without it the
+    ground is taken to be at sea level.
 
     A temperature measured at another height keeps its deviation from the standard atmosphere, within
     ``REACH``; a pressure is reduced hydrostatically.
