@@ -16,7 +16,7 @@ from pareto_ltl.support.levels import HEIGHT, PRESSURE, Level, parse_level
 
 COLDEST, WARMEST = 173.15, 333.15  # [K] of air up to 32 km
 LEAST_PRESSURE, LARGEST_PRESSURE = 500.0, 110_000.0  # [Pa]
-FARTHEST = 300.0  # [m] between the level of a wind above ground and that of a temperature that belongs to it
+FARTHEST = 300.0  # [m] between the levels of a wind above ground and of its temperature
 SAME = 1e-3  # largest relative difference of two pressures that are one level
 FEWEST_NODES = 4  # from which the air of a map is taken, if fewer lie on the map
 GROUND = Level(HEIGHT, 0.0).text
