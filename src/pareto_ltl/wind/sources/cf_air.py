@@ -46,8 +46,8 @@ def temperature_of(
 ) -> AirArray | None:
     """The temperature in ``data`` that belongs to a wind at level ``wind``; None if there is none.
 
-    ``spatial`` are the dimensions of the wind's grid, ``others`` the dimensions of times and members. ``notes`` are
-    completed by temperatures whose unit is not known.
+    ``spatial`` are the dimensions of the wind's grid, ``others`` the dimensions of times and members.
+    ``notes`` are completed by temperatures whose unit is not known.
     """
     found: list[tuple[float, AirArray]] = []
     for array in _named(data):
