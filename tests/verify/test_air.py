@@ -84,10 +84,9 @@ def test_a_file_without_air_leaves_no_trace(tmp_path: Path) -> None:
     assert not [finding for finding in verify(tmp_path / "plain") if not finding.holds]
 
 
-def test_a_contradiction_is_a_warning_and_the_settings_win(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_contradiction_is_a_warning_and_the_settings_win(tmp_path: Path) -> None:
     place = planned(tmp_path / "cold", warm=True, air_temperature=-20.0)
-    assert "robot.air_temperature=-20 is used, but the wind file has 2" in caplog.text
+    log = (place / "run.log").read_text(encoding="utf-8")
+    assert "robot.air_temperature=-20 is used, but the wind file has 2" in log
     assert json.loads((place / "plan.json").read_text())["air"]["temperature"] == pytest.approx(253.15)
     assert not [finding for finding in verify(place) if not finding.holds]
