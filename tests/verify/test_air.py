@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pareto_ltl
-from pareto_ltl.run.results import Results
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl_verify.judge import verify
 from small_plans import COMMON
 
@@ -58,7 +58,7 @@ def test_the_plan_has_the_air_of_the_file_and_all_claims_hold(warm: Path) -> Non
     factor = np.sqrt(plan["air"]["density_ratio"])
     np.testing.assert_allclose(plan["airspeed_calibrated"], factor * np.array(plan["airspeed"]), rtol=1e-6)
     assert not [finding for finding in verify(warm) if not finding.holds]
-    assert Results(warm).plan.air is not None
+    assert Run.open(warm).plan.air is not None
     assert "the temperature of the wind file" in pareto_ltl.explain(warm)
 
 
@@ -77,7 +77,7 @@ def test_another_air_is_found_out(warm: Path, tmp_path: Path, change: dict[str, 
 
 def test_a_file_without_air_leaves_no_trace(tmp_path: Path) -> None:
     """The same winds: the same path, the standard atmosphere, and no variables of the air in wind.nc."""
-    plain = Results(planned(tmp_path / "plain", warm=False))
+    plain = Run.open(planned(tmp_path / "plain", warm=False))
     assert plain.wind.air is None
     assert plain.plan.air is not None
     assert plain.plan.air.source.startswith("the standard atmosphere")
