@@ -497,7 +497,7 @@ def test_degrees_cannot_be_flown_in_a_plane_that_lies_nowhere():
 # --- GRIB, written here with ecCodes' own samples
 
 
-def message(eccodes, short, values, hour=0, step=0, level=10, **extra):
+def message(eccodes, short, values, hour=0, step=0, level=10, count=17 * 15, **extra):
     """A GRIB2 message on a grid of 1 degree over 30..44 N, 100..84 W."""
     handle = eccodes.codes_grib_new_from_samples("regular_ll_sfc_grib2")
     settings = {
@@ -520,7 +520,7 @@ def message(eccodes, short, values, hour=0, step=0, level=10, **extra):
     for key, value in settings.items():
         eccodes.codes_set(handle, key, value)
     eccodes.codes_set(handle, "bitsPerValue", 24)
-    eccodes.codes_set_values(handle, np.broadcast_to(values, 17 * 15).astype(float))
+    eccodes.codes_set_values(handle, np.broadcast_to(values, count).astype(float))
     raw = eccodes.codes_get_message(handle)
     eccodes.codes_release(handle)
     return raw
@@ -626,6 +626,14 @@ def test_faults_of_several_messages_stand_in_one_line(gribs, eccodes):
         table_of(grib(gribs))
     (gribs / "gfs.06").unlink()
     with pytest.raises(DataError, match=r"3 faults: \(1\) .*00:00:00Z has no v component.*\(3\) .*12:00:00Z"):
+        table_of(grib(gribs))
+
+
+def test_components_on_grids_of_different_sizes_are_refused(gribs, eccodes):
+    (gribs / "gfs.06").unlink()
+    short = message(eccodes, "10v", 1.0, Nj=14, latitudeOfLastGridPointInDegrees=31.0, count=17 * 14)
+    (gribs / "gfs.00").write_bytes(message(eccodes, "10u", 1.0) + short)
+    with pytest.raises(DataError, match="u and v at 2018-10-09T00:00:00Z are on different grids"):
         table_of(grib(gribs))
 
 

@@ -21,7 +21,7 @@ from pareto_ltl_verify.readers.tables import table_fields
 from pareto_ltl_verify.wind_fit import Fit
 from pareto_ltl_verify.wind_tables import level_of
 
-NAMES = ("wind: times of the readings stand in the files", "wind: readings agree with the files")
+NAMES = ("wind: times of the readings agree with the files", "wind: readings agree with the files")
 MOST_BYTES = 2**31  # of all files together
 HALF_HOUR = 1800.0  # [s] reports of stations belong to the nearest full hour
 EARTH = 6_371_000.0  # [m]
@@ -77,7 +77,7 @@ def times(result: Evidence) -> Verdict | None:
 def values(result: Evidence) -> Verdict | None:
     """Each reading stands at a node of the newest field of its time, and has its wind, turned into the plane.
 
-    The mean of an ensemble is over all fields of the time. A report of a station belongs to the hour.
+    The mean of an ensemble is the mean of all fields of the time. A report of a station belongs to the hour.
     """
     found = _read_again(result)
     if found is None:
@@ -99,7 +99,7 @@ def values(result: Evidence) -> Verdict | None:
 def _compared(fit: Fit, k: int, fields: Sequence[Field], crs: str | None) -> tuple[float, float]:
     """Largest distance [m] of a reading of slot ``k`` to the nearest place, largest ratio to the tolerance.
 
-    Of several places that are near, as stations are, the one whose wind is most alike counts.
+    Of several places that are near, as stations may be, the one whose wind is most alike counts.
     """
     from scipy.spatial import cKDTree
 

@@ -54,7 +54,7 @@ class Column:
             self.role, self.unit, self.title = ROLE_OF.get(first, ""), name[len(first) + 1 :], first
 
     def factor(self, stated: str) -> float:
-        """Metres per second in one unit of a speed; ``stated`` stands in a line of units."""
+        """Metres per second in one unit of a speed; ``stated`` comes from a line of units."""
         unit = re.sub(r"[^a-z0-9]", "", (self.unit or stated).lower())
         if not unit and self.title in IN_KNOTS:
             return KNOT
@@ -133,7 +133,7 @@ def _complete(roles: set[str]) -> bool:
 
 
 def _with_day(columns: dict[str, Column], titles: list[str]) -> dict[str, Column]:
-    """``columns`` with the dates, if dates and times of day are apart, else with the valid times."""
+    """``columns`` with the column of dates, if dates and times of day are apart, else of valid times."""
     times = [column for at, title in enumerate(titles) if (column := Column(at, title)).role == "time"]
     names = {column.title: column for column in times}
     if {"date", "time"} <= set(names):

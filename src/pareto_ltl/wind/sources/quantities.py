@@ -218,16 +218,11 @@ def winds_of(fields: Fields, level: Level) -> Iterator[GridWind]:
 
 def _wind_of(key: Key, parts: dict[str, Component], there: set[str], level: Level) -> GridWind:
     time, lead, member = key
-    directions = {FROM, TOWARDS} & there
+    direction = next((name for name in (FROM, TOWARDS) if name in there), "")
     if {U, V} <= there:
         one, two = parts[U], parts[V]
-        values = np.stack(
-            [one.values, two.values], axis=1
-        )  # nodes outside the domain of the model are missing
-        twist = one.nodes.twist
-    elif SPEED in there and directions:
-        one, two = parts[SPEED], parts[direction := directions.pop()]
-        values, twist = polar_winds(one.values, two.values, direction), None
+    elif SPEED in there and direction:
+        one, two = parts[SPEED], parts[direction]
     else:
         raise _lacks_counterpart(time, parts, there, level)
     if one.nodes is not two.nodes and not np.array_equal(one.nodes.lonlat, two.nodes.lonlat):
@@ -235,6 +230,11 @@ def _wind_of(key: Key, parts: dict[str, Component], there: set[str], level: Leve
             f"wind files {one.file} and {two.file.name}" if one.file != two.file else f"wind file {one.file}"
         )
         raise DataError(f"{both}: u and v at {iso(time)} are on different grids; expected one grid")
+    twist = one.nodes.twist if {U, V} <= there else None
+    if {U, V} <= there:  # nodes outside the domain of the model are missing
+        values = np.stack([one.values, two.values], axis=1)
+    else:
+        values = polar_winds(one.values, two.values, direction)
     files = tuple(dict.fromkeys((one.file, two.file)))
     pressure = parts.get(SURFACE_PRESSURE)
     ahead = np.nan if lead is None else lead
