@@ -331,9 +331,14 @@ TOOL_COMMANDS = (
         "wind_error_command.wind_error",
         "Estimate the error of forecasts and the change of the wind from a folder of past GRIB files, "
         "analyses among them, and write the law as JSON and as a figure (.png, .svg beside it). Plan with "
-        "it: wind.forecast_error=FILE.json.",
+        "it: wind.forecast_error=FILE.json. From a table of forecasts by run, place and lead (.csv, .nc, "
+        ".npz) a law of parts is estimated, with a page (.html); --check compares a table with a law.",
         (
-            argument("folder", "DIR", "folder of GRIB files of one grid", type=Path),
+            argument("folder", "DIR", "folder of GRIB files of one grid, or a table of forecasts", type=Path,
+                     nargs="?"),
+            argument("--check", "TABLE", "table of forecasts: how often its errors stay within the intervals "
+                     "of --law", type=Path),
+            argument("--law", None, "for --check: a packaged law of parts, or its file"),
             argument("--out", "FILE.json", "output file (default wind_error.json)",
                      type=Path, default=Path("wind_error.json")),
             argument("--level", None, "level of the winds, for example 80m or 925hPa", default="10m"),

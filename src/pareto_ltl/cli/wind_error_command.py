@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.cli.output import Answer
+from pareto_ltl.cli.wind_table_command import check_table, estimate_from_table
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.readings import HOUR
@@ -25,10 +26,16 @@ LONGEST_NAME = 200  # as the schema has it
 
 
 def wind_error(options: Namespace) -> Answer:
-    """Estimate and write the law of errors."""
+    """Estimate and write a law of errors, or compare a table with one."""
+    if options.check is not None or options.law is not None:
+        return check_table(options)
+    if options.folder is None:
+        raise ConfigError("the following arguments are required: DIR; see pareto-ltl wind-error --help")
+    if options.folder.is_file():
+        return estimate_from_table(options)
     area = outline_of(options.area)
     files = _files_in(options.folder)
-    _check_out(options.out, options.folder)
+    check_out(options.out, options.folder)
     for file in options.stations:
         if not file.is_file():
             raise ConfigError(f"--stations {file}: there is no such file; name tables of METAR reports")
@@ -88,7 +95,8 @@ def outline_of(text: str | None) -> list[list[float]] | None:
     )
 
 
-def _check_out(out: Path, read: Path) -> None:
+def check_out(out: Path, read: Path) -> None:
+    """ConfigError if the law cannot be written to ``out``, or would be written into the folder ``read``."""
     if out.suffix != ".json":
         raise ConfigError(f"--out {out}: the law is written as JSON; name it .json")
     if out.parent.resolve() == read.resolve():

@@ -27,14 +27,20 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.reading import Advice
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.wind.readings import HOUR
 
 FORECAST_ERROR_SCHEMA = "pareto_ltl.forecast_error/1"
+LAW_OF_PARTS_SCHEMA = "pareto_ltl.forecast_error/2"
 LAWS_FOLDER = PACKAGE / "support" / "data" / "forecast_errors"
+PARTS_FOLDER = LAWS_FOLDER / "parts"
+VERSION_ONE = (
+    "which `pareto-ltl wind-error --check` compares with tables; plans use laws of version 1: set "
+    "wind.forecast_error=gfs, or the file that `pareto-ltl wind-error DIR` writes from GRIB files"
+)
 LAW_FILE = Advice(
     damaged="expected a file of `pareto-ltl wind-error`", missing="name a file of `pareto-ltl wind-error`"
 )
@@ -228,8 +234,11 @@ def _read(section: Mapping[str, Any], rows: Rows) -> dict[str, Any]:
 
 
 def read_forecast_error(path: Path) -> ForecastError:
-    """The law in a file of `pareto-ltl wind-error`; DataError if the file is not valid."""
-    document = read_document(path, {FORECAST_ERROR_SCHEMA: "forecast_error"}, LAW_FILE)
+    """The law in a file of `pareto-ltl wind-error`; DataError if it is not valid, or a law of parts."""
+    known = {FORECAST_ERROR_SCHEMA: "forecast_error", LAW_OF_PARTS_SCHEMA: "forecast_error_2"}
+    document = read_document(path, known, LAW_FILE)
+    if document["schema"] == LAW_OF_PARTS_SCHEMA:
+        raise DataError(f"{path}: is a law of parts ({LAW_OF_PARTS_SCHEMA}), {VERSION_ONE}")
     try:
         return forecast_error_of(document)
     except ValueError as error:
@@ -253,5 +262,7 @@ def forecast_error_law(setting: str, usual: str) -> ForecastError:
     """The law of ``wind.forecast_error``; ``usual`` is the value of ``auto``: ``none`` or ``gfs``."""
     name = usual if setting == "auto" else setting
     own = name in ("gfs", "none")
+    if not own and (PARTS_FOLDER / f"{name}.json").is_file() and not Path(name).exists():
+        raise ConfigError(f"wind.forecast_error={name} is a packaged law of parts, {VERSION_ONE}")
     law = read_forecast_error(LAWS_FOLDER / "gfs.json" if own else Path(name).expanduser())
     return law.without_forecasts() if name == "none" else law

@@ -1,0 +1,349 @@
+"""The law of a forecast's error as a sum of independent parts (``pareto_ltl.forecast_error/2``).
+
+One component of the error at the lead L and the place x is, with g and every n standard normal,
+
+    e(x, L)              = exp(s g - s²) Σ_p σ_p(L) n_p(x, L)
+    Corr n_p(x, L) n_p(y, M) = exp(-|m_p(L) - m_p(M)|) ρ(|x - y| / l_p),     m_p(L) = ∫_0^L dM / memory_p(M)
+
+σ_p² is linear between the leads of a table and beyond it, 1 / memory_p is constant between the middles of
+its leads, and ρ is the Matern-3/2 correlation. m_p is a clock of the part: the correlation is positive
+definite for any memory that depends on the lead. The lasting part has m_p = 0.
+
+**Truth.** Against observations e is the error. Against a newer run of the same model with the lead l, errors
+that the two runs share cannot be seen. As for successive forecasts of one quantity, of which each uses all
+information of the earlier ones, the difference has the variance
+
+    σ_p²(L) - σ_p²(l) + σ_p²(0),    0 for l = L,
+
+without the lasting part. σ_p²(0) is noise of each run.
+
+**Tails.** The logarithm of the scale has a part that lasts over a flight, of variance s_f², and one that is
+renewed with the memory τ, of variance s_m²(L). Averaged over a time T:
+
+    s²(T) = s_f² + f(T / τ) s_m²,    f(x) = 2 (x - 1 + exp(-x)) / x²
+
+:mod:`pareto_ltl.wind.scale_mixture` has the distribution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray, require_shape
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.schemas import read_document
+from pareto_ltl.wind.forecast_error import LAW_FILE, LAW_OF_PARTS_SCHEMA, PARTS_FOLDER
+from pareto_ltl.wind.readings import HOUR
+from pareto_ltl.wind.scale_mixture import LARGEST_SPREAD
+
+LASTING, GROWING, SLOW, LOCAL = "lasting", "growing", "slow", "local"
+PART_NAMES = (LASTING, GROWING, SLOW, LOCAL)
+OWN, OBSERVED = "own", "observed"  # what verifies a table: newer runs of the model, or observations
+TRUTHS = (OWN, OBSERVED)
+
+
+@dataclass(frozen=True, slots=True)
+class LawPart:
+    """One part of the error.
+
+    Attributes
+    ----------
+    name : str
+        One of ``PART_NAMES``.
+    leads : (n,) float
+        Leads, increasing from 0 [s].
+    sd : (n,) float
+        Standard deviation of one component at each lead [m/s].
+    memory : (n,) float
+        Time in which the correlation falls to 1/e at each lead [s]; infinite for the lasting part.
+    length : float
+        Length scale, Matern-3/2 [m].
+    """
+
+    name: str
+    leads: FloatArray
+    sd: FloatArray
+    memory: FloatArray
+    length: float
+
+    def __post_init__(self) -> None:
+        if self.name not in PART_NAMES:
+            raise ValueError(f"a part is one of {', '.join(PART_NAMES)}, got {self.name!r}")
+        require_shape(f"sd of the part {self.name}", self.sd, len(self.leads))
+        require_shape(f"memory_hours of the part {self.name}", self.memory, len(self.leads))
+        if not len(self.leads) or self.leads[0] != 0 or np.any(np.diff(self.leads) <= 0):
+            raise ValueError(f"lead_hours of the part {self.name} must increase from 0")
+        if not (np.isfinite(self.sd).all() and (self.sd >= 0).all() and self.sd.any()):
+            raise ValueError(f"sd of the part {self.name} must not be negative, and not 0 at every lead")
+        if not ((self.memory > 0).all() and self.length > 0):
+            raise ValueError(f"memory and length of the part {self.name} must be above 0")
+
+    def variance(self, lead: FloatArray) -> FloatArray:
+        """σ_p²(L) [m²/s²] at leads [s] of any shape, linear between the leads of the table and beyond."""
+        lead, table = np.asarray(lead, float), self.sd**2
+        found = np.interp(lead, self.leads, table)
+        if len(table) > 1:
+            slope = max(table[-1] - table[-2], 0.0) / (self.leads[-1] - self.leads[-2])
+            found = found + slope * np.maximum(lead - self.leads[-1], 0.0)
+        return np.asarray(found, float)
+
+    def clock(self, lead: FloatArray) -> FloatArray:
+        """m_p(L) at leads [s] of any shape."""
+        edges = np.concatenate([[0.0], 0.5 * (self.leads[1:] + self.leads[:-1])])
+        passed = np.maximum(np.asarray(lead, float)[..., None] - edges, 0.0)
+        rate = 1.0 / self.memory
+        return np.asarray(passed @ np.diff(rate, prepend=0.0), float)
+
+    def words(self) -> tuple[str, str, str]:
+        """Standard deviations at 6, 24 and 48 h, memory at 24 h, and length, as texts."""
+        sd = ", ".join(f"{value:.2f}" for value in np.sqrt(self.variance(HOUR * np.array([6.0, 24.0, 48.0]))))
+        memory = float(self.memory[np.argmin(np.abs(self.leads - 24 * HOUR))])
+        return sd, "lasts" if np.isinf(memory) else f"{memory / HOUR:.1f} h", f"{self.length / 1e3:.0f} km"
+
+
+@dataclass(frozen=True, slots=True)
+class TailScale:
+    """The spread of the logarithm of the scale of errors.
+
+    Attributes
+    ----------
+    flight : float
+        s_f, of the part that lasts over a flight.
+    leads, moment : (n,) float
+        Leads, increasing from 0 [s], and s_m at each, of the part that is renewed.
+    memory : float
+        Its memory τ [s].
+    """
+
+    flight: float
+    leads: FloatArray
+    moment: FloatArray
+    memory: float
+
+    def __post_init__(self) -> None:
+        require_shape("moment", self.moment, len(self.leads))
+        if not len(self.leads) or self.leads[0] != 0 or np.any(np.diff(self.leads) <= 0):
+            raise ValueError("lead_hours of the scale must increase from 0")
+        if self.flight < 0 or (self.moment < 0).any() or not self.memory > 0:
+            raise ValueError("the scale must not be negative, and its memory must be above 0")
+        if self.flight**2 + float(self.moment.max()) ** 2 > LARGEST_SPREAD**2:
+            raise ValueError(f"the scale spreads by more than {LARGEST_SPREAD} in its logarithm")
+
+    def spread(self, lead: float, time: float = 0.0) -> float:
+        """s of an error at ``lead`` [s] (``time`` = 0), or of its mean over ``time`` [s] after that lead."""
+        at = np.linspace(lead, lead + time, 33)
+        moment = float(np.mean(np.interp(at, self.leads, self.moment) ** 2))
+        return float(np.sqrt(self.flight**2 + averaged(time / self.memory) * moment))
+
+
+def averaged(x: FloatArray | float) -> FloatArray:
+    """f(x) = 2 (x - 1 + exp(-x)) / x², the variance of a mean over the time x of a process with memory 1."""
+    x = np.asarray(x, float)
+    small = x < 1e-4
+    safe = np.where(small, 1.0, x)
+    return np.where(small, 1.0 - x / 3.0, 2.0 * (safe - 1.0 + np.exp(-safe)) / safe**2)
+
+
+@dataclass(frozen=True, slots=True)
+class LawOfParts:
+    """The law of the errors of one class of forecasts.
+
+    Attributes
+    ----------
+    name : str
+        Name of the law, for reports.
+    level : str
+        Level of the winds of its data.
+    spread : float
+        Standard deviation of the winds of one time over places in its data [m/s]. For another level all
+        parts are scaled by the ratio of the spreads.
+    parts : tuple of LawPart
+        The parts, each name at most once.
+    scale : TailScale
+        The tails.
+    situations : int
+        Number n of independent situations (dates at least two days apart) in the data of the parts, except
+        the lasting one. No rate below 1 / (n + 1) can be claimed.
+    truth : str
+        What verified the data: ``own`` (newer runs) or ``observed``.
+    origin : str
+        Origin of the numbers.
+    lags, change_sd : (m,) float
+        Times, increasing, above 0 [s], and the root mean square change √D of the wind over each [m/s].
+    change_length : float
+        Length scale of that change, Matern-3/2 [m].
+    intervals : mapping
+        95 % intervals of numbers of the law, by name: [low, high].
+    """
+
+    name: str
+    level: str
+    spread: float
+    parts: tuple[LawPart, ...]
+    scale: TailScale
+    situations: int
+    truth: str
+    origin: str
+    lags: FloatArray
+    change_sd: FloatArray
+    change_length: float
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        names = [part.name for part in self.parts]
+        if not names or len(set(names)) < len(names):
+            raise ValueError(f"a law has one to four parts with different names, got {', '.join(names)}")
+        require_shape("change sd", self.change_sd, len(self.lags))
+        if not len(self.lags) or self.lags[0] <= 0 or np.any(np.diff(self.lags) <= 0):
+            raise ValueError("lag_hours must increase from above 0")
+        if self.truth not in TRUTHS:
+            raise ValueError(f"truth is one of {', '.join(TRUTHS)}, got {self.truth!r}")
+        if self.situations < 1 or not self.spread > 0:
+            raise ValueError("situations must be at least 1, and spread above 0")
+
+    @property
+    def floor(self) -> float:
+        """1 / (n + 1): the data cannot tell a smaller rate from this one."""
+        return 1.0 / (self.situations + 1)
+
+    def part(self, name: str) -> LawPart | None:
+        """The part ``name``; None if the law does not have it."""
+        return next((part for part in self.parts if part.name == name), None)
+
+    def seen_by(self, truth: str) -> tuple[LawPart, ...]:
+        """The parts that a table verified by ``truth`` can show."""
+        return tuple(part for part in self.parts if truth == OBSERVED or part.name != LASTING)
+
+    def variance(self, lead: FloatArray, truth: str = OBSERVED) -> FloatArray:
+        """Variance of one component [m²/s²] at leads [s] of any shape, of the parts that ``truth`` shows."""
+        lead = np.asarray(lead, float)
+        found = np.zeros_like(lead)
+        for part in self.seen_by(truth):
+            found = found + part.variance(lead)
+        return found
+
+    def covariance(self, leads: FloatArray, newer: FloatArray | None = None) -> FloatArray:
+        """Covariance of one component at one place between leads.
+
+        Parameters
+        ----------
+        leads : (N,) float
+            Leads of one forecast [s].
+        newer : (..., N) float, optional
+            Leads of the newer runs that verify it [s], at most ``leads``. None: observations do.
+
+        Returns
+        -------
+        (N, N) or (..., N, N) float
+            [m²/s²]
+        """
+        leads = np.asarray(leads, float)
+        found = np.zeros((len(leads), len(leads)))
+        for part in self.parts if newer is None else self.seen_by(OWN):
+            seen = part.variance(leads) if newer is None else seen_variance(part, leads, newer)
+            found = found + _covariance(part, seen, leads)
+        return found
+
+    def document(self) -> dict[str, Any]:
+        """The law as it is written to a file."""
+        return {
+            "schema": LAW_OF_PARTS_SCHEMA,
+            "name": self.name,
+            "level": self.level,
+            "spread": self.spread,
+            "origin": self.origin,
+            "n": self.situations,
+            "floor": self.floor,
+            "truth": self.truth,
+            "parts": [_part_document(part) for part in self.parts],
+            "scale": {
+                "flight": self.scale.flight,
+                "lead_hours": (self.scale.leads / HOUR).tolist(),
+                "moment": self.scale.moment.tolist(),
+                "memory_hours": self.scale.memory / HOUR,
+            },
+            "change": {
+                "lag_hours": (self.lags / HOUR).tolist(),
+                "sd": self.change_sd.tolist(),
+                "length": self.change_length,
+            },
+            "intervals": {name: list(ends) for name, ends in self.intervals.items()},
+        }
+
+
+def seen_variance(part: LawPart, leads: FloatArray, newer: FloatArray) -> FloatArray:
+    """Variance [m²/s²] of the difference of a forecast at ``leads`` and a newer run at ``newer`` [s]."""
+    found = part.variance(leads) - part.variance(newer) + part.variance(np.zeros(1))
+    return np.asarray(np.where(newer < leads, np.maximum(found, 0.0), 0.0), float)
+
+
+def _covariance(part: LawPart, variance: FloatArray, leads: FloatArray) -> FloatArray:
+    clock, sd = part.clock(leads), np.sqrt(variance)
+    return np.asarray(np.exp(-np.abs(clock[:, None] - clock)) * sd[..., :, None] * sd[..., None, :], float)
+
+
+# --- files ------------------------------------------------------------------------------------
+
+
+def _part_document(part: LawPart) -> dict[str, Any]:
+    memory = [None if np.isinf(value) else value / HOUR for value in part.memory.tolist()]
+    return {
+        "name": part.name,
+        "lead_hours": (part.leads / HOUR).tolist(),
+        "sd": part.sd.tolist(),
+        "memory_hours": memory,
+        "length": part.length,
+    }
+
+
+def law_of_parts_of(document: Mapping[str, Any]) -> LawOfParts:
+    """The law of a document that fits the schema; ValueError if its numbers are not valid."""
+    parts = tuple(
+        LawPart(
+            each["name"],
+            HOUR * np.array(each["lead_hours"], float),
+            np.array(each["sd"], float),
+            np.array([np.inf if hours is None else HOUR * hours for hours in each["memory_hours"]], float),
+            float(each["length"]),
+        )
+        for each in document["parts"]
+    )
+    scale, change = document["scale"], document["change"]
+    law = LawOfParts(
+        document["name"], document["level"], float(document["spread"]), parts,
+        TailScale(
+            float(scale["flight"]), HOUR * np.array(scale["lead_hours"], float),
+            np.array(scale["moment"], float), HOUR * float(scale["memory_hours"]),
+        ),
+        int(document["n"]), document["truth"], document.get("origin", ""),
+        HOUR * np.array(change["lag_hours"], float), np.array(change["sd"], float), float(change["length"]),
+        {name: (float(low), float(high)) for name, (low, high) in document.get("intervals", {}).items()},
+    )  # fmt: skip
+    if abs(float(document["floor"]) - law.floor) > 1e-6:
+        raise ValueError(f"floor is 1 / (n + 1) = {law.floor:.6g}, got {document['floor']}")
+    return law
+
+
+def read_law_of_parts(path: Path) -> LawOfParts:
+    """The law in the file ``path``; DataError if it is not valid."""
+    document = read_document(path, {LAW_OF_PARTS_SCHEMA: "forecast_error_2"}, LAW_FILE)
+    try:
+        return law_of_parts_of(document)
+    except ValueError as error:
+        raise DataError(f"{path}: {error}; {LAW_FILE.damaged}") from None
+
+
+def packaged_laws() -> tuple[str, ...]:
+    """Names of the packaged laws of parts."""
+    return tuple(sorted(path.stem for path in PARTS_FOLDER.glob("*.json")))
+
+
+def law_of_parts_named(name: str) -> LawOfParts:
+    """The packaged law ``name``, or the law in the file of that name."""
+    packaged = name in packaged_laws()
+    return read_law_of_parts(PARTS_FOLDER / f"{name}.json" if packaged else Path(name).expanduser())

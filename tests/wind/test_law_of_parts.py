@@ -1,0 +1,168 @@
+"""Laws of parts: covariances, tails, files, and errors that newer runs can show."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import kurtosis, norm
+
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.files import write_json
+from pareto_ltl.wind.forecast_error import LAW_OF_PARTS_SCHEMA, forecast_error_law
+from pareto_ltl.wind.law_of_parts import (
+    GROWING,
+    LASTING,
+    LawPart,
+    TailScale,
+    law_of_parts_named,
+    law_of_parts_of,
+    packaged_laws,
+    read_law_of_parts,
+)
+from pareto_ltl.wind.readings import HOUR
+from pareto_ltl.wind.scale_mixture import coverage, log_density, quantiles
+from point_forecasts_made import made_law
+
+LAWS = packaged_laws()
+
+
+def test_the_packaged_laws_state_their_data_and_their_floor() -> None:
+    assert LAWS == ("ecmwf_class", "gfs", "hourly_fine", "icon_eu")
+    for name in LAWS:
+        law = law_of_parts_named(name)
+        assert law.name == name
+        assert law.floor == pytest.approx(1 / (law.situations + 1))
+        assert law.truth == "own"
+        assert "one situation" in law.origin  # what the lasting part rests on
+        part = law.part(LASTING)
+        assert part is not None
+        assert 0.3 <= part.sd[0] <= 0.4
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_covariance_is_positive_definite_and_has_the_variances_of_the_law(name: str) -> None:
+    law, leads = law_of_parts_named(name), HOUR * np.linspace(1.0, 110.0, 40)
+    C = law.covariance(leads)
+    np.testing.assert_allclose(np.diag(C), law.variance(leads))
+    assert np.linalg.eigvalsh(C).min() > -1e-9
+    own = law.covariance(leads, leads - HOUR)
+    assert (np.diag(own) < np.diag(C)).all()  # newer runs do not show the lasting part
+
+
+def test_the_memory_of_the_clock_is_the_fall_of_the_correlation() -> None:
+    part = LawPart(GROWING, HOUR * np.array([0.0, 24.0]), np.ones(2), HOUR * np.array([3.0, 9.0]), 1e5)
+    early, late = part.clock(HOUR * np.array([2.0, 5.0])), part.clock(HOUR * np.array([20.0, 29.0]))
+    np.testing.assert_allclose([np.diff(early)[0], np.diff(late)[0]], [1.0, 1.0])
+    slow = part.clock(HOUR * np.array([11.0, 13.0]))  # memory changes halfway between its leads
+    np.testing.assert_allclose(np.diff(slow)[0], 1 / 3 + 1 / 9)
+
+
+def test_a_difference_of_runs_has_no_variance_where_a_run_verifies_itself() -> None:
+    law = made_law()
+    leads = HOUR * np.array([6.0, 12.0, 24.0])
+    newer = HOUR * np.array([6.0, 3.0, 0.0])
+    own = np.diag(law.covariance(leads, newer))
+    assert own[0] == 0.0
+    seen = law.seen_by("own")
+    at = [sum(float(p.variance(np.array(h * HOUR))) for p in seen) for h in (0.0, 3.0, 12.0, 24.0)]
+    np.testing.assert_allclose(own[1:], [at[2] - at[1] + at[0], at[3]])
+
+
+def test_tails_average_out_over_the_time_of_a_flight() -> None:
+    scale = TailScale(0.3, np.zeros(1), np.array([0.4]), 6 * HOUR)
+    assert scale.spread(0.0) == pytest.approx(0.5)
+    assert scale.spread(0.0, 1000 * HOUR) == pytest.approx(0.3, abs=0.01)
+    x = 24 / 6
+    expected = np.sqrt(0.09 + 2 * (x - 1 + np.exp(-x)) / x**2 * 0.16)
+    assert scale.spread(0.0, 24 * HOUR) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.3, 0.55, 0.8])
+def test_the_scale_mixture_agrees_with_draws(spread: float) -> None:
+    rng = np.random.default_rng(5)
+    n = 400_000
+    x = np.exp(spread * rng.standard_normal(n) - spread**2) * rng.standard_normal(n)
+    shares = np.array([0.5, 0.9, 0.99, 0.999])
+    inside = [np.mean(np.abs(x) <= limit) for limit in quantiles(shares, spread)]
+    assert np.all(np.abs(inside - shares) < 5 * np.sqrt(shares * (1 - shares) / n) + 1e-5)
+    if spread <= 0.3:
+        assert kurtosis(x, fisher=False) == pytest.approx(3 * np.exp(4 * spread**2), rel=0.1)
+
+
+def test_without_spread_the_mixture_is_the_normal_distribution() -> None:
+    z = np.linspace(0.0, 5.0, 11)
+    np.testing.assert_allclose(coverage(z, 0.0), 2 * norm.cdf(z) - 1, atol=1e-12)
+    np.testing.assert_allclose(log_density(z, np.array(0.0)), norm.logpdf(z), atol=1e-12)
+
+
+def test_a_density_is_the_slope_of_the_coverage() -> None:
+    z = np.linspace(0.1, 5.0, 50)
+    slope = (coverage(z + 1e-5, 0.5) - coverage(z - 1e-5, 0.5)) / 2e-5
+    np.testing.assert_allclose(2 * np.exp(log_density(z, np.array(0.5))), slope, rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_law_comes_back_from_its_file(name: str, tmp_path: Path) -> None:
+    law = law_of_parts_named(name)
+    write_json(tmp_path / "law.json", law.document())
+    again = law_of_parts_named(str(tmp_path / "law.json"))
+    assert json.dumps(again.document()) == json.dumps(law.document())
+
+
+def test_the_first_version_is_still_read_and_is_another_format() -> None:
+    assert forecast_error_law("gfs", "none").document()["schema"] == "pareto_ltl.forecast_error/1"
+    assert LAW_OF_PARTS_SCHEMA == "pareto_ltl.forecast_error/2"
+
+
+def test_a_plan_refuses_a_law_of_parts_and_says_what_it_uses(tmp_path: Path) -> None:
+    write_json(tmp_path / "law.json", made_law().document())
+    with pytest.raises(DataError, match=r"is a law of parts .*wind.forecast_error=gfs") as caught:
+        forecast_error_law(str(tmp_path / "law.json"), "gfs")
+    assert "\n" not in str(caught.value)
+    with pytest.raises(ConfigError, match="icon_eu is a packaged law of parts"):
+        forecast_error_law("icon_eu", "gfs")
+
+
+BAD = {
+    "negative": ({"parts": [{"sd": [-0.1]}]}, r"/parts/0/sd/0: expected a number, 0 to 1e6"),
+    "zero": ({"parts": [{"sd": [0.0]}]}, "must not be negative, and not 0 at every lead"),
+    "lengths": ({"parts": [{"sd": [0.3, 0.4]}]}, r"sd of the part lasting must have shape"),
+    "no part": ({"parts": []}, "expected an array of one to four parts"),
+    "floor": ({"floor": 0.5}, r"floor is 1 / \(n \+ 1\)"),
+    "truth": ({"truth": "guessed"}, "own.*observed"),
+    "version": ({"schema": "pareto_ltl.forecast_error/9"}, "expected schema 'pareto_ltl.forecast_error/2'"),
+    "twice": ({"parts": "twice"}, "parts with different names"),
+    "tails": ({"scale": {"flight": 1.1, "moment": [1.1]}}, "the scale spreads by more than"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_law_that_cannot_be_is_refused_with_the_place(case: str, tmp_path: Path) -> None:
+    change, message = BAD[case]
+    document = made_law().document()
+    for key, value in change.items():
+        if key == "parts" and value == "twice":
+            document["parts"] = [document["parts"][0]] * 2
+        elif key == "parts" and isinstance(value, list) and value:
+            document["parts"][0] |= value[0]
+        elif isinstance(value, dict):
+            document[key] |= value
+        else:
+            document[key] = value
+    write_json(tmp_path / "law.json", document)
+    with pytest.raises(DataError, match=message) as caught:
+        read_law_of_parts(tmp_path / "law.json")
+    assert str(caught.value).count("\n") == 0
+
+
+def test_equal_names_and_wrong_shapes_are_refused_from_python() -> None:
+    law = made_law()
+    with pytest.raises(ValueError, match="different names"):
+        replace(law, parts=(law.parts[0], law.parts[0]))
+    with pytest.raises(ValueError, match="a part is one of"):
+        replace(law.parts[0], name="wide")
+    assert law_of_parts_of(law.document()).situations == 200
