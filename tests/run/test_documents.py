@@ -20,7 +20,13 @@ def test_the_files_of_an_experiment_fit_their_schemas(experiment: str, tmp_path:
     place = tmp_path / "run"
     assert run_command_line([f"+experiment={experiment}", *SMALL, f"hydra.run.dir={place}"]) == 0
     written = {path.stem for path in place.glob("*.json")}
-    assert written == set(SCHEMA_NAMES) - {"sweep", "forecast_error", "plan_1", "departures"}
+    assert written == set(SCHEMA_NAMES) - {
+        "sweep",
+        "forecast_error",
+        "forecast_error_2",
+        "plan_1",
+        "departures",
+    }
     for name in written:
         assert read_document(place / f"{name}.json", name)
     results = Run.open(place)

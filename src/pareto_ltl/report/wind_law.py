@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +18,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_text
 from pareto_ltl.wind.law_check import DISPLACEMENT, ERROR, LEVELS, CheckRow
 from pareto_ltl.wind.law_estimate import LawEstimate, law_numbers
-from pareto_ltl.wind.law_of_parts import GROWING, LASTING, LOCAL, SLOW, LawOfParts
+from pareto_ltl.wind.law_of_parts import GROWING, LASTING, LOCAL, OBSERVED, OWN, SLOW, LawOfParts
 from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.scale_mixture import coverage
 
@@ -79,7 +81,10 @@ def _draw_parts(ax: Axes, estimate: LawEstimate) -> None:
     for part in law.parts:
         sd = np.sqrt(part.variance(HOUR * hours))
         ax.plot(hours, sd, color=COLOURS[part.name], lw=0.9, label=part.name)
-    ax.plot(hours, np.sqrt(law.variance(HOUR * hours)), color=style.INK, lw=1.2, label="all")
+    for truth, look, label in _truths(law, "all"):
+        ax.plot(
+            hours, np.sqrt(law.variance(HOUR * hours, truth)), color=style.INK, lw=1.1, ls=look, label=label
+        )
     _draw_rows(ax, estimate, ERROR, 1.0)
     ax.set_xlabel("lead [h]")
     ax.set_ylabel("sd of one component [m/s]")
@@ -88,15 +93,20 @@ def _draw_parts(ax: Axes, estimate: LawEstimate) -> None:
 
 def _draw_displacements(ax: Axes, estimate: LawEstimate) -> None:
     hours = np.linspace(0.0, LONGEST, 37)[1:]
-    for truth, look, label in (("observed", "-", "law"), ("own", (0, (4, 2)), "law, own truth")):
-        if truth == "own" and estimate.law.part(LASTING) is None:
-            continue
+    for truth, look, label in _truths(estimate.law, "law"):
         sd = [displacement_sd(estimate.law, hour, truth) / KM for hour in hours]
         ax.plot(hours, sd, color=style.INK, lw=1.0, ls=look, label=label)
     _draw_rows(ax, estimate, DISPLACEMENT, KM)
     ax.set_xlabel("time [h]")
     ax.set_ylabel("sd of one component [km]")
     _finish(ax)
+
+
+def _truths(law: LawOfParts, label: str) -> Iterator[tuple[str, Any, str]]:
+    """Truth, dashes and label of the law, and of the law that newer runs show."""
+    yield OBSERVED, "-", label
+    if law.part(LASTING) is not None:
+        yield OWN, (0, (4, 2)), f"{label}, without lasting"
 
 
 def displacement_sd(law: LawOfParts, hours: float, truth: str) -> float:

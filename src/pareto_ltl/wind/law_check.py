@@ -150,7 +150,7 @@ def spread_note(table: PointForecasts, law: LawOfParts) -> str | None:
         return None
     likely = "are they in knots, or from another height?" if ratio > 1 else "are they from another height?"
     return (
-        f"the winds of {table.name} spread by {table.spread:.2f} m/s, those of the law {law.name} by "
+        f"the winds of {table.name} spread by {table.spread:.2f} m/s, the winds of the law {law.name} by "
         f"{law.spread:.2f}: {likely}"
     )
 

@@ -3,8 +3,8 @@
 The variance of the parts that a table shows is a² + G(L), with G(0) = 0 and linear between ``KNOTS``. The
 local part has a² + λ G, the growing part φ G and the slow part q G, λ + φ + q = 1. Fitted are, by least
 squares, the logarithms of variances at leads and of variances of displacements, the correlations of errors
-at leads of one run, and those of errors at two places. Numbers that the data do not determine stay near
-those in ``CENTRES``, to which each logarithm is drawn with a weak force.
+at leads of one run and at two places. Numbers that the data do not determine stay near ``CENTRES``, to which
+each logarithm is drawn with a weak force.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ class TailCounts:
 
 
 def fit_tails(goal: Sequence[TailTarget]) -> TailScale:
-    """The tails whose s² are closest to those of ``goal``, by least squares for each memory τ of a grid."""
+    """The tails whose s² are closest to the s² of ``goal``, by least squares for each memory τ of a grid."""
     last = max(row.lead + row.time for row in goal)
     leads = TAIL_LEADS[: max(1, int((last >= TAIL_LEADS).sum()))]
     wanted = np.array([row.spread**2 for row in goal])
