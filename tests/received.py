@@ -19,7 +19,7 @@ import yaml
 from guard import sitecustomize as guard
 
 GUARD = Path(guard.__file__).parent
-TELEMETRY = "time,heading_true,airspeed_m_s\n0,90,20\n60,90,20\n120,90,20\n"
+TELEMETRY = "time,heading_true,airspeed_cas_m_s\n0,90,20\n60,90,20\n120,90,20\n"
 # Every command that reads a results directory, with the words that it needs besides; all of them end.
 COMMANDS: dict[str, tuple[str, ...]] = {
     "front": (),

@@ -12,7 +12,7 @@ import pytest
 from numba import config
 
 import pareto_ltl.kernels
-from pareto_ltl.kernels import data, flight, pilots
+from pareto_ltl.kernels import bounds, data, flight, pilots
 from pareto_ltl.kernels.claim_lists import ClaimLists
 from pareto_ltl.kernels.claim_rows import ClaimRows
 from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
@@ -27,8 +27,8 @@ PACKAGED = [chosen for chosen in IMPLEMENTATIONS.values() if chosen.chosen.__mod
 
 FAMILIES = {
     "law": set(get_args(data.Law)),
-    "mission": set(get_args(data.MissionBound)),
-    "collision": set(get_args(data.CollisionBound)),
+    "mission": set(get_args(bounds.MissionBound)),
+    "collision": set(get_args(bounds.CollisionBound)),
     "rule": {Dominance, Scaled},
     "draws": {flight.IndependentDraws, flight.CoherentDraws, flight.LinearDraws},
     "pilot": {pilots.Autopilot, pilots.Navigator, pilots.ErringPilot},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 from dataclasses import replace
@@ -13,14 +14,16 @@ import pytest
 
 from map_files import DRAWN, collection, written
 from pareto_ltl.planning.open_sky import sky_room
-from pareto_ltl.settings import SceneConfig, WindConfig
+from pareto_ltl.settings import RobotConfig, SceneConfig, WindConfig
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.wind.displacement import SPACE_SHARE, displacement_variance
 from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.readings import CALM, HOUR, Readings
 from pareto_ltl.world import projection
+from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl.world.scene_sketch import SkyRoom
+from pareto_ltl.world.time_step import fitting_step
 
 EXACT = {"airspeed_sd": None, "heading_sd": None, "clock_sd": None, "u_max": 20.0}
 TOUR = 60e3  # [m]
@@ -140,6 +143,10 @@ def test_a_map_has_at_least_room_to_pass_around_it_and_no_more_than_its_plane_sh
     drawn = np.concatenate([scene.start[None], *scene.regions["a"]])
     np.testing.assert_allclose(scene.bounds, [drawn.min(axis=0) - 40e3, drawn.max(axis=0) + 40e3])
     assert caplog.text.count("plans lie within 40.0 km of the drawing (five of them); draw a border") == 1
+    again = scene_from_dict(json.loads(json.dumps(scene_to_dict(scene))))
+    for one in (scene, again):
+        assert fitting_step(RobotConfig(), one, 200) == fitting_step(RobotConfig(), least, 200)
+    assert np.ptp(scene.bounds, axis=0).max() > 2.0 * np.ptp(least.bounds, axis=0).max()
     huge = scene_from_settings(cfg, border="wall", room=lambda _tour: SkyRoom(1e7, "x"))
     assert 0.008 < projection.scale_error(str(huge.crs), huge.bounds) <= 0.01
     assert "as far as lengths in the plane of the map are right to 1 %" in caplog.text

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import pareto_ltl
+from pareto_ltl import Run
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.support.errors import DataError
@@ -101,7 +102,6 @@ def test_a_map_without_a_region_of_the_mission_is_one_line(
         ("scene.json", "obstacles", [[[0, 0], [1e4, 1e4], [1e4, 0], [0, 1e4]]]),
         ("plan.json", "cov", None),
         ("plan.json", "q", None),
-        ("metrics.json", "growth_seconds", None),
     ],
 )
 def test_numbers_that_cannot_be_are_one_line(
@@ -120,3 +120,17 @@ def test_numbers_that_cannot_be_are_one_line(
         assert run_command_line([command, str(place)]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert file in line
+
+
+def test_a_time_of_growth_that_is_missing_is_named_where_the_trees_are_read(
+    made: Path, tmp_path: Path
+) -> None:
+    place = tmp_path / "odd"
+    shutil.copytree(made, place)
+    content = json.loads((place / "metrics.json").read_text())
+    del content["growth_seconds"]
+    (place / "metrics.json").write_text(json.dumps(content))
+    run = Run.open(place)
+    assert run.plan is not None
+    with pytest.raises(DataError, match=r"metrics\.json: .*growth_seconds"):
+        _ = run.forest

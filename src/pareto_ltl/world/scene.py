@@ -90,6 +90,9 @@ class Scene(Displayed):
         The error of fixes at each landmark, None for ``robot.fix_sd``; () if it is None for all.
     absent : tuple of AbsentPlace
         Places of the map that are above or below the flight, and so are not on this map.
+    room : float
+        Without a drawn border: what the uncertainty of the position adds to the margin about the drawing, by
+        which time steps do not become longer [m].
     """
 
     bounds: FloatArray
@@ -106,6 +109,7 @@ class Scene(Displayed):
     obstacle_names: tuple[str, ...] = ()
     landmark_fixes: tuple[FixShape | None, ...] = ()
     absent: tuple[AbsentPlace, ...] = ()
+    room: float = 0.0
 
     def __post_init__(self) -> None:
         require_shape("bounds", self.bounds, 2, 2)

@@ -67,6 +67,7 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
         simplified=max(farthest, sketch.simplified),
         obstacle_names=names if any(names) else (),
         absent=sketch.absent,
+        room=sketch.room,
     )
     marks = list(_convex_landmarks(sketch, scene, drawn))
     fixes = tuple(fix for _, fix in marks)

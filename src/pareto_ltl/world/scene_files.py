@@ -48,14 +48,15 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
 
 
 def _added(scene: Scene) -> dict[str, Any]:
-    """The keys that only some maps have: windows, forbidden, simplified, names, fixes, absent places."""
+    """The keys that only some maps have, such as windows, names and absent places."""
     windows = {name: window.as_dict() for name, window in scene.windows.items()}
     timed = {"windows": windows, "forbidden": list(scene.forbidden)} if windows else {}
     names = {"obstacle_names": list(scene.obstacle_names)} if scene.obstacle_names else {}
     fixes = {"landmark_fixes": list(map(fix_document, scene.landmark_fixes))} if scene.landmark_fixes else {}
     absent = {"absent": [place.as_dict() for place in scene.absent]} if scene.absent else {}
     moved = {"simplified": scene.simplified} if scene.simplified else {}
-    return timed | names | fixes | moved | absent
+    room = {"room": scene.room} if scene.room else {}
+    return timed | names | fixes | moved | absent | room
 
 
 def _listed_region(outlines: tuple[FloatArray, ...]) -> list[Any]:
@@ -93,6 +94,7 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
             for number, fix in enumerate(data.get("landmark_fixes") or (), 1)
         ),
         absent=_absent(data),
+        room=data.get("room") or 0.0,
     )
 
 
@@ -177,6 +179,7 @@ def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
         ),
         simplified=data.get("simplified") or 0.0,
         absent=_absent(data),
+        room=data.get("room") or 0.0,
         faults=tuple(faults.texts),
     )
 

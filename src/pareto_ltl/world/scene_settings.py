@@ -172,7 +172,7 @@ def _with_room(sketch: SceneSketch, room: Callable[[float], SkyRoom] | None, *, 
             "%s: it has no border, so the sky is open: leaving the map is no failure; plans lie within %s of "
             "the drawing (%s); draw a border to make one", sketch.where, distance_text(margin), needed.reason,
         )  # fmt: skip
-    return replace(sketch, bounds=bounds)
+    return replace(sketch, bounds=bounds, room=margin - least)
 
 
 def scene_sketch(cfg: SceneConfig) -> SceneSketch:

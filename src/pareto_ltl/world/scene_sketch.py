@@ -117,6 +117,8 @@ class SceneSketch:
         What the map file has and the sketch has not.
     drawing : (2, 2) float or None
         Of a map without a border: the corners of the box around the drawing [m], inside of ``bounds``.
+    room : float
+        :attr:`Scene.room`.
     """
 
     where: str
@@ -136,6 +138,7 @@ class SceneSketch:
     faults: tuple[str, ...] = ()
     unread: Unread = field(default_factory=Unread)
     drawing: FloatArray | None = None
+    room: float = 0.0
 
     @property
     def tolerance(self) -> float:

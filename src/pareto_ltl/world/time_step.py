@@ -61,12 +61,13 @@ def fitting_step(robot: RobotConfig, scene: Scene, max_steps: int) -> float:
 
         u_max dt <= min(side / 18, 0.6 width),    dt >= 1.5 tour / (0.6 u_max max_steps)
 
-    where side is the longer side of the map, width the width of the narrowest region or passage, and tour the
-    length of a tour of all regions. If both limits cannot be met, the second one has priority.
+    where side is the longer side of the map without :attr:`Scene.room`, width the width of the narrowest
+    region or passage, and tour the length of a tour of all regions. If both limits cannot be met, the second
+    one has priority.
 
     Eq. (M70) of docs/mathematics_methods.md.
     """
-    side = float(np.ptp(scene.bounds, axis=0).max())
+    side = float(np.ptp(scene.bounds, axis=0).max()) - 2.0 * scene.room
     longest = min(side / STEPS_ACROSS, SHARE_OF_PLACE * narrowest_place(scene).width) / robot.u_max
     least = DETOUR * tour_length(scene) / (SLOW * robot.u_max * max_steps)
     below = [dt for dt in READABLE if dt <= longest * (1 + 1e-9)]
