@@ -113,8 +113,6 @@ BAD = {
     "pipelines.stages=[]": "pipelines.stages is empty",
     "pipelines.stages=[winds]": "there is no stage 'winds'; there are ",
     "pipelines.stages=[readings,readings]": "twice",
-    "pipelines.stages=[readings,scene,decomposition,forest]": "'forest' needs problem, which no earlier",
-    "pipelines.stages=[readings,scene,decomposition,wind]": "'wind' needs observations, which no earlier",
     "seed=1,2": "add -m to run each",
     "mission.formula=F(a & F c)": "needs two pairs of quotes: \"mission.formula='F(a & F c)'\"",
     'mission.formula=F("a b" & c)': "needs two pairs of quotes: \"mission.formula='F(a & F b)'\"",
