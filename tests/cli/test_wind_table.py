@@ -98,6 +98,19 @@ def test_winds_in_knots_are_remarked_on(here: Path, capsys: pytest.CaptureFixtur
     assert "are they in knots" in capsys.readouterr().out
 
 
+def test_a_law_is_scaled_to_the_height_of_a_table(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = hourly(made_forecasts(made_law(), seed=1, runs=30))
+    write_table(Path("aloft.npz"), table, unit=1 / 1.5)
+    answers = []
+    for file, level in (("past.npz", "10m"), ("aloft.npz", "100m"), ("aloft.npz", "10m")):
+        words = ["wind-error", "--check", file, "--law", "icon_eu", "--level", level, "--json"]
+        assert run_command_line(words) == 0
+        answers.append(json.loads(capsys.readouterr().out))
+    assert any("for 100m it is scaled by" in note for note in answers[1]["notes"])
+    z = [next(row["rms_z"] for row in each["rows"] if row["kind"] == "displacement") for each in answers]
+    assert z[2] / z[1] == pytest.approx(1.5 * table.spread / law_of_parts_named("icon_eu").spread, rel=1e-6)
+
+
 BAD = {
     ("--check", "past.npz"): "--law is missing",
     ("--law", "gfs"): "--check TABLE is missing",
@@ -109,7 +122,8 @@ BAD = {
     ("series.npz",): "has no leads",
     ("past.npz", "--out", "law.txt"): "the law is written as JSON",
     ("past.npz", "--area", "all"): "--area is for folders of GRIB files",
-    ("past.npz", "--level", "80m"): "--level is for folders of GRIB files",
+    ("past.npz", "--level", "high"): "high",
+    ("--check", "past.npz", "--law", "gfs", "--level", "high"): "high",
     ("one.npz",): "holds one run only",
     ("--check", "one.npz", "--law", "gfs"): "a newer run or an observation",
 }  # fmt: skip

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.levels import parse_level
 
 if TYPE_CHECKING:
     from pareto_ltl.wind.law_check import CheckRow
@@ -26,11 +27,19 @@ def check_table(options: Namespace) -> Answer:
     from pareto_ltl.wind.law_check import check_document, check_law, spread_note
     from pareto_ltl.wind.sources.point_tables import read_point_table
 
+    parse_level(options.level, "--level")
     law = _law(options.law)
     table = read_point_table(options.check)
+    measured, law = law, law.for_winds(options.level, table.spread)
     found, rows = check_law(table, law)
     document = check_document(table, law, found, rows)
-    notes = [note for note in (*table.notes, spread_note(table, law)) if note]
+    scaled = (
+        None
+        if law is measured
+        else f"the law is for {measured.level}; for {law.level} it is scaled by "
+        f"{law.spread / measured.spread:.2f}, the ratio of the spreads of the winds"
+    )
+    notes = [note for note in (*table.notes, scaled, spread_note(table, law)) if note]
     n = document["n"]
     if n < 10:
         notes.append(f"{n} situations only: shares of so few say little")
@@ -87,11 +96,10 @@ def estimate_from_table(options: Namespace) -> Answer:
     from pareto_ltl.wind.sources.point_tables import read_point_table
 
     check_out(options.out, options.folder)
-    if options.level != "10m":
-        raise ConfigError("--level is for folders of GRIB files; a table holds winds of one height")
+    parse_level(options.level, "--level")
     table = read_point_table(options.folder)
     name = options.name or options.folder.name.partition(".")[0][:LONGEST_NAME]
-    estimate = estimate_law(table, name, options.seed)
+    estimate = estimate_law(table, name, options.level, options.seed)
     document = estimate.law.document() | {"files": {table.name: file_fingerprint(options.folder)}}
     write_json(options.out, document)
     written = (options.out, *write_law_page(options.out.parent, options.out.stem, estimate))

@@ -86,8 +86,10 @@ class LawEstimate:
     notes: tuple[str, ...]
 
 
-def estimate_law(table: PointForecasts, name: str, seed: int = 0, leave_out: bool = True) -> LawEstimate:
-    """The law of parts of the errors in a table.
+def estimate_law(
+    table: PointForecasts, name: str, level: str = "10m", seed: int = 0, leave_out: bool = True
+) -> LawEstimate:
+    """The law of parts of the errors in a table of winds of one ``level``.
 
     Raises
     ------
@@ -100,7 +102,7 @@ def estimate_law(table: PointForecasts, name: str, seed: int = 0, leave_out: boo
         raise DataError(_too_few(table, n))
     moments = error_moments(table, found, LONGEST_LEAD)
     fit = fit_parts(moments)
-    law = _law(table, found, name, fit.parts)
+    law = replace(_law(table, found, name, fit.parts), level=level)
     rows = check_rows(found, law)
     counts = TailCounts.of(rows, moments.groups)
     law = replace(law, scale=counts.tails(np.ones(moments.situations)))

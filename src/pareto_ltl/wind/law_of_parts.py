@@ -28,7 +28,7 @@ renewed with the memory τ, of variance s_m²(L). Averaged over a time T:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -214,6 +214,14 @@ class LawOfParts:
     def part(self, name: str) -> LawPart | None:
         """The part ``name``; None if the law does not have it."""
         return next((part for part in self.parts if part.name == name), None)
+
+    def for_winds(self, level: str, spread: float) -> LawOfParts:
+        """The law for winds of a ``level`` whose components have the standard deviation ``spread`` [m/s]."""
+        if level == self.level:
+            return self
+        factor = spread / self.spread
+        parts = tuple(replace(part, sd=factor * part.sd) for part in self.parts)
+        return replace(self, level=level, spread=spread, parts=parts, change_sd=factor * self.change_sd)
 
     def seen_by(self, truth: str) -> tuple[LawPart, ...]:
         """The parts that a table verified by ``truth`` can show."""
