@@ -26,7 +26,6 @@ from joblib import Parallel, delayed
 from numpy.random import SeedSequence
 
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.exports.exported import flown_level, height_of
 from pareto_ltl.exports.navigation_log import navigation_log
 from pareto_ltl.inflight.belief import LAW, Belief
 from pareto_ltl.planning.conditioning import Fix
@@ -35,10 +34,11 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.replanning import replanned
 from pareto_ltl.run.results import planned_run
+from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.simulation.aircraft import Orders, fly_orders
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.simulation.flights import judge_flights
-from pareto_ltl.studies.sitl import LOWEST, flight_air
+from pareto_ltl.studies.sitl import flight_air
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson, paired_difference
 from pareto_ltl.support.errors import ParetoLtlError
@@ -87,16 +87,17 @@ def flown_by_steps(run: Run, winds: DrawnFlights, k: int, parts: Parts) -> Float
 
 def flown_by_jsbsim(run: Run, winds: DrawnFlights, k: int, parts: Parts) -> FloatArray:
     """Positions (T+1, 2) [m] of flight ``k`` at the ends of the legs, flown by JSBSim."""
-    logs = [(navigation_log(problem, path), count) for problem, path, count in parts]
+    logs = [(navigation_log(problem, path, run.plan.air), count) for problem, path, count in parts]
     columns = [
         np.concatenate([getattr(log, name)[:count] for log, count in logs])
-        for name in ("heading", "airspeed", "duration")
+        for name in ("heading", "calibrated", "duration")
     ]
     problem, settings = winds.problem, run.settings
     crs = str(problem.scene.crs)
     lon, lat = to_geographic(crs, (problem.scene.start + winds.start[k])[None])
     air = flight_air(problem, winds.draws, k, len(columns[0]))
-    height = max(height_of(flown_level(settings)).metres, LOWEST)
+    flight = flight_height(settings)
+    height = flight.metres + (0.0 if flight.above_sea else settings.scene.ground or 0.0)
     track = fly_orders(Orders(*columns, np.array([lat[0], lon[0]])), air, height, settings.sitl.rate)
     return to_plane(crs, track.lon, track.lat)
 

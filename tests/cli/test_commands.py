@@ -19,7 +19,7 @@ from pareto_ltl.cli.command_table import COMMANDS, PIPELINE_COMMANDS
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.settings import Settings
-from pareto_ltl.studies.stages import application_stages
+from pareto_ltl.studies.stages import APPLICATION_STAGES
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices, resource_folder
 
@@ -230,7 +230,7 @@ def test_a_configuration_is_shown_and_nothing_runs(here: Path, capsys: pytest.Ca
 
 def test_settings_made_by_hand_are_checked_by_the_runner() -> None:
     with pytest.raises(ConfigError, match=r"pipelines\.stages is empty"):
-        check_pipeline(Settings(), application_stages(Settings()))
+        check_pipeline(Settings(), APPLICATION_STAGES)
 
 
 def test_python_3_14_is_one_line_until_hydra_1_4(

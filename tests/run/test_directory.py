@@ -11,11 +11,11 @@ import pytest
 
 import pareto_ltl
 from pareto_ltl.run.directory import BOOKKEEPING, RECORD_FILES, RUN_LOCK, claimed_directory
-from pareto_ltl.run.pipeline import Run, check_pipeline, run_pipeline
-from pareto_ltl.settings import Settings
+from pareto_ltl.run.pipeline import check_pipeline, files_of, run_pipeline
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl.studies.stages import application_stages
+from pareto_ltl.studies.stages import APPLICATION_STAGES
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.locks import hold_lock
 
@@ -62,7 +62,7 @@ def test_a_failed_run_leaves_no_answer_of_an_earlier_one(
     def broken(run: Run, stage: object) -> None:
         raise DataError("no such wind")
 
-    monkeypatch.setattr(Run, "perform", broken)
+    monkeypatch.setattr(Run, "_make", broken)
     with pytest.raises(DataError):
         made(tmp_path)
     assert not pareto_ltl.load_results(tmp_path).done
@@ -106,7 +106,7 @@ def test_a_file_in_the_place_of_a_directory_is_refused(tmp_path: Path) -> None:
 
 
 def test_every_file_of_a_stage_is_among_those_that_are_cleared() -> None:
-    declared = set(application_stages(Settings()).files)
+    declared = set(files_of(APPLICATION_STAGES))
     assert declared <= {*RECORD_FILES, *BOOKKEEPING}
 
 
@@ -121,7 +121,7 @@ def test_a_run_writes_what_its_stages_declare_and_nothing_else(tmp_path: Path) -
         | {"report": {"dpi": 30, "formats": ["png", "svg", "pdf"]}}
         | {"exports": {"formats": list(EXPORT_FILES), "altitude_lower": 100.0, "altitude_upper": 200.0}}
     )
-    pipeline = check_pipeline(settings, application_stages(settings))
+    pipeline = check_pipeline(settings, APPLICATION_STAGES)
     run_pipeline(pipeline, tmp_path)
     declared = {name for stage in pipeline.stages for name in (*stage.writes, *stage.shows)}
     found = {path for pattern in (*declared, *BOOKKEEPING) for path in tmp_path.glob(pattern)}

@@ -344,7 +344,7 @@ def test_the_rest_with_its_controls_is_a_path_of_the_race(made: Path) -> None:
 
     done = pareto_ltl.replan(made, "3h", (*near(made, FIRST, (2e3, 1e3)), 300.0))
     assert done.run is not None
-    same = done.run.candidates[0]
+    same = done.run.records["candidates"][0]
     np.testing.assert_allclose(same.u, done.rest.u, atol=1e-6)
     assert same.origin == "rest of the old plan, same controls"
 

@@ -19,9 +19,9 @@ import xarray as xr
 
 from map_files import KML, archive, collection, feature, folder, kml_polygon, written
 from map_samples import box
+from pareto_ltl import Run
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.run.results import Results
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.wind.forecast_error import LAWS_FOLDER
 from quick_wind import wind_words
@@ -62,7 +62,7 @@ def drift(place: Path) -> tuple[np.ndarray, np.ndarray]:
     """
     plan = json.loads((place / "plan.json").read_text())
     x, u = np.array(plan["x"]), np.array(plan["u"])
-    lonlat = Results(place).scene.frame.to_geographic((x[1:] + x[:-1]) / 2)
+    lonlat = Run.open(place).scene.frame.to_geographic((x[1:] + x[:-1]) / 2)
     return np.stack(lonlat, axis=-1), np.diff(x, axis=0) / plan["dt"] - u
 
 
@@ -238,9 +238,9 @@ def test_the_box_without_a_border_holds_the_flights_of_an_uncertain_wind(tmp_pat
     place = job(tmp_path, *words, f"wind.forecast_error={wide}", "planner.epsilon=0.9")
     usual = tmp_path / "usual"
     app.run_hydra([*words, f"hydra.run.dir={usual}", "pipelines.stages=[readings,scene]"])
-    low, high = (np.ptp(Results(where).scene.bounds, axis=0) for where in (usual, place))
+    low, high = (np.ptp(Run.open(where).scene.bounds, axis=0) for where in (usual, place))
     assert (high > low + 10e3).all()
-    results = Results(place)
+    results = Run.open(place)
     assert not results.scene.walled
     flown = results.deployments["coherent"]
     assert flown.failed.any()
@@ -411,7 +411,7 @@ LINKED_KML = (
 def flown_line(place: Path) -> shapely.LineString:
     """The path of the plan in longitudes and latitudes."""
     x = np.array(json.loads((place / "plan.json").read_text())["x"])
-    return shapely.LineString(np.stack(Results(place).scene.frame.to_geographic(x), axis=-1))
+    return shapely.LineString(np.stack(Run.open(place).scene.frame.to_geographic(x), axis=-1))
 
 
 def assert_detour(place: Path, *zones: list[list[float]]) -> None:
@@ -478,7 +478,7 @@ def test_airspace_of_openair_is_avoided_at_the_height_of_the_flight(tmp_path: Pa
     words = (f"scene.file={path}", f"scene.zones=[{tmp_path / 'zones.txt'}]", "robot.level=300m amsl", *CALM)
     place = job(tmp_path, *words)
     assert_detour(place, WEST, EAST)
-    scene = Results(place).scene
+    scene = Run.open(place).scene
     assert scene.obstacle_names == ("TOWN", "RANGE")
     assert ["ROUTE" in absent.what for absent in scene.absent] == [True]
 

@@ -328,6 +328,8 @@ class Run(BaseRun):
 
         ``metrics.json`` is written last; its presence means that the run is complete.
         """
+        if not (self.place / "run.json").is_file():
+            return False
         made = self.provenance
         answered = made.get("status") in provenance.ANSWERS
         return answered and (not made.get("measured", True) or (self.place / "metrics.json").is_file())
