@@ -94,17 +94,19 @@ def test_every_command_that_reads_a_results_directory_is_tested() -> None:
 # --- settings ----------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("source", ["noaa", "csv"])
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_command_connects_reads_or_writes_where_the_settings_of_a_result_say(
-    command: str, made: Path, elsewhere: Path, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: str, source: str, made: Path, elsewhere: Path, log: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     with listening() as server:
         place = received(
             made, tmp_path / "sent" / "place",
             evaluation__cluster=f"tcp://127.0.0.1:{server.port}", evaluation__resume=str(elsewhere),
-            wind__source="noaa", wind__base_url=f"http://127.0.0.1:{server.port}",
-            wind__path=str(elsewhere / "winds.csv"), wind__forecast_error=str(elsewhere / "law.json"),
+            wind__source=source, wind__base_url=f"http://127.0.0.1:{server.port}",
+            wind__path=str(elsewhere / "winds.csv") if source == "csv" else None,
+            wind__forecast_error=str(elsewhere / "law.json"),
             scene__file=str(elsewhere / "map.geojson"), selection__extra_paths=str(elsewhere),
             ingest__out=str(elsewhere / "winds.csv"),
         )  # fmt: skip
@@ -296,7 +298,7 @@ def test_choose_runs_no_stage_that_uses_files_elsewhere(
     before = contents(elsewhere)
     with no_connections(monkeypatch, tmp_path / "notes") as notes:
         assert run_command_line(["choose", str(place), "--point", "0"]) == 2
-    assert "read or write files elsewhere (readings, table)" in said(capsys)
+    assert "read or write files elsewhere (table)" in said(capsys)
     assert (notes.read_text(), contents(elsewhere)) == ("", before)
     assert not (tmp_path / "place_point_0").exists()
 
