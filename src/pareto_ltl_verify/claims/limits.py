@@ -106,6 +106,8 @@ def _may_be_nearest(result: Evidence, step: int, name: str) -> bool:
     if not result.barriers:
         return name == "no barrier"
     z, names = result.segments[0][step], np.array(barrier_names(result))
+    if result.settings["fidelity"]["collision_bound"] == "step":  # by a face of each, lines differ
+        return name in names
     return bool(z[names == name].min(initial=np.inf) <= z.min() + DEVIATIONS * (1.0 + abs(z.min()))) or bool(
         z.min() > FAR
     )
