@@ -174,7 +174,8 @@ def test_a_block_of_python_runs(code: str, started: Path, monkeypatch: pytest.Mo
     """With small plans; a part of a module is compiled, and the module has the names that it uses."""
     compiled = compile(code, "block", "exec")
     if "import" not in code:
-        modules = map(importlib.import_module, ("pareto_ltl.kernels.parents", "pareto_ltl.planning.costs"))
+        parts = ("kernels.parents", "planning.costs", "run.plan_run")
+        modules = [importlib.import_module(f"pareto_ltl.{part}") for part in parts]
         there = {*dir(builtins), *(name for module in modules for name in vars(module))}
         assert {name for name in compiled.co_names if not name.startswith("_")} <= {*there, *defined_in(code)}
         return
