@@ -122,7 +122,12 @@ def _group_lines(groups: Groups, *, plus: bool = True) -> str:
     lines = []
     for group, names in groups.items():
         key = f"+{group}=" if group in ADDED_GROUPS else f"{group}="
-        lines.append(f"  {key:<14}{', '.join(names)}" if plus else f"  {group}: {', '.join(names)}")
+        listed = ", ".join(names)
+        lines += (
+            textwrap.wrap(listed, WIDTH, initial_indent=f"  {key:<14}", subsequent_indent=" " * 16)
+            if plus
+            else [f"  {group}: {listed}"]
+        )
     return "\n".join(lines)
 
 
