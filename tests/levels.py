@@ -102,7 +102,6 @@ NOT_BY_DAY = [
     "support/test_extensions",
     "verify/test_capacity",
     "verify/test_further_costs",
-    "verify/test_corrections",
     "verify/test_far_barriers",
     "verify/test_fix_shapes",
     "verify/test_forbidden",
@@ -118,7 +117,6 @@ NOT_BY_DAY = [
     "wind/test_sources",
     "wind/test_wind_document",
     "wind/test_wind_kinds",
-    "wind/test_wind_words",
 ]
 ONLY_AT_NIGHT = ["planning/test_uncompiled_plans", "run/test_documents", "test_machine_code_wheel"]
 
