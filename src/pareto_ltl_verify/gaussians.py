@@ -212,18 +212,17 @@ def growing(part: Convex, cross: FloatArray, share: float) -> BoolArray:
     return found
 
 
-def step_margin(obstacles: Sequence[Convex], x: FloatArray, cov: FloatArray, z: float) -> float:
-    """Least over steps and obstacles of the best common face's gap - z σ at both ends [m].
+def step_margins(obstacles: Sequence[Convex], x: FloatArray, cov: FloatArray, z: float) -> FloatArray:
+    """For each obstacle and step the best common face's gap - z σ at both ends (m, T) [m].
 
-    Eqs. (9) and (10) hold if it is >= 0.
+    Eqs. (9) and (10) hold if none is negative.
     """
-    least = math.inf
-    for part in obstacles:
+    margins = np.empty((len(obstacles), max(len(x) - 1, 1)))
+    for row, part in zip(margins, obstacles, strict=True):
         gap, sd = face_gaps(part, x, cov)
         room = gap - z * sd
-        shared = np.minimum(room[:-1], room[1:]) if len(room) > 1 else room
-        least = min(least, float(shared.max(axis=1).min()))
-    return least
+        row[:] = (np.minimum(room[:-1], room[1:]) if len(room) > 1 else room).max(axis=1)
+    return margins
 
 
 def step_risk(obstacles: Sequence[Convex], x: FloatArray, cov: FloatArray) -> float:

@@ -16,11 +16,11 @@ import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault, same, unlike
-from pareto_ltl_verify.claims.plan import FILES, LEAST_RISK, RISK
+from pareto_ltl_verify.claims.plan import FILES, LEAST_RISK, RISK, step_deviations
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.flights import NONE, Ground, failures
 from pareto_ltl_verify.formula import losing
-from pareto_ltl_verify.gaussians import segment_risks
+from pareto_ltl_verify.gaussians import segment_risks, step_margins
 from pareto_ltl_verify.geometry import Convex, convex, outline_distance, within
 
 DEVIATIONS = 2e-3  # largest allowed difference of two distances, relative to one standard deviation and more
@@ -106,8 +106,9 @@ def _may_be_nearest(result: Evidence, step: int, name: str) -> bool:
     if not result.barriers:
         return name == "no barrier"
     z, names = result.segments[0][step], np.array(barrier_names(result))
-    if result.settings["fidelity"]["collision_bound"] == "step":  # by a face of each, lines differ
-        return name in names
+    if result.settings["fidelity"]["collision_bound"] == "step":  # the best face, which is not the best line
+        room = step_margins(result.barriers, result.x, result.course.cov, step_deviations(result))[:, step]
+        return bool(room[names == name].min(initial=np.inf) <= room.min() + result.grain)
     return bool(z[names == name].min(initial=np.inf) <= z.min() + DEVIATIONS * (1.0 + abs(z.min()))) or bool(
         z.min() > FAR
     )

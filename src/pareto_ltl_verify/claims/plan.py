@@ -13,7 +13,7 @@ from scipy.special import ndtri
 from pareto_ltl.support.names import joined_names
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault, number, same, unlike, within
 from pareto_ltl_verify.evidence import LAWS, Evidence
-from pareto_ltl_verify.gaussians import step_margin, step_risk
+from pareto_ltl_verify.gaussians import step_margins, step_risk
 from pareto_ltl_verify.geometry import azimuths, met_by_any, on_earth
 
 POSITION = 1e-3  # largest allowed difference of two positions, as a share of the grain
@@ -192,6 +192,11 @@ def clearance(result: Evidence) -> Verdict:
     return no_fault("clear of obstacles", faults)
 
 
+def step_deviations(result: Evidence) -> float:
+    """z of Eqs. (9) and (10): each convex part has an equal share of epsilon."""
+    return -float(ndtri(result.epsilon / max(len(result.barriers), 1)))
+
+
 def chance_constraint(result: Evidence) -> Verdict | None:
     """If bounds judge: Eqs. (9) and (10), or with the path bound a risk of at most epsilon in each step."""
     fidelity, epsilon = result.settings["fidelity"], result.epsilon
@@ -201,7 +206,7 @@ def chance_constraint(result: Evidence) -> Verdict | None:
     if fidelity["collision_bound"] == "path":
         worst = step_risk(parts, result.x, cov)
         return Verdict(f"at most {epsilon:g} a step", f"{worst:.4g}", worst <= epsilon * (1 + RISK))
-    margin = step_margin(parts, result.x, cov, -float(ndtri(epsilon / max(len(parts), 1))))
+    margin = float(step_margins(parts, result.x, cov, step_deviations(result)).min(initial=np.inf))
     left = f"{margin / 1e3:.4g} km to spare"
     return Verdict(f"epsilon {epsilon:g}, {len(parts)} parts", left, margin >= -result.grain)
 
