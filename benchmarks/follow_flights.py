@@ -96,8 +96,7 @@ def flown_by_jsbsim(run: Run, winds: DrawnFlights, k: int, parts: Parts) -> Floa
     crs = str(problem.scene.crs)
     lon, lat = to_geographic(crs, (problem.scene.start + winds.start[k])[None])
     air = flight_air(problem, winds.draws, k, len(columns[0]))
-    flight = flight_height(settings)
-    height = flight.metres + (0.0 if flight.above_sea else settings.scene.ground or 0.0)
+    height = flight_height(settings).above_sea_level(settings.scene.ground)
     track = fly_orders(Orders(*columns, np.array([lat[0], lon[0]])), air, height, settings.sitl.rate)
     return to_plane(crs, track.lon, track.lat)
 

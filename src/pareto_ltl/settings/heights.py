@@ -54,6 +54,10 @@ class Height:
         """Whether it is above mean sea level or a depth, so that no height of the ground is needed."""
         return self.above_sea or self.metres < 0.0
 
+    def above_sea_level(self, ground: float | None) -> float:
+        """Metres above mean sea level; a ``ground`` [m] that is not known is at sea level."""
+        return self.metres + (0.0 if self.above_sea else ground or 0.0)
+
     @property
     def text(self) -> str:
         """For people: ``762 m above mean sea level``."""
@@ -197,7 +201,8 @@ def flight_air(settings: Settings, height: Height, measured: MeasuredAir | None 
     """
     if settings.medium.matter == "water" or height.metres < 0.0:
         return None
-    metres, ground = _above_sea(settings, height), settings.scene.ground
+    ground = settings.scene.ground
+    metres = height.above_sea_level(ground)
     if not LOWEST <= metres <= HIGHEST:
         raise ConfigError(
             f"the flight is {height.text}, and the standard atmosphere, which gives the calibrated airspeed, "
@@ -224,15 +229,11 @@ def flight_air(settings: Settings, height: Height, measured: MeasuredAir | None 
     return FlownAir(pressure, temperature, source + words)
 
 
-def _above_sea(settings: Settings, height: Height) -> float:
-    """Metres of ``height`` above mean sea level; a ground that is not known is at sea level."""
-    return height.metres + (0.0 if height.above_sea else settings.scene.ground or 0.0)
-
-
 def measured_temperature(settings: Settings, height: Height, measured: MeasuredAir) -> float | None:
     """Temperature [K] at ``height`` by a ``measured`` one; None if it is measured too far above or below."""
-    there = _above_sea(settings, level_height(parse_level(measured.level)))
-    here = _above_sea(settings, height)
+    ground = settings.scene.ground
+    there = level_height(parse_level(measured.level)).above_sea_level(ground)
+    here = height.above_sea_level(ground)
     if abs(here - there) > REACH or not LOWEST <= there <= HIGHEST:
         return None
     return standard_air(here).temperature + measured.temperature - standard_air(there).temperature
@@ -243,7 +244,8 @@ def _measured_pressure(settings: Settings, height: Height, measured: MeasuredAir
     start = level_height(parse_level(measured.pressure_level))
     if measured.pressure is None or (height.above_sea and settings.scene.ground is None):
         return None
-    rise = _above_sea(settings, height) - _above_sea(settings, start)
+    ground = settings.scene.ground
+    rise = height.above_sea_level(ground) - start.above_sea_level(ground)
     return None if abs(rise) > REACH else pressure_above(measured.pressure, measured.temperature, rise)
 
 

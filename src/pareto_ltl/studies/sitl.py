@@ -85,8 +85,7 @@ def run_sitl(settings: Settings, world: Run, _: Path, progress: Progress = None)
             "an aircraft that flies by the table does not measure its position: set "
             "robot.feedback_time=null and remove the landmarks of the map"
         )
-    flight = flight_height(settings)
-    height = flight.metres + (0.0 if flight.above_sea else settings.scene.ground or 0.0)
+    height = flight_height(settings).above_sea_level(settings.scene.ground)
     seeds, orders = stage_seeds(settings.seed, "sitl"), jsbsim.read_orders(table, COLUMNS[cfg.airspeed])
     flown = fly_both(cfg, problem, plan, orders, height, seeds, progress)
     return sitl_study(cfg, flown)
