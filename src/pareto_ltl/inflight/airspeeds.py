@@ -27,20 +27,12 @@ ALIKE = 0.1  # [K] between temperatures that are one
 OLD = 60.0  # [s] after which a pressure is not of this height any longer
 
 
-def planned_density_ratio(settings: Settings, planned: FlownAir | None = None) -> float:
-    """ρ / ρ0 at the height of the plan, as in its files; 1 in water, where there is one speed.
-
-    ``planned`` is the air of the plan, which plans of earlier versions lack. Without ``scene.ground`` a
-    height above ground is taken as one above the sea: 300 m of ground change an airspeed by 1.5 %.
-    """
-    air = planned or flight_air(settings, flight_height(settings))
-    return 1.0 if air is None else air.density_ratio
-
-
 def airspeeds_of(settings: Settings, planned: FlownAir | None = None) -> Airspeeds:
-    """The airspeeds of a flight of the plan, whose air is ``planned``, as above.
+    """The airspeeds of a flight of the plan, whose air is ``planned``, which plans of earlier versions lack.
 
     If its temperature is not the one of the standard atmosphere, it also counts for measured pressures.
+    Without ``scene.ground`` a height above ground is taken as one above the sea: 300 m of ground change an
+    airspeed by 1.5 %.
     """
     air = planned or flight_air(settings, flight_height(settings))
     if air is None:
@@ -59,7 +51,7 @@ class Airspeeds:
     Attributes
     ----------
     planned : float
-        Density ratio ρ / ρ0 without a measured pressure.
+        Density ratio ρ / ρ0 without a measured pressure; 1 in water, where there is one speed.
     measures : bool
         Whether pressures count: not in water.
     celsius : float or None

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl import Scene, Settings
-from pareto_ltl.inflight.airspeeds import planned_density_ratio
+from pareto_ltl.inflight.airspeeds import airspeeds_of
 from pareto_ltl.inflight.journal import NAME, SCHEMA, Journal, read_journal, require_place
 from pareto_ltl.inflight.replans import Replans, ReplanSettings
 from pareto_ltl.inflight.rules import Event, alarm, event_of
@@ -82,7 +82,7 @@ def follow(
 
 def _table(path: Path, scene: Scene, settings: Settings, air: FlownAir | None) -> Iterator[Reading]:
     """The readings of a table, with the air at the height of the plan."""
-    ratio = planned_density_ratio(settings, air)
+    ratio = airspeeds_of(settings, air).planned
     return read_log(path, scene.time_zero, on_earth=scene.crs is not None, density_ratio=ratio)
 
 
