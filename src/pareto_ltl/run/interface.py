@@ -14,7 +14,7 @@ import numpy as np
 
 from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.pipeline import carry_out, check_pipeline
+from pareto_ltl.run.pipeline import Pipeline, carry_out, check_pipeline
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.progress import Caller, ProgressBar
 from pareto_ltl.run.results import Planned, planned_run
@@ -99,16 +99,21 @@ def plan(
     if on_progress is not None:
         shown = None if out else False
         run.progress = ProgressBar(shown, settings.fidelity.name, Caller(on_progress))
+    _carried_out(run, pipeline)
+    return run
+
+
+def _carried_out(run: Run, pipeline: Pipeline) -> None:
+    """Run all stages into the directory of ``run``; without one, the stages up to the plan."""
     if run.directory is not None:
         with claimed_directory(run.directory, pipeline.files):
             carry_out(run, pipeline.stages)
-        return run
+        return
     with run.budget.ends_at_key():
         for stage in pipeline.stages:
             run.made(stage)
             if stage.name == "plan":
                 break
-    return run
 
 
 def _given_wind(sections: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
