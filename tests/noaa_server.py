@@ -9,7 +9,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import Any
+
+import pytest
+
+from pareto_ltl.support import download
+from pareto_ltl.wind.readings import seconds
+from pareto_ltl.wind.sources import live
 
 
 @dataclass
@@ -26,6 +33,16 @@ class NoaaServer:
     asked: Counter[str] = field(default_factory=Counter)
     ranges: list[tuple[str, str]] = field(default_factory=list)
     address: str = ""
+
+
+def downloads_at(now: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Downloads as at the time ``now``, without a proxy, an earlier download or long pauses."""
+    for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY", "all_proxy", "ALL_PROXY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PARETO_LTL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(download, "FIRST_PAUSE", 0.01)
+    monkeypatch.setattr(live, "_FETCHED", {})
+    monkeypatch.setattr(live, "_now", lambda: seconds(now))
 
 
 @contextmanager

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from noaa import NOAA, needs_noaa
-from noaa_server import NoaaServer, fake_message, inventory, serving
+from noaa_server import NoaaServer, downloads_at, fake_message, inventory, serving
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.support import download
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.wind.area import ALL_WIND, GeoBox, Wanted
@@ -29,12 +28,7 @@ GROUND = "10 m above ground"
 
 @pytest.fixture(autouse=True)
 def fresh(monkeypatch, tmp_path):
-    for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY", "all_proxy", "ALL_PROXY"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("PARETO_LTL_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(download, "FIRST_PAUSE", 0.01)
-    monkeypatch.setattr(live, "_FETCHED", {})
-    monkeypatch.setattr(live, "_now", lambda: seconds("2018-10-09T08:00:00Z"))
+    downloads_at("2018-10-09T08:00:00Z", monkeypatch, tmp_path)
 
 
 def path_of(cycle, step, model="gfs", member=0):

@@ -12,10 +12,9 @@ pytest.importorskip("pyproj")  # before ecCodes
 pytest.importorskip("eccodes", reason="the extra `grib` is not installed")
 
 from live_archives import GRID, aigfs, current, ecmwf, nbm, rtofs, wind
-from noaa_server import NoaaServer, serving
+from noaa_server import NoaaServer, downloads_at, serving
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.settings.building import build_settings, section_of
-from pareto_ltl.support import download
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.wind.area import GeoBox, Wanted
@@ -32,12 +31,7 @@ COAST = Wanted(GeoBox(-74.0, 38.0, 5.0, 42.5), "2026-06-01T07:30:00Z")
 
 @pytest.fixture(autouse=True)
 def fresh(monkeypatch, tmp_path):
-    for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY", "all_proxy", "ALL_PROXY"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("PARETO_LTL_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(download, "FIRST_PAUSE", 0.01)
-    monkeypatch.setattr(live, "_FETCHED", {})
-    monkeypatch.setattr(live, "_now", lambda: seconds("2026-06-01T08:00:00Z"))
+    downloads_at("2026-06-01T08:00:00Z", monkeypatch, tmp_path)
 
 
 def cfg(server, source, **more):
