@@ -116,8 +116,7 @@ def test_a_promise_that_is_a_fifth_too_low_is_caught(tmp_path: Path) -> None:
     often = {
         "selection": {"draws": 200, "runs": 20_000, "rule": "threshold", "alpha": 0.2},
         "exports": "none",
-        "robot": SMALL["robot"]
-        | dict.fromkeys(("airspeed_sd", "heading_sd", "clock_sd")),
+        "robot": SMALL["robot"] | dict.fromkeys(("airspeed_sd", "heading_sd", "clock_sd")),
     }
     place = tmp_path / "often"
     pareto_ltl.plan("phi1", "F(a & F b & F c)", fidelity="full", out=place, **(SMALL | often))
