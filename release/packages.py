@@ -89,12 +89,13 @@ def needed(extras: tuple[str, ...] = ()) -> dict[str, tuple[Distribution, list[s
 
 def licence(package: Distribution) -> str:
     """The licence that a package states: its SPDX expression, else its classifiers, else its first line."""
-    fields = package.metadata
-    classifiers = [
-        c.removeprefix(OF_CLASSIFIER) for c in fields.get_all("Classifier") or () if OF_CLASSIFIER in c
-    ]
-    first = (fields["License"] or "").strip().split("\n")[0][:60]
-    return fields["License-Expression"] or ", ".join(classifiers) or first or "not stated"
+
+    def fields(name: str) -> list[str]:  # a field that is not there is None or a KeyError, as the reader is
+        return package.metadata.get_all(name) or []
+
+    classifiers = [c.removeprefix(OF_CLASSIFIER) for c in fields("Classifier") if OF_CLASSIFIER in c]
+    first = "".join(fields("License")).strip().split("\n")[0][:60]
+    return "".join(fields("License-Expression")) or ", ".join(classifiers) or first or "not stated"
 
 
 def megabytes(package: Distribution) -> float:

@@ -264,12 +264,12 @@ def test_a_file_to_which_a_map_links_is_read_again_if_it_is_the_one_that_the_run
     assert allowed_settings(place, inputs, ()).scene
     with (
         opened_paths() as opened,
-        pytest.raises(ConfigError, match=f"{zones}, to which a map links") as error,
+        pytest.raises(ConfigError, match=r"zones\.kml, to which a map links") as error,
     ):
         allowed_settings(place, {str(drawn): inputs[str(drawn)]}, ())
     assert str(zones) not in opened  # run.json does not list it
     zones.write_text(KML.format(""))
-    with pytest.raises(ConfigError, match=f"{zones}, to which a map links"):
+    with pytest.raises(ConfigError, match=r"zones\.kml, to which a map links"):
         allowed_settings(place, inputs, ())
     word = str(error.value).partition("add ")[2].partition(", or")[0]
     assert word.count("=") == 1

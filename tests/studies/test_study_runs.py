@@ -57,8 +57,6 @@ BAD = {
     "forecast_test.delay=-1": "forecast_test.delay must lie in [0, 100000] [h]",
     "forecast_test.points=3": "forecast_test.points must lie in [5, 10000]",
     "forecast_test.fidelities=[]": "forecast_test.fidelities is empty: list at least one of paper, full",
-    "pipelines.stages=[comparison]": "'comparison' needs observations, decomposition, automaton",
-    "pipelines.stages=[readings,scene,decomposition,comparison_figures]": "needs comparison, which no",
     "pipelines=comparison": "there is no pipeline 'comparison'; there are ",
 }
 

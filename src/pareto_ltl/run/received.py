@@ -35,6 +35,7 @@ GRANTED = (  # settings that a user may write after the directory
     "hindcast.truth", "forecast_test.truth",
 )  # fmt: skip
 LINKED = "read {}, to which a map links, and which is not what the run read"
+LONGEST_PATH = 4096  # characters
 OTHER_MACHINE = ("//", "\\\\")  # Windows opens a connection for such a path
 
 
@@ -47,8 +48,8 @@ class Act(NamedTuple):
 
     @property
     def word(self) -> str:
-        """The setting as a word of the command line."""
-        return shlex.quote(shown_text(f"{self.key}={self.value}", 200))
+        """The setting as a word of the command line: whole, since a user is to copy it."""
+        return shlex.quote(shown_text(f"{self.key}={self.value}", LONGEST_PATH))
 
 
 def inert(settings: Settings) -> Settings:
