@@ -20,7 +20,7 @@ import numpy as np
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.forecast_error import forecast_error_law
+from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import HOUR, Readings, iso
 from pareto_ltl.wind.sources import read_readings
@@ -50,7 +50,7 @@ def judged(cfg: WindConfig, readings: Readings, scene: Scene, now: int) -> Itera
     departs = replace(scene, time_zero=iso(readings.times[now]))
     law = place_readings(cfg, part(readings, 0, now + 1), departs).error
     later = place_readings(replace(cfg, hold_last=False), readings, departs)
-    plain = forecast_error_law("gfs", "")
+    plain = law_named("gfs")
     inside = (np.abs(later.points[0]) <= BOUNDS[1]).all(axis=1)
     for k in np.flatnonzero((later.times > 0) & (later.times <= LONGEST)):
         square = ((later.winds[k] - later.winds[0])[inside] ** 2).mean()

@@ -14,7 +14,7 @@ from pareto_ltl.cli import wind_error_command as command
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.fingerprints import file_fingerprint
-from pareto_ltl.wind.forecast_error import LAWS_FOLDER, read_forecast_error
+from pareto_ltl.wind.named_laws import LAWS_FOLDER, read_law
 from pareto_ltl.wind.sources import grib_files
 
 
@@ -43,7 +43,7 @@ def test_the_command_writes_the_law_its_figure_and_a_table(
     out, err = capsys.readouterr()
     assert err == ""
     told = json.loads(Path("law.json").read_text())
-    law = read_forecast_error(Path("law.json"))
+    law = read_law(Path("law.json"))
     assert law.name == "past"
     assert told["files"] == {"made.grib2": file_fingerprint(past / "made.grib2")}
     assert told["analysis_error"].startswith("not estimated")

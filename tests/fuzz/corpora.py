@@ -27,7 +27,7 @@ from pareto_ltl.settings import Settings, preset
 from pareto_ltl.simulation.records import Deployment, write_deployments
 from pareto_ltl.studies.sweeps import SweepManifest, SweepPoint
 from pareto_ltl.support.files import write_json
-from pareto_ltl.wind.forecast_error import forecast_error_law
+from pareto_ltl.wind.named_laws import first_law
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindEvidence, WindField, WindModes
 from pareto_ltl.world.cells import decompose
@@ -192,7 +192,7 @@ def wind() -> WindField:
         ),
         leads=np.array([0.0, np.nan]),
         ends="the last field is held for 6 h",
-        error=forecast_error_law("gfs", "none"),
+        error=first_law(),
     )
 
 

@@ -197,10 +197,10 @@ def inventories(place: Path) -> Fuzz:
 
 
 def forecast_errors(place: Path) -> Fuzz:
-    from pareto_ltl.wind.forecast_error import forecast_error_law, read_forecast_error
+    from pareto_ltl.wind.named_laws import law_named, read_law
 
-    trees = [forecast_error_law("gfs", "none").document()]
-    return Fuzz(tree_mutants(trees, json_bytes), from_file(place / "law.json", read_forecast_error))
+    trees = [law_named(name).document() for name in ("gfs", "gfs_one_part")]
+    return Fuzz(tree_mutants(trees, json_bytes), from_file(place / "law.json", read_law))
 
 
 def forecast_tests(place: Path) -> Fuzz:

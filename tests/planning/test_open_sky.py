@@ -17,7 +17,7 @@ from pareto_ltl.planning.open_sky import sky_room
 from pareto_ltl.settings import RobotConfig, SceneConfig, WindConfig
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.wind.displacement import SPACE_SHARE, displacement_variance
-from pareto_ltl.wind.forecast_error import forecast_error_law
+from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.readings import CALM, HOUR, Readings
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
@@ -56,7 +56,7 @@ TABLE = {"source": "csv", "path": "w.csv", "noise_min": 1e-6}
 def test_forecast_errors_displace_a_flight_as_far_as_sampled_ones() -> None:
     """Errors of a flight of 6 h from the lead of 24 h on, drawn minute by minute."""
     law, found = (
-        forecast_error_law("gfs", "none"),
+        law_named("gfs"),
         readings(24.0, hours=np.arange(0, 13, 1e-3 * 12), spread=1e-6),
     )
     cfg = WindConfig(**TABLE, forecast_error="gfs")

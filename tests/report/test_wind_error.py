@@ -12,10 +12,10 @@ from figure_texts import labels_without_unit, texts_of, texts_outside
 from pareto_ltl.report import style
 from pareto_ltl.report.wind_error import draw_wind_error, wind_error_figure
 from pareto_ltl.wind.error_estimate import ErrorEstimate, estimate_errors, estimated_law
-from pareto_ltl.wind.forecast_error import forecast_error_law
 from pareto_ltl.wind.matched_fields import Resampling
+from pareto_ltl.wind.named_laws import first_law
 
-USUAL = forecast_error_law("gfs", "gfs")
+USUAL = first_law()
 HISTORIES = {
     "direct": history.direct_history(1, cycles=14),
     "asymmetric": history.asymmetric_history(1, cycles=14),

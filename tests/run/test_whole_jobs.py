@@ -23,7 +23,7 @@ from pareto_ltl import Run
 from pareto_ltl.cli import hydra_app as app
 from pareto_ltl.cli.commands import run_command_line
 from pareto_ltl.support.reading import read_json
-from pareto_ltl.wind.forecast_error import LAWS_FOLDER
+from pareto_ltl.wind.named_laws import LAWS_FOLDER
 from quick_wind import wind_words
 
 START = "2026-10-09T00:00:00"

@@ -15,8 +15,9 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import gp
 from pareto_ltl.wind.field import time_variances
-from pareto_ltl.wind.forecast_error import ForecastError, forecast_error_law
+from pareto_ltl.wind.forecast_error import ForecastError
 from pareto_ltl.wind.modes import error_persistence
+from pareto_ltl.wind.named_laws import first_law
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import WindField, WindModes, WindObservations
 from pareto_ltl_verify import wind_fit
@@ -39,7 +40,7 @@ def laws(draw: st.DrawFn) -> ForecastError:
     steps, lags, sd, change = map(np.array, draw(tables))
     leads = HOUR * np.concatenate([[0.0], np.cumsum(steps)[:-1]])
     return replace(
-        forecast_error_law("gfs", "none"), leads=leads, forecast_sd=sd, lags=HOUR * np.cumsum(lags),
+        first_law(), leads=leads, forecast_sd=sd, lags=HOUR * np.cumsum(lags),
         change_sd=change, persistence=draw(st.floats(0.0, 1.0)),
     )  # fmt: skip
 
@@ -146,7 +147,7 @@ def test_the_judge_has_the_planners_factor_and_persistence(kernel: str, same_pla
 def test_the_judge_averages_interpolation_in_time_as_the_planner(
     until: float, horizon: float, tmp_path: Path
 ) -> None:
-    law = forecast_error_law("gfs", "none")
+    law = first_law()
     times = np.array([0.0, 10_800.0, 32_400.0, 54_000.0, 75_600.0])
     nothing = (np.empty((0, 2)),) * len(times)
     wanted = time_variances(WindObservations(times, nothing, nothing, "", until=until, error=law), horizon)

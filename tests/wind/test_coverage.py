@@ -12,7 +12,7 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import field
 from pareto_ltl.wind.coverage import OwnErrors, coverage_of, held_warning, level_gap
-from pareto_ltl.wind.forecast_error import forecast_error_law
+from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.world import projection
@@ -90,7 +90,7 @@ def test_forecast_errors_and_interpolation_in_time_make_the_field_less_certain()
         cfg(), place_readings(cfg(forecast_error="none"), readings([0, 3, 6], leads), SCENE), SCENE
     )
     gfs = field.fit_wind_field(cfg(), place_readings(cfg(), readings([0, 3, 6], leads), SCENE), SCENE)
-    e2 = forecast_error_law("gfs", "").forecast_variance(leads * 3600.0)
+    e2 = law_named("gfs").forecast_variance(leads * 3600.0)
     np.testing.assert_allclose(
         gfs.latent_var - none.latent_var,
         np.broadcast_to(e2[:, None, None, None], gfs.latent_var.shape),
@@ -196,7 +196,7 @@ HELD = {"hold_last": True, "max_gap": 12.0}
 
 def test_a_flight_through_a_held_field_is_told_what_forecasts_would_give():
     seen = place_readings(cfg(**HELD), readings([0, 3], [3.0, 6.0]), SCENE)
-    wind, law = field.fit_wind_field(cfg(**HELD), seen, SCENE), forecast_error_law("gfs", "")
+    wind, law = field.fit_wind_field(cfg(**HELD), seen, SCENE), law_named("gfs")
     said = held_warning(wind, 8 * 3600.0, SCENE.time_zero)  # departure at 1 h, the last field at 3 h
     assert "no field covers the last 6 h of the flight: the last one (2018-10-09T03:00:00Z) is held" in said
     for hours in (3, 6):  # halfway through the held part, and at its end

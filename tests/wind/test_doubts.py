@@ -7,7 +7,7 @@ import pytest
 
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.doubts import edge_warning, refuse_small_extent, spread_warning
-from pareto_ltl.wind.forecast_error import forecast_error_law
+from pareto_ltl.wind.named_laws import law_named
 
 BOUNDS = np.array([[0.0, 0.0], [100e3, 50e3]])
 
@@ -35,7 +35,7 @@ def test_readings_in_kilometres_are_refused_with_what_they_cover():
     ("ratio", "words"), [(0.2, "may be larger"), (1.0, ""), (2.9, ""), (4.0, "may be small")]
 )
 def test_a_spread_unlike_that_of_the_law_is_warned_of(ratio, words):
-    law = forecast_error_law("gfs", "none")
+    law = law_named("gfs")
     message = spread_warning("w.csv", law, law.level, ratio * law.spread)
     assert words in message
     assert bool(message) == bool(words)

@@ -24,8 +24,8 @@ from pareto_ltl.wind.error_estimate import (
     estimated_law,
     matern_lengths,
 )
-from pareto_ltl.wind.forecast_error import forecast_error_law, read_forecast_error
 from pareto_ltl.wind.matched_fields import Interval, Resampling
+from pareto_ltl.wind.named_laws import first_law, read_law
 from pareto_ltl.wind.snapshots import Snapshot
 
 HOUR = 3600.0
@@ -164,7 +164,7 @@ def test_a_perfect_forecast_is_reported_as_0_and_what_it_cannot_tell_is_kept() -
     assert found.forecast is not None
     assert found.forecast.sd[0].low == 0.0
     assert "not significantly above 0" in found.forecast_length.reason
-    usual = forecast_error_law("gfs", "gfs")
+    usual = first_law()
     law = estimated_law(found, "made", usual)
     assert law.forecast_length == usual.forecast_length
     assert law.persistence == usual.persistence
@@ -172,12 +172,12 @@ def test_a_perfect_forecast_is_reported_as_0_and_what_it_cannot_tell_is_kept() -
 
 def test_the_file_reads_back_as_the_law(tmp_path: Path) -> None:
     found = estimated(history.direct_history(2, cycles=12))
-    usual = forecast_error_law("gfs", "gfs")
+    usual = first_law()
     law = estimated_law(found, "made", usual)
     made = tmp_path / "made.grib2"
     made.write_bytes(b"winds")
     write_json(tmp_path / "law.json", error_document(found, law, usual.name, [made], "none"))
-    back = read_forecast_error(tmp_path / "law.json")
+    back = read_law(tmp_path / "law.json")
     assert back.document() == law.document()
     assert found.forecast is not None
     assert back.forecast_variance(np.array([0.0, 6 * HOUR]))[1] == pytest.approx(
@@ -187,7 +187,7 @@ def test_the_file_reads_back_as_the_law(tmp_path: Path) -> None:
 
 def test_without_forecasts_the_packaged_errors_are_kept_and_marked() -> None:
     found = estimated([snap for snap in history.direct_history(2, cycles=12) if snap.lead == 0])
-    usual = forecast_error_law("gfs", "gfs")
+    usual = first_law()
     assert found.forecast is None
     law = estimated_law(found, "made", usual)
     assert law.forecast_sd.tolist() == usual.forecast_sd.tolist()

@@ -13,15 +13,10 @@ from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_json
-from pareto_ltl.wind.forecast_error import (
-    HOUR,
-    ForecastError,
-    forecast_error_law,
-    forecast_error_of,
-    read_forecast_error,
-)
+from pareto_ltl.wind.forecast_error import HOUR, ForecastError, forecast_error_of
+from pareto_ltl.wind.named_laws import first_law, law_named, read_law
 
-GFS = forecast_error_law("gfs", "none")
+GFS = first_law()
 hours = st.floats(0.01, 200.0)
 
 
@@ -113,15 +108,15 @@ def test_winds_of_another_level_have_errors_in_proportion_to_their_spread():
 
 
 def test_without_forecast_errors_the_wind_still_changes_between_fields():
-    none = forecast_error_law("none", "gfs")
+    none = law_named("none")
     assert not none.forecast_sd.any()
     np.testing.assert_array_equal(none.change_sd, GFS.change_sd)
-    assert forecast_error_law("auto", "gfs").name == "gfs"
+    assert first_law().name == "gfs"
 
 
 def test_a_law_comes_back_from_its_file(tmp_path):
     write_json(tmp_path / "law.json", GFS.document())
-    again = forecast_error_law(str(tmp_path / "law.json"), "none")
+    again = law_named(str(tmp_path / "law.json"))
     assert json.dumps(again.document()) == json.dumps(GFS.document())
 
 
@@ -139,7 +134,7 @@ def test_a_file_that_is_no_law_is_refused_with_the_place(change, message, tmp_pa
     file = tmp_path / "law.json"
     write_json(file, GFS.document() | change)
     with pytest.raises(DataError, match=message) as caught:
-        read_forecast_error(file)
+        read_law(file)
     assert str(file) in str(caught.value)
     assert "wind-error" in str(caught.value) or "version" in str(caught.value)
 

@@ -10,19 +10,12 @@ import numpy as np
 import pytest
 from scipy.stats import kurtosis, norm
 
+from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json
-from pareto_ltl.wind.forecast_error import LAW_OF_PARTS_SCHEMA, forecast_error_law
-from pareto_ltl.wind.law_of_parts import (
-    GROWING,
-    LASTING,
-    LawPart,
-    TailScale,
-    law_of_parts_named,
-    law_of_parts_of,
-    packaged_laws,
-    read_law_of_parts,
-)
+from pareto_ltl.wind.error_law import GROWING, LASTING, LawPart, TailScale
+from pareto_ltl.wind.law_of_parts import LawOfParts, law_of_parts_of
+from pareto_ltl.wind.named_laws import law_named, law_of_parts_named, packaged_laws, read_law
 from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.scale_mixture import coverage, log_density, quantiles
 from point_forecasts_made import made_law
@@ -113,25 +106,46 @@ def test_a_law_comes_back_from_its_file(name: str, tmp_path: Path) -> None:
     assert json.dumps(again.document()) == json.dumps(law.document())
 
 
-def test_the_first_version_is_still_read_and_is_another_format() -> None:
-    assert forecast_error_law("gfs", "none").document()["schema"] == "pareto_ltl.forecast_error/1"
-    assert LAW_OF_PARTS_SCHEMA == "pareto_ltl.forecast_error/2"
-
-
-def test_a_plan_refuses_a_law_of_parts_and_says_what_it_uses(tmp_path: Path) -> None:
-    write_json(tmp_path / "law.json", made_law().document())
-    with pytest.raises(DataError, match=r"is a law of parts .*wind.forecast_error=gfs") as caught:
-        forecast_error_law(str(tmp_path / "law.json"), "gfs")
+def test_the_first_version_is_still_read_and_has_one_part(tmp_path: Path) -> None:
+    first = law_named("gfs_one_part")
+    assert first.document()["schema"] == "pareto_ltl.forecast_error/1"
+    (part,) = first.parts
+    assert part.persistence(np.array(6 * HOUR), np.array(3 * HOUR)) == pytest.approx(0.9)
+    assert first.tail is None
+    assert first.floor == 0.0
+    write_json(tmp_path / "law.json", first.document())
+    with pytest.raises(DataError, match="is a law of version 1") as caught:
+        law_of_parts_named(str(tmp_path / "law.json"))
     assert "\n" not in str(caught.value)
-    with pytest.raises(ConfigError, match="icon_eu is a packaged law of parts"):
-        forecast_error_law("icon_eu", "gfs")
+
+
+def test_the_words_of_the_setting_are_the_packaged_laws() -> None:
+    assert set(LAW_WORDS) == {"auto", "none", "gfs_one_part", *packaged_laws()}
+    assert all(isinstance(law_named(name), LawOfParts) for name in packaged_laws())
+    assert not law_named("none").parts
+
+
+def test_a_law_that_is_neither_known_nor_a_file_is_refused_in_one_line() -> None:
+    with pytest.raises(ConfigError, match=r"wind\.forecast_error=icon is neither a law nor a file; laws: "):
+        law_named("icon")
+
+
+def test_a_law_follows_the_spread_and_leaves_a_share_to_an_ensemble() -> None:
+    law = made_law()
+    leads = HOUR * np.array([0.0, 12.0, 48.0])
+    wider = law.for_winds("925hPa", 2.0 * law.spread)
+    np.testing.assert_allclose(wider.forecast_variance(leads), 4.0 * law.forecast_variance(leads))
+    np.testing.assert_allclose(wider.change_sd, 2.0 * law.change_sd)
+    np.testing.assert_allclose(law.shared(0.25).forecast_variance(leads), law.forecast_variance(leads) / 4)
+    assert not law.shared(0.0).parts
+    assert law.for_winds(law.level, 99.0) is law
 
 
 BAD = {
     "negative": ({"parts": [{"sd": [-0.1]}]}, r"/parts/0/sd/0: expected a number, 0 to 1e6"),
     "zero": ({"parts": [{"sd": [0.0]}]}, "must not be negative, and not 0 at every lead"),
     "lengths": ({"parts": [{"sd": [0.3, 0.4]}]}, r"sd of the part lasting must have shape"),
-    "no part": ({"parts": []}, "expected an array of one to four parts"),
+    "no part": ({"parts": []}, "a law has one to four parts, got none"),
     "floor": ({"floor": 0.5}, r"floor is 1 / \(n \+ 1\)"),
     "truth": ({"truth": "guessed"}, "own.*observed"),
     "version": ({"schema": "pareto_ltl.forecast_error/9"}, "expected schema 'pareto_ltl.forecast_error/2'"),
@@ -155,7 +169,7 @@ def test_a_law_that_cannot_be_is_refused_with_the_place(case: str, tmp_path: Pat
             document[key] = value
     write_json(tmp_path / "law.json", document)
     with pytest.raises(DataError, match=message) as caught:
-        read_law_of_parts(tmp_path / "law.json")
+        read_law(tmp_path / "law.json")
     assert str(caught.value).count("\n") == 0
 
 

@@ -10,13 +10,14 @@ import pytest
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.forecast_error import forecast_error_law, forecast_error_of
+from pareto_ltl.wind.forecast_error import forecast_error_of
+from pareto_ltl.wind.named_laws import first_law
 from pareto_ltl.wind.observations import place_readings, variability_of
 from pareto_ltl.wind.readings import HOUR, Readings
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
-GFS = forecast_error_law("gfs", "")
+GFS = first_law()
 NODES = np.stack(np.meshgrid(np.arange(-96.0, -87.0, 1.0), np.arange(33.0, 42.0, 1.0)), axis=-1).reshape(
     -1, 2
 )

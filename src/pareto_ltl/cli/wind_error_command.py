@@ -46,15 +46,15 @@ def wind_error(options: Namespace) -> Answer:
     from pareto_ltl.support.files import write_json
     from pareto_ltl.wind.area import box_of
     from pareto_ltl.wind.error_estimate import error_document, estimate_errors, estimated_law
-    from pareto_ltl.wind.forecast_error import forecast_error_law
     from pareto_ltl.wind.matched_fields import Resampling
+    from pareto_ltl.wind.named_laws import first_law
     from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 
     box = None if area is None else box_of(np.array(area, float))
     snapshots = grib_snapshots_apart(files, WindConfig().max_speed, options.level, box).winds
     draws = Resampling(options.seed, options.block)
     estimate = estimate_errors(snapshots, area, draws, HOUR * options.max_lag)
-    usual = forecast_error_law("gfs", "gfs")
+    usual = first_law()
     law = estimated_law(estimate, options.name or options.folder.resolve().name[:LONGEST_NAME], usual)
     told = _told_by_stations(snapshots, options.stations, box, draws)
     document = error_document(estimate, law, usual.name, (*files, *options.stations), told)

@@ -57,7 +57,7 @@ def check_table(options: Namespace) -> Answer:
 
 
 def _law(name: str) -> LawOfParts:
-    from pareto_ltl.wind.law_of_parts import law_of_parts_named, packaged_laws
+    from pareto_ltl.wind.named_laws import law_of_parts_named, packaged_laws
 
     if name not in packaged_laws() and not Path(name).expanduser().is_file():
         raise ConfigError(

@@ -57,14 +57,25 @@ from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 FADED = 1e-3  # fixes whose factors s are all below this are ignored
 OUTSIDE = 5.0  # deviations beyond which a landmark is out of reach
 WORTHWHILE = 0.01  # share of the unknown variance: fixes that take less are ignored
-Shares: TypeAlias = tuple[float, float, float, float, float]  # factors s of a fix, one for each of PARTS
-UNFADED = (1.0, 1.0, 1.0, 1.0, 1.0)
+# Factors s of a fix, one for each of PARTS:
+Shares: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+UNFADED = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 
 
 @kernel
 def shares_of(table: FloatArray, row: int) -> Shares:
     """Row ``row`` of ``table`` (N, G)."""
-    return table[row, 0], table[row, 1], table[row, 2], table[row, 3], table[row, 4]
+    return (
+        table[row, 0],
+        table[row, 1],
+        table[row, 2],
+        table[row, 3],
+        table[row, 4],
+        table[row, 5],
+        table[row, 6],
+        table[row, 7],
+        table[row, 8],
+    )
 
 
 @kernel
@@ -83,6 +94,10 @@ def faded_by(shares: Shares, table: FloatArray, row: int) -> Shares:
         shares[2] * table[row, 2],
         shares[3] * table[row, 3],
         shares[4] * table[row, 4],
+        shares[5] * table[row, 5],
+        shares[6] * table[row, 6],
+        shares[7] * table[row, 7],
+        shares[8] * table[row, 8],
     )
 
 

@@ -15,6 +15,7 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.logic.timed import letter_of, places_of
 from pareto_ltl.planning.costs import ALWAYS
+from pareto_ltl.planning.error_tail import error_tail
 from pareto_ltl.planning.pack_logic import Epoch, epochs_of, pack_corners, pack_logic, pack_ordered
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.planning.problem import Problem, unaided
@@ -23,7 +24,7 @@ from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, Wind
 from pareto_ltl.settings.fidelity import PAPER
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.wind.records import FORECAST, HELD, PARTS, SPACE, TIME, WindField, WindModes
+from pareto_ltl.wind.records import HELD, PARTS, SPACE, TIME, WindField, WindModes, forecast_parts
 from pareto_ltl.world.cells import BUCKETS, Decomposition, bucket_cells, half_planes
 from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.time_step import with_time_step
@@ -155,7 +156,8 @@ def pack_modes(field: WindField, wind: kd.Wind, dt: float, speed: float) -> kd.M
 def part_persistence(field: WindField, wind: kd.Wind, slot: IntArray, dt: float) -> FloatArray:
     """Correlation (S + 1, parts) of θ with θ of the step before, for each part of the error.
 
-    The errors of interpolation in space and of the forecast change from slot to slot. The error of
+    The errors of interpolation in space and of the forecast change from slot to slot, each part of the
+    forecast with its memory at the lead of the slot. The error of
     interpolation in time is independent in every gap between fields; for a held field it changes every
     ``HELD_EPOCH``, with the correlation of the wind's changes since the time of the field; for one that was
     conditioned on a fix, it changes from slot to slot. Members of an ensemble do not change.
@@ -167,8 +169,9 @@ def part_persistence(field: WindField, wind: kd.Wind, slot: IntArray, dt: float)
     passed = np.diff(np.minimum(times, last)[slot], prepend=min(times[slot[0]], last))
     if field.modes is not None:
         keep[:steps, SPACE] = field.modes.rho ** (passed / field.modes.gap)
-    if field.error is not None:
-        keep[:steps, FORECAST] = field.error.persistence ** (passed / field.error.persistence_time)
+    leads = field.leads[np.append(slot[:1], slot[:-1])]
+    for number, part in forecast_parts(field.error):
+        keep[:steps, number] = part.persistence(leads, passed)
     if field.error is not None and field.held is not None:
         for n in np.flatnonzero(np.diff(slot)) + 1:
             keep[n, HELD] = field.error.change_correlation(*(times[slot[n - 1 : n + 1]] - last))
@@ -347,6 +350,8 @@ def build_problem(
     loose = (fidelity.collision_bound, fidelity.judge) == ("path", "flights") and fidelity.refine != "none"
     allowed = max(epsilon, TREES_EPSILON) if loose else epsilon
     collision = pack_collision(fidelity.collision_bound, barriers, nearby, allowed, planner.delta)
+    coherent = laws["coherent"]
+    assert not isinstance(coherent, kd.IndependentLaw)
     return Problem(
         scene=scene,
         decomposition=decomposition,
@@ -365,6 +370,7 @@ def build_problem(
         energy=energy_model(robot.power),
         costs=ALWAYS,
         turns=turns_of(robot),
+        tail=error_tail(wind, coherent.modes),
     )
 
 

@@ -18,6 +18,7 @@ from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.cost import Cost
+from pareto_ltl.planning.error_tail import ErrorTail
 from pareto_ltl.planning.pack_logic import Reading, pack_corners
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.turns import Turns, TurnsOnTheSpot
@@ -68,6 +69,8 @@ class Problem(Displayed):
         How the robot turns between two legs; the leg sheets for pilots allow for it.
     wind_ends : str
         Why the wind is not known for longer, for messages.
+    tail : ErrorTail or None
+        Tails of the errors of forecasts in simulated flights; None: they are Gaussian.
     """
 
     scene: Scene
@@ -87,6 +90,7 @@ class Problem(Displayed):
     energy: EnergyModel | None = None
     costs: tuple[Cost, ...] = ()
     turns: Turns = field(default_factory=TurnsOnTheSpot)
+    tail: ErrorTail | None = None
 
     def facts(self) -> Mapping[str, str]:
         """Formula, size of the automaton and of the map, step, and the end of the known wind."""

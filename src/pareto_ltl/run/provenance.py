@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import __version__
 from pareto_ltl.settings import Settings
+from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.support.files import FULL_DISK
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
@@ -31,7 +32,6 @@ PACKAGES = (
     "scipy", "shapely", "xarray",
 )  # fmt: skip
 
-LAW_WORDS = ("auto", "none", "gfs")  # values of wind.forecast_error that are no files
 NO_COMMIT = "(initial)"  # output of git if there is no commit yet
 DISK_CURE = "free some space, or name a folder on another disk"
 PLACE_CURE = "check the path and its permissions"

@@ -27,6 +27,7 @@ from pareto_ltl.settings.checks import (
     fits_kind,
     kind_problem,
 )
+from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.reading import shown_json
@@ -49,7 +50,7 @@ TEXTS = frozenset({
 })  # fmt: skip
 PATHS: Mapping[str, tuple[str, ...]] = {  # settings that name files, with their words that name none
     "scene.file": (), "mission.automaton": (), "wind.path": (), "selection.extra_paths": (),
-    "wind.forecast_error": ("auto", "none", "gfs"),
+    "wind.forecast_error": LAW_WORDS,
 }  # fmt: skip
 OF_THE_COMMAND = ("name", "pipelines.stages")  # texts that choices set, and that name no files
 KEY = re.compile(r"[A-Za-z]\w*(?:\.\w+)*", re.ASCII)

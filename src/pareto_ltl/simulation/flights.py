@@ -29,6 +29,7 @@ from pareto_ltl.kernels.pilots import (
     Navigator,
     Pilot,
 )
+from pareto_ltl.planning.error_tail import draw_scales, scaled_fields
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem, unaided
@@ -72,16 +73,20 @@ def draw_coherent(problem: Problem, runs: int, steps: int, rng: Generator) -> ke
 
     θ_0 ~ N(0, I),    θ_{k+1} = ρ_k θ_k + √(1 - ρ_k²) η:    independent for ρ = 0, one field for ρ = 1.
 
-    Fields and white parts have separate generators, so that a longer plan only draws more steps.
+    If the law has tails, θ of the parts of the forecast is multiplied by the scale of the flight
+    (:mod:`pareto_ltl.planning.error_tail`). Fields, white parts and scales have separate generators, so that
+    a longer plan only draws more steps.
 
     Eq. (M15) of docs/mathematics.md.
     """
     law = problem.laws["coherent"]
     assert not isinstance(law, kd.IndependentLaw)
-    fields, gusts = rng.spawn(2)
+    fields, gusts, tails = rng.spawn(3)
     persistence = kept_by_epoch(problem.modes, steps)
     theta = draw_innovations(persistence, runs, fields)
     kernel.link_fields(persistence, theta)
+    if (tail := problem.tail) is not None:
+        theta = scaled_fields(tail, theta, draw_scales(tail, len(theta), runs, tails))
     return kernel.CoherentDraws(law, gusts.standard_normal((steps, runs, 2)), theta)
 
 

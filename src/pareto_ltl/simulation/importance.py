@@ -34,6 +34,7 @@ from numpy.random import Generator, SeedSequence
 from scipy.special import gammaincinv, ndtr, ndtri
 
 from pareto_ltl.kernels import importance as kernel
+from pareto_ltl.planning.error_tail import scaled_fields, weighted_scales
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import WEIGHTED, FailureRate, PlannedPath
 from pareto_ltl.simulation import flights as sim
@@ -131,7 +132,8 @@ def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSeq
     weights, failed = weighted_flights(proposal, draws, seed)
     weighted = np.where(failed, weights, 0.0)
     rate = min(float(weighted.mean()), 1.0)
-    low, high = weighted_interval(weighted, proposal.ladder.plain)
+    heaviest = 1.0 if problem.tail is None else 2.0
+    low, high = weighted_interval(weighted, proposal.ladder.plain / heaviest)
     return FailureRate(law, rate, min(low, rate), max(high, rate), draws, WEIGHTED)
 
 
@@ -181,13 +183,19 @@ def weighted_flights(proposal: Proposal, draws: int, seed: SeedSequence) -> tupl
     weights, failed = np.empty(draws), np.empty(draws, bool)
     plan, mixture, choices = proposal.plan, proposal.mixture(), component_choices(proposal)
 
+    tail = plan.problem.tail if plan.problem.fidelity.law == "coherent" else None
+
     def one(rows: slice, child: SeedSequence) -> None:
-        n = rows.stop - rows.start
-        z = draw_proposal(proposal, choices, n, np.random.default_rng(child))
+        n, rng = rows.stop - rows.start, np.random.default_rng(child)
+        z = draw_proposal(proposal, choices, n, rng)
         theta = linked_fields(plan.linear, z)
         density = np.empty(n)
         kernel.mixture_density(mixture, linear_deviations(plan.linear, z, theta), density)
         weights[rows] = 1.0 / density
+        if tail is not None:  # z and the scales are independent
+            scale, weight = weighted_scales(tail, len(theta), n, rng)
+            weights[rows] *= weight
+            theta = scaled_fields(tail, theta, scale)
         failed[rows] = plan.fly(z, theta)[1]
 
     blocks = sim.block_rows(draws)

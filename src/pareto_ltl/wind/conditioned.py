@@ -24,7 +24,7 @@ from dataclasses import replace
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.wind.records import ENSEMBLE, FORECAST, HELD, SPACE, TIME, WindField, WindModes
+from pareto_ltl.wind.records import ENSEMBLE, HELD, SPACE, TIME, WindField, WindModes, forecast_parts
 
 HELD_STEP = 10_800.0  # [s] between the slots of a held field
 INSTANTS = 8  # at which a variance is averaged around a slot
@@ -106,7 +106,9 @@ def persistence(field: WindField, since: float) -> FloatArray:
     rho[:, modes.part == SPACE] = modes.rho ** (apart / modes.gap)
     rho[:, modes.part == ENSEMBLE] = 1.0
     if field.error is not None:
-        rho[:, modes.part == FORECAST] = field.error.persistence ** (apart / field.error.persistence_time)
+        begin = np.where(times < since, field.leads, field.leads[np.argmin(np.abs(times - since))])[:, None]
+        for number, part in forecast_parts(field.error):
+            rho[:, modes.part == number] = part.persistence(begin, apart)
         rho[:, modes.part == HELD] = _kept_change(field, since)[:, None]
     return rho
 

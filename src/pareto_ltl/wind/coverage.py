@@ -9,7 +9,7 @@ import numpy as np
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.levels import level_mismatch
 from pareto_ltl.support.medium import medium_of
-from pareto_ltl.wind.forecast_error import forecast_error_law
+from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.records import ENSEMBLE, WindField
 
@@ -123,7 +123,7 @@ def and_text(parts: list[str]) -> str:
 def _forecast_part(field: WindField, covered: list[str]) -> list[str]:
     """Add the covered errors of forecasts to ``covered``; return those that are not covered."""
     leads = field.leads[np.isfinite(field.leads)] / HOUR
-    if field.error is None or not field.error.forecast_sd.any():
+    if field.error is None or not field.error.parts:
         leads_text = f" (leads {_range(leads.tolist(), 'h')})" if len(leads) else ""
         return [f"errors of the fields themselves: analyses and forecasts{leads_text} are taken as true"]
     if not len(leads):
@@ -133,7 +133,11 @@ def _forecast_part(field: WindField, covered: list[str]) -> list[str]:
         f"forecast error by the law {field.error.name} for leads {_range(leads.tolist(), 'h')}, "
         f"{_range(sd.tolist(), 'm/s')} a component"
     )
-    return [] if field.error.forecast_sd[0] > 0 else ["errors of analyses (forecasts of lead 0)"]
+    return (
+        []
+        if field.error.forecast_variance(np.zeros(1))[0] > 0
+        else ["errors of analyses (forecasts of lead 0)"]
+    )
 
 
 def _time_part(field: WindField, time_zero: str | None, covered: list[str], left: list[str]) -> None:
@@ -163,7 +167,7 @@ def held_warning(field: WindField, end: float, time_zero: str | None = None) -> 
     last, law = field.last_field, field.error
     if law is None or end <= last:
         return None
-    usual = law if law.forecast_sd.any() else forecast_error_law("gfs", "").for_winds(law.level, law.spread)
+    usual = law if law.parts else law_named("gfs").for_winds(law.level, law.spread)
     late = np.array([(max(last, 0.0) + end) / 2, end]) - last
     lead = np.nan_to_num(field.leads[-1])
     held = np.sqrt(law.change_variance(late) + law.forecast_variance(lead))

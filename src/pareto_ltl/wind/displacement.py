@@ -9,10 +9,8 @@ import numpy as np
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.wind.doubts import assumed_leads
-from pareto_ltl.wind.forecast_error import forecast_error_law
-from pareto_ltl.wind.observations import of_weather_model
+from pareto_ltl.wind.observations import law_of_wind, of_weather_model
 from pareto_ltl.wind.readings import HOUR, Readings, seconds
-from pareto_ltl.wind.sources import wind_source
 
 SPACE_SHARE = 0.11  # error of interpolation in space / spread of the winds: 0.35 of 3.2 m/s on GFS fields
 INSTANTS = 64  # of the integral over the flight
@@ -33,7 +31,7 @@ def displacement_variance(
 
     The sum of ::
 
-        ∫∫ e(s) e(t) ρ^(|s - t| / τ) ds dt      forecasts, with the variance e² of the law at their leads
+        Σ ∫∫ σ(s) σ(t) ρ(s, t) ds dt            forecasts, for each part of the law at their leads
         b² T min(T, gap)                        interpolation in time, halfway in the longest gap
         D(h) h²                                 the last field, held for h
         (0.11 spread T)²                        interpolation in space, as on GFS fields
@@ -49,14 +47,16 @@ def displacement_variance(
         return 0.0
     zero, times = _zero(readings, departure), readings.times
     spread = float(np.sqrt(readings.winds[0].var(axis=0).mean()))
-    law = forecast_error_law(cfg.forecast_error, wind_source(cfg).forecast_error)
-    forecasts = bool(law.forecast_sd.any()) and of_weather_model(cfg, readings)
+    law = law_of_wind(cfg, readings)
+    forecasts = bool(law.parts) and of_weather_model(cfg, readings)
     leads = assumed_leads(readings)[0] if forecasts else readings.leads
     law = law.for_winds(readings.level, spread).shared(readings.forecast_share)
     t = (np.arange(INSTANTS) + 0.5) * duration / INSTANTS
-    e = np.sqrt(law.forecast_variance(np.interp(zero + t, times, leads)))
-    kept = law.persistence ** (np.abs(t[:, None] - t) / law.persistence_time)
-    total = float(e @ kept @ e) * (duration / INSTANTS) ** 2
+    at, total = np.interp(zero + t, times, np.nan_to_num(leads)), 0.0
+    for part in law.parts if np.isfinite(leads).any() else ():
+        sd, clock = np.sqrt(part.variance(at)), part.clock(at)
+        kept = np.exp(-np.abs(clock[:, None] - clock))
+        total += float(sd @ kept @ sd) * (duration / INSTANTS) ** 2
     during = times[(times >= zero) & (times <= zero + duration)]
     around = np.unique(
         np.concatenate([times[times <= zero][-1:], during, times[times > zero + duration][:1]])

@@ -8,7 +8,7 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.forecast_error import ForecastError
+from pareto_ltl.wind.error_law import ErrorLaw
 from pareto_ltl.wind.readings import HOUR, Readings, iso
 
 USUAL_DELAY = 4 * HOUR  # from the start of a forecast to its publication: GFS 3.5 to 5 h, ECMWF 6 h, HRRR 1 h
@@ -76,9 +76,9 @@ def refuse_small_extent(name: str, bounds: FloatArray, points: FloatArray) -> No
         )
 
 
-def spread_warning(name: str, law: ForecastError, level: str, spread: float) -> str:
+def spread_warning(name: str, law: ErrorLaw, level: str, spread: float) -> str:
     """The warning for winds whose ``spread`` [m/s] over places does not fit ``law``; else empty."""
-    if level != law.level or not law.forecast_sd.any() or spread <= 0:
+    if level != law.level or not law.parts or spread <= 0:
         return ""  # at other levels the law follows the spread
     ratio = spread / law.spread
     if 1 / FACTOR <= ratio <= FACTOR:

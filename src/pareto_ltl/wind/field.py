@@ -28,7 +28,15 @@ from pareto_ltl.support.files import write_npz
 from pareto_ltl.support.fingerprints import code_fingerprint
 from pareto_ltl.wind import gp, modes
 from pareto_ltl.wind.readings import HOUR
-from pareto_ltl.wind.records import NodeLattice, WindEvidence, WindField, WindModes, WindObservations
+from pareto_ltl.wind.records import (
+    TIME,
+    NodeLattice,
+    WindEvidence,
+    WindField,
+    WindModes,
+    WindObservations,
+    forecast_parts,
+)
 from pareto_ltl.world.scene import Scene
 
 FEWEST_MODE_CELLS, MOST_MODE_CELLS = 10, 24  # of the lattice of the modes, along the longer side of the scene
@@ -54,7 +62,7 @@ class WindTask(NamedTuple):
         The readings, with the deviations of members.
     bounds : (2, 2) float
         South-west and north-east corner of the map, where the fit is scored [m].
-    parts : ErrorParts
+    parts : tuple of UniformPart
         The errors of forecasts and of interpolation in time.
     lattice, mode_lattice : NodeLattice
         Nodes of the field, and the coarser nodes of its modes.
@@ -63,7 +71,7 @@ class WindTask(NamedTuple):
     cfg: WindConfig
     seen: WindObservations
     bounds: FloatArray
-    parts: modes.ErrorParts
+    parts: tuple[modes.UniformPart, ...]
     lattice: NodeLattice
     mode_lattice: NodeLattice
 
@@ -176,17 +184,28 @@ def _wind_task(
     cfg: WindConfig, seen: WindObservations, scene: Scene, lattice: NodeLattice, horizon: float | None
 ) -> WindTask:
     """The input of the fit and of the tabulation, with the variances of the parts of the error."""
-    forecast, lengths = np.zeros(len(seen.times)), (1.0, 1.0)
-    if seen.error is not None:
-        forecast = seen.error.forecast_variance(seen.leads)
-        lengths = seen.error.forecast_length, seen.error.change_length
     return WindTask(
         cfg=WindConfig(**{name: getattr(cfg, name) for name in FIT_SETTINGS}),
         seen=WindObservations(seen.times, seen.points, seen.winds, "", members=seen.members),
         bounds=scene.bounds,
-        parts=modes.ErrorParts(forecast, lengths[0], time_variances(seen, horizon), lengths[1]),
+        parts=uniform_parts(seen, horizon),
         lattice=lattice,
         mode_lattice=modes_lattice(cfg, scene),
+    )
+
+
+def uniform_parts(seen: WindObservations, horizon: float | None) -> tuple[modes.UniformPart, ...]:
+    """The parts of the law of ``seen``, with their variance in each slot: 0 for a lead of NaN."""
+    law = seen.error
+    if law is None:
+        return ()
+    known = np.isfinite(seen.leads)
+    return (
+        *(
+            modes.UniformPart(number, np.where(known, part.variance(seen.leads), 0.0), part.length)
+            for number, part in forecast_parts(law)
+        ),
+        modes.UniformPart(TIME, time_variances(seen, horizon), law.change_length),
     )
 
 
@@ -230,7 +249,7 @@ def _wind_modes(
         return None
     lengths = table.hyper[:, :, LENGTH]
     if seen.error is not None:
-        lengths = np.minimum(lengths, min(seen.error.forecast_length, seen.error.change_length))
+        lengths = np.minimum(lengths, seen.error.shortest_length)
     return WindModes(
         origin=lattice.origin,
         spacing=lattice.spacing,
@@ -303,7 +322,8 @@ def tabulate_wind(task: WindTask) -> WindTable:
     nodes, mode_nodes = task.lattice.nodes(), task.mode_lattice.nodes()
     mean, var = posterior.at(nodes)
     ensemble = (posterior.spread_out(seen.members, nodes) ** 2).sum(-1)
-    var = var + task.parts.forecast_var[:, None, None] + ensemble
+    forecasts = sum((each.variance for each in task.parts if each.part != TIME), np.zeros(len(seen.times)))
+    var = var + forecasts[:, None, None] + ensemble
     members = posterior.spread_out(seen.members, mode_nodes)
     shape = task.mode_lattice.shape
     found = modes.error_modes(posterior, task.parts, members, shape, mode_nodes, cfg.energy, cfg.modes_max)

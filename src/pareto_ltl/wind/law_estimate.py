@@ -15,10 +15,11 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.wind.error_law import LASTING, LawPart, TailScale
 from pareto_ltl.wind.error_moments import error_moments
 from pareto_ltl.wind.law_check import CheckRow, check_rows
 from pareto_ltl.wind.law_fit import Fit, fit_parts
-from pareto_ltl.wind.law_of_parts import LASTING, OBSERVED, LawOfParts, LawPart, TailScale
+from pareto_ltl.wind.law_of_parts import OBSERVED, LawOfParts
 from pareto_ltl.wind.law_tails import TailCounts
 from pareto_ltl.wind.point_forecasts import PointForecasts, Verified, truth_series, verified
 from pareto_ltl.wind.readings import HOUR

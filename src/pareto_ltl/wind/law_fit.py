@@ -17,9 +17,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.wind.error_law import GROWING, LOCAL, SLOW, LawPart
 from pareto_ltl.wind.error_moments import ErrorMoments, Targets, targets
 from pareto_ltl.wind.gp import CORRELATIONS
-from pareto_ltl.wind.law_of_parts import GROWING, LOCAL, SLOW, LawPart
 from pareto_ltl.wind.readings import HOUR
 
 KNOTS = HOUR * np.array([0.0, 6, 12, 24, 48, 72, 96, 120])  # of G(L) [s]

@@ -29,128 +29,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
-from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.schemas import read_document
-from pareto_ltl.wind.forecast_error import LAW_FILE, LAW_OF_PARTS_SCHEMA, PARTS_FOLDER
+from pareto_ltl.wind.error_law import (
+    LASTING,
+    VARIABILITY_ROWS,
+    ErrorLaw,
+    LawPart,
+    TailScale,
+    Variability,
+    variability_of_document,
+    written_rows,
+)
 from pareto_ltl.wind.readings import HOUR
-from pareto_ltl.wind.scale_mixture import LARGEST_SPREAD
 
-LASTING, GROWING, SLOW, LOCAL = "lasting", "growing", "slow", "local"
-PART_NAMES = (LASTING, GROWING, SLOW, LOCAL)
+LAW_OF_PARTS_SCHEMA = "pareto_ltl.forecast_error/2"
 OWN, OBSERVED = "own", "observed"  # what verifies a table: newer runs of the model, or observations
 TRUTHS = (OWN, OBSERVED)
 
 
 @dataclass(frozen=True, slots=True)
-class LawPart:
-    """One part of the error.
-
-    Attributes
-    ----------
-    name : str
-        One of ``PART_NAMES``.
-    leads : (n,) float
-        Leads, increasing from 0 [s].
-    sd : (n,) float
-        Standard deviation of one component at each lead [m/s].
-    memory : (n,) float
-        Time in which the correlation falls to 1/e at each lead [s]; infinite for the lasting part.
-    length : float
-        Length scale, Matern-3/2 [m].
-    """
-
-    name: str
-    leads: FloatArray
-    sd: FloatArray
-    memory: FloatArray
-    length: float
-
-    def __post_init__(self) -> None:
-        if self.name not in PART_NAMES:
-            raise ValueError(f"a part is one of {', '.join(PART_NAMES)}, got {self.name!r}")
-        require_shape(f"sd of the part {self.name}", self.sd, len(self.leads))
-        require_shape(f"memory_hours of the part {self.name}", self.memory, len(self.leads))
-        if not len(self.leads) or self.leads[0] != 0 or np.any(np.diff(self.leads) <= 0):
-            raise ValueError(f"lead_hours of the part {self.name} must increase from 0")
-        if not (np.isfinite(self.sd).all() and (self.sd >= 0).all() and self.sd.any()):
-            raise ValueError(f"sd of the part {self.name} must not be negative, and not 0 at every lead")
-        if not ((self.memory > 0).all() and self.length > 0):
-            raise ValueError(f"memory and length of the part {self.name} must be above 0")
-
-    def variance(self, lead: FloatArray) -> FloatArray:
-        """σ_p²(L) [m²/s²] at leads [s] of any shape, linear between the leads of the table and beyond."""
-        lead, table = np.asarray(lead, float), self.sd**2
-        found = np.interp(lead, self.leads, table)
-        if len(table) > 1:
-            slope = max(table[-1] - table[-2], 0.0) / (self.leads[-1] - self.leads[-2])
-            found = found + slope * np.maximum(lead - self.leads[-1], 0.0)
-        return np.asarray(found, float)
-
-    def clock(self, lead: FloatArray) -> FloatArray:
-        """m_p(L) at leads [s] of any shape."""
-        edges = np.concatenate([[0.0], 0.5 * (self.leads[1:] + self.leads[:-1])])
-        passed = np.maximum(np.asarray(lead, float)[..., None] - edges, 0.0)
-        rate = 1.0 / self.memory
-        return np.asarray(passed @ np.diff(rate, prepend=0.0), float)
-
-    def words(self) -> tuple[str, str, str]:
-        """Standard deviations at 6, 24 and 48 h, memory at 24 h, and length, as texts."""
-        sd = ", ".join(f"{value:.2f}" for value in np.sqrt(self.variance(HOUR * np.array([6.0, 24.0, 48.0]))))
-        memory = float(self.memory[np.argmin(np.abs(self.leads - 24 * HOUR))])
-        return sd, "lasts" if np.isinf(memory) else f"{memory / HOUR:.1f} h", f"{self.length / 1e3:.0f} km"
-
-
-@dataclass(frozen=True, slots=True)
-class TailScale:
-    """The spread of the logarithm of the scale of errors.
-
-    Attributes
-    ----------
-    flight : float
-        s_f, of the part that lasts over a flight.
-    leads, moment : (n,) float
-        Leads, increasing from 0 [s], and s_m at each, of the part that is renewed.
-    memory : float
-        Its memory τ [s].
-    """
-
-    flight: float
-    leads: FloatArray
-    moment: FloatArray
-    memory: float
-
-    def __post_init__(self) -> None:
-        require_shape("moment", self.moment, len(self.leads))
-        if not len(self.leads) or self.leads[0] != 0 or np.any(np.diff(self.leads) <= 0):
-            raise ValueError("lead_hours of the scale must increase from 0")
-        if self.flight < 0 or (self.moment < 0).any() or not self.memory > 0:
-            raise ValueError("the scale must not be negative, and its memory must be above 0")
-        if self.flight**2 + float(self.moment.max()) ** 2 > LARGEST_SPREAD**2:
-            raise ValueError(f"the scale spreads by more than {LARGEST_SPREAD} in its logarithm")
-
-    def spread(self, lead: float, time: float = 0.0) -> float:
-        """s of an error at ``lead`` [s] (``time`` = 0), or of its mean over ``time`` [s] after that lead."""
-        at = np.linspace(lead, lead + time, 33)
-        moment = float(np.mean(np.interp(at, self.leads, self.moment) ** 2))
-        return float(np.sqrt(self.flight**2 + averaged(time / self.memory) * moment))
-
-
-def averaged(x: FloatArray | float) -> FloatArray:
-    """f(x) = 2 (x - 1 + exp(-x)) / x², the variance of a mean over the time x of a process with memory 1."""
-    x = np.asarray(x, float)
-    small = x < 1e-4
-    safe = np.where(small, 1.0, x)
-    return np.where(small, 1.0 - x / 3.0, 2.0 * (safe - 1.0 + np.exp(-safe)) / safe**2)
-
-
-@dataclass(frozen=True, slots=True)
-class LawOfParts:
+class LawOfParts(ErrorLaw):
     """The law of the errors of one class of forecasts.
 
     Attributes
@@ -163,7 +65,7 @@ class LawOfParts:
         Standard deviation of the winds of one time over places in its data [m/s]. For another level all
         parts are scaled by the ratio of the spreads.
     parts : tuple of LawPart
-        The parts, each name at most once.
+        The parts, each name at most once; empty if an ensemble has all of the error.
     scale : TailScale
         The tails.
     situations : int
@@ -179,6 +81,8 @@ class LawOfParts:
         Length scale of that change, Matern-3/2 [m].
     intervals : mapping
         95 % intervals of numbers of the law, by name: [low, high].
+    variability : Variability or None
+        What ``change_sd`` was scaled by to fit the winds at hand; None: it was not.
     """
 
     name: str
@@ -193,11 +97,12 @@ class LawOfParts:
     change_sd: FloatArray
     change_length: float
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    variability: Variability | None = None
 
     def __post_init__(self) -> None:
         names = [part.name for part in self.parts]
-        if not names or len(set(names)) < len(names):
-            raise ValueError(f"a law has one to four parts with different names, got {', '.join(names)}")
+        if len(set(names)) < len(names):
+            raise ValueError(f"the parts of a law have different names, got {', '.join(names)}")
         require_shape("change sd", self.change_sd, len(self.lags))
         if not len(self.lags) or self.lags[0] <= 0 or np.any(np.diff(self.lags) <= 0):
             raise ValueError("lag_hours must increase from above 0")
@@ -207,21 +112,35 @@ class LawOfParts:
             raise ValueError("situations must be at least 1, and spread above 0")
 
     @property
-    def floor(self) -> float:
-        """1 / (n + 1): the data cannot tell a smaller rate from this one."""
-        return 1.0 / (self.situations + 1)
+    def tail(self) -> TailScale:
+        """The tails of the errors of forecasts."""
+        return self.scale
 
     def part(self, name: str) -> LawPart | None:
         """The part ``name``; None if the law does not have it."""
         return next((part for part in self.parts if part.name == name), None)
 
-    def for_winds(self, level: str, spread: float) -> LawOfParts:
+    def for_winds(self, level: str, spread: float) -> Self:
         """The law for winds of a ``level`` whose components have the standard deviation ``spread`` [m/s]."""
         if level == self.level:
             return self
         factor = spread / self.spread
-        parts = tuple(replace(part, sd=factor * part.sd) for part in self.parts)
-        return replace(self, level=level, spread=spread, parts=parts, change_sd=factor * self.change_sd)
+        scaled = self.shared(factor**2)
+        return replace(scaled, level=level, spread=spread, change_sd=factor * self.change_sd)
+
+    def shared(self, share: float) -> Self:
+        """The law with a ``share`` of the variance of forecast errors; the ensemble has the rest."""
+        if share == 1.0:
+            return self
+        factor = np.sqrt(share)
+        parts = tuple(replace(part, sd=factor * part.sd) for part in self.parts) if share > 0.0 else ()
+        return replace(self, parts=parts)
+
+    def varying(self, found: Variability | None) -> Self:
+        """The law with D(τ) scaled to the variability of the winds at hand."""
+        if found is None:
+            return self
+        return replace(self, change_sd=np.sqrt(found.factor) * self.change_sd, variability=found)
 
     def seen_by(self, truth: str) -> tuple[LawPart, ...]:
         """The parts that a table verified by ``truth`` can show."""
@@ -259,6 +178,7 @@ class LawOfParts:
 
     def document(self) -> dict[str, Any]:
         """The law as it is written to a file."""
+        scaled = self.variability
         return {
             "schema": LAW_OF_PARTS_SCHEMA,
             "name": self.name,
@@ -281,6 +201,7 @@ class LawOfParts:
                 "length": self.change_length,
             },
             "intervals": {name: list(ends) for name, ends in self.intervals.items()},
+            **({} if scaled is None else {"variability": written_rows(scaled, VARIABILITY_ROWS)}),
         }
 
 
@@ -331,27 +252,8 @@ def law_of_parts_of(document: Mapping[str, Any]) -> LawOfParts:
         int(document["n"]), document["truth"], document.get("origin", ""),
         HOUR * np.array(change["lag_hours"], float), np.array(change["sd"], float), float(change["length"]),
         {name: (float(low), float(high)) for name, (low, high) in document.get("intervals", {}).items()},
+        variability_of_document(document.get("variability")),
     )  # fmt: skip
     if abs(float(document["floor"]) - law.floor) > 1e-6:
         raise ValueError(f"floor is 1 / (n + 1) = {law.floor:.6g}, got {document['floor']}")
     return law
-
-
-def read_law_of_parts(path: Path) -> LawOfParts:
-    """The law in the file ``path``; DataError if it is not valid."""
-    document = read_document(path, {LAW_OF_PARTS_SCHEMA: "forecast_error_2"}, LAW_FILE)
-    try:
-        return law_of_parts_of(document)
-    except ValueError as error:
-        raise DataError(f"{path}: {error}; {LAW_FILE.damaged}") from None
-
-
-def packaged_laws() -> tuple[str, ...]:
-    """Names of the packaged laws of parts."""
-    return tuple(sorted(path.stem for path in PARTS_FOLDER.glob("*.json")))
-
-
-def law_of_parts_named(name: str) -> LawOfParts:
-    """The packaged law ``name``, or the law in the file of that name."""
-    packaged = name in packaged_laws()
-    return read_law_of_parts(PARTS_FOLDER / f"{name}.json" if packaged else Path(name).expanduser())

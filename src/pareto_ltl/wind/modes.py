@@ -7,7 +7,7 @@ modes ψ and a persistence ρ; together they are modes of the sum of the covaria
     θ_{k+1}   = ρ θ_k + √(1 - ρ²) η,               η ~ N(0, I)
 
     space      covariance C of the Gaussian process given the readings of a slot, C = U Λ U', ψ = U √Λ
-    forecast   the modes of a Matern-3/2 process times e(L) of the slot's lead
+    forecast   for each part of the law the modes of a Matern-3/2 process, times σ(L) of the slot's lead
     time       the modes of another process, scaled at each step by the error of interpolation in time
     ensemble   deviations of the members of an ensemble
 
@@ -28,7 +28,7 @@ from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 from pareto_ltl.support.machine import cores
 from pareto_ltl.wind import gp
 from pareto_ltl.wind.gp import CORRELATIONS, WindPosterior, pairwise_distances, same_places
-from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, TIME
+from pareto_ltl.wind.records import ENSEMBLE, SPACE, TIME
 
 LOG = logging.getLogger(__name__)
 
@@ -40,25 +40,22 @@ RELATIVE_RIDGE = 1e-9  # added noise variance over amplitude², for the Cholesky
 ERROR_KERNEL = "matern32"  # of the parts that are not fitted to readings
 
 
-class ErrorParts(NamedTuple):
-    """The parts of the error except interpolation in space and ensembles.
+class UniformPart(NamedTuple):
+    """A part of the error that is uniform over the map.
 
     Attributes
     ----------
-    forecast_var : (K,) float
-        e²(L) of each slot [m²/s²].
-    forecast_length : float
-        Length scale of that error [m].
-    time_var : (K,) float
-        Variance of interpolation in time, averaged over the times nearest to each slot [m²/s²].
-    time_length : float
-        Length scale of that error [m].
+    part : int
+        Its number among ``PARTS``: one of forecasts, or ``TIME``.
+    variance : (K,) float
+        Variance in each slot [m²/s²]; of interpolation in time, averaged over the times nearest to the slot.
+    length : float
+        Length scale, Matern-3/2 [m].
     """
 
-    forecast_var: FloatArray
-    forecast_length: float
-    time_var: FloatArray
-    time_length: float
+    part: int
+    variance: FloatArray
+    length: float
 
 
 class ModeTable(NamedTuple):
@@ -88,7 +85,7 @@ class _Spectrum(NamedTuple):
 
 
 def error_modes(
-    posterior: WindPosterior, parts: ErrorParts, members: FloatArray, shape: tuple[int, int],
+    posterior: WindPosterior, parts: Sequence[UniformPart], members: FloatArray, shape: tuple[int, int],
     nodes: FloatArray, energy: float, most: int,
 ) -> ModeTable:  # fmt: skip
     """The modes of the error at ``nodes`` (N, 2) [m] of a lattice of ``shape``, for every slot and component.
@@ -103,10 +100,7 @@ def error_modes(
     """
     between = pairwise_distances(nodes, nodes)
     spectra = {SPACE: _space_spectrum(posterior, nodes, between, shape, most)}
-    for part, variance, length in (
-        (FORECAST, parts.forecast_var, parts.forecast_length),
-        (TIME, parts.time_var, parts.time_length),
-    ):
+    for part, variance, length in parts:
         if variance.any():
             spectra[part] = _common_spectrum(variance, between / length, shape, most)
     if members.shape[-1]:
@@ -118,8 +112,9 @@ def error_modes(
     total = sum(found.total for found in spectra.values())
     rest = sum(spectra[part].lags - _mode_lags(psi, shape) for part, psi in leading.items())
     if TIME in leading:
-        unit = np.sqrt(np.where(parts.time_var > 0, parts.time_var, 1.0))[:, None, None, None]
-        one = (leading[TIME] / unit)[np.flatnonzero(parts.time_var > 0)[:1]]
+        time = next(each.variance for each in parts if each.part == TIME)
+        unit = np.sqrt(np.where(time > 0, time, 1.0))[:, None, None, None]
+        one = (leading[TIME] / unit)[np.flatnonzero(time > 0)[:1]]
         leading[TIME] = np.broadcast_to(one, leading[TIME].shape)
     psi, owner = _stacked(leading)
     share = np.where(total > 0, carried / np.maximum(total, 1e-300), 1.0)

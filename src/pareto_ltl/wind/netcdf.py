@@ -24,7 +24,8 @@ from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, parse_level
 from pareto_ltl.support.reading import inside, read_json
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.wind.air import MapAir
-from pareto_ltl.wind.forecast_error import ForecastError, forecast_error_of
+from pareto_ltl.wind.error_law import ErrorLaw
+from pareto_ltl.wind.named_laws import SCHEMAS, law_of
 from pareto_ltl.wind.records import PARTS, WindEvidence, WindField, WindModes
 from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene import Scene
@@ -357,10 +358,11 @@ def _values(file: h5netcdf.File, name: str, kind: type = float) -> NDArray[Any]:
     return np.asarray(variable[...], kind)
 
 
-def _read_error(text: str) -> ForecastError:
+def _read_error(text: str) -> ErrorLaw:
     document = json.loads(text)
-    check_document(document, "forecast_error", "forecast_error")
-    return forecast_error_of(document)
+    schema = str(document.get("schema")) if isinstance(document, dict) else ""
+    check_document(document, SCHEMAS.get(schema, "forecast_error"), "forecast_error")
+    return law_of(document)
 
 
 def _read_score(text: str) -> dict[str, float]:

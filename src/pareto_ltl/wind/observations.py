@@ -15,8 +15,9 @@ from pareto_ltl.support.levels import DEPTH, parse_level
 from pareto_ltl.wind.air import MapAir, NodeAir, map_air
 from pareto_ltl.wind.area import swap_question
 from pareto_ltl.wind.doubts import assumed_leads, edge_warning, refuse_small_extent, spread_warning
-from pareto_ltl.wind.forecast_error import ForecastError, Variability, forecast_error_law
+from pareto_ltl.wind.error_law import ErrorLaw, Variability
 from pareto_ltl.wind.gp import CORRELATIONS, pairwise_distances
+from pareto_ltl.wind.named_laws import AUTO, law_named
 from pareto_ltl.wind.readings import HOUR, Readings, farthest_points, iso, on_sphere, seconds
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import wind_source
@@ -73,8 +74,8 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
     placed = {int(k): _readings_in_plane(cfg, scene, readings, k) for k in slots}
     _log_thinning(cfg, readings, [each.counts for each in placed.values()])
     winds = tuple(each.winds for each in placed.values())
-    law = forecast_error_law(cfg.forecast_error, wind_source(cfg).forecast_error)
-    leads = _implied_leads(cfg, readings) if law.forecast_sd.any() else readings.leads
+    law = law_of_wind(cfg, readings)
+    leads = _implied_leads(cfg, readings) if law.parts else readings.leads
     spread = float(np.sqrt(np.mean([w.var(axis=0).mean() for w in winds])))  # of a component, over places
     doubts = (
         edge_warning(readings.name, scene.bounds, [each.points for each in placed.values()]),
@@ -120,6 +121,14 @@ def _air_of_map(scene: Scene, readings: Readings, slots: IntArray, zero: float) 
     return map_air(placed, scene.bounds)
 
 
+def law_of_wind(cfg: WindConfig, readings: Readings) -> ErrorLaw:
+    """The law of ``wind.forecast_error``; with ``auto``, of the model of the readings or of their source."""
+    name = cfg.forecast_error
+    if name == AUTO:
+        name = readings.law or wind_source(cfg).forecast_error
+    return law_named(name)
+
+
 def _implied_leads(cfg: WindConfig, readings: Readings) -> FloatArray:
     """The leads (K,) [s], assumed where the files do not state them; a warning says so.
 
@@ -139,7 +148,7 @@ def of_weather_model(cfg: WindConfig, readings: Readings) -> bool:
 
 
 def _variability(
-    cfg: WindConfig, scene: Scene, readings: Readings, law: ForecastError, placed: Mapping[int, _Placed]
+    cfg: WindConfig, scene: Scene, readings: Readings, law: ErrorLaw, placed: Mapping[int, _Placed]
 ) -> Variability | None:
     """The variability of the wind at the places of the first slot, from its analyses.
 
@@ -169,7 +178,7 @@ def _variability(
 
 
 def variability_of(
-    law: ForecastError, times: FloatArray, points: FloatArray, winds: FloatArray
+    law: ErrorLaw, times: FloatArray, points: FloatArray, winds: FloatArray
 ) -> Variability | None:
     """The factor of D(τ) from the changes of the wind between successive analyses.
 

@@ -52,6 +52,8 @@ class Readings:
         Share of the variance of the law of forecast errors that is used in addition to the members.
     airs : tuple of K NodeAir or None
         The air that the files have beside the wind; empty if they have none.
+    law : str
+        The packaged law of forecast errors that fits their model; empty if the files do not state it.
     """
 
     times: FloatArray
@@ -67,6 +69,7 @@ class Readings:
     members: tuple[FloatArray, ...] = ()
     forecast_share: float = 1.0
     airs: tuple[NodeAir | None, ...] = ()
+    law: str = ""
 
     @classmethod
     def of_arrays(

@@ -13,12 +13,20 @@ from numpy.typing import NDArray
 from pareto_ltl.support.arrays import FloatArray, IntArray, require_shape
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.wind.air import MapAir
-from pareto_ltl.wind.forecast_error import ForecastError
+from pareto_ltl.wind.error_law import FORECAST as FORECAST_PART
+from pareto_ltl.wind.error_law import PART_NAMES, ErrorLaw, LawPart
 
 PARTS = (  # of the error of a field
     "interpolation in space", "forecast", "interpolation in time", "ensemble", "change of a held field",
+    *(f"{name} part of the forecast" for name in PART_NAMES),
 )  # fmt: skip
 SPACE, FORECAST, TIME, ENSEMBLE, HELD = range(5)
+FORECAST_PARTS = {FORECAST_PART: FORECAST, **{name: 5 + n for n, name in enumerate(PART_NAMES)}}  # of a law
+
+
+def forecast_parts(error: ErrorLaw | None) -> tuple[tuple[int, LawPart], ...]:
+    """The parts of the error of forecasts, each with its number among ``PARTS``."""
+    return () if error is None else tuple((FORECAST_PARTS[part.name], part) for part in error.parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +51,7 @@ class WindObservations:
         End of the time for which the wind is known [s since time_zero]; None: the last time.
     ends : str
         Why it is not known for longer, for messages.
-    error : ForecastError or None
+    error : ErrorLaw or None
         Error of forecasts and change of the wind in time; None: neither is covered.
     members : tuple of K (n_k, 2, M) float
         Deviations of the members of an ensemble at ``points`` [m/s], whose sum of squares is the variance.
@@ -59,7 +67,7 @@ class WindObservations:
     level: str = "10m"
     until: float | None = None
     ends: str = ""
-    error: ForecastError | None = None
+    error: ErrorLaw | None = None
     members: tuple[FloatArray, ...] = ()
     air: MapAir | None = None
 
@@ -202,7 +210,7 @@ class WindField(Displayed):
         Height of the wind, e.g. ``10m``.
     ends : str
         Why the wind is not known for longer, for messages.
-    error : ForecastError or None
+    error : ErrorLaw or None
         The law of forecast errors that ``latent_var`` includes, and of the change of the wind in time.
     held : float or None
         Time of the last field of the data [s], if the slots are that field, conditioned on position fixes at
@@ -227,7 +235,7 @@ class WindField(Displayed):
     leads: FloatArray = field(default_factory=lambda: np.empty(0))
     level: str = "10m"
     ends: str = ""
-    error: ForecastError | None = None
+    error: ErrorLaw | None = None
     held: float | None = None
     air: MapAir | None = None
 

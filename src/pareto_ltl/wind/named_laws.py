@@ -1,0 +1,90 @@
+"""Laws of wind errors by name or file, and from their documents, of either version."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pareto_ltl.settings.wind import LAW_WORDS
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.reading import Advice
+from pareto_ltl.support.resources import PACKAGE
+from pareto_ltl.support.schemas import read_document
+from pareto_ltl.wind.error_law import ErrorLaw
+from pareto_ltl.wind.forecast_error import FORECAST_ERROR_SCHEMA, ForecastError, forecast_error_of
+from pareto_ltl.wind.law_of_parts import LAW_OF_PARTS_SCHEMA, LawOfParts, law_of_parts_of
+
+LAWS_FOLDER = PACKAGE / "support" / "data" / "forecast_errors"
+PARTS_FOLDER = LAWS_FOLDER / "parts"
+AUTO, NONE, ONE_PART = "auto", "none", "gfs_one_part"
+LAW_FILE = Advice(
+    damaged="expected a file of `pareto-ltl wind-error`", missing="name a file of `pareto-ltl wind-error`"
+)
+SCHEMAS = {FORECAST_ERROR_SCHEMA: "forecast_error", LAW_OF_PARTS_SCHEMA: "forecast_error_2"}
+
+
+def packaged_laws() -> tuple[str, ...]:
+    """Names of the packaged laws of parts."""
+    return tuple(sorted(path.stem for path in PARTS_FOLDER.glob("*.json")))
+
+
+def law_named(name: str) -> ErrorLaw:
+    """The law of a value of ``wind.forecast_error`` other than ``auto``: a packaged one, or one in a file.
+
+    Raises
+    ------
+    ConfigError
+        If there is neither a law nor a file of this name.
+    DataError
+        If the file is not a valid law.
+    """
+    if name in packaged_laws():
+        return read_law(PARTS_FOLDER / f"{name}.json")
+    if name in (NONE, ONE_PART):
+        law = first_law()
+        return law.without_forecasts() if name == NONE else law
+    path = Path(name).expanduser()
+    if path.suffix != ".json" and not path.exists():
+        raise ConfigError(
+            f"wind.forecast_error={name} is neither a law nor a file; laws: {', '.join(LAW_WORDS)}; "
+            f"{LAW_FILE.missing}"
+        )
+    return read_law(path)
+
+
+def law_of_parts_named(name: str) -> LawOfParts:
+    """The packaged law of parts ``name``, or the one in the file of that name; DataError for version 1."""
+    law = law_named(name)
+    if not isinstance(law, LawOfParts):
+        raise DataError(
+            f"{name} is a law of version 1 ({FORECAST_ERROR_SCHEMA}), which has no tails to compare with a "
+            f"table; expected one of {', '.join(packaged_laws())}, or a file of `pareto-ltl wind-error TABLE`"
+        )
+    return law
+
+
+def first_law() -> ForecastError:
+    """The packaged law of version 1, of GFS."""
+    law = read_law(LAWS_FOLDER / "gfs.json")
+    assert isinstance(law, ForecastError)
+    return law
+
+
+def read_law(path: Path) -> ErrorLaw:
+    """The law in a file of `pareto-ltl wind-error`; DataError if it is not valid."""
+    document = read_document(path, SCHEMAS, LAW_FILE)
+    try:
+        law = law_of(document)
+        if isinstance(law, LawOfParts) and not law.parts:
+            raise ValueError("a law has one to four parts, got none")
+    except ValueError as error:
+        raise DataError(f"{path}: {error}; {LAW_FILE.damaged}") from None
+    return law
+
+
+def law_of(document: Mapping[str, Any]) -> ErrorLaw:
+    """The law of a document that fits its schema; ValueError if its numbers are not valid."""
+    if document["schema"] == LAW_OF_PARTS_SCHEMA:
+        return law_of_parts_of(document)
+    return forecast_error_of(document)
