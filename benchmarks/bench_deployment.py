@@ -14,7 +14,7 @@ from numpy.random import SeedSequence
 
 import pareto_ltl
 from pareto_ltl.planning.evaluate import propagate_controls
-from pareto_ltl.planning.records import WEIGHTED
+from pareto_ltl.planning.rates import WEIGHTED
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation import flights as deployment

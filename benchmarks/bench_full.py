@@ -82,9 +82,8 @@ def test_modes_of_all_slots(benchmark):
     nodes = origin + spacing * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(
         -1, 2
     )
-    none, nobody = np.zeros(len(posterior.gust_var)), np.zeros((len(posterior.gust_var), len(nodes), 2, 0))
-    parts = modes.ErrorParts(none, 1.0, none, 1.0)  # only the part of interpolation in space
-    arguments = (posterior, parts, nobody, tuple(shape), nodes, cfg.energy, cfg.modes_max)
+    nobody = np.zeros((len(posterior.gust_var), len(nodes), 2, 0))
+    arguments = (posterior, (), nobody, tuple(shape), nodes, cfg.energy, cfg.modes_max)
     benchmark.extra_info["budget"] = 2.0
     benchmark.pedantic(modes.error_modes, arguments, rounds=3)
 

@@ -13,16 +13,8 @@ import yaml
 from pareto_ltl.logic import translate
 from pareto_ltl.logic.automaton_files import write_automaton
 from pareto_ltl.planning import plan_files
-from pareto_ltl.planning.records import (
-    FailureRate,
-    Forest,
-    Front,
-    Objectives,
-    Plan,
-    PlannedPath,
-    Promise,
-    Tree,
-)
+from pareto_ltl.planning.rates import FailureRate, Promise
+from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.simulation.records import Deployment, write_deployments
 from pareto_ltl.studies.sweeps import SweepManifest, SweepPoint

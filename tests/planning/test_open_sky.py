@@ -55,21 +55,20 @@ TABLE = {"source": "csv", "path": "w.csv", "noise_min": 1e-6}
 
 def test_forecast_errors_displace_a_flight_as_far_as_sampled_ones() -> None:
     """Errors of a flight of 6 h from the lead of 24 h on, drawn minute by minute."""
-    law, found = (
-        law_named("gfs"),
-        readings(24.0, hours=np.arange(0, 13, 1e-3 * 12), spread=1e-6),
-    )
+    law, found = law_named("gfs"), readings(24.0, hours=np.arange(0, 13, 1e-3 * 12), spread=1e-6)
     cfg = WindConfig(**TABLE, forecast_error="gfs")
     found = replace(found, winds=tuple(winds * 3.2e6 for winds in found.winds))  # the spread of the law
     lasting = (SPACE_SHARE * 3.2 * 6 * HOUR) ** 2
     computed = displacement_variance(cfg, found, None, 6 * HOUR) - lasting
     rng, steps, flights = np.random.default_rng(1), 360, 20_000
-    kept = law.persistence ** (60.0 / law.persistence_time)
-    z, moved = rng.standard_normal(flights), np.zeros(flights)
-    for step in range(steps):
-        e = math.sqrt(float(law.forecast_variance(np.array(24 * HOUR + 60.0 * (step + 0.5)))))
-        moved += 60.0 * e * z
-        z = kept * z + math.sqrt(1 - kept**2) * rng.standard_normal(flights)
+    moved = np.zeros(flights)
+    for part in law.parts:
+        z = rng.standard_normal(flights)
+        for step in range(steps):
+            lead = np.array(24 * HOUR + 60.0 * (step + 0.5))
+            moved += 60.0 * math.sqrt(float(part.variance(lead))) * z
+            kept = float(part.persistence(lead, np.array(60.0)))
+            z = kept * z + math.sqrt(1 - kept**2) * rng.standard_normal(flights)
     assert computed == pytest.approx(float(moved.var()), rel=0.06)  # 5 sd of the variance of 20,000 flights
 
 

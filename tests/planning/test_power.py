@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from pareto_ltl.planning import selection
 from pareto_ltl.planning.power import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Front, Objectives, PlannedPath, counted_rate
+from pareto_ltl.planning.rates import counted_rate
+from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.selection_rules import choose_path, within_capacity
 from pareto_ltl.planning.shortest_mission import capacity_advice, energy_at

@@ -15,7 +15,8 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.records import Front, Objectives, PlannedPath, counted_rate, objective_row
+from pareto_ltl.planning.rates import counted_rate
+from pareto_ltl.planning.records import Front, Objectives, PlannedPath, objective_row
 from pareto_ltl.planning.selection_rules import (
     RULES,
     SelectionRule,

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pareto_ltl.planning.records import Front, Objectives, Plan, PlannedPath, counted_rate
+from pareto_ltl.planning.rates import counted_rate
+from pareto_ltl.planning.records import Front, Objectives, Plan, PlannedPath
 from pareto_ltl.report.limits import detour_lines
 from problems import KM, box, make_scene
 

@@ -12,7 +12,8 @@ from matplotlib.colors import to_hex
 
 from drawn_world import front_of, plan_of, scene_of
 from figure_texts import texts_of, texts_outside, wrong_texts
-from pareto_ltl.planning.records import Front, Plan, Promise, counted_rate
+from pareto_ltl.planning.rates import Promise, counted_rate
+from pareto_ltl.planning.records import Front, Plan
 from pareto_ltl.report import style
 from pareto_ltl.report.front import flown_front_figure, order_looks, rate_ends
 from pareto_ltl.report.records import DrawnRun

@@ -25,7 +25,7 @@ from drawn_world import (
 )
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.evaluate import Forecast
-from pareto_ltl.planning.records import Promise, counted_rate
+from pareto_ltl.planning.rates import Promise, counted_rate
 from pareto_ltl.report import style
 from pareto_ltl.report.axes import rate_tick_text, rate_ticks
 from pareto_ltl.report.figures import draw_record

@@ -20,16 +20,8 @@ from hypothesis.extra import numpy as hnp
 from pareto_ltl.logic import Automaton, translate
 from pareto_ltl.planning import plan_files
 from pareto_ltl.planning.plan_files import NAVIGATION_KEYS
-from pareto_ltl.planning.records import (
-    FailureRate,
-    Forest,
-    Front,
-    Objectives,
-    Plan,
-    PlannedPath,
-    Promise,
-    Tree,
-)
+from pareto_ltl.planning.rates import FailureRate, Promise
+from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import preset
 from pareto_ltl.simulation.records import Deployment

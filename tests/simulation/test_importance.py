@@ -19,7 +19,8 @@ from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.kernels.flight import link_fields
 from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FLIGHTS, WEIGHTED, FailureRate, PlannedPath, counted_rate
+from pareto_ltl.planning.rates import FLIGHTS, WEIGHTED, FailureRate, counted_rate
+from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.simulation import failure_modes, importance
 from pareto_ltl.simulation import promise as promises

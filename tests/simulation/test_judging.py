@@ -14,7 +14,8 @@ from scipy.stats import fisher_exact
 
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.records import WEIGHTED, FailureRate, Objectives, PlannedPath, counted_rate
+from pareto_ltl.planning.rates import WEIGHTED, FailureRate, counted_rate
+from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SelectionConfig, SmoothingConfig, preset
 from pareto_ltl.simulation import judging

@@ -22,7 +22,8 @@ from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.planning.conditioning import Fix, learn_at
 from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate, square_matrices
 from pareto_ltl.planning.problem import Problem, unaided
-from pareto_ltl.planning.records import WEIGHTED, PlannedPath
+from pareto_ltl.planning.rates import WEIGHTED
+from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation import failure_modes, importance
 from pareto_ltl.simulation.common_flights import draw_flights, is_certain

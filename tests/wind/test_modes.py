@@ -16,9 +16,18 @@ from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind import modes
 from pareto_ltl.wind.gp import CORRELATIONS, Hyper, WindPosterior, leave_one_out, pairwise_distances
 from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
-from pareto_ltl.wind.records import ENSEMBLE, FORECAST, SPACE, TIME, WindModes, WindObservations
+from pareto_ltl.wind.records import (
+    ENSEMBLE,
+    FORECAST,
+    FORECAST_PARTS,
+    SPACE,
+    TIME,
+    WindModes,
+    WindObservations,
+)
 from problems import QUICK_ERROR, box, make_scene, smooth_wind
 
+LOCAL = FORECAST_PARTS["local"]
 KM = 1000.0
 HYPER = Hyper(3.0, 300 * KM, 1.0)
 MEAN = 2.0
@@ -49,10 +58,14 @@ def nodes(n=12):
     return np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def modes_of(post, energy=0.999999, most=144, forecast=0.0, between=0.0, members=None):
+def modes_of(post, energy=0.999999, most=144, forecast=0.0, local=0.0, between=0.0, members=None):
     """Variances of forecasts and of interpolation in time are the same in all slots."""
     slots = len(post.times)
-    parts = modes.ErrorParts(np.full(slots, forecast), 400 * KM, np.full(slots, between), 250 * KM)
+    parts = [
+        modes.UniformPart(FORECAST, np.full(slots, forecast), 400 * KM),
+        modes.UniformPart(LOCAL, np.full(slots, local), 100 * KM),
+        modes.UniformPart(TIME, np.full(slots, between), 250 * KM),
+    ]
     none = np.zeros((slots, 144, 2, 0))
     return modes.error_modes(
         post, parts, none if members is None else members, (12, 12), nodes(), energy, most
@@ -87,14 +100,15 @@ def test_the_variance_factor_scales_rows_and_columns_of_the_covariance():
 
 
 def test_the_parts_of_the_error_have_their_own_covariances():
-    found = modes_of(posterior(), forecast=0.5, between=0.3, most=432)
+    found = modes_of(posterior(), forecast=0.5, local=0.2, between=0.3, most=576)
     apart = pairwise_distances(nodes(), nodes())
     matern = CORRELATIONS["matern32"]
     np.testing.assert_allclose(of_part(found, FORECAST), 0.5 * matern(apart / (400 * KM)), atol=1e-3)
     np.testing.assert_allclose(
         of_part(found, TIME), matern(apart / (250 * KM)), atol=2e-3
     )  # of unit variance
-    assert set(found.part) <= {-1, SPACE, FORECAST, TIME}
+    np.testing.assert_allclose(of_part(found, LOCAL), 0.2 * matern(apart / (100 * KM)), atol=1e-3)
+    assert set(found.part) <= {-1, SPACE, FORECAST, LOCAL, TIME}
     assert (found.psi[..., found.part == -1] == 0.0).all()
 
 
@@ -129,8 +143,7 @@ def test_modes_and_remainder_carry_a_straight_flight_as_far_as_the_whole_covaria
     post = posterior(stations=30, kernel="matern12")
     side = np.linspace(0, 1000 * KM, 26)
     fine = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
-    nothing = modes.ErrorParts(np.zeros(2), 1.0, np.zeros(2), 1.0)
-    found = modes.error_modes(post, nothing, np.zeros((2, 676, 2, 0)), (26, 26), fine, 0.999, most)
+    found = modes.error_modes(post, (), np.zeros((2, 676, 2, 0)), (26, 26), fine, 0.999, most)
     C = modes.posterior_covariance(post, 0, fine, pairwise_distances(fine, fine))
     rest = C - of_part(found, SPACE)
     ratios = []
@@ -203,9 +216,8 @@ def test_a_singular_covariance_is_no_trouble():
     points, winds, means = (places,), (np.ones((3, 2)),), np.full((1, 2), MEAN)
     own = leave_one_out("rbf", points, winds, sharp, means)
     post = WindPosterior(np.zeros(1), points, winds, "rbf", sharp, means, {}, own, places, np.ones(3))
-    nothing = modes.ErrorParts(np.zeros(1), 1.0, np.zeros(1), 1.0)
     nobody = np.zeros((1, 6, 2, 0))
-    found = modes.error_modes(post, nothing, nobody, (2, 3), np.vstack([places, places]), 0.99, 6)
+    found = modes.error_modes(post, (), nobody, (2, 3), np.vstack([places, places]), 0.99, 6)
     assert np.isfinite(found.psi).all()
     assert np.all(found.energy <= 1.0 + 1e-9)
     assert np.isfinite(modes.error_persistence(post))

@@ -10,14 +10,13 @@ import pytest
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.forecast_error import forecast_error_of
-from pareto_ltl.wind.named_laws import first_law
+from pareto_ltl.wind.named_laws import law_named, law_of
 from pareto_ltl.wind.observations import place_readings, variability_of
 from pareto_ltl.wind.readings import HOUR, Readings
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
-GFS = first_law()
+GFS = law_named("gfs")
 NODES = np.stack(np.meshgrid(np.arange(-96.0, -87.0, 1.0), np.arange(33.0, 42.0, 1.0)), axis=-1).reshape(
     -1, 2
 )
@@ -100,8 +99,8 @@ def test_earlier_analyses_scale_the_error_of_a_held_field() -> None:
     assert law.variability.starts.tolist() == [-13 * HOUR, -7 * HOUR]
     assert law.variability.factor < 0.7  # 1 m/s in 6 h; the law has 2.29
     np.testing.assert_allclose(law.change_sd, np.sqrt(law.variability.factor) * GFS.change_sd)
-    np.testing.assert_array_equal(law.forecast_sd, GFS.forecast_sd)
-    again = forecast_error_of(law.document())
+    assert [part.name for part in law.parts] == [part.name for part in GFS.parts]
+    again = law_of(law.document())
     np.testing.assert_array_equal(again.change_sd, law.change_sd)
     np.testing.assert_array_equal(again.variability.squares, law.variability.squares)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl import Settings
 from pareto_ltl.cli.output import Answer, shown_table
-from pareto_ltl.support.display import probability_text, rate_text
+from pareto_ltl.support.display import probability_text, promised_text, rate_text
 from pareto_ltl.support.medium import AIR, Medium
 
 if TYPE_CHECKING:
@@ -206,7 +206,8 @@ def _wind_rows(metrics: Mapping[str, float]) -> Iterator[tuple[str, str]]:
 
 
 def _promise_row(metrics: Mapping[str, float], name: str) -> tuple[str, str]:
-    fails, most = (probability_text(metrics[f"promise_{name}"]) for name in ("failure", "high"))
+    fails = promised_text(metrics["promise_failure"], metrics.get("promise_floor", 0.0))
+    most = probability_text(metrics["promise_high"])
     kind = "weighted" if metrics.get("promise_weighted") else "fresh"
     return (
         f"{name}, {metrics['promise_runs']:,.0f} {kind} flights",

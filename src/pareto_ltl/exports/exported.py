@@ -16,7 +16,8 @@ from pareto_ltl.kernels.pilots import Autopilot, Pilot
 from pareto_ltl.planning.pack import with_feedback
 from pareto_ltl.planning.power import Rotor
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath
+from pareto_ltl.planning.rates import FailureRate
+from pareto_ltl.planning.records import NO_PROMISE, Plan, PlannedPath
 from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
 from pareto_ltl.simulation.flights import fly_pilot, unspawned
 from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
@@ -116,6 +117,8 @@ class ExportedPlan:
         told = [f"Mission {plan.formula}."]
         if promise is not None:
             told.append(fails(promise.rate, self.flown_by()))
+            if promise.rate.failure < promise.floor:
+                told.append(f"Promised is no less than {promise.fails}.")
         pilot = f"by an autopilot that knows and holds the positions (robot.feedback_time={HELD_TIME:g})"
         told.append(f"{NO_PROMISE.capitalize()}." if self.held is None else fails(self.held, pilot))
         if self.log.swing > 0.0:

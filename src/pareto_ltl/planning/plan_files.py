@@ -20,17 +20,8 @@ from numpy.typing import NDArray
 
 from pareto_ltl.planning.costs import cost_named, known_costs
 from pareto_ltl.planning.limits import Price, Remedy, SegmentLimits, WorstSegment
-from pareto_ltl.planning.records import (
-    RISKS,
-    FailureRate,
-    Forest,
-    Front,
-    Objectives,
-    Plan,
-    PlannedPath,
-    Promise,
-    Tree,
-)
+from pareto_ltl.planning.rates import FailureRate, Promise
+from pareto_ltl.planning.records import RISKS, Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.settings.heights import FlownAir, Height
 from pareto_ltl.support.archives import stored
@@ -330,6 +321,8 @@ def promise_document(promise: Promise) -> dict[str, Any]:
     """The rate, then claim, bound, linearity and the result of the test."""
     document = asdict(promise)
     rate: dict[str, Any] = document.pop("rate")
+    if not promise.floor:
+        del document["floor"]
     return rate | document
 
 
@@ -401,7 +394,8 @@ def _promise(content: Mapping[str, Any] | None) -> Promise | None:
     rate, claimed = (
         FailureRate(**{name: stated[name] for name in names}) for stated in (content, content["claimed"])
     )
-    return Promise(rate, claimed, _number(content["bound"]), _number(content["linearity"]), content["passed"])
+    bound, linearity = (_number(content[name]) for name in ("bound", "linearity"))
+    return Promise(rate, claimed, bound, linearity, content["passed"], content.get("floor", 0.0))
 
 
 def _navigation(content: Mapping[str, Any]) -> Navigation | None:

@@ -11,19 +11,17 @@ import numpy as np
 
 from pareto_ltl.planning.costs import cost_named, hours_text
 from pareto_ltl.planning.limits import Price, Remedy, SegmentLimits, WorstSegment
+from pareto_ltl.planning.rates import FailureRate, Promise
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.settings.heights import FlownAir, Height
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.counts import clopper_pearson
-from pareto_ltl.support.display import Displayed, distance_text, interval_text, probability_text, rate_text
+from pareto_ltl.support.display import Displayed, distance_text, interval_text, probability_text
 from pareto_ltl.wind.coverage import level_gap
 from pareto_ltl.world.projection import Navigation
 from pareto_ltl.world.scene import Scene
 
-FLIGHTS, WEIGHTED = "flights", "importance sampling"  # methods of failure rates
 NO_PROMISE = "no failure rate is promised: the law of the plan does not explain what was measured"
-SAMPLES = {FLIGHTS: "flights", WEIGHTED: "weighted flights"}  # how the runs of each method are called
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -200,61 +198,6 @@ class PlannedPath(Displayed):
         }
 
 
-@dataclass(frozen=True, slots=True)
-class FailureRate:
-    """How often the flights of a path fail in the winds of one law.
-
-    Attributes
-    ----------
-    law : str
-        Wind law of the flights.
-    failure : float
-        Share of flights that fail.
-    low, high : float
-        95 % interval of the rate.
-    runs : int
-        Number of flights, weighted ones with importance sampling.
-    method : str
-        ``flights`` counts simulated flights; ``importance sampling`` weighs them (``simulation.importance``).
-    """
-
-    law: str
-    failure: float
-    low: float
-    high: float
-    runs: int
-    method: str = FLIGHTS
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.low <= self.failure <= self.high <= 1.0:
-            raise ValueError(
-                "a failure rate needs 0 <= low <= failure <= high <= 1, "
-                f"got {self.low:g}, {self.failure:g}, {self.high:g}"
-            )
-        if self.method not in SAMPLES:
-            raise ValueError(f"a failure rate is from {' or '.join(SAMPLES)}, got {self.method!r}")
-        if self.runs < 1:
-            raise ValueError(f"a failure rate needs at least one flight, got runs = {self.runs}")
-
-    @property
-    def failures(self) -> int:
-        """Number of flights that fail; with weighted flights, ``failure`` times ``runs``, rounded."""
-        return round(self.failure * self.runs)
-
-    @property
-    def sample(self) -> str:
-        """Number and kind of the flights of the rate: ``20,000 flights``."""
-        return f"{self.runs:,} {SAMPLES[self.method]}"
-
-    def __str__(self) -> str:
-        return f"{rate_text(self.failure, self.low, self.high)}, {self.law} winds"
-
-
-def counted_rate(law: str, failures: int, runs: int) -> FailureRate:
-    """The rate of ``failures`` among ``runs`` flights, with its 95 % Clopper-Pearson interval."""
-    return FailureRate(law, failures / runs, *clopper_pearson(failures, runs), runs)
-
-
 @dataclass(frozen=True, slots=True, repr=False)
 class Front(Displayed):
     """Non-dominated paths.
@@ -310,32 +253,6 @@ class Front(Displayed):
         risks = [path.objectives.mission_risk for path in self.paths] or [0.0]
         symbol = f"mission risk {self.models.mission_symbol} in {self.models.law} winds"
         return facts | {symbol: interval_text(min(risks), max(risks))}
-
-
-@dataclass(frozen=True, slots=True)
-class Promise:
-    """Failure rate that is promised for a plan with ``fidelity.judge=flights``, from fresh flights of it.
-
-    Attributes
-    ----------
-    rate : FailureRate
-        Rate of flights in winds that neither the optimisation nor the choice has used.
-    claimed : FailureRate
-        Rate of the flights that judged the front.
-    bound : float
-        V + R, at most 1: the bound that guided the search.
-    linearity : float
-        Largest ratio, along the path, of the position's standard deviation to the length scale of the wind
-        there.
-    passed : bool
-        Whether the claim is consistent with the fresh flights (``simulation.promise.claim_stands``).
-    """
-
-    rate: FailureRate
-    claimed: FailureRate
-    bound: float
-    linearity: float
-    passed: bool
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -18,7 +18,8 @@ from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.logic.timed import places_of
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Plan, PlannedPath
+from pareto_ltl.planning.rates import FailureRate
+from pareto_ltl.planning.records import NO_PROMISE, Plan, PlannedPath
 from pareto_ltl.simulation.flights import failure_times
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
@@ -286,6 +287,8 @@ def _promise_lines(plan: Plan, flown: Deployment, medium: Medium) -> Iterator[st
     else:
         if promise is not None:
             yield f"promised: {fails(promise.rate)}"
+            if promise.rate.failure < promise.floor:
+                yield f"promised: {promise.fails}"
         yield f"simulated: {fails(flown.rate)}"
         bound = probability_text(min(1.0, cost.mission_risk + cost.collision_risk))
         yield f"upper bound of failures, {models.mission_symbol} + R: {bound}, {models.law} {flows}"

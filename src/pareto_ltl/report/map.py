@@ -13,7 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pareto_ltl import Scene
-from pareto_ltl.planning.records import NO_PROMISE, Forest, Plan, Promise
+from pareto_ltl.planning.rates import Promise
+from pareto_ltl.planning.records import NO_PROMISE, Forest, Plan
 from pareto_ltl.report import map_layers, style
 from pareto_ltl.report.map_layers import DRAWN_VERTICES, dense_path, timed_obstacles, visited_outlines
 from pareto_ltl.report.records import DrawnRun
@@ -140,6 +141,8 @@ def promise_lines(promise: Promise | None, flows: str) -> list[str]:
         return []
     rate = promise.rate
     fails, upper = shown_probability(rate.failure), shown_probability(rate.high)
+    if rate.failure < promise.floor:
+        fails = promise.fails
     return [f"fails {fails}, at most {upper} (95 %), {rate.law} {flows}, {rate.sample}"]
 
 

@@ -105,7 +105,8 @@ def _front_numbers(front: Front) -> dict[str, float]:
 
 def _plan_numbers(plan: Plan) -> dict[str, float]:
     from pareto_ltl.planning.costs import cost_named
-    from pareto_ltl.planning.records import RISKS, WEIGHTED
+    from pareto_ltl.planning.rates import WEIGHTED
+    from pareto_ltl.planning.records import RISKS
 
     o, promise = plan.path.objectives, plan.promise
     table = {
@@ -131,6 +132,7 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
         "promise_bound": promise.bound,
         "promise_passed": float(promise.passed),
         "linearity": promise.linearity,
+        **({"promise_floor": promise.floor} if promise.floor else {}),
     }
 
 

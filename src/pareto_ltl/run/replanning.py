@@ -22,7 +22,8 @@ import numpy as np
 
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, Plan, PlannedPath, counted_rate
+from pareto_ltl.planning.rates import FailureRate, counted_rate
+from pareto_ltl.planning.records import NO_PROMISE, Front, Plan, PlannedPath
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
 from pareto_ltl.run.plan_run import Run

@@ -21,7 +21,7 @@ class SourceKind(NamedTuple):
     reads_path : bool
         Whether it reads ``wind.path``.
     forecast_error : str
-        The value of ``wind.forecast_error=auto``.
+        The value of ``wind.forecast_error=auto``, if the readings do not state their model.
     level : str
         ``selected``: the wind at ``wind.level`` is read from files that state levels. ``stated``: tables do
         not state their level, ``wind.level`` does.
@@ -48,17 +48,10 @@ WIND_SOURCES = {
     "grib": SourceKind(reads_path=True, forecast_error="gfs"),
     "netcdf": SourceKind(reads_path=True, forecast_error="gfs"),
     "stations": SourceKind(reads_path=True, forecast_error="none", level=STATED, modelled=False),
-    **{
-        name: SourceKind(reads_path=False, forecast_error=law, live=True)
-        for name, law in (
-            ("noaa", "gfs"),
-            ("nbm", "hourly_fine"),
-            ("aigfs", "gfs"),
-            ("aigefs", "gfs"),
-            ("ifs", "ecmwf_class"),
-            ("aifs", "ecmwf_class"),
-        )
-    },
+    **dict.fromkeys(
+        ("noaa", "nbm", "aigfs", "aigefs", "ifs", "aifs"),
+        SourceKind(reads_path=False, forecast_error="gfs", live=True),
+    ),
     "rtofs": SourceKind(reads_path=False, forecast_error="none", current=True, live=True),
     "currents": SourceKind(reads_path=True, forecast_error="none", current=True),
     "ensemble": SourceKind(reads_path=True, forecast_error="gfs"),

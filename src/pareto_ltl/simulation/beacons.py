@@ -16,7 +16,8 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning.pack import with_landmarks
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FailureRate, PlannedPath, counted_rate
+from pareto_ltl.planning.rates import FailureRate, counted_rate
+from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.simulation.judging import which_fail

@@ -36,7 +36,8 @@ from scipy.special import gammaincinv, ndtr, ndtri
 from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.planning.error_tail import scaled_fields, weighted_scales
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import WEIGHTED, FailureRate, PlannedPath
+from pareto_ltl.planning.rates import WEIGHTED, FailureRate
+from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.failure_modes import (
     FailureModes,

@@ -20,7 +20,8 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import FailureRate, Front, PlannedPath, counted_rate
+from pareto_ltl.planning.rates import FailureRate, counted_rate
+from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.planning.refine.separation import keeps_epsilon
 from pareto_ltl.planning.selection import box_above, chance_of_failures, hypervolume, non_dominated
 from pareto_ltl.simulation import flights as sim

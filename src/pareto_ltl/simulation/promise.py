@@ -13,7 +13,8 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import WEIGHTED, FailureRate, Front, PlannedPath, Promise, counted_rate
+from pareto_ltl.planning.rates import WEIGHTED, FailureRate, Promise, counted_rate
+from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.planning.selection_rules import choose_path, part_of_front, selection_rule
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.judging import count_failures
@@ -98,7 +99,8 @@ def fresh_promise(
     rate = fresh_rate(problem, path, runs, seed)
     bound = min(1.0, path.objectives.mission_risk + path.objectives.collision_risk)
     far = linearity(problem, wind, path.cov)
-    return Promise(rate, claimed, bound, far, claim_stands(rate, claimed))
+    floor = wind.error.floor if wind.error is not None and wind.error.parts else 0.0
+    return Promise(rate, claimed, bound, far, claim_stands(rate, claimed), floor)
 
 
 def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pareto_ltl.planning.records import FailureRate, counted_rate
+from pareto_ltl.planning.rates import FailureRate, counted_rate
 from pareto_ltl.support.archives import stored
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.display import Displayed

@@ -383,7 +383,7 @@ def delivered_text(cfg: DepartureConfig, time: float, delivered: Delivered) -> s
     rate, *ends = delivered.compared_rate
     promise, length = delivered.plan.promise, delivered.plan.path.objectives.length
     said = f"Planned in full (recommended/plan.json), a path of {length / 1e3:,.0f} km"
-    said += " is chosen" if promise is None else f" fails {promise.rate}"
+    said += " is chosen" if promise is None else f" fails {promise}"
     if math.isfinite(rate):
         said += f"; the safest compared path that is no longer has {rate_text(rate, *ends)}"
     if (arrival := time + float(delivered.plan.path.t[-1])) > _limit(cfg) + 1e-6:

@@ -84,6 +84,21 @@ def rate_text(rate: float, low: float, high: float) -> str:
     return f"{probability_text(rate)} (95 %: {interval_text(low, high)})"
 
 
+def promised_text(rate: float, floor: float) -> str:
+    """A promised rate as text; below the ``floor`` of the law of forecast errors, what its data can say.
+
+    >>> promised_text(0.05, 1 / 65)
+    '5.0 %'
+    >>> promised_text(1e-4, 1 / 65)
+    "below 1.5 % (the law's data cannot say less; 0.010 % of the simulated flights fail)"
+    """
+    shown = probability_text(rate)
+    if rate >= floor:
+        return shown
+    least = probability_text(floor)
+    return f"below {least} (the law's data cannot say less; {shown} of the simulated flights fail)"
+
+
 def energy_text(joules: float) -> str:
     """An energy [J] as text in Wh and, from 1 MJ, also in MJ: ``48.25 Wh``, ``9650 Wh (34.74 MJ)``.
 

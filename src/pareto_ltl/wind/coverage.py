@@ -9,6 +9,7 @@ import numpy as np
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.levels import level_mismatch
 from pareto_ltl.support.medium import medium_of
+from pareto_ltl.wind.error_law import ErrorLaw
 from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.records import ENSEMBLE, WindField
@@ -77,7 +78,9 @@ def coverage_of(
     left += [
         f"{medium.flows} at other {medium.levels} than {field.level}, and vertical motion of the "
         f"{medium.matter}",
-        "errors that are not Gaussian, such as a front or a storm that comes early",
+        "errors that are not Gaussian, such as a front or a storm that comes early"
+        if field.error is None or field.error.tail is None
+        else "a front or a storm that comes hours early, beyond the tails of the law",
         others,
     ]
     return Coverage("; ".join(covered) + ".", "; ".join(left) + ".")
@@ -131,12 +134,22 @@ def _forecast_part(field: WindField, covered: list[str]) -> list[str]:
     sd = np.sqrt(field.error.forecast_variance(leads * HOUR))
     covered.append(
         f"forecast error by the law {field.error.name} for leads {_range(leads.tolist(), 'h')}, "
-        f"{_range(sd.tolist(), 'm/s')} a component"
+        f"{_range(sd.tolist(), 'm/s')} a component{_tail_text(field.error)}"
     )
     return (
         []
         if field.error.forecast_variance(np.zeros(1))[0] > 0
         else ["errors of analyses (forecasts of lead 0)"]
+    )
+
+
+def _tail_text(law: ErrorLaw) -> str:
+    """The tails of a law, and its number of situations."""
+    if law.situations is None:
+        return ""
+    tails = "" if law.tail is None else " with heavy tails"
+    return (
+        f"{tails} ({law.situations} situations, which cannot tell rates below {probability_text(law.floor)})"
     )
 
 

@@ -68,11 +68,15 @@ class Snapshot:
 
 
 class Snapshots(NamedTuple):
-    """Every wind in ``files``, and ``notes`` of quality control, one line each."""
+    """Every wind in ``files``, and ``notes`` of quality control, one line each.
+
+    ``law`` is the packaged law of forecast errors that fits their model; empty if it is not known.
+    """
 
     winds: tuple[Snapshot, ...]
     files: tuple[Path, ...]
     notes: tuple[str, ...] = ()
+    law: str = ""
 
 
 # --- snapshots from the grid of a file ---------------------------------------------------------
@@ -178,7 +182,7 @@ def earth_relative(
 
 
 def latest_readings(
-    snapshots: Sequence[Snapshot], files: tuple[Path, ...], notes: tuple[str, ...] = ()
+    snapshots: Sequence[Snapshot], files: tuple[Path, ...], notes: tuple[str, ...] = (), law: str = ""
 ) -> Readings:
     """Readings with one wind for each valid time, from the newest cycle.
 
@@ -204,7 +208,7 @@ def latest_readings(
             best[snap.time] = snap
     if twice:
         notes = (*notes, f"{twice} fields occur twice with the same values: read once")
-    return readings_of([best[time] for time in sorted(best)], files, notes=notes)
+    return readings_of([best[time] for time in sorted(best)], files, notes=notes, law=law)
 
 
 def same_values(one: FloatArray, two: FloatArray) -> bool:
@@ -255,7 +259,11 @@ def known_at(snapshots: Sequence[Snapshot], moment: float, delay: float) -> tupl
 
 
 def ensemble_readings(
-    snapshots: Sequence[Snapshot], files: tuple[Path, ...], cfg: WindConfig, notes: tuple[str, ...] = ()
+    snapshots: Sequence[Snapshot],
+    files: tuple[Path, ...],
+    cfg: WindConfig,
+    notes: tuple[str, ...] = (),
+    law: str = "",
 ) -> Readings:
     """Mean and deviations of the members at every valid time with at least two members.
 
@@ -283,6 +291,8 @@ def ensemble_readings(
         ``forecast_error=none``, only the members determine the error.
     notes : tuple of str
         Remarks to which those on the ensemble are added.
+    law : str
+        The law of forecast errors that fits the model; empty if it is not known.
 
     Raises
     ------
@@ -312,6 +322,7 @@ def ensemble_readings(
         notes=(*notes, *said),
         members=tuple(deviations for _, deviations in found),
         forecast_share=1.0 - share,
+        law=law,
     )
 
 

@@ -18,7 +18,8 @@ import numpy as np
 from pareto_ltl.exports.exported import absent_sentence, height_sentence, vehicle_of
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.planning.records import NO_PROMISE, FailureRate, Front, Plan
+from pareto_ltl.planning.rates import FailureRate
+from pareto_ltl.planning.records import NO_PROMISE, Front, Plan
 from pareto_ltl.report.components import MODULES, STYLE, bundled, component, page_environment
 from pareto_ltl.report.limits import PlanLimits, chosen_number, priced_obstacles
 from pareto_ltl.report.page import points
@@ -169,7 +170,7 @@ def _headline(run: ShownRun, plan: Plan, chosen: int | None) -> Iterator[dict[st
     if promise is not None:
         gap = plan.level_gap
         note = _interval_note(promise.rate, flows) + (f"; no promise: {gap}" if gap else "")
-        yield fact("fails", probability_text(promise.rate.failure), note)
+        yield fact("fails", promise.fails, note)
     elif plan.alarmed:
         yield fact("fails", "no promise", NO_PROMISE)
     else:
@@ -209,7 +210,8 @@ def _verdicts(run: ShownRun, plan: Plan) -> Iterator[dict[str, str]]:
         promise = plan.promise
         stands = "the claim stands" if promise.passed else "above what the front claimed"
         promised = "" if plan.level_gap else "promised: "
-        yield _row(f"{promised}fresh flights of the plan", promise.rate, f"{promise.rate.sample}; {stands}")
+        fresh = _row(f"{promised}fresh flights of the plan", promise.rate, f"{promise.rate.sample}; {stands}")
+        yield fresh | {"rate": promise.fails}
         yield _row("claimed when the front was judged", promise.claimed, promise.claimed.sample)
     for law in _laws(run.deployments, plan.models.law):
         flown = run.deployments[law]

@@ -122,7 +122,8 @@ def _read_currents(cfg: WindConfig, wanted: Wanted) -> Readings:
     """Currents of GRIB or NetCDF files, all of one format."""
     files = data_files(cfg)
     if all(format_of(first_bytes(file)) == "GRIB" for file in files):
-        return latest_readings(*grib_snapshots_apart(files, cfg.max_speed, cfg.level, wanted.area, CURRENTS))
+        read = grib_snapshots_apart(files, cfg.max_speed, cfg.level, wanted.area, CURRENTS)
+        return latest_readings(*read._replace(law=""))
     return latest_readings(*netcdf_snapshots(files, CURRENTS, cfg.level, cfg.max_speed, wanted.area))
 
 
@@ -158,7 +159,8 @@ def _read_ensemble(cfg: WindConfig, wanted: Wanted) -> Readings:
     snapshots = [snap for _, one in found for snap in one.winds]
     several = len(found) > 1
     notes = [f"{name}: {note}" if several else note for name, one in found for note in one.notes]
-    return ensemble_readings(snapshots, files, cfg, tuple(notes))
+    laws = {one.law for _, one in found}
+    return ensemble_readings(snapshots, files, cfg, tuple(notes), laws.pop() if len(laws) == 1 else "")
 
 
 def _read_given(_cfg: WindConfig, _wanted: Wanted) -> Readings:

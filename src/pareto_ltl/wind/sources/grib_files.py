@@ -74,6 +74,8 @@ LEVELS = {
     },
 }  # by the meaning of lengths
 STEP_TYPES = {"avg": "average", "max": "maximum", "min": "minimum"}
+LAWS = {"edzw": "icon_eu", "ecmf": "ecmwf_class"}  # packaged law of forecast errors, by originating centre
+HOURLY = ("kwbc", 83)  # HRRR: centre, and number of the generating process
 Message = Any  # of cfgrib: a mapping of keys of ecCodes
 
 
@@ -96,6 +98,8 @@ class _Scan:
         Numbers of winds at the level that are not values of an instant, by kind, e.g. ``average``.
     twice : int
         Number of messages that are in the files once more.
+    laws : set of str
+        Packaged laws of forecast errors of the models of the winds; an empty text if there is none.
     """
 
     quantity: Quantity
@@ -106,6 +110,7 @@ class _Scan:
     grids: dict[str, Nodes] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
     twice: int = 0
+    laws: set[str] = field(default_factory=set)
 
 
 def grib_snapshots_apart(
@@ -147,7 +152,7 @@ def grib_snapshots_apart(
         )
         for time, lead, points, winds, wind_level, names, member, air in told["winds"]
     )
-    return Snapshots(winds, files, tuple(told["notes"]))
+    return Snapshots(winds, files, tuple(told["notes"]), told["law"])
 
 
 def _answer(task: str, answer: Path) -> None:
@@ -173,7 +178,7 @@ def _answer(task: str, answer: Path) -> None:
             )
             for w in found.winds
         ]  # fmt: skip
-        told: dict[str, Any] = {"winds": winds, "notes": found.notes}
+        told: dict[str, Any] = {"winds": winds, "notes": found.notes, "law": found.law}
     except (DataError, ConfigError) as error:
         told = {"error": str(error)}
     part = answer.with_suffix(".part")
@@ -218,7 +223,8 @@ def grib_snapshots(
     _add_temperatures(scan, at)
     if at.text != scan.level.text:
         notes.append(f"the level {at.text} is used for {scan.level.text}")
-    return earth_relative(winds_of(scan.fields[at], at), files, at, max_speed, notes)
+    found = earth_relative(winds_of(scan.fields[at], at), files, at, max_speed, notes)
+    return found._replace(law=next(iter(scan.laws)) if len(scan.laws) == 1 else "")
 
 
 def _has_wind(parts: dict[str, Component]) -> bool:
@@ -276,6 +282,12 @@ def _add_temperature(message: Message, file: Path, scan: _Scan) -> None:
     pair.setdefault(TEMPERATURE, Component(values, nodes, file, level.text))
 
 
+def _law_of(message: Message) -> str:
+    """The packaged law that fits the model of a message; empty if there is none."""
+    centre, process = (message.get(key) for key in ("centre", "generatingProcessIdentifier"))
+    return "hourly_fine" if (centre, process) == HOURLY else LAWS.get(str(centre), "")
+
+
 def _key(message: Message) -> Key:
     """Time, lead and member of a field."""
     time, begin = float(message["valid_time"]), float(message["time"])
@@ -286,6 +298,8 @@ def _add(message: Message, component: str, level: Level, file: Path, scan: _Scan
     """Add one field; of two with the same values, one."""
     if component != SURFACE_PRESSURE and (unit := message["units"]) not in UNITS:
         raise DataError(f"wind file {file}: {component} is in {unit}; expected m s-1: convert the file")
+    if component != SURFACE_PRESSURE:
+        scan.laws.add(_law_of(message))
     key = _key(message)
     pair = scan.fields.setdefault(level, {}).setdefault(key, {})
     nodes = _nodes_of(message, file, scan)

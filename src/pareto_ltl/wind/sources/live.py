@@ -63,8 +63,8 @@ def read_live(cfg: WindConfig, wanted: Wanted) -> Readings:
     cycle = iso(snapshots[0].cycle)
     note = f"{model.name} forecast of {cycle}; wind.cycle={cycle} reads the same one again"
     if len({snapshot.member for snapshot in snapshots}) > 1:
-        return ensemble_readings(snapshots, found.files, cfg, (note, *read.notes))
-    return latest_readings(snapshots, found.files, (note, *read.notes))
+        return ensemble_readings(snapshots, found.files, cfg, (note, *read.notes), model.law)
+    return latest_readings(snapshots, found.files, (note, *read.notes), model.law)
 
 
 def live_files(cfg: WindConfig, wanted: Wanted) -> tuple[Path, ...]:

@@ -91,6 +91,8 @@ class LiveModel:
         What to know if a forecast is not there.
     pause : float
         Time between two requests [s].
+    law : str
+        The packaged law of forecast errors that fits the model; empty: that of the source.
     """
 
     name: str
@@ -111,6 +113,7 @@ class LiveModel:
     quantity: Quantity = WINDS
     hint: str = ""
     pause: float = 0.0
+    law: str = ""
 
     def downloads(
         self, base: str | None, cycle: float, step: int, level: Level, members: int, region: str
@@ -213,6 +216,7 @@ MODELS = {
             long_cycles=(0, 6, 12, 18),
             long_steps=((48, 1),),
             area=GeoBox(-134.1, 21.1, 73.2, 52.7),
+            law="hourly_fine",
         ),
         LiveModel(
             "gefs",
@@ -229,6 +233,7 @@ MODELS = {
             first_step=1,
             steps=((36, 1), (192, 3), (264, 6)),
             area=CONUS_NBM,
+            law="hourly_fine",
         ),
         LiveModel(
             "aigfs",
@@ -273,6 +278,7 @@ MODELS = {
             members=51,
             others=STAMP + "/ifs/0p25/enfo/{cycle:%Y%m%d%H%M%S}-{step}h-enfo-ef.grib2",
             hint=ECMWF_HINT,
+            law="ecmwf_class",
         ),
         LiveModel(
             "aifs",
@@ -284,6 +290,7 @@ MODELS = {
             control=f"{AIFS_ENSEMBLE}-cf.grib2",
             others=f"{AIFS_ENSEMBLE}-pf.grib2",
             hint=ECMWF_HINT,
+            law="ecmwf_class",
         ),
     )
 }
