@@ -109,7 +109,7 @@ class WindConfig(CheckedSettings, section="wind"):
     energy: float = setting(
         0.99, "share of the posterior variance in the coherent modes; the rest is white", "(0, 1)"
     )
-    modes_max: int = setting(32, "largest number of modes of a component", "[1, 10_000]")
+    modes_max: int = setting(64, "largest number of modes of a component", "[1, 10_000]")
     modes_spacing: float = setting(50_000.0, "spacing of the lattice of the modes", "(0, 1e7]", unit="m")
     rho: float | None = setting(
         None,

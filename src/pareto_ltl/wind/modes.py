@@ -287,13 +287,19 @@ def _mode_lags(psi: FloatArray, shape: tuple[int, int]) -> FloatArray:
 
 
 def _correlation_length(nodes: FloatArray, lags: FloatArray) -> float:
-    """∫ correlation dr [m] from 0 to its first zero, by the trapezoidal rule over ``lags`` (H,)."""
+    """∫ (1 - s/H) κ(s) ds [m] from 0 to H, half the shorter side of the map, over ``lags`` (H/Δ + 1,).
+
+    With it, the mean of the remainder over a line of length H has its true variance: what the modes leave
+    changes its sign within short distances, and errors of opposite sign cancel. At least 0.
+
+    Eq. (M19) of docs/mathematics.md.
+    """
     if lags[0] <= 0.0:
         return 0.0
     spacing = float(nodes[1, 1] - nodes[0, 1])
-    below = np.flatnonzero(lags <= 0.0)
-    end = int(below[0]) if len(below) else len(lags)
-    return spacing * float(0.5 + (lags[1:end] / lags[0]).sum())
+    weight = 1.0 - np.arange(len(lags)) / len(lags)
+    weight[0] = 0.5
+    return max(spacing * float(weight @ lags / lags[0]), 0.0)
 
 
 # --- persistence ------------------------------------------------------------------------------

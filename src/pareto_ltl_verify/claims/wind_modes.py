@@ -130,20 +130,22 @@ def rest_covariance(modes: Modes, parts: Mapping[int, PartCovariance]) -> FloatA
 
 
 def correlation_length(modes: Modes, cov: FloatArray) -> float:
-    """∫ correlation dr [m] of ``cov`` (N, N) over the distance, along rows and columns of the nodes.
+    """Half the variance of the mean of ``cov`` (N, N) over a line [m], relative to its variance, times the line.
 
-    From 0 to the first distance at which it is not positive, at most half the shorter side, by trapezoids.
+    The line lies along rows or columns of the nodes and is half as long as the shorter side. The variance is
+    a sum over pairs of its nodes: n of them at distance 0, and 2 (n - h) at distance h.
     """
     nx, ny = len(modes.x), len(modes.y)
     i, j = np.divmod(np.arange(nx * ny), ny)
-    means = []
-    for h in range(min(nx, ny) // 2 + 1):
+    n, total, variance = min(nx, ny) // 2 + 1, 0.0, 0.0
+    for h in range(n):
         east, north = np.flatnonzero(i + h < nx), np.flatnonzero(j + h < ny)
-        means.append((cov[east, east + h * ny].mean() + cov[north, north + h].mean()) / 2)
-    if means[0] <= 0:
+        mean = (cov[east, east + h * ny].mean() + cov[north, north + h].mean()) / 2
+        variance = variance or mean
+        total += mean * (n - h) * (2 if h else 1)
+    if variance <= 0:
         return 0.0
-    positive = np.cumprod(np.array(means) > 0).astype(bool)
-    return float((modes.y[1] - modes.y[0]) * (np.array(means)[positive].sum() / means[0] - 0.5))
+    return max(float((modes.y[1] - modes.y[0]) * total / (2 * n * variance)), 0.0)
 
 
 def aligned_fault(modes: Modes) -> float:
