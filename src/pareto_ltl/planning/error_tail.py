@@ -34,7 +34,7 @@ class ErrorTail(NamedTuple):
     moment : (E,) float
         s_k of each epoch.
     kept : (E,) float
-        Correlation of h with that of the epoch before; 0 in the first epoch.
+        Correlation of h_k and h_{k-1}; 0 in the first epoch.
     scaled : (P,) bool
         Which modes belong to parts of the forecast.
     """

@@ -130,7 +130,7 @@ def rest_covariance(modes: Modes, parts: Mapping[int, PartCovariance]) -> FloatA
 
 
 def correlation_length(modes: Modes, cov: FloatArray) -> float:
-    """Half the variance of the mean of ``cov`` (N, N) over a line [m], relative to its variance, times the line.
+    """Half a line [m] times the variance of the mean of ``cov`` (N, N) over it, relative to the variance.
 
     The line lies along rows or columns of the nodes and is half as long as the shorter side. The variance is
     a sum over pairs of its nodes: n of them at distance 0, and 2 (n - h) at distance h.

@@ -92,7 +92,7 @@ class LiveModel:
     pause : float
         Time between two requests [s].
     law : str
-        The packaged law of forecast errors that fits the model; empty: that of the source.
+        The packaged law of forecast errors that fits the model; empty: the source has one.
     """
 
     name: str
