@@ -17,7 +17,7 @@ from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import Readings
-from pareto_ltl.wind.records import WindField
+from pareto_ltl.wind.records import PARTS, WindField
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
@@ -73,7 +73,7 @@ def test_the_wind_has_the_names_places_and_levels_of_the_conventions(
         np.testing.assert_allclose(y, np.broadcast_to(found["y"].values[:, None], y.shape), atol=0.01)
         assert east.attrs["ancillary_variables"] in found.variables
         parts = found["mode_part"]
-        assert list(parts.attrs["flag_values"]) == [-1, 0, 1, 2, 3, 4]
+        assert list(parts.attrs["flag_values"]) == list(range(-1, len(PARTS)))
         assert len(parts.attrs["flag_meanings"].split()) == 6
         assert set(np.unique(parts)) <= set(parts.attrs["flag_values"])
         assert all("units" in one.attrs or name in UNITLESS for name, one in found.variables.items())
