@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lies.editing import Lie, both, in_metrics, in_wind, put, scaled
-from pareto_ltl_verify.wind_fit import error_law
+from pareto_ltl_verify.wind_law import error_law
 from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, TIME
 
 

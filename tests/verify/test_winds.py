@@ -22,7 +22,7 @@ from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import WindField, WindModes, WindObservations
 from pareto_ltl_verify import wind_fit
 from pareto_ltl_verify.claims import wind_modes
-from pareto_ltl_verify.wind_fit import HOUR, ErrorLaw, error_law
+from pareto_ltl_verify.wind_law import HOUR, ErrorLaw, error_law
 from pareto_ltl_verify.wind_tables import clock, read_wind_file
 
 DT = 1800.0

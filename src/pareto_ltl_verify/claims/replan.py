@@ -18,8 +18,8 @@ from pareto_ltl_verify.claims import Claim, Verdict, close, likely, no_fault, wi
 from pareto_ltl_verify.evidence import Evidence, open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_rate
 from pareto_ltl_verify.laws import Course
-from pareto_ltl_verify.wind_fit import ErrorLaw
-from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, SPACE, TIME, WindFile, square_of
+from pareto_ltl_verify.wind_law import ErrorLaw
+from pareto_ltl_verify.wind_tables import ENSEMBLE, HELD, SPACE, TIME, WindFile, square_of
 
 OLD_PLAN = "replan: the rest of the old plan"
 OF_THE_FIXES = ("replan: position given the fixes", "replan: expected wind given the fixes")
@@ -207,12 +207,12 @@ def _persistence(old: WindFile, new: WindFile, now: int, k: int, *, held: bool) 
     law, last = old.error, new.last_field
     apart = abs(min(float(new.times[k]), last) - min(float(new.times[now]), last))
     of_part = {SPACE: old.modes.rho ** (apart / old.modes.gap), ENSEMBLE: 1.0}
-    if law is not None:
-        of_part[FORECAST] = law.persistence ** (apart / law.persistence_time)
-        if new.held is not None:
-            lags = (new.times - new.held).tolist()
-            fade = math.prod(law.change_correlation(lags[j], lags[j + 1]) for j in range(now, k))
-            of_part[TIME if held else HELD] = fade * (_mean_change(law, lags, k) if held else 1.0)
+    lead = float(new.leads[min(k, now)])
+    of_part |= {number: part.kept(lead, apart) for number, part in old.law_parts.items()}
+    if law is not None and new.held is not None:
+        lags = (new.times - new.held).tolist()
+        fade = math.prod(law.change_correlation(lags[j], lags[j + 1]) for j in range(now, k))
+        of_part[TIME if held else HELD] = fade * (_mean_change(law, lags, k) if held else 1.0)
     return np.array([of_part.get(part, 0.0) for part in old.modes.part.tolist()])
 
 

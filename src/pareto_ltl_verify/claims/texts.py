@@ -25,7 +25,7 @@ from pareto_ltl_verify.evidence import HELD_RUNS, Evidence
 from pareto_ltl_verify.flights import RARE, rate_of, same_rate
 from pareto_ltl_verify.geometry import in_plane, within
 from pareto_ltl_verify.heights import level_flight, stated_level
-from pareto_ltl_verify.wind_fit import HOUR
+from pareto_ltl_verify.wind_law import HOUR
 from pareto_ltl_verify.wind_tables import ENSEMBLE, level_of
 
 FINEST = 1.0  # [m] standard deviation whose square corridors add to each variance of the position
@@ -251,7 +251,7 @@ def _covered(result: Evidence) -> Iterator[str]:
         )
     leads = wind.leads[np.isfinite(wind.leads)]
     if (law := wind.error) is not None:
-        if law.forecast_sd.any() and len(leads):
+        if law.parts and len(leads):
             sd = _range(np.sqrt(law.forecast_variance(leads)), "m/s")
             ages = _range(leads / HOUR, "h")
             yield f"forecast error by the law {law.name} for leads {ages}, {sd} a component"
@@ -307,12 +307,12 @@ def _utc(zero: str, later: float = 0.0) -> str:
 def _not_covered(result: Evidence) -> Iterator[str]:
     wind, law, flow = result.wind, result.wind.error, _flow(result)
     leads = wind.leads[np.isfinite(wind.leads)] / HOUR
-    if law is None or not law.forecast_sd.any():
+    if law is None or not law.parts:
         leads_text = f" (leads {_range(leads, 'h')})" if len(leads) else ""
         yield f"errors of the fields themselves: analyses and forecasts{leads_text} are taken as true"
     elif not len(leads):
         yield "forecast error: the readings do not say how old their forecast is (lead_hours)"
-    elif law.forecast_sd[0] <= 0:
+    elif law.forecast_variance(np.zeros(1))[0] <= 0:
         yield "errors of analyses (forecasts of lead 0)"
     if law is None:
         yield f"the change of the {flow} between fields"
