@@ -31,9 +31,12 @@ CLEAR = 2e-6  # largest allowed error of a posterior, as a share of the prior's 
 def has_fit(result: Evidence) -> Verdict:
     """wind.nc names the readings from which it was fitted, and only calm air has none."""
     wind = result.wind
-    still = not (wind.mean.any() or wind.latent.any() or wind.gust.any())
     found = "none" if wind.fit is None else f"{sum(map(len, wind.fit.points))} readings"
-    return Verdict("readings or calm air", found, still == (wind.fit is None))
+    return Verdict("readings or calm air", found, _is_calm(wind) == (wind.fit is None))
+
+
+def _is_calm(wind: WindFile) -> bool:
+    return not (wind.mean.any() or wind.latent.any() or wind.gust.any())
 
 
 def calm_air(result: Evidence) -> Verdict | None:
@@ -158,7 +161,7 @@ def level_and_leads(result: Evidence) -> Verdict:
         f"level {named}": level_of(wind.level) != level_of(named),
         "a lead is negative": (wind.leads < 0).any(),
         "a lead is not known": forecasts and several and not known.all(),
-        "leads of calm air": wind.fit is None and known.any(),
+        "leads of calm air": _is_calm(wind) and known.any(),
     }
     return no_fault(f"{wind.level}, {known.sum()} leads", faults)
 
