@@ -56,9 +56,9 @@ SOURCES = {
     "grib": Source("gfs", ensemble=True, level=True),
     "netcdf": Source("gfs", ensemble=True, level=True),
     "stations": Source("none", ensemble=False, level=True, modelled=False),
-    **dict.fromkeys(
-        ("noaa", "nbm", "aigfs", "aigefs", "ifs", "aifs"), Source("gfs", ensemble=True, level=True)
-    ),
+    **dict.fromkeys(("noaa", "aigfs", "aigefs"), Source("gfs", ensemble=True, level=True)),
+    **dict.fromkeys(("ifs", "aifs"), Source("ecmwf_class", ensemble=True, level=True)),
+    "nbm": Source("hourly_fine", ensemble=True, level=True),
     **dict.fromkeys(CURRENTS, Source("none", ensemble=False, level=False)),
     "ensemble": Source("gfs", ensemble=True, level=True),
     "given": Source(None, ensemble=True, level=True),

@@ -14,6 +14,7 @@ from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl_verify import wind_fit, wind_law
 from pareto_ltl_verify.claims import Claim, Verdict, close, far_apart, no_fault, same, true_of, within
+from pareto_ltl_verify.claims.readings import models_of
 from pareto_ltl_verify.claims.wind_modes import CLAIMS as MODE_CLAIMS
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.wind_fit import Fit
@@ -22,6 +23,8 @@ from pareto_ltl_verify.wind_tables import WindFile, level_of, source_of
 
 LAWS = PACKAGE / "support" / "data" / "forecast_errors"
 FIRST_LAW, PACKAGED = LAWS / "gfs.json", {path.stem: path for path in (LAWS / "parts").glob("*.json")}
+FROM_FILES = ("grib", "ensemble")  # sources whose files may state their model
+LAWS_OF_MODELS = {"edzw": "icon_eu", "ecmf": "ecmwf_class", "kwbc 83": "hourly_fine"}  # centre, process
 MOST_NODES = 4000  # limit of the number of nodes of a slot at which the posterior is computed
 LAW_WEIGHT = 10.0  # degrees of freedom of the law in the factor of D
 LEAST_FACTOR, MOST_FACTOR = 0.25, 4.0
@@ -191,19 +194,25 @@ def forecast_error(result: Evidence) -> Verdict | None:
 def _named_law(result: Evidence, stated: ErrorLaw) -> str:
     """The law that wind.forecast_error names; for auto without a law of the source, the law in wind.nc.
 
-    The files of a weather model may imply the law of this model: which one is not derived again.
+    With auto, the model of GRIB files decides; of files that are not read once more, the law in wind.nc.
     """
     settings = result.settings["wind"]
-    if settings["forecast_error"] != "auto":
-        return str(settings["forecast_error"])
-    usual = source_of(settings["source"]).law or ("gfs" if stated.parts else "none")
-    return stated.name if usual == "gfs" and stated.name in PACKAGED else usual
+    source, named = str(settings["source"]), str(settings["forecast_error"])
+    if named != "auto":
+        return named
+    if source not in FROM_FILES:
+        hourly = source == "noaa" and settings.get("model") == "hrrr"
+        return "hourly_fine" if hourly else source_of(source).law or ("gfs" if stated.parts else "none")
+    if (models := models_of(result)) is None:
+        return stated.name if stated.name in PACKAGED else "gfs"
+    laws = {LAWS_OF_MODELS.get(model, LAWS_OF_MODELS.get(model.split()[0], "gfs")) for model in models}
+    return laws.pop() if len(laws) == 1 else "gfs"
 
 
 def _law_file(name: str, stated: ErrorLaw) -> Path:
     """The file of the law ``name``: a packaged one, or another."""
-    first = name == "gfs" and stated.facts["schema"] == VERSION_1  # of earlier versions of the program
-    if first or name in ("none", "gfs_one_part"):
+    first = stated.facts["schema"] == VERSION_1  # "gfs" in earlier versions of the program
+    if (first and name in PACKAGED) or name in ("none", "gfs_one_part"):
         return FIRST_LAW
     return PACKAGED.get(name, Path(name).expanduser())
 
