@@ -40,8 +40,8 @@ OLD_LAW = "replan: law of forecast errors"
 MANY = 20_000
 
 
-def forecast(place: Path, hours: int, member: int = 0) -> Path:
-    """A GRIB file of light winds every 6 h, of one member."""
+def forecast(place: Path, hours: int, member: int = 0, centre: str = "kwbc") -> Path:
+    """A GRIB file of light winds every 6 h, of one member of the model of a centre."""
     place.mkdir(parents=True)
     lon, lat = np.meshgrid(np.deg2rad(LON), np.deg2rad(LAT))
     raw = []
@@ -49,7 +49,7 @@ def forecast(place: Path, hours: int, member: int = 0) -> Path:
         phase = 0.05 * hour + 0.3 * member
         u, v = 2.0 * np.sin(6 * lat + phase), 1.5 * np.cos(5 * lon - phase) + 0.4 * np.sin(9 * lat)
         for values, what in ((u, U10), (v, V10)):
-            run = {"dataDate": 20181006, "dataTime": 0}
+            run = {"dataDate": 20181006, "dataTime": 0, "centre": centre}
             raw.append(grib_message(values, what, AGE + hour, **run, **GRID))
     (place / "wind.grib2").write_bytes(b"".join(raw))
     return place / "wind.grib2"
@@ -95,6 +95,7 @@ def test_all_claims_of_a_plan_under_a_law_of_parts_hold(made: tuple[pareto_ltl.R
     } <= named
     assert {LASTING, SLOW} < parts(made[1])
     assert FORECAST not in parts(made[1])
+    assert open_evidence(made[1]).wind.error.name == "gfs"
 
 
 @pytest.mark.parametrize("late", [False, True])
@@ -141,15 +142,15 @@ def test_all_claims_under_other_laws_hold(
 
 
 def test_all_claims_of_a_plan_in_an_ensemble_hold(tmp_path: Path) -> None:
-    """The law has the share of the variance that few members leave."""
+    """The law of their centre has the share of the variance that few members leave."""
     pytest.importorskip("eccodes")
     for member in range(4):
-        forecast(tmp_path / "members" / f"m{member}", 12, member)
+        forecast(tmp_path / "members" / f"m{member}", 12, member, "ecmf")
     planned(tmp_path / "plan", {"source": "ensemble", "path": str(tmp_path / "members")})
     assert wrong(tmp_path / "plan") == []
     assert {ENSEMBLE, LASTING} < parts(tmp_path / "plan")
     law = open_evidence(tmp_path / "plan").wind.error
-    whole = law_of_parts_named("gfs").forecast_variance(np.array([3600.0 * AGE]))
+    whole = law_of_parts_named("ecmwf_class").forecast_variance(np.array([3600.0 * AGE]))
     assert law.forecast_variance(np.array([3600.0 * AGE])) == pytest.approx(whole * 10 / 13, rel=1e-6)
 
 
@@ -178,17 +179,22 @@ def test_the_judge_draws_the_scales_of_the_planner(made: tuple[pareto_ltl.Run, P
 
 
 def test_the_judge_flies_in_the_tails_of_the_planner(made: tuple[pareto_ltl.Run, Path]) -> None:
-    """Positions of the planner's flights agree with those of the judge, and not with Gaussian ones."""
+    """Positions of the planner's flights agree with those of the judge, and not with Gaussian ones.
+
+    The scale spreads more than in the law, so that many flights are not necessary.
+    """
     run, place = made
     result, path = open_evidence(place), run.plan.path
-    law = result.law("coherent")
-    flown = simulate_flights(run.problem, path.u, MANY, "coherent", SeedSequence(3), path.x).x[:, -1:]
-    own = fly(law, path.x, path.u, MANY, np.random.default_rng(4))[:, -1:]
+    law, problem = result.law("coherent"), run.problem
+    problem = replace(problem, tail=problem.tail._replace(flight=1.1))
+    error = law.wind.error
+    wide = replace(law.wind, error=replace(error, tail=replace(error.tail, flight=1.1)))
+    flown = simulate_flights(problem, path.u, MANY, "coherent", SeedSequence(3), path.x).x[:, -1:]
+    own = fly(replace(law, wind=wide), path.x, path.u, MANY, np.random.default_rng(4))[:, -1:]
     assert same_distribution(own, flown, result.grain) >= RARE
-    plain = replace(law, wind=replace(law.wind, error=replace(law.wind.error, tail=None)))
+    plain = replace(law, wind=replace(law.wind, error=replace(error, tail=None)))
     gaussian = fly(plain, path.x, path.u, MANY, np.random.default_rng(4))[:, -1:]
     assert same_distribution(gaussian, flown, result.grain) < RARE
-    assert np.cov(own[:, 0].T) == pytest.approx(np.cov(gaussian[:, 0].T), rel=0.12, abs=2e6)
 
 
 def test_only_the_parts_of_forecasts_have_tails(made: tuple[pareto_ltl.Run, Path]) -> None:
