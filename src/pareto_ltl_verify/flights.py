@@ -17,6 +17,7 @@ from pareto_ltl_verify.gaussians import ON_EDGE
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, deepest, met_by_any
 from pareto_ltl_verify.laws import Coherent, Independent, Landmark, Law, fly_means
 from pareto_ltl_verify.robot import Robot
+from pareto_ltl_verify.tails import drawn_scales, scaled_field
 from pareto_ltl_verify.wind_tables import square_of
 
 SHORTEST = 1e-12  # share of a step; shorter pieces of it are rounding
@@ -194,11 +195,12 @@ def fly(
     x[:, 0] = mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
     filters = Filters(law, mean, landmarks, runs) if landmarks else None
     theta, before = rng.standard_normal((runs, law.coefficients)), np.broadcast_to(u[:1], (runs, 2))
+    scales = drawn_scales(law, runs, rng)
     limited = robot.capacity is not None and (filters is not None or robot.feedback > 0.0)
     left = np.full(runs, robot.capacity) if limited else None  # [J]
     for t, planned in enumerate(u):
         theta = next_field(law, t, theta, rng) if t else theta
-        wind = _drawn_wind(law, x[:, t], t, theta, rng)
+        wind = _drawn_wind(law, x[:, t], t, scaled_field(law, t, theta, scales), rng)
         own = theta[:, law.modes :]
         if filters:
             wanted = filters.controls(x, t, planned, rng)

@@ -108,6 +108,7 @@ def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
             if replan.flown_result(result) is None:
                 reasons["the plan before it is not where replan.json says, or another one"] = (
                     replan.OLD_PLAN,
+                    replan.OLD_LAW,
                     *replan.OF_THE_FIXES,
                 )
     elif result.has("wind.nc"):

@@ -12,13 +12,19 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl_verify.wind_fit import ErrorLaw, Fit, error_law
+from pareto_ltl_verify.wind_fit import Fit
+from pareto_ltl_verify.wind_law import ErrorLaw, LawPart, error_law
 
 COMPONENTS = ("u", "v")
 PARTS = (  # of the error of a field
     "interpolation in space", "forecast", "interpolation in time", "ensemble", "change of a held field",
+    "lasting part of the forecast", "growing part of the forecast", "slow part of the forecast",
+    "local part of the forecast",
 )  # fmt: skip
-SPACE, FORECAST, TIME, ENSEMBLE, HELD = range(5)
+SPACE, FORECAST, TIME, ENSEMBLE, HELD, LASTING, GROWING, SLOW, LOCAL = range(len(PARTS))
+OF_FORECASTS = {  # by the name of a part of the law
+    "forecast": FORECAST, "lasting": LASTING, "growing": GROWING, "slow": SLOW, "local": LOCAL,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +56,9 @@ SOURCES = {
     "grib": Source("gfs", ensemble=True, level=True),
     "netcdf": Source("gfs", ensemble=True, level=True),
     "stations": Source("none", ensemble=False, level=True, modelled=False),
-    **dict.fromkeys(
-        ("noaa", "nbm", "aigfs", "aigefs", "ifs", "aifs"), Source("gfs", ensemble=True, level=True)
-    ),
+    **dict.fromkeys(("noaa", "aigfs", "aigefs"), Source("gfs", ensemble=True, level=True)),
+    **dict.fromkeys(("ifs", "aifs"), Source("ecmwf_class", ensemble=True, level=True)),
+    "nbm": Source("hourly_fine", ensemble=True, level=True),
     **dict.fromkeys(CURRENTS, Source("none", ensemble=False, level=False)),
     "ensemble": Source("gfs", ensemble=True, level=True),
     "given": Source(None, ensemble=True, level=True),
@@ -159,6 +165,11 @@ class WindFile:
     def last_field(self) -> float:
         """Time of the last field of the data [s]; later it is held."""
         return float(self.times[-1]) if self.held is None else self.held
+
+    @property
+    def law_parts(self) -> dict[int, LawPart]:
+        """The parts of the law of forecast errors, by their numbers among ``PARTS``."""
+        return {} if self.error is None else {OF_FORECASTS[part.name]: part for part in self.error.parts}
 
 
 def read_wind_file(path: Path) -> WindFile:
@@ -319,9 +330,10 @@ def _between(wind: WindFile, now: float) -> float:
 def _kept(wind: WindFile, nearest: IntArray, t: FloatArray, n: int) -> FloatArray:
     """Correlation of θ of each part at step n with θ at step n - 1.
 
-    Interpolation in space and forecasts: ρ to the power of the time between the slots. Interpolation in time:
-    0 from one gap between fields to the next; of a held field, the correlation of its changes up to the
-    middles of two periods. Slots of a held field differ only in the change since it.
+    Interpolation in space: ρ to the power of the time between the slots. Forecasts: what each part of the law
+    keeps over that time from the lead of the slot before on. Interpolation in time: 0 from one gap between
+    fields to the next; of a held field, the correlation of its changes up to the middles of two periods.
+    Slots of a held field differ only in the change since it.
     """
     keep = np.ones(len(PARTS))
     if n == 0:
@@ -332,8 +344,8 @@ def _kept(wind: WindFile, nearest: IntArray, t: FloatArray, n: int) -> FloatArra
         keep[SPACE] = wind.modes.rho ** (passed / wind.modes.gap)
     if wind.error is None:
         return keep
-    if passed > 0:
-        keep[FORECAST] = wind.error.persistence ** (passed / wind.error.persistence_time)
+    for number, part in wind.law_parts.items():
+        keep[number] = part.kept(float(wind.leads[nearest[n - 1]]), passed)
     if wind.held is not None:
         if nearest[n] != nearest[n - 1]:
             lags = (float(wind.times[nearest[k]]) - wind.held for k in (n - 1, n))

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from lies.editing import Lie, both, in_metrics, in_wind, put, scaled
-from pareto_ltl_verify.wind_fit import error_law
-from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, TIME
+from pareto_ltl_verify.wind_law import error_law
+from pareto_ltl_verify.wind_tables import ENSEMBLE, LASTING, OF_FORECASTS, TIME
 
 
 def _times(name: str, factor: float) -> Callable[[Any], Any]:
@@ -101,12 +101,13 @@ def _without_forecasts(file: Any) -> None:
         file[name][...] = file[name][...] - law.forecast_variance(file["lead"][...])[:, None, None]
 
 
-def _no_modes_of(part: int) -> Callable[[Any], Any]:
+def _no_modes_of(*parts: int) -> Callable[[Any], Any]:
     def change(file: Any) -> None:
         owner = file["mode_part"][...]
+        lost = np.isin(owner, parts)
         for name in ("u_modes", "v_modes"):
-            file[name][...] = np.where(owner == part, 0.0, file[name][...])
-        file["mode_part"][...] = np.where(owner == part, -1, owner)
+            file[name][...] = np.where(lost, 0.0, file[name][...])
+        file["mode_part"][...] = np.where(lost, -1, owner)
 
     return change
 
@@ -114,8 +115,29 @@ def _no_modes_of(part: int) -> Callable[[Any], Any]:
 def _fine_forecasts(file: Any) -> None:
     """Forecasts without error, everywhere in the file."""
     _without_forecasts(file)
-    _no_modes_of(FORECAST)(file)
-    _law(lambda told: put(told, "forecast", "sd", value=[0.0] * len(told["forecast"]["sd"])))(file)
+    _no_modes_of(*OF_FORECASTS.values())(file)
+    _law(lambda told: put(told, "parts", value=[]))(file)
+
+
+def _longer(told: dict[str, Any]) -> None:
+    """Memories of errors that are ten times as long."""
+    for part in told["parts"]:
+        part["memory_hours"] = [None if hours is None else 10.0 * hours for hours in part["memory_hours"]]
+
+
+def _gaussian(told: dict[str, Any]) -> None:
+    """A scale that is 1 in every flight."""
+    told["scale"].update(flight=0.0, moment=[0.0] * len(told["scale"]["moment"]))
+
+
+def _first_version(told: dict[str, Any]) -> None:
+    """The errors of one part, with its memory, in the words of the first version."""
+    part = told.pop("parts")[-1]
+    for name in ("scale", "n", "floor", "truth", "origin", "intervals"):
+        del told[name]
+    keys = {name: part[name] for name in ("lead_hours", "sd", "length")}
+    memory = {"persistence": np.exp(-1.0), "persistence_hours": part["memory_hours"][0]}
+    told.update(schema="pareto_ltl.forecast_error/1", forecast=keys | memory)
 
 
 def _shorter(name: str, factor: float) -> Callable[[Any], Any]:
@@ -158,14 +180,46 @@ ERROR_LIES = (
     Lie("forecasts have no error", in_wind(_fine_forecasts), ("wind: law of forecast errors",), only="full"),
     Lie(
         "modes of forecasts are smaller",
-        in_wind(_modes_of(FORECAST, 0.9)),
-        ("wind: modes of forecast",),
+        in_wind(_modes_of(LASTING, 0.9)),
+        ("wind: modes of lasting part of the forecast",),
         only="full",
     ),
     Lie(
         "errors of forecasts last less long",
-        in_wind(_law(lambda told: put(told, "forecast", "persistence", value=0.1))),
+        in_wind(_law(lambda told: put(told, "parts", 0, "memory_hours", value=[3.0]))),
         ("wind: law of forecast errors",),
+        only="full",
+    ),
+    Lie(
+        "errors of forecasts last ten times as long",
+        in_wind(_law(_longer)),
+        ("wind: law of forecast errors",),
+        only="full",
+    ),
+    Lie("errors have no tails", in_wind(_law(_gaussian)), ("wind: law of forecast errors",), only="full"),
+    Lie(
+        "errors that last are narrower",
+        in_wind(_law(lambda told: scaled(told, "parts", 0, "length", factor=0.5))),
+        ("wind: law of forecast errors", "wind: modes of lasting part of the forecast"),
+        only="full",
+    ),
+    Lie(
+        "a part of the errors is left out",
+        in_wind(_law(lambda told: told["parts"].pop())),
+        ("wind: law of forecast errors", "wind: mean and variance are the posterior"),
+        only="full",
+    ),
+    Lie(
+        "the law has more data",
+        in_wind(_law(lambda told: told.update(n=10_000, floor=1.0 / 10_001))),
+        ("wind: law of forecast errors",),
+        only="full",
+    ),
+    Lie(
+        "the law is of the first version",
+        in_wind(_law(_first_version)),
+        ("wind: law of forecast errors", "wind: mean and variance are the posterior"),
+        only="full",
     ),
     Lie(
         "the wind changes less between fields",

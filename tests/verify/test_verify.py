@@ -23,7 +23,7 @@ from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.files import write_csv, write_json
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.yaml_files import read_yaml
-from pareto_ltl.wind.named_laws import first_law
+from pareto_ltl.wind.named_laws import law_of_parts_named
 from pareto_ltl.wind.readings import seconds
 from pareto_ltl.wind.sources import SAMPLE_FILE
 from pareto_ltl_verify.evidence import open_evidence
@@ -71,8 +71,8 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 def _law(path: Path) -> Path:
     """A law of forecast errors for such winds."""
-    law = first_law()
-    light = replace(law, name="light", forecast_sd=SHARE * law.forecast_sd, change_sd=SHARE * law.change_sd)
+    law = law_of_parts_named("gfs")
+    light = replace(law.shared(SHARE**2), name="light", change_sd=SHARE * law.change_sd)
     write_json(path, light.document())
     return path
 

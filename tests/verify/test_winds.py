@@ -14,18 +14,21 @@ from pareto_ltl.planning import pack
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import gp
+from pareto_ltl.wind.error_law import PART_NAMES, ErrorLaw, LawPart
 from pareto_ltl.wind.field import time_variances
 from pareto_ltl.wind.forecast_error import ForecastError
+from pareto_ltl.wind.law_of_parts import LawOfParts
 from pareto_ltl.wind.modes import error_persistence
-from pareto_ltl.wind.named_laws import first_law
+from pareto_ltl.wind.named_laws import first_law, law_of_parts_named
 from pareto_ltl.wind.netcdf import write_netcdf
-from pareto_ltl.wind.records import WindField, WindModes, WindObservations
-from pareto_ltl_verify import wind_fit
+from pareto_ltl.wind.records import FORECAST_PARTS, SPACE, TIME, WindField, WindModes, WindObservations
+from pareto_ltl_verify import wind_fit, wind_law
 from pareto_ltl_verify.claims import wind_modes
-from pareto_ltl_verify.wind_fit import HOUR, ErrorLaw, error_law
+from pareto_ltl_verify.wind_law import HOUR, error_law
 from pareto_ltl_verify.wind_tables import clock, read_wind_file
 
 DT = 1800.0
+PARTS_OF_MODES = np.array([SPACE, FORECAST_PARTS["lasting"], TIME, -1])
 tables = st.integers(1, 5).flatmap(
     lambda n: st.tuples(
         *(st.lists(st.floats(0.5, 20.0), min_size=n, max_size=n) for _ in range(2)),
@@ -35,8 +38,8 @@ tables = st.integers(1, 5).flatmap(
 
 
 @st.composite
-def laws(draw: st.DrawFn) -> ForecastError:
-    """Any law of forecast errors, whose tables need not even grow."""
+def first_laws(draw: st.DrawFn) -> ForecastError:
+    """Any law of forecast errors of version 1, whose tables need not even grow."""
     steps, lags, sd, change = map(np.array, draw(tables))
     leads = HOUR * np.concatenate([[0.0], np.cumsum(steps)[:-1]])
     return replace(
@@ -45,29 +48,51 @@ def laws(draw: st.DrawFn) -> ForecastError:
     )  # fmt: skip
 
 
-def field(law: ForecastError | None, times: FloatArray, until: float) -> WindField:
+@st.composite
+def laws_of_parts(draw: st.DrawFn) -> LawOfParts:
+    """Any law of parts, whose tables and memories need not even grow."""
+    parts = []
+    for name in draw(st.lists(st.sampled_from(PART_NAMES), min_size=1, max_size=4, unique=True)):
+        steps, sd, memory, _ = map(np.array, draw(tables))
+        leads = HOUR * np.concatenate([[0.0], np.cumsum(steps)[:-1]])
+        lasts = np.array(draw(st.lists(st.booleans(), min_size=len(leads), max_size=len(leads))))
+        memory = np.where(lasts, np.inf, HOUR * memory)
+        parts.append(LawPart(name, leads, sd, memory, draw(st.floats(2e4, 1e6))))
+    return replace(law_of_parts_named("gfs"), parts=tuple(parts))
+
+
+def laws() -> st.SearchStrategy[ForecastError | LawOfParts]:
+    """Any law of forecast errors, of both versions."""
+    return first_laws() | laws_of_parts()
+
+
+def field(
+    law: ErrorLaw | None, times: FloatArray, until: float, leads: FloatArray | None = None
+) -> WindField:
     """A field without readings that changes under ``law``."""
     rng = np.random.default_rng(1)
     mean = rng.normal(size=(len(times), 3, 3, 2))
     modes = WindModes(
         np.zeros(2), 5e5, rng.normal(size=(len(times), 2, 2, 2, 4)).astype(np.float32),
-        np.array([0, 1, 2, -1]), 0.7, 10_800.0, np.full((len(times), 2), 4e5), np.ones((len(times), 2)),
+        PARTS_OF_MODES, 0.7, 10_800.0, np.full((len(times), 2), 4e5), np.ones((len(times), 2)),
         rest_length=4e4,
     )  # fmt: skip
     gust = np.ones((len(times), 2))
-    return WindField(np.zeros(2), 5e5, times, mean, mean**2, gust, until, modes=modes, error=law)
+    known = {} if leads is None else {"leads": leads}
+    return WindField(np.zeros(2), 5e5, times, mean, mean**2, gust, until, modes=modes, error=law, **known)
 
 
-def judged(law: ForecastError) -> ErrorLaw:
+def judged(law: ErrorLaw) -> wind_law.ErrorLaw:
     return error_law(law.document())
 
 
 @given(laws(), st.just(0.0) | st.floats(1e-3, 1e6), st.floats(0.0, 1.0), st.floats(1.0, 1e6))
 @settings(deadline=None)
 def test_the_judge_has_the_planners_law_of_errors(
-    law: ForecastError, time: float, share: float, gap: float
+    law: ErrorLaw, time: float, share: float, gap: float
 ) -> None:
     own = judged(law)
+    assert own.shortest_length == law.shortest_length
     pairs = [
         (own.forecast_variance(np.array([time, np.nan])), law.forecast_variance(np.array([time, np.nan]))),
         (own.change_variance(time), law.change_variance(np.array([time]))[0]),
@@ -78,15 +103,24 @@ def test_the_judge_has_the_planners_law_of_errors(
     between = law.between_variance(np.array([share]), np.array([gap]))[0]
     size = law.change_variance(np.array([gap, share * gap, (1 - share) * gap])).sum()
     assert own.between_variance(share * gap, gap) == pytest.approx(between, abs=1e-9 + 1e-6 * size)
+    for mine, part in zip(own.parts, law.parts, strict=True):
+        for lead in (time, np.nan):
+            kept = float(part.persistence(np.array(lead), np.array(gap)))
+            assert mine.kept(lead, gap) == pytest.approx(kept, rel=1e-6, abs=1e-9)
 
 
-@given(laws(), st.lists(st.sampled_from([1.0, 3.0, 5.5, 6.0]), max_size=5), st.sampled_from([0.0, 3.0, 7.5]))
+@given(
+    laws(), st.lists(st.sampled_from([1.0, 3.0, 5.5, 6.0]), max_size=5), st.sampled_from([0.0, 3.0, 7.5]),
+    st.sampled_from([None, 0.0, 9.0]),
+)  # fmt: skip
 @settings(deadline=None, max_examples=30)
 def test_the_judge_has_the_planners_clock(
-    tmp_path_factory: pytest.TempPathFactory, law: ForecastError, gaps: list[float], held: float
-) -> None:
+    tmp_path_factory: pytest.TempPathFactory, law: ErrorLaw, gaps: list[float], held: float,
+    first_lead: float | None,
+) -> None:  # fmt: skip
     times = HOUR * np.concatenate([[-1.0], np.cumsum(gaps)])
-    told = field(law, times, float(times[-1]) + HOUR * held)
+    leads = None if first_lead is None else times - times[0] + HOUR * first_lead
+    told = field(law, times, float(times[-1]) + HOUR * held, leads)
     if told.known_until < DT:
         return
     wind = pack.pack_wind(told, DT, 40)

@@ -12,7 +12,7 @@ from scipy.stats import binom, hypergeom
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl_verify import flights
-from pareto_ltl_verify.claims import Claim, Verdict, far_apart, likely, no_fault, same, within
+from pareto_ltl_verify.claims import Claim, Verdict, close, far_apart, likely, no_fault, same, within
 from pareto_ltl_verify.claims.front import flights_judge
 from pareto_ltl_verify.claims.plan import SPREAD, WEIGHTED
 from pareto_ltl_verify.evidence import LAWS, Evidence
@@ -50,9 +50,12 @@ def promise(result: Evidence) -> Verdict | None:
         "linearity": _linearity(result),
         "passed": float(stands(stated)),
     }
+    least, law = stated.get("floor", 0.0), result.wind.error
+    known = law.floor if law is not None and law.parts else None
     return no_fault(
         f"{stated['failure']:.4g} of {stated['runs']} flights fail", _rate_faults(result, stated),
         _claim_faults(result, stated), far_apart(stated, wanted, SPREAD, 0.0),
+        {f"rates from {least:.3g} on": not close(least, known or 0.0)},
     )  # fmt: skip
 
 

@@ -357,7 +357,7 @@ def metrics(result: Evidence) -> Verdict:
         if robot.capacity is not None:
             wanted["energy_share"] = plan["objectives"].get("energy", math.nan) / robot.capacity
     if seen:
-        same_names = ("failure", "low", "high", "runs", "bound", "passed")
+        same_names = ["failure", "low", "high", "runs", "bound", "passed", *({"floor"} & set(seen))]
         wanted |= {f"promise_{key}": seen[key] for key in same_names} | {
             "promise_claimed": seen["claimed"]["failure"], "linearity": seen["linearity"],
             "promise_weighted": float(seen["method"] == WEIGHTED),

@@ -32,10 +32,20 @@ DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError
 
 
 class Sources(NamedTuple):
-    """The fields of the files of a run; ``zero`` is the departure [s since 1970]."""
+    """The fields of the files of a run; ``zero`` is the departure [s since 1970].
+
+    ``models``: originating centres and generating processes of GRIB files.
+    """
 
     fields: list[Field]
     zero: float
+    models: frozenset[str] = frozenset()
+
+
+def models_of(result: Evidence) -> frozenset[str] | None:
+    """Centre and process of each model in the GRIB files of a run; None if they are not read once more."""
+    found = _read_again(result)
+    return None if found is None else found.models
 
 
 def unread_reason(result: Evidence) -> str | None:
@@ -207,11 +217,12 @@ def _fields(result: Evidence) -> Sources:
     span = (start + float(wind.times[0]), start + max(float(wind.times[-1]), 0.0))
     if zero is None:  # the clock begins with the wind
         span = (-np.inf, np.inf)
-    kinds = {_format(path) for path in files}
+    kinds, models = {_format(path) for path in files}, frozenset[str]()
     if len(kinds) > 1:
         raise UnreadError("the wind files are of several formats")
     if kinds == {"GRIB"}:
-        fields = fields_of(grib_components(files, (kind, value), span))
+        components, models = grib_components(files, (kind, value), span)
+        fields = fields_of(components)
     elif kinds == {"NetCDF"}:
         fields = fields_of(one for path in files for one in netcdf_components(path, (kind, value), span))
     else:
@@ -222,7 +233,7 @@ def _fields(result: Evidence) -> Sources:
         fields = list(map(_mean, _by_time(fields)))
     if not fields:
         raise UnreadError("the second reader finds no wind in the files")
-    return Sources(fields, start if zero is not None else min(field.time for field in fields))
+    return Sources(fields, start if zero is not None else min(field.time for field in fields), models)
 
 
 def _by_time(fields: Iterable[Field]) -> list[list[Field]]:

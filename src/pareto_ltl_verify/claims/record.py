@@ -18,7 +18,7 @@ SHARES = frozenset({
     "completed", "wind_energy", "wind_rho", "hypervolume", "safest_raw", "safest", "least_failure",
     "least_failure_raw", "mission_risk_paper", "mission_risk", "mission_risk_ordered", "collision_risk",
     "promise_failure", "promise_low", "promise_high", "promise_claimed", "promise_bound", "promise_passed",
-    "epsilon_kept", "worst_segment_probability",
+    "promise_floor", "epsilon_kept", "worst_segment_probability",
     *(f"{name}_{law}" for law in LAWS for name in (
         "mission_risk", "collision_risk", "failure", "mission_failure", "collision", "off_map"
     )),

@@ -14,14 +14,14 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_verify import laws
-from pareto_ltl_verify.claims import Claim, Verdict, close, likely, no_fault, within
+from pareto_ltl_verify.claims import Claim, Verdict, close, likely, no_fault, same, within
 from pareto_ltl_verify.evidence import Evidence, open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_rate
 from pareto_ltl_verify.laws import Course
-from pareto_ltl_verify.wind_fit import ErrorLaw
-from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, SPACE, TIME, WindFile, square_of
+from pareto_ltl_verify.wind_law import ErrorLaw
+from pareto_ltl_verify.wind_tables import ENSEMBLE, HELD, SPACE, TIME, WindFile, square_of
 
-OLD_PLAN = "replan: the rest of the old plan"
+OLD_PLAN, OLD_LAW = "replan: the rest of the old plan", "replan: law of forecast errors"
 OF_THE_FIXES = ("replan: position given the fixes", "replan: expected wind given the fixes")
 UNLIKELY = 1e-4  # probability under the law of the plan below which a fix is an alarm
 RISKS = ("mission_risk_paper", "mission_risk", "mission_risk_ordered", "collision_risk")
@@ -123,6 +123,20 @@ def old_plan(result: Evidence) -> Verdict | None:
     return no_fault(f"{len(rest['u'])} steps", {"not the steps of the source": other})
 
 
+def old_law(result: Evidence) -> Verdict | None:
+    """The law of forecast errors is the one of the old plan, unless there is a newer forecast."""
+    source = flown_result(result)
+    if source is None or result.replanned["wind"]:
+        return None
+    old, new = source.wind.error, result.wind.error
+    if old is None or new is None:
+        return same("no law" if new is None else "a law", "no law" if old is None else "a law")
+    stated, wanted = new.numbers(), old.numbers()
+    other = (key for key in wanted if not np.array_equal(stated.get(key, np.empty(0)), wanted[key]))
+    faults = {"parts": set(stated) != set(wanted), "data": (new.facts, new.floor) != (old.facts, old.floor)}
+    return no_fault(f"{new.name}, level {new.level}", faults, other)
+
+
 # --- what follows from the fixes ------------------------------------------------------------------
 
 
@@ -207,12 +221,12 @@ def _persistence(old: WindFile, new: WindFile, now: int, k: int, *, held: bool) 
     law, last = old.error, new.last_field
     apart = abs(min(float(new.times[k]), last) - min(float(new.times[now]), last))
     of_part = {SPACE: old.modes.rho ** (apart / old.modes.gap), ENSEMBLE: 1.0}
-    if law is not None:
-        of_part[FORECAST] = law.persistence ** (apart / law.persistence_time)
-        if new.held is not None:
-            lags = (new.times - new.held).tolist()
-            fade = math.prod(law.change_correlation(lags[j], lags[j + 1]) for j in range(now, k))
-            of_part[TIME if held else HELD] = fade * (_mean_change(law, lags, k) if held else 1.0)
+    lead = float(new.leads[min(k, now)])
+    of_part |= {number: part.kept(lead, apart) for number, part in old.law_parts.items()}
+    if law is not None and new.held is not None:
+        lags = (new.times - new.held).tolist()
+        fade = math.prod(law.change_correlation(lags[j], lags[j + 1]) for j in range(now, k))
+        of_part[TIME if held else HELD] = fade * (_mean_change(law, lags, k) if held else 1.0)
     return np.array([of_part.get(part, 0.0) for part in old.modes.part.tolist()])
 
 
@@ -230,6 +244,7 @@ CLAIMS = (
     Claim("replan: alarms, and no promise after them", FILES, alarms),
     Claim("replan: failure rates of the old and the new plan", FILES, rates),
     Claim(OLD_PLAN, FILES, old_plan),
+    Claim(OLD_LAW, FILES, old_law),
     Claim(OF_THE_FIXES[0], FILES, position),
     Claim(OF_THE_FIXES[1], FILES, expected_wind),
 )

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import beta, binom
 
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import interval_text, probability_text
+from pareto_ltl.support.display import interval_text, probability_text, promised_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import parse_json, read_text
 from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, same, unlike
@@ -25,7 +25,7 @@ from pareto_ltl_verify.evidence import HELD_RUNS, Evidence
 from pareto_ltl_verify.flights import RARE, rate_of, same_rate
 from pareto_ltl_verify.geometry import in_plane, within
 from pareto_ltl_verify.heights import level_flight, stated_level
-from pareto_ltl_verify.wind_fit import HOUR
+from pareto_ltl_verify.wind_law import HOUR, ErrorLaw
 from pareto_ltl_verify.wind_tables import ENSEMBLE, level_of
 
 FINEST = 1.0  # [m] standard deviation whose square corridors add to each variance of the position
@@ -251,10 +251,10 @@ def _covered(result: Evidence) -> Iterator[str]:
         )
     leads = wind.leads[np.isfinite(wind.leads)]
     if (law := wind.error) is not None:
-        if law.forecast_sd.any() and len(leads):
+        if law.parts and len(leads):
             sd = _range(np.sqrt(law.forecast_variance(leads)), "m/s")
             ages = _range(leads / HOUR, "h")
-            yield f"forecast error by the law {law.name} for leads {ages}, {sd} a component"
+            yield f"forecast error by the law {law.name} for leads {ages}, {sd} a component{_tails(law)}"
         fields = wind.times[wind.times <= wind.last_field]
         if len(fields) > 1:
             yield f"interpolation in time between fields {_range(np.diff(fields) / HOUR, 'h')} apart"
@@ -269,6 +269,14 @@ def _covered(result: Evidence) -> Iterator[str]:
         yield "the spread of the members of an ensemble"
     yield f"a white part of {np.sqrt(wind.gust.mean()):.2g} m/s"
     yield from _own_errors(result, IN_WATER if _flow(result) == "current" else AIRSPEED)[0]
+
+
+def _tails(law: ErrorLaw) -> str:
+    """What the text says of the tails and the data of a law of forecast errors."""
+    if law.floor is None:
+        return ""
+    least = f"{law.facts['n']} situations, which cannot tell rates below {probability_text(law.floor)}"
+    return f"{' with heavy tails' if law.tail else ''} ({least})"
 
 
 def _own_errors(result: Evidence, speed: str) -> tuple[list[str], list[str]]:
@@ -307,12 +315,12 @@ def _utc(zero: str, later: float = 0.0) -> str:
 def _not_covered(result: Evidence) -> Iterator[str]:
     wind, law, flow = result.wind, result.wind.error, _flow(result)
     leads = wind.leads[np.isfinite(wind.leads)] / HOUR
-    if law is None or not law.forecast_sd.any():
+    if law is None or not law.parts:
         leads_text = f" (leads {_range(leads, 'h')})" if len(leads) else ""
         yield f"errors of the fields themselves: analyses and forecasts{leads_text} are taken as true"
     elif not len(leads):
         yield "forecast error: the readings do not say how old their forecast is (lead_hours)"
-    elif law.forecast_sd[0] <= 0:
+    elif law.forecast_variance(np.zeros(1))[0] <= 0:
         yield "errors of analyses (forecasts of lead 0)"
     if law is None:
         yield f"the change of the {flow} between fields"
@@ -322,7 +330,10 @@ def _not_covered(result: Evidence) -> Iterator[str]:
         else ("winds at other heights", "air", "airspeed")
     )
     yield f"{other} than {wind.level}, and vertical motion of the {medium}"
-    yield "errors that are not Gaussian, such as a front or a storm that comes early"
+    if law is None or law.tail is None:
+        yield "errors that are not Gaussian, such as a front or a storm that comes early"
+    else:
+        yield "a front or a storm that comes hours early, beyond the tails of the law"
     yield from _own_errors(result, speed)[1]
 
 
@@ -391,7 +402,7 @@ def headline(result: Evidence) -> Verdict | None:
     matches, promise = HEADLINE.findall(read_text(result.directory / PAGE)), result.plan["promise"]
     if promise is None:
         return None
-    value = probability_text(promise["failure"])
+    value = promised_text(promise["failure"], promise.get("floor", 0.0))
     begin = f"{interval_text(promise['low'], promise['high'])} (95 %), under {promise['law']}"
     notes = tuple(f"{begin} {flow}" for flow in result.flows)
     if len(matches) != 1:

@@ -12,14 +12,19 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.resources import PACKAGE
-from pareto_ltl_verify import wind_fit
+from pareto_ltl_verify import wind_fit, wind_law
 from pareto_ltl_verify.claims import Claim, Verdict, close, far_apart, no_fault, same, true_of, within
+from pareto_ltl_verify.claims.readings import models_of
 from pareto_ltl_verify.claims.wind_modes import CLAIMS as MODE_CLAIMS
 from pareto_ltl_verify.evidence import Evidence
-from pareto_ltl_verify.wind_fit import HOUR, ErrorLaw, Fit
+from pareto_ltl_verify.wind_fit import Fit
+from pareto_ltl_verify.wind_law import HOUR, VERSION_1, ErrorLaw
 from pareto_ltl_verify.wind_tables import WindFile, level_of, source_of
 
-PACKAGED_LAW = PACKAGE / "support" / "data" / "forecast_errors" / "gfs.json"
+LAWS = PACKAGE / "support" / "data" / "forecast_errors"
+FIRST_LAW, PACKAGED = LAWS / "gfs.json", {path.stem: path for path in (LAWS / "parts").glob("*.json")}
+FROM_FILES = ("grib", "ensemble")  # sources whose files may state their model
+LAWS_OF_MODELS = {"edzw": "icon_eu", "ecmf": "ecmwf_class", "kwbc 83": "hourly_fine"}  # centre, process
 MOST_NODES = 4000  # limit of the number of nodes of a slot at which the posterior is computed
 LAW_WEIGHT = 10.0  # degrees of freedom of the law in the factor of D
 LEAST_FACTOR, MOST_FACTOR = 0.25, 4.0
@@ -29,9 +34,12 @@ CLEAR = 2e-6  # largest allowed error of a posterior, as a share of the prior's 
 def has_fit(result: Evidence) -> Verdict:
     """wind.nc names the readings from which it was fitted, and only calm air has none."""
     wind = result.wind
-    still = not (wind.mean.any() or wind.latent.any() or wind.gust.any())
     found = "none" if wind.fit is None else f"{sum(map(len, wind.fit.points))} readings"
-    return Verdict("readings or calm air", found, still == (wind.fit is None))
+    return Verdict("readings or calm air", found, _is_calm(wind) == (wind.fit is None))
+
+
+def _is_calm(wind: WindFile) -> bool:
+    return not (wind.mean.any() or wind.latent.any() or wind.gust.any())
 
 
 def calm_air(result: Evidence) -> Verdict | None:
@@ -151,12 +159,12 @@ def level_and_leads(result: Evidence) -> Verdict:
         if tables_of_before and named == result.settings["robot"].get("level"):
             named = "10m"  # versions before 1.0 set wind.level to robot.level and read such tables as 10 m
     known, several = np.isfinite(wind.leads), len(wind.times) > 1 and not wind.level.endswith("depth")
-    forecasts = wind.error is not None and wind.error.forecast_sd.any() and source != "sample"
+    forecasts = wind.error is not None and wind.error.parts and source != "sample"
     faults = {
         f"level {named}": level_of(wind.level) != level_of(named),
         "a lead is negative": (wind.leads < 0).any(),
         "a lead is not known": forecasts and several and not known.all(),
-        "leads of calm air": wind.fit is None and known.any(),
+        "leads of calm air": _is_calm(wind) and known.any(),
     }
     return no_fault(f"{wind.level}, {known.sum()} leads", faults)
 
@@ -166,23 +174,47 @@ def forecast_error(result: Evidence) -> Verdict | None:
     wind = result.wind
     if wind.fit is None or wind.error is None:
         return same("no law" if wind.error is None else "a law", "no law" if wind.fit is None else "a law")
-    name = _named_law(result)
-    path = PACKAGED_LAW if name in ("none", "gfs") else Path(name).expanduser()
-    if path != PACKAGED_LAW and not result.is_input(path):
+    name = _named_law(result, wind.error)
+    path = _law_file(name, wind.error)
+    if not path.is_relative_to(LAWS) and not result.is_input(path):
         return None
-    law = wind_fit.error_law(read_json(path))
-    wrong = name != "none" and bool(law.forecast_sd.any())
-    differs = not result.has_ensemble and wrong != bool(wind.error.forecast_sd.any())
-    faults = _law_faults(result, wind.error, law, wind.fit)
-    return no_fault(f"{name}, level {wind.error.level}", faults, {"whether forecasts have errors": differs})
+    law = wind_law.error_law(read_json(path))
+    wrong = name != "none" and bool(law.parts)
+    faults = {
+        "whether forecasts have errors": not result.has_ensemble and wrong != bool(wind.error.parts),
+        f"the law {wind.error.name}": wind.error.name != ("none" if name == "none" else law.name),
+        **{key: wind.error.facts[key] != value for key, value in law.facts.items()},
+        "floor": not close(wind.error.floor or 0.0, law.floor or 0.0, least=1e-6),
+    }
+    return no_fault(
+        f"{name}, level {wind.error.level}", faults, _law_faults(result, wind.error, law, wind.fit)
+    )
 
 
-def _named_law(result: Evidence) -> str:
-    """The law that wind.forecast_error names; for auto without a law of the source, the law in wind.nc."""
-    settings, law = result.settings["wind"], result.wind.error
-    source_law = "gfs" if law is not None and law.forecast_sd.any() else "none"
-    usual = source_of(settings["source"]).law or source_law
-    return usual if settings["forecast_error"] == "auto" else str(settings["forecast_error"])
+def _named_law(result: Evidence, stated: ErrorLaw) -> str:
+    """The law that wind.forecast_error names; for auto without a law of the source, the law in wind.nc.
+
+    With auto, the model of GRIB files decides; of files that are not read once more, the law in wind.nc.
+    """
+    settings = result.settings["wind"]
+    source, named = str(settings["source"]), str(settings["forecast_error"])
+    if named != "auto":
+        return named
+    if source not in FROM_FILES:
+        hourly = source == "noaa" and settings.get("model") == "hrrr"
+        return "hourly_fine" if hourly else source_of(source).law or ("gfs" if stated.parts else "none")
+    if (models := models_of(result)) is None:
+        return stated.name if stated.name in PACKAGED else "gfs"
+    laws = {LAWS_OF_MODELS.get(model, LAWS_OF_MODELS.get(model.split()[0], "gfs")) for model in models}
+    return laws.pop() if len(laws) == 1 else "gfs"
+
+
+def _law_file(name: str, stated: ErrorLaw) -> Path:
+    """The file of the law ``name``: a packaged one, or another."""
+    first = stated.facts["schema"] == VERSION_1  # "gfs" in earlier versions of the program
+    if (first and name in PACKAGED) or name in ("none", "gfs_one_part"):
+        return FIRST_LAW
+    return PACKAGED.get(name, Path(name).expanduser())
 
 
 def _law_faults(result: Evidence, stated: ErrorLaw, law: ErrorLaw, fit: Fit) -> list[str]:
@@ -194,22 +226,17 @@ def _law_faults(result: Evidence, stated: ErrorLaw, law: ErrorLaw, fit: Fit) -> 
         uncut = result.horizon is not None and wind.times[-1] < result.horizon
         rel = 1e-6 if uncut else 0.5
     scale = 1.0 if stated.scaled is None else math.sqrt(stated.scaled.factor)
-    wanted = factor * law.forecast_sd if stated.forecast_sd.any() else np.zeros(len(law.forecast_sd))
-    share = stated.forecast_sd.max(initial=0.0) / max(wanted.max(initial=0.0), 1e-300)
-    numbers = ("persistence", "persistence_time", "forecast_length", "change_length")
-    tables = {
-        "leads": law.leads, "lags": law.lags, "change_sd": factor * scale * law.change_sd,
-        "forecast_sd": share * wanted if result.has_ensemble and share < 1 else wanted,
-    }  # fmt: skip
+    largest = [max((part.sd.max() for part in each.parts), default=0.0) for each in (stated, law)]
+    share = largest[0] / max(factor * largest[1], 1e-300)
+    share = min(share, 1.0) if result.has_ensemble else 1.0
+    used = law if stated.parts else replace(law, parts=())  # whether there may be none is judged apart
+    wanted, numbers = used.times(share * factor, scale * factor).numbers(), stated.numbers()
     other = {
         f"spread {spread:.4g} m/s": not close(stated.spread, spread, rel),
         "level": stated.level != wind.level,
+        "parts": set(numbers) != set(wanted),
     }
-    return [
-        *true_of(other),
-        *(key for key in numbers if not close(getattr(stated, key), getattr(law, key), 1e-9)),
-        *(key for key, table in tables.items() if not _alike(getattr(stated, key), table)),
-    ]
+    return [*true_of(other), *(key for key in wanted if not _alike(numbers.get(key), wanted[key]))]
 
 
 def variability(result: Evidence) -> Verdict | None:
@@ -231,10 +258,10 @@ def variability(result: Evidence) -> Verdict | None:
     if (stated := law.scaled) is None:
         return no_fault("law as it is", {"analyses are not used": among and modelled})
     listed = dict(zip(map(tuple, stated.pairs.tolist()), stated.squares.tolist(), strict=True))
-    plain = replace(law, change_sd=law.change_sd / math.sqrt(stated.factor))
+    plain = law.times(1.0, 1.0 / math.sqrt(stated.factor))
     apart = wind_fit.separation(fit.points[0], fit.points[0])
     places = wind_fit.correlation("matern32", apart / law.change_length)
-    freedom = wind_fit.independent_changes(plain, stated.pairs, places)
+    freedom = wind_law.independent_changes(plain, stated.pairs, places)
     ratio = float(np.mean([m / plain.change_variance(b - a) for (a, b), m in listed.items()]))
     factor = (LAW_WEIGHT + freedom * ratio) / (LAW_WEIGHT + freedom)
     wanted = {"freedom": freedom, "factor": min(max(factor, LEAST_FACTOR), MOST_FACTOR)}
@@ -246,8 +273,10 @@ def variability(result: Evidence) -> Verdict | None:
     )
 
 
-def _alike(stated: FloatArray, computed: FloatArray) -> bool:
-    return stated.shape == computed.shape and bool(np.allclose(stated, computed, rtol=1e-9, atol=1e-12))
+def _alike(stated: FloatArray | None, computed: FloatArray) -> bool:
+    if stated is None or stated.shape != computed.shape:
+        return False
+    return bool(np.allclose(stated, computed, rtol=1e-9, atol=1e-12))
 
 
 def wind_metrics(result: Evidence) -> Verdict:

@@ -12,15 +12,9 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, number, within
 from pareto_ltl_verify.evidence import Evidence
-from pareto_ltl_verify.wind_fit import (
-    ErrorLaw,
-    Fit,
-    correlation,
-    persistence,
-    posterior_covariance,
-    separation,
-)
-from pareto_ltl_verify.wind_tables import FORECAST, PARTS, SPACE, TIME, Modes, WindFile
+from pareto_ltl_verify.wind_fit import Fit, correlation, persistence, posterior_covariance, separation
+from pareto_ltl_verify.wind_law import ErrorLaw
+from pareto_ltl_verify.wind_tables import OF_FORECASTS, PARTS, SPACE, TIME, Modes, WindFile
 
 ERROR_KERNEL = "matern32"  # correlation of the parts that are not fitted to readings
 INSTANTS = 400  # instants at which a variance is evaluated for its mean over time
@@ -79,10 +73,10 @@ def error_parts(result: Evidence) -> dict[int, PartCovariance]:
     parts = {SPACE: _space(fit, nodes)}
     if (law := wind.error) is not None:
         apart = separation(nodes, nodes)
-        forecast, between = law.forecast_variance(wind.leads), time_variances(wind, law, horizon)
-        if forecast.any():
-            parts[FORECAST] = _common(forecast, forecast, apart / law.forecast_length)
-        if between.any():
+        for number, part in wind.law_parts.items():
+            if (forecast := part.variance(wind.leads)).any():
+                parts[number] = _common(forecast, forecast, apart / part.length)
+        if (between := time_variances(wind, law, horizon)).any():
             parts[TIME] = _common(between, np.ones(len(between)), apart / law.change_length)
     return parts
 
@@ -261,9 +255,12 @@ def rest_length(result: Evidence, modes: Modes, _fit: Fit) -> Verdict | None:
 
 
 def mode_scales(result: Evidence, modes: Modes, fit: Fit) -> Verdict | None:
-    """Length scales are the shortest of the parts; the gap is the median time between slots."""
+    """Length scales are the shortest of the parts; the gap is the median time between slots.
+
+    Flights average the local part of a forecast's error, whose length does not count.
+    """
     law, times = result.wind.error, result.wind.times
-    longest = math.inf if law is None else min(law.forecast_length, law.change_length)
+    longest = math.inf if law is None else law.shortest_length
     gap = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
     faults = {
         "length scales": not np.allclose(modes.length, np.minimum(fit.hyper[..., 2], longest), rtol=1e-9),
@@ -282,7 +279,7 @@ CLAIMS = (
     Claim("wind: modes of one slot match the next", ("wind.nc",), matched),
     *(
         Claim(f"wind: modes of {PARTS[part]}", ("wind.nc",), partial(fitted, partial(mode_span, part)))
-        for part in (SPACE, FORECAST, TIME)
+        for part in (SPACE, TIME, *OF_FORECASTS.values())
     ),
     Claim("wind: number of modes", ("wind.nc",), partial(fitted, mode_count)),
     Claim("wind: share of the variance in the modes", ("wind.nc",), partial(fitted, energy)),

@@ -41,10 +41,11 @@ LONGEST = 600.0  # [s] of the separate process
 
 def grib_components(
     files: Sequence[Path], level: tuple[str, float], times: Sequence[float]
-) -> list[Component]:
+) -> tuple[list[Component], frozenset[str]]:
     """The components at ``level`` (kind, value) from the first to the last of ``times`` [s since 1970].
 
-    UnreadError if they are not read.
+    Also the models of all components: originating centre and generating process. UnreadError if they are not
+    read.
     """
     from importlib.util import find_spec
 
@@ -64,10 +65,11 @@ def grib_components(
     told = json.loads(arrays["told"].item())
     if isinstance(told, str):
         raise UnreadError(told)
-    return [
+    components = [
         Component(kind, time, lead, member, arrays[places], arrays[values], arrays.get(turn))
         for kind, time, lead, member, places, values, turn in told
     ]
+    return components, frozenset(arrays["models"].tolist())
 
 
 # --- in the separate process -------------------------------------------------------------------
@@ -78,10 +80,13 @@ def _answer(task: str, answer: Path) -> None:
     arrays: dict[str, Any] = {}
     grids: dict[str, tuple[str, str]] = {}
     told: Any = []
+    models: set[str] = set()
     try:
         for name in names:
             for get, values_of in _messages(Path(name)):
-                part = _wanted(get, kind, value)
+                if (part := _component(get, kind)) is not None:
+                    models.add(f"{get('centre')} {get('generatingProcessIdentifier', int)}")
+                part = part if _wanted(get, kind, value) else None
                 time = None if part is None else _moment(get, "validity")
                 if part is None or time is None or not first - 1.0 <= time <= last + 1.0:
                     continue
@@ -99,7 +104,7 @@ def _answer(task: str, answer: Path) -> None:
         told = str(error)
     partial = answer.with_suffix(".part")
     with partial.open("wb") as stream:
-        np.savez(stream, told=np.array(json.dumps(told)), **arrays)
+        np.savez(stream, told=np.array(json.dumps(told)), models=np.array(sorted(models), str), **arrays)
     partial.rename(answer)
 
 
@@ -124,26 +129,27 @@ def _messages(path: Path) -> Iterator[tuple[Any, Any]]:
             eccodes.codes_release(handle)
 
 
-def _wanted(get: Any, kind: str, value: float) -> str | None:
-    """The component of a message at the level, if it holds values of an instant; else None."""
+def _component(get: Any, kind: str) -> str | None:
+    """The component that a message holds; None if it is something else."""
     table = CURRENT_PARAMETERS if kind == "depth" else PARAMETERS
     if get("edition", int) == 2:
         key: Any = tuple(get(name, int) for name in ("discipline", "parameterCategory", "parameterNumber"))
-        part = table.get(key)
-    elif (get("table2Version", int) or 0) <= 3:
-        part = table.get(get("indicatorOfParameter", int))
-    else:
-        named = re.fullmatch(r"\d*([uv])", str(get("shortName"))) if kind != "depth" else None
-        part = None if named is None else named[1]
+        return table.get(key)
+    if (get("table2Version", int) or 0) <= 3:
+        return table.get(get("indicatorOfParameter", int))
+    named = re.fullmatch(r"\d*([uv])", str(get("shortName"))) if kind != "depth" else None
+    return None if named is None else named[1]
+
+
+def _wanted(get: Any, kind: str, value: float) -> bool:
+    """Whether a message is at the level and holds values of an instant."""
     there, factor = LEVELS.get(str(get("typeOfLevel")), ("", 1.0))
     height = (get("level", float) or 0.0) * factor
-    if part is None or there != kind or abs(height - value) > 1e-3 * max(value, 1.0):
-        return None
+    if there != kind or abs(height - value) > 1e-3 * max(value, 1.0):
+        return False
     derived = get("derivedForecast", int)
     other = get("percentileValue") is not None or get("probabilityType") is not None
-    if get("stepType") != "instant" or other or (derived is not None and derived not in MEANS):
-        return None
-    return part
+    return get("stepType") == "instant" and not other and (derived is None or derived in MEANS)
 
 
 def _moment(get: Any, name: str) -> float | None:
