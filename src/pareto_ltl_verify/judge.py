@@ -17,7 +17,10 @@ from pareto_ltl_verify.claims import (
     flights,
     front,
     height,
+    legs,
     limits,
+    missions,
+    outlines,
     plan,
     readings,
     record,
@@ -31,8 +34,8 @@ from pareto_ltl_verify.evidence import Evidence, open_evidence
 
 CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS, *plan.CLAIMS, *limits.CLAIMS,
-    *search.CLAIMS, *front.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *height.CLAIMS, *texts.CLAIMS,
-    *replan.CLAIMS,
+    *search.CLAIMS, *front.CLAIMS, *flights.CLAIMS, *legs.CLAIMS, *exports.CLAIMS, *outlines.CLAIMS,
+    *missions.CLAIMS, *height.CLAIMS, *texts.CLAIMS, *replan.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({

@@ -20,15 +20,15 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import parse_json, read_text
 from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, same, unlike
 from pareto_ltl_verify.claims.exports import PLAN, ROUTES
+from pareto_ltl_verify.claims.outlines import corridor_cov
 from pareto_ltl_verify.claims.plan import utc
 from pareto_ltl_verify.evidence import HELD_RUNS, Evidence
 from pareto_ltl_verify.flights import RARE, rate_of, same_rate
-from pareto_ltl_verify.geometry import in_plane, within
+from pareto_ltl_verify.geometry import in_plane
 from pareto_ltl_verify.heights import level_flight, stated_level
 from pareto_ltl_verify.wind_fit import HOUR
 from pareto_ltl_verify.wind_tables import ENSEMBLE, level_of
 
-FINEST = 1.0  # [m] standard deviation whose square corridors add to each variance of the position
 SHARES = (0.5, 0.9, 0.95, 0.99)
 SENTENCE = re.compile(r"Of [\d,]+ [^%]*flights flown .*? fail\.")
 RATE = re.compile(
@@ -120,7 +120,7 @@ def corridor_sizes(result: Evidence) -> Verdict | None:
     if result.planned_law not in result.new_flights:
         return None
     gap = result.new_flights[result.planned_law] - result.x
-    inverse = np.linalg.inv(np.array(result.plan["cov"]) + FINEST**2 * np.eye(2))
+    inverse = np.linalg.inv(corridor_cov(result))
     sizes = np.sqrt(np.einsum("nti,tij,ntj->nt", gap, inverse, gap))
     faults = [*_missing(features, len(result.x)), *(_unheld(f["properties"], sizes) for f in features)]
     return no_fault(f"{len(features)} areas", [fault for fault in faults if fault])
@@ -148,36 +148,6 @@ def _unheld(about: dict[str, Any], sizes: FloatArray) -> str:
     if held < low or (held > high and size > 1.0):
         return f"{about['meaning']} {step}: {held / len(met):.4g} for {share}"
     return ""
-
-
-def corridor_areas(result: Evidence) -> Verdict:
-    """Areas have the extent of their sizes: polygons around ellipses, and tubes that hold all ellipses."""
-    cov = np.array(result.plan["cov"]) + FINEST**2 * np.eye(2)
-    faults = []
-    for feature in result.document("corridor.geojson")["features"]:
-        about, geometry = feature["properties"], feature["geometry"]
-        if geometry["type"] != "Polygon":
-            continue  # cut at the 180th meridian
-        drawn = in_plane(result.scene["crs"], np.array(geometry["coordinates"][0], float))[:-1]
-        size = about["standard_deviations"]
-        if about["meaning"] == "at_time":
-            gap = drawn - result.x[about["step"]]
-            met = np.sqrt(np.einsum("ni,ij,nj->n", gap, np.linalg.inv(cov[about["step"]]), gap)) / size
-            if met.min() < 0.99 or met.max() > 1.02:
-                faults.append(f"{about['probability']} at step {about['step']}: {met.min():.3g} of its size")
-        else:
-            rim = _rims(result.x, cov, 0.99 * size)
-            if not within(drawn, rim).all():
-                faults.append(f"the tube of {about['probability']} leaves some of its ellipses out")
-    return no_fault(f"shares {', '.join(f'{share:g}' for share in SHARES)}", faults)
-
-
-def _rims(mean: FloatArray, cov: FloatArray, size: float) -> FloatArray:
-    """Points (16 (T + 1), 2) [m] on the ellipses of ``size`` standard deviations."""
-    angle = np.arange(16) * (math.pi / 8)
-    circle = np.stack([np.cos(angle), np.sin(angle)])
-    rings = mean[:, :, None] + size * np.linalg.cholesky(cov) @ circle
-    return np.asarray(rings.transpose(0, 2, 1).reshape(-1, 2), float)
 
 
 # --- errors that rates cover ------------------------------------------------------------------
@@ -406,7 +376,6 @@ CLAIMS = (
     Claim("exports: failure of mission.plan", ("mission.plan", *ALL), mission_failure),
     *(Claim(f"exports: rates in {name}", (name, *ALL), partial(stated_rates, name)) for name in TEXTS),
     Claim("exports: sizes of corridors", ("corridor.geojson", *ALL), corridor_sizes),
-    Claim("exports: areas of corridors", ("corridor.geojson", *PLAN), corridor_areas),
     Claim("plan: errors that its rates cover", ("plan.json", "wind.nc", "scene.json"), texts),
     Claim("wind: source", ("wind.nc",), source),
     Claim("page: points of the front", (PAGE, "front.csv", "plan.json"), points),
