@@ -17,6 +17,7 @@ from pareto_ltl_verify.claims import (
     flights,
     front,
     height,
+    judged,
     legs,
     limits,
     missions,
@@ -34,8 +35,8 @@ from pareto_ltl_verify.evidence import Evidence, open_evidence
 
 CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS, *plan.CLAIMS, *limits.CLAIMS,
-    *search.CLAIMS, *front.CLAIMS, *flights.CLAIMS, *legs.CLAIMS, *exports.CLAIMS, *outlines.CLAIMS,
-    *missions.CLAIMS, *height.CLAIMS, *texts.CLAIMS, *replan.CLAIMS,
+    *search.CLAIMS, *front.CLAIMS, *judged.CLAIMS, *flights.CLAIMS, *legs.CLAIMS, *exports.CLAIMS,
+    *outlines.CLAIMS, *missions.CLAIMS, *height.CLAIMS, *texts.CLAIMS, *replan.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({
