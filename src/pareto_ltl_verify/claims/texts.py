@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator, Sequence
 from datetime import UTC, timedelta
 from functools import partial
-from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +15,12 @@ from scipy.stats import beta, binom
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import interval_text, probability_text
-from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import parse_json, read_text
-from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, same, unlike
+from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, unlike
 from pareto_ltl_verify.claims.exports import PLAN, ROUTES
 from pareto_ltl_verify.claims.outlines import corridor_cov
 from pareto_ltl_verify.claims.plan import utc
 from pareto_ltl_verify.evidence import HELD_RUNS, Evidence
 from pareto_ltl_verify.flights import RARE, rate_of, same_rate
-from pareto_ltl_verify.geometry import in_plane
 from pareto_ltl_verify.heights import level_flight, stated_level
 from pareto_ltl_verify.wind_fit import HOUR
 from pareto_ltl_verify.wind_tables import ENSEMBLE, level_of
@@ -47,15 +43,6 @@ UNLISTED = (
 AIRSPEED, IN_WATER = "airspeed", "speed through the water"
 CALM = "calm air: no wind at all", "any wind", AIRSPEED
 STILL = "still water: no current at all", "any current", IN_WATER
-PAGE = "report.html"
-DATA = re.compile(r'<script type="application/json" id="page-data">(.*?)</script>', re.DOTALL)
-HEADLINE = re.compile(
-    r'<div class="fact main"><dt>fails</dt><dd>(.*?)<small>(.*?)</small></dd></div>', re.DOTALL
-)
-COLUMNS = (
-    "failure", "failure_low", "failure_high", "length_m", "mission_risk", "collision_risk", "duration_s",
-)  # fmt: skip
-ROUNDED = 1e-3  # largest allowed error of a position in the page, as a share of the map's longer side
 
 
 # --- failure rates ----------------------------------------------------------------------------
@@ -313,63 +300,6 @@ def source(result: Evidence) -> Verdict | None:
     return Verdict(result.wind.source[:44], f"{wanted}, {len(inputs)} inputs", kind == wanted and known)
 
 
-# --- the page ---------------------------------------------------------------------------------
-
-
-def page_data(result: Evidence) -> Any:
-    """The JSON data that the script of the page reads; DataError unless there is exactly one set."""
-    blocks = DATA.findall(read_text(result.directory / PAGE))
-    if len(blocks) != 1:
-        raise DataError(f"{PAGE}: has {len(blocks)} sets of numbers; one was expected")
-    return parse_json(blocks[0].encode(), PAGE)
-
-
-def points(result: Evidence) -> Verdict:
-    """Each point of the scatter plot is a row of front.csv; without rates its failure is the bound."""
-    stated, rows = page_data(result)["points"], result.front
-    if len(stated) != len(rows):
-        return same(f"{len(stated)} points", f"{len(rows)} points")
-    faults = []
-    for k, (point, row) in enumerate(zip(stated, rows, strict=True)):
-        wanted = {name: float(row[name]) for name in COLUMNS if row[name]}
-        if "failure" not in wanted:
-            wanted["failure"] = min(1.0, wanted["mission_risk"] + wanted["collision_risk"])
-        others = {name: None for name in COLUMNS if name not in wanted}
-        wrong = unlike(point, others | {"law": row["law"] or result.planned_law})
-        faults += [f"point {k}: {fault}" for fault in [*wrong, *far_apart(point, wanted, 1e-9)]]
-    return no_fault(f"{len(stated)} points", faults)
-
-
-def chosen(result: Evidence) -> Verdict:
-    """The chosen path and its promise agree with plan.json."""
-    data, plan = page_data(result), result.plan
-    way, promise = data["paths"][str(data["chosen"])], data["promise"]
-    size = float(np.ptp(np.array(result.scene["bounds"], float), axis=0).max())
-    x = np.array(way["line"], float)  # in degrees for a map on the Earth
-    x = in_plane(result.scene["crs"], x) if data["map"]["earthly"] else x
-    faults = {
-        "positions of the path": x.shape != result.x.shape or np.abs(x - result.x).max() > ROUNDED * size,
-        "automaton states": way["q"] != plan["q"],
-        "times": way["utc"] != plan["time_utc"],
-        f"promise {promise}": (promise is None) != (plan["promise"] is None),
-    }
-    return no_fault(f"point {data['chosen']}", faults, unlike(plan["promise"] or {}, promise or {}))
-
-
-def headline(result: Evidence) -> Verdict | None:
-    """The rate in large letters is the promise of plan.json, with its interval and its wind law."""
-    matches, promise = HEADLINE.findall(read_text(result.directory / PAGE)), result.plan["promise"]
-    if promise is None:
-        return None
-    value = probability_text(promise["failure"])
-    begin = f"{interval_text(promise['low'], promise['high'])} (95 %), under {promise['law']}"
-    notes = tuple(f"{begin} {flow}" for flow in result.flows)
-    if len(matches) != 1:
-        return Verdict(f"{len(matches)} rates", f"{value}, {notes[0]}", False)
-    rate, note = map(unescape, matches[0])
-    return Verdict(f"{rate}, {note}", f"{value}, {notes[0]}", rate == value and note.startswith(notes))
-
-
 TEXTS = (*ROUTES, "mavlink_script.json")  # files that have sentences
 ALL = (*PLAN, "cells.json", "automaton.json", "wind.nc", "deployments.npz")
 CLAIMS = (
@@ -378,7 +308,4 @@ CLAIMS = (
     Claim("exports: sizes of corridors", ("corridor.geojson", *ALL), corridor_sizes),
     Claim("plan: errors that its rates cover", ("plan.json", "wind.nc", "scene.json"), texts),
     Claim("wind: source", ("wind.nc",), source),
-    Claim("page: points of the front", (PAGE, "front.csv", "plan.json"), points),
-    Claim("page: path and promise", (PAGE, "plan.json", "scene.json"), chosen),
-    Claim("page: rate in the headline", (PAGE, "plan.json"), headline),
 )
