@@ -15,6 +15,7 @@ from scipy.stats import beta, binom
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import interval_text, probability_text
+from pareto_ltl.support.reading import read_text
 from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, unlike
 from pareto_ltl_verify.claims.exports import PLAN, ROUTES
 from pareto_ltl_verify.claims.outlines import corridor_cov
@@ -22,11 +23,11 @@ from pareto_ltl_verify.claims.plan import utc
 from pareto_ltl_verify.evidence import HELD_RUNS, Evidence
 from pareto_ltl_verify.flights import RARE, rate_of, same_rate
 from pareto_ltl_verify.heights import level_flight, stated_level
+from pareto_ltl_verify.sentences import HOLDS, SENTENCE, flown_by, left_over
 from pareto_ltl_verify.wind_fit import HOUR
 from pareto_ltl_verify.wind_tables import ENSEMBLE, level_of
 
 SHARES = (0.5, 0.9, 0.95, 0.99)
-SENTENCE = re.compile(r"Of [\d,]+ [^%]*flights flown .*? fail\.")
 RATE = re.compile(
     r"Of (?P<runs>[\d,]+) [^%]*flights flown (?P<how>.*) in (?P<law>\w+) (?P<flow>\w+), "
     r"(?P<fails>.* %.*) fail\."
@@ -40,6 +41,7 @@ UNLISTED = (
     "aifs",
     "rtofs",
 )  # sources whose files are downloaded, and no inputs of the run
+LUA, VOLUMES = "plan.lua", "operational_intent.json"
 AIRSPEED, IN_WATER = "airspeed", "speed through the water"
 CALM = "calm air: no wind at all", "any wind", AIRSPEED
 STILL = "still water: no current at all", "any current", IN_WATER
@@ -78,6 +80,7 @@ def stated_rates(name: str, result: Evidence) -> Verdict:
     for by_position, part in by_course.items():
         known = part["law"] == result.planned_law and part["flow"] in result.flows
         faults += [f"{part['law']} {part['flow']}"] * (not known)
+        faults += [f"flown {part['how']}"] * (part["how"] != (HOLDS if by_position else flown_by(result)))
         runs = int(part["runs"].replace(",", ""))
         if by_position:
             share = float(part["fails"].partition(" %")[0].lstrip("< ")) / 100
@@ -88,11 +91,18 @@ def stated_rates(name: str, result: Evidence) -> Verdict:
             faults += [f"{part['fails']} of {runs} by heading"] * ((part["fails"], runs) != wanted)
     left = result.plan["not_covered"].rstrip(".")
     faults += ["errors not covered"] * (bool(left) and f"Not covered: {left}." not in text)
-    return no_fault(f"{len(by_course)} rates", faults)
+    others = left_over(result, name, text)
+    return no_fault(f"{len(by_course)} rates", faults, {f"{others!r} is not derived": bool(others)})
 
 
 def _text(result: Evidence, name: str) -> str:
-    return str(ROUTES[name](result).text if name in ROUTES else result.document(name)["description"])
+    if name in ROUTES:
+        return str(ROUTES[name](result).text)
+    if name == LUA:
+        comment = read_text(result.directory / name).partition("\n\n")[0]
+        return " ".join(comment.splitlines()[2:])
+    content = result.document(name)
+    return str(content["pareto_ltl"]["note"] if name == VOLUMES else content["description"])
 
 
 # --- corridors --------------------------------------------------------------------------------
@@ -300,7 +310,7 @@ def source(result: Evidence) -> Verdict | None:
     return Verdict(result.wind.source[:44], f"{wanted}, {len(inputs)} inputs", kind == wanted and known)
 
 
-TEXTS = (*ROUTES, "mavlink_script.json")  # files that have sentences
+TEXTS = (*ROUTES, "mavlink_script.json", "corridor.geojson", LUA, VOLUMES)  # with sentences
 ALL = (*PLAN, "cells.json", "automaton.json", "wind.nc", "deployments.npz")
 CLAIMS = (
     Claim("exports: failure of mission.plan", ("mission.plan", *ALL), mission_failure),
