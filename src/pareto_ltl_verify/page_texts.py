@@ -22,6 +22,7 @@ from pareto_ltl.support.display import (
 from pareto_ltl.support.medium import AIR, WATER, Medium
 from pareto_ltl.support.reading import read_text
 from pareto_ltl_verify.claims.height import flown
+from pareto_ltl_verify.claims.plan import OBJECTIVES
 from pareto_ltl_verify.evidence import LAWS, Evidence
 from pareto_ltl_verify.flights import failures, rate_of
 
@@ -75,6 +76,13 @@ def medium_of(result: Evidence) -> Medium:
 def alarmed(result: Evidence) -> bool:
     """Whether the plan was made after an alarm and has no probabilities."""
     return result.plan["objectives"]["mission_risk"] is None
+
+
+def foreign_costs(result: Evidence) -> list[str]:
+    """Costs that another package adds, whose text is not known."""
+    return [
+        name for name in result.plan["objectives"] if name not in COSTS and name not in OBJECTIVES.values()
+    ]
 
 
 def chosen_point(result: Evidence) -> int | None:
