@@ -21,7 +21,7 @@ from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_verify import gaussians, laws
-from pareto_ltl_verify.flights import NONE, Ground, fly
+from pareto_ltl_verify.flights import NONE, Ground, failures, fly
 from pareto_ltl_verify.formula import Dfa, Timetable, covers, losing, windows_of
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, convex
 from pareto_ltl_verify.laws import Coherent, Course, Independent, Law, landmarks_of
@@ -380,6 +380,17 @@ class Evidence:
                 runs = min(max(len(self.flights[f"{name}/x"]), promised, 2000), 20_000)
                 flights[name] = self.fly(name, self.x, self.u, runs, 20181009, number)
         return flights
+
+    @cached_property
+    def new_verdicts(self) -> dict[str, tuple[BoolArray, BoolArray, BoolArray]]:
+        """Which of :attr:`new_flights` complete the mission, meet an obstacle, and leave the map."""
+        ground = self.ground
+        flown = self.new_flights.items()
+        return {name: (ground.accepted(x), ground.collided(x), ground.off_map(x)) for name, x in flown}
+
+    def new_failures(self, name: str) -> BoolArray:
+        """Which of :attr:`new_flights` under a law fail."""
+        return failures(*self.new_verdicts[name], self.ground.walled)
 
     @cached_property
     def held_failures(self) -> tuple[int, int]:
