@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
+from scipy.stats import chi2
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault, same, unlike
 from pareto_ltl_verify.claims.plan import FILES, LEAST_RISK, RISK, step_deviations
 from pareto_ltl_verify.evidence import Evidence
-from pareto_ltl_verify.flights import NONE, Ground, failures
+from pareto_ltl_verify.flights import NONE, RARE, Ground, failures
 from pareto_ltl_verify.formula import losing
 from pareto_ltl_verify.gaussians import segment_risks, step_margins
 from pareto_ltl_verify.geometry import convex, outline_distance, within
@@ -34,7 +35,6 @@ FAR = 12.0  # [sd] with a risk below 1e-32: which of two such barriers is nearer
 SPREADS = 5.0  # standard deviations of a count, beside the factor
 ROUNDING = 1e-6  # relative excess over epsilon that is rounding
 BY_REGIONS = 1.25  # by which polygons around many cells of a region may raise a probability
-SHARE_OF_RISK = 0.01  # of a segment, from which on a barrier may have a multiplier
 MOST_SAVED = 30.0  # relative fall of the failures by a relative change of airspeed
 TIGHT = 0.8  # share of epsilon above which multipliers of chance constraints may be part of a price
 FULL_SPEED = 0.98  # share of u_max below which a step does not use all airspeed
@@ -182,34 +182,29 @@ def _outline_price(result: Evidence, row: Mapping[str, Any]) -> str:
         return "no such limit"
     changes = np.abs(np.diff(counts))
     slopes, doubt = changes / (runs * by), SPREADS * np.sqrt(max(changes.max(), 1)) / (runs * by)
-    low, high = slopes.min() / FACTOR - doubt, slopes.max() * FACTOR + doubt
-    if _binds(result, row):
-        high = max(high, _steepest(result, row["name"]))
-    if low <= row["saving"] <= high:
+    sure = float(chi2.ppf(RARE, 2 * changes.min())) / 2.0 if changes.min() else 0.0  # of a Poisson number
+    high = slopes.max() * FACTOR + doubt + _multiplier(result, row)
+    if sure / (FACTOR * runs * by) <= row["saving"] <= high:
         return _error_fault(result, row)
     return f"{row['saving']:.3g} a metre, flights give {slopes.min():.3g} to {slopes.max():.3g}"
 
 
-def _binds(result: Evidence, row: Mapping[str, Any]) -> bool:
-    """Whether the limit is part of the risk of a segment that is close to epsilon: it has a multiplier."""
-    if row["kind"] not in ("obstacle", "border") or not _is_tight(result):
-        return False
-    z, risks = result.segments
-    own = z[:, np.array(barrier_names(result)) == row["name"]].min(axis=1, initial=np.inf)
-    return bool((ndtr(-own) >= SHARE_OF_RISK * risks)[risks >= TIGHT * result.epsilon].any())
-
-
-def _steepest(result: Evidence, name: str) -> float:
-    """The largest fall [1/m] of the failure rate by a limit that binds.
+def _multiplier(result: Evidence, row: Mapping[str, Any]) -> float:
+    """The largest share [1/m] that a segment close to epsilon can add to the price of one of its barriers.
 
     The risk of z standard deviations falls by its share of about z + 1 for each of them.
     """
-    z = result.segments[0][:, np.array(barrier_names(result)) == name].min(axis=1)
+    if row["kind"] not in ("obstacle", "border") or not _is_tight(result):
+        return 0.0
+    z, risks = result.segments
+    tight = risks >= TIGHT * result.epsilon
+    own = z[:, np.array(barrier_names(result)) == row["name"]].min(axis=1, initial=np.inf)[tight]
     cov = result.course.cov
-    sd = np.sqrt(np.linalg.eigvalsh(0.5 * (cov[1:] + cov[:-1])).mean(axis=1))
-    share = (1.0 + np.maximum(z, 0.0))[z <= FAR] / np.maximum(sd, result.grain)[z <= FAR]
+    sd = np.sqrt(np.linalg.eigvalsh(0.5 * (cov[1:] + cov[:-1])).mean(axis=1))[tight]
+    share = np.minimum(ndtr(-own) / risks[tight], 1.0)
+    steep = np.where(share > 0.0, 1.0 + np.maximum(np.minimum(own, FAR), 0.0), 0.0)
     failing = float(result.new_failures(result.planned_law).mean())
-    return FACTOR * failing * float(share.max(initial=0.0))
+    return float(FACTOR * failing * (share * steep / np.maximum(sd, result.grain)).max())
 
 
 def _error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
