@@ -21,7 +21,7 @@ from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_verify import gaussians, laws
-from pareto_ltl_verify.flights import NONE, Ground, fly
+from pareto_ltl_verify.flights import NONE, Ground, failures, fly
 from pareto_ltl_verify.formula import Dfa, Timetable, covers, losing, windows_of
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, convex
 from pareto_ltl_verify.laws import Coherent, Course, Independent, Law, landmarks_of
@@ -54,6 +54,7 @@ class Evidence:
     run: Mapping[str, Any]
     metrics: Mapping[str, Any]
     settings: Mapping[str, Any]
+    source: Path | None = None  # file, or folder with the files, that the run read, if they have moved
 
     scene = content_of("scene.json", read_json)
     cells = content_of("cells.json", read_json)
@@ -81,11 +82,14 @@ class Evidence:
 
     def is_input(self, path: Path) -> bool:
         """Whether ``path``, outside the directory, is a file that the run read, by its SHA-256."""
-        stated = self.run["inputs"].get(str(path))
-        try:
-            return stated is not None and path.is_file() and file_fingerprint(path) == stated
-        except OSError:
-            return False
+        return _has_fingerprint(path, self.run["inputs"].get(str(path)))
+
+    def moved_input(self, path: Path) -> Path:
+        """Where the file ``path`` is now that the run read: there, or at ``source``."""
+        if self.source is None or self.is_input(path):
+            return path
+        here = self.source / path.name if self.source.is_dir() else self.source
+        return here if _has_fingerprint(here, self.run["inputs"].get(str(path))) else path
 
     def document(self, name: str) -> dict[str, Any]:
         """The content of a JSON file."""
@@ -378,6 +382,17 @@ class Evidence:
         return flights
 
     @cached_property
+    def new_verdicts(self) -> dict[str, tuple[BoolArray, BoolArray, BoolArray]]:
+        """Which of :attr:`new_flights` complete the mission, meet an obstacle, and leave the map."""
+        ground = self.ground
+        flown = self.new_flights.items()
+        return {name: (ground.accepted(x), ground.collided(x), ground.off_map(x)) for name, x in flown}
+
+    def new_failures(self, name: str) -> BoolArray:
+        """Which of :attr:`new_flights` under a law fail."""
+        return failures(*self.new_verdicts[name], self.ground.walled)
+
+    @cached_property
     def held_failures(self) -> tuple[int, int]:
         """How many of how many new flights with ``robot.feedback_time=60`` fail, in the winds of the plan."""
         held = replace(self.law(self.planned_law), robot=replace(self.robot, feedback_time=HELD_TIME))
@@ -385,13 +400,20 @@ class Evidence:
         return int(self.ground.failed(x).sum()), HELD_RUNS
 
 
-def open_evidence(directory: Path) -> Evidence:
-    """The evidence in ``directory``.
+def _has_fingerprint(path: Path, stated: str | None) -> bool:
+    try:
+        return stated is not None and path.is_file() and file_fingerprint(path) == stated
+    except OSError:
+        return False
+
+
+def open_evidence(directory: Path, source: Path | None = None) -> Evidence:
+    """The evidence in ``directory``; ``source`` is a file, or a folder with files, that the run read.
 
     Raises
     ------
     DataError
-        If it holds no finished result of a plan, or a link leads out of it.
+        If it holds no finished result of a plan, a link leads out of it, or ``source`` is no input of it.
     """
     if not directory.is_dir():
         raise DataError(f"{directory}: no such folder; give a results directory")
@@ -410,4 +432,11 @@ def open_evidence(directory: Path) -> Evidence:
     if not isinstance(settings, dict):
         kind = type(settings).__name__
         raise DataError(f"{path}: expected keys and values, found {kind}; run the plan again")
-    return Evidence(directory, run, read_json(directory / "metrics.json"), settings)
+    result = Evidence(directory, run, read_json(directory / "metrics.json"), settings, source)
+    inputs = [Path(name) for name in run["inputs"]]
+    if source is not None and not any(result.moved_input(path) != path or path == source for path in inputs):
+        raise DataError(
+            f"{source}: no file there has the name and the SHA-256 of an input of {directory / 'run.json'}, "
+            f"which are {', '.join(path.name for path in inputs) or 'none'}"
+        )
+    return result

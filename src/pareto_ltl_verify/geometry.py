@@ -21,6 +21,13 @@ class Convex:
     normals: FloatArray
     offsets: FloatArray
 
+    def moved(self, by: float) -> Convex:
+        """The polygon with all faces moved outwards by ``by`` [m]: its corners are where they meet."""
+        before = np.roll(self.normals, 1, axis=0)
+        turn = np.maximum(1.0 + (before * self.normals).sum(axis=1, keepdims=True), 1e-9)
+        corners = self.corners + by * (before + self.normals) / turn if len(self.corners) else self.corners
+        return Convex(corners, self.normals, self.offsets + by)
+
     def depth(self, points: FloatArray) -> FloatArray:
         """Distance from ``points`` (P, 2) to the nearest face line [m], positive inside."""
         return np.asarray((self.offsets - points @ self.normals.T).min(axis=1), float)
@@ -67,11 +74,17 @@ def deepest(parts: Sequence[Convex], points: FloatArray) -> FloatArray:
 
 
 def met_by_any(parts: Sequence[Convex], start: FloatArray, end: FloatArray, margin: float) -> BoolArray:
-    """Which segments (S, 2) to (S, 2) [m] lie somewhere deeper than ``margin`` [m] in any of ``parts``."""
+    """Which segments (P,) have a piece deeper than ``margin`` [m] in any of ``parts``."""
     met = np.zeros(len(start), bool)
+    least, most = np.minimum(start, end), np.maximum(start, end)
     for part in parts:
-        enter, leave, along = part.pieces(start, end, margin)
-        met |= (along > 0) & (enter < leave)
+        rows = np.arange(len(start))
+        if len(part.corners):  # most segments do not come near
+            around = part.moved(max(-margin, 0.0)).corners
+            near = (most >= around.min(axis=0)) & (least <= around.max(axis=0))
+            rows = np.flatnonzero(near[:, 0] & near[:, 1] & ~met)
+        enter, leave, along = part.pieces(start[rows], end[rows], margin)
+        met[rows] |= (along > 0) & (enter < leave)
     return met
 
 

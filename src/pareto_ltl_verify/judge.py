@@ -17,7 +17,13 @@ from pareto_ltl_verify.claims import (
     flights,
     front,
     height,
+    judged,
+    legs,
     limits,
+    missions,
+    origin,
+    outlines,
+    page,
     plan,
     readings,
     record,
@@ -30,8 +36,9 @@ from pareto_ltl_verify.claims import (
 from pareto_ltl_verify.evidence import Evidence, open_evidence
 
 CLAIMS: tuple[Claim, ...] = (
-    *record.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS, *plan.CLAIMS, *limits.CLAIMS,
-    *search.CLAIMS, *front.CLAIMS, *flights.CLAIMS, *exports.CLAIMS, *height.CLAIMS, *texts.CLAIMS,
+    *record.CLAIMS, *origin.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS, *plan.CLAIMS,
+    *limits.CLAIMS, *search.CLAIMS, *front.CLAIMS, *judged.CLAIMS, *flights.CLAIMS, *legs.CLAIMS,
+    *exports.CLAIMS, *outlines.CLAIMS, *missions.CLAIMS, *height.CLAIMS, *texts.CLAIMS, *page.CLAIMS,
     *replan.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
@@ -60,15 +67,22 @@ class Finding:
     holds: bool
 
 
-def verify(directory: Path | str) -> tuple[Finding, ...]:
+def verify(directory: Path | str, source: Path | str | None = None) -> tuple[Finding, ...]:
     """Judge every claim that the results in ``directory`` make.
+
+    Parameters
+    ----------
+    directory : path
+        A results directory.
+    source : path, optional
+        A wind file that the run read, or the folder with such files, if they are no longer where they were.
 
     Raises
     ------
     DataError
-        If there is no finished result of a plan.
+        If there is no finished result of a plan, or ``source`` is none of its inputs.
     """
-    return judge_evidence(open_evidence(Path(directory)))
+    return judge_evidence(open_evidence(Path(directory), None if source is None else Path(source)))
 
 
 def judge_evidence(result: Evidence) -> tuple[Finding, ...]:
@@ -99,6 +113,11 @@ def findings(result: Evidence, claims: Iterable[Claim] = CLAIMS) -> Iterator[Fin
                 yield Finding(claim.name, *verdict)
 
 
+def needs_rerun(result: Evidence) -> tuple[str, ...]:
+    """What only a plan that is made again can show; another claim says more about each where it can."""
+    return origin.NEEDS_RERUN if result.has("plan.json") else ()
+
+
 def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
     """Names of the claims that are not judged, by the reason."""
     reasons: dict[str, tuple[str, ...]] = {}
@@ -115,6 +134,8 @@ def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
         with suppress(*UNUSABLE):
             if (reason := readings.unread_reason(result)) is not None:
                 reasons[reason] = readings.NAMES
+    if not origin.same_code(result):
+        reasons["other code made the result"] = (origin.CODE, page.OF_THIS_CODE)
     with suppress(*UNUSABLE):  # claims about damaged settings fail
         if world.given_map(result):
             reasons["the map was given in Python"] = world.OF_THE_SETTINGS

@@ -8,6 +8,7 @@ from lies.about_exports import EXPORT_LIES
 from lies.about_pages import PAGE_LIES
 from lies.about_plans import PLAN_LIES
 from lies.about_runs import FLIGHT_LIES, RECORD_LIES, SEARCH_LIES
+from lies.about_shapes import SHAPE_LIES
 from lies.about_winds import ERROR_LIES, WIND_LIES
 from lies.about_worlds import WORLD_LIES
 from lies.editing import Lie, edited
@@ -21,6 +22,7 @@ LIES = (
     *FLIGHT_LIES,
     *RECORD_LIES,
     *EXPORT_LIES,
+    *SHAPE_LIES,
     *PAGE_LIES,
 )
 

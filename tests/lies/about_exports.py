@@ -263,7 +263,11 @@ EXPORT_LIES = (
         in_text("plan.gpx", r"(Not covered: [^<]*)</desc>", lambda _: ""),
         ("exports: rates in plan.gpx",),
     ),
-    Lie("an obstacle is not in the fence", in_json("mission.plan", _half_fence), ("exports: mission.plan",)),
+    Lie(
+        "an obstacle is not in the fence",
+        in_json("mission.plan", _half_fence),
+        ("exports: fences of mission.plan",),
+    ),
     Lie("an autopilot fails often", in_json("mission.plan", _rates), ("exports: failure of mission.plan",)),
     Lie(
         "corridors are narrower than flights",

@@ -52,7 +52,70 @@ def _headline(place: Path) -> None:
     path.write_text(text.replace("<dt>fails</dt><dd>", "<dt>fails</dt><dd>0."))
 
 
+TEXTS, MAP, OTHER = "page: all texts", "page: map", "page: other numbers"
+
+
+def in_html(pattern: str, new: str) -> Callable[[Path], Any]:
+    """Replace what a pattern matches first in the page."""
+
+    def edit(place: Path) -> None:
+        path = place / "report.html"
+        text = path.read_text(encoding="utf-8")
+        changed = re.sub(pattern, new, text, count=1, flags=re.DOTALL)
+        assert changed != text
+        path.write_text(changed, encoding="utf-8")
+
+    return edit
+
+
+def _without_obstacle(data: dict[str, Any]) -> None:
+    shapes = data["map"]["shapes"]
+    shapes.remove(next(one for one in shapes if one["role"] == "obstacle"))
+
+
+def _moved_obstacle(data: dict[str, Any]) -> None:
+    for place in next(one for one in data["map"]["shapes"] if one["role"] == "obstacle")["ring"]:
+        place[0] += 0.01
+
+
+def _covers_all(data: dict[str, Any]) -> None:
+    data["notCovered"] = ""
+
+
+def _no_tight_places(data: dict[str, Any]) -> None:
+    data["places"] = []
+
+
+def _no_failures(data: dict[str, Any]) -> None:
+    data["flights"]["failures"] += 1
+
+
 PAGE_LIES = (
+    Lie(
+        "the limits are not on the page",
+        in_html(r'<section class="more" aria-labelledby="limits-title">.*?</section>', ""),
+        (TEXTS,),
+    ),
+    Lie("a row is not on the page", in_html(r'<tr><th scope="row">.*?</tr>', ""), (TEXTS,)),
+    Lie("the page is certified", in_html("</header>", "<p>Certified by the FAA</p></header>"), (TEXTS,)),
+    Lie("the title is certified", in_html("<h1>", "<h1>FAA certified: "), (TEXTS,)),
+    Lie("the page covers all errors", in_html(r"<h3>Not covered</h3><p>.*?</p>", ""), (TEXTS,)),
+    Lie("the page covers storms", in_html(r"<h3>Covered</h3><p>", "<h3>Covered</h3><p>storms; "), (TEXTS,)),
+    Lie("the page hides its limits", in_html("<style>", "<style>#limits-title{display:none}"), (TEXTS,)),
+    Lie("the page hides a row", in_html(r'<tr><th scope="row">', '<tr hidden><th scope="row">'), (TEXTS,)),
+    Lie("the page has another script", in_html(r'"use strict";', '"use strict";void 0;'), (TEXTS,)),
+    Lie(
+        "the page names another seed",
+        in_html(r'(<th scope="row">seed</th><td>)\d+', r"\g<1>77"),
+        (TEXTS,),
+    ),
+    Lie("the length of the page is shorter", in_html(r"(<dt>length</dt><dd>)\d", r"\g<1>"), (TEXTS,)),
+    Lie("the page counts other failures", in_html(r"flights: (\d+) met", r"flights: 9\1 met"), (TEXTS,)),
+    Lie("the map of the page has no first obstacle", in_page(_without_obstacle), (MAP,)),
+    Lie("an obstacle of the page is elsewhere", in_page(_moved_obstacle), (MAP,)),
+    Lie("the script of the page covers all errors", in_page(_covers_all), (OTHER,)),
+    Lie("the page has no tight places", in_page(_no_tight_places), (OTHER,), "full"),
+    Lie("the page draws other flights", in_page(_no_failures), (OTHER,)),
     Lie(
         "the page has a point less",
         in_page(lambda data: data["points"].pop()),
@@ -60,7 +123,7 @@ PAGE_LIES = (
     ),
     Lie("the points of the page fail half as often", in_page(_safer_points), ("page: points of the front",)),
     Lie("the page names another wind law", in_page(_other_law), ("page: points of the front",)),
-    Lie("the page draws another path", in_page(_other_path), ("page: path and promise",)),
-    Lie("the page promises less failure", in_page(_safer_promise), ("page: path and promise",), "full"),
+    Lie("the page draws another path", in_page(_other_path), ("page: paths and promise",)),
+    Lie("the page promises less failure", in_page(_safer_promise), ("page: paths and promise",), "full"),
     Lie("the headline of the page is better", _headline, ("page: rate in the headline",), "full"),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,10 @@ from lies.editing import (
     setting,
 )
 from pareto_ltl.support.archives import read_npz
+from pareto_ltl.support.files import write_npz
 from pareto_ltl.support.reading import read_json
+from pareto_ltl_verify.claims.front import cost_columns, judged_rows, volume
+from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import clopper_pearson
 
 
@@ -82,7 +86,52 @@ def _relabelled(rows: list[dict[str, str]]) -> None:
     rows[0]["order"] = "c>b>a"
 
 
+def thinned(place: Path) -> None:
+    """Every other path of the front but the plan is left out, in all files and numbers of the front."""
+    plan, arrays = read_json(place / "plan.json"), read_npz(place / "front.npz")
+    with (place / "front.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    x = np.array(plan["x"])
+    kept = [k for k in range(len(rows)) if k % 2 == 0 or np.array_equal(arrays[f"path_{k:03d}/x"], x)]
+    others = {key: value for key, value in arrays.items() if not key.startswith("path_")}
+    others["failed"] = arrays["failed"][kept] if len(arrays["failed"]) else arrays["failed"]
+    for new, old in enumerate(kept):
+        begin = f"path_{old:03d}/"
+        others |= {
+            f"path_{new:03d}/{key.removeprefix(begin)}": value
+            for key, value in arrays.items()
+            if key.startswith(begin)
+        }
+    write_npz(place / "front.npz", others)
+    left = [rows[k] | {"path": str(new)} for new, k in enumerate(kept)]
+    in_front(lambda listed: listed.__setitem__(slice(None), left))(place)
+    result = open_evidence(place)
+    sides = cost_columns(result)
+    table = judged_rows(result)
+    top = np.ones(table.shape[1])
+    top[-len(sides) :] = [result.metrics[f"hypervolume_{name}"] for name in sides]
+    numbers = {
+        "hypervolume": volume(np.minimum(table / top, 1.0)),
+        "shortest_m": min(float(row["length_m"]) for row in left),
+        "safest": min(float(row["mission_risk"]) for row in left),
+    }
+    if "least_failure" in result.metrics:
+        numbers["least_failure"] = min(float(row["failure"]) for row in left)
+    in_metrics(numbers)(place)
+
+
 SEARCH_LIES = (
+    Lie("every other path of the front is left out", thinned, ("front: no judged path is better",)),
+    Lie(
+        "a judged path failed more often",
+        in_arrays("front.npz", lambda a: a["judged"].__setitem__((slice(None), 1), 9.0)),
+        ("front: no judged path is better",),
+    ),
+    Lie(
+        "a judged path is longer than the box",
+        in_arrays("front.npz", lambda a: a["judged"].__setitem__((-1, -1), 1e9)),
+        ("front: box of the hypervolume",),
+    ),
     Lie(
         "a vertex is farther along",
         in_arrays("trees.npz", lambda t: t["tree_000/length"].__setitem__(9, 1.0)),

@@ -309,7 +309,11 @@ TOOL_COMMANDS = (
         "verify", "derive every claim of a result again, without the planner", "result_commands.verify",
         "Recompute every claim of a result from its files, with code that shares nothing with the planner; "
         "exit code 3 if one fails.",
-        (DIR, flag("--failed-only", "show only claims that fail")),
+        (
+            DIR,
+            flag("--failed-only", "show only claims that fail"),
+            argument("--source", "PATH", "a wind file of the run, or their folder, if moved", type=Path),
+        ),
     ),
     ToolCommand(
         "scores", "the promises of a forecast test against what came, or two tests compared",

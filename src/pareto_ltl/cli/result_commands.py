@@ -183,17 +183,19 @@ def beacons(options: Namespace) -> Answer:
 def verify(options: Namespace) -> Answer:
     """Check a result; the exit code is 0 if all claims hold and 3 if one fails."""
     from pareto_ltl_verify.evidence import open_evidence
-    from pareto_ltl_verify.judge import judge_evidence, unchecked_claims
+    from pareto_ltl_verify.judge import judge_evidence, needs_rerun, unchecked_claims
 
-    result = open_evidence(options.directory)
+    result = open_evidence(options.directory, options.source)
     found = judge_evidence(result)
     failed = [finding for finding in found if not finding.holds]
     shown, unchecked = failed if options.failed_only else found, unchecked_claims(result)
+    unprovable = () if options.failed_only else needs_rerun(result)
     broken = f"{len(failed)} of {len(found)} claims fail: {'; '.join(finding.claim for finding in failed)}"
     lines = [
         *chain.from_iterable(map(_claim_lines, shown)),
         broken if failed else f"{len(found)} claims hold",
         *(f"not checked, because {reason}: {'; '.join(claims)}" for reason, claims in unchecked.items()),
+        *([f"only pareto-ltl rerun can show: {'; '.join(unprovable)}"] if unprovable else []),
     ]
     document = {
         "directory": options.directory,
@@ -203,6 +205,7 @@ def verify(options: Namespace) -> Answer:
         "checked": len(found),
         "failed": len(failed),
         "unchecked": unchecked,
+        "needs_rerun": list(needs_rerun(result)),
     }
     return Answer(document, lines, code=CLAIM_FAILS if failed else 0)
 

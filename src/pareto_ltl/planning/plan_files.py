@@ -142,6 +142,7 @@ def _front_arrays(front: Front) -> dict[str, NDArray[Any]]:
         "hypervolume": np.array([front.hypervolume]),
         "raw": np.array([_length_and_risks(o) for o in front.raw]).reshape(-1, 1 + len(RISK_COLUMNS)),
         "failed": front.failed,
+        "judged": front.judged,
         "raw_rates": np.array([[r.failure, r.low, r.high, r.runs] for r in front.raw_rates]).reshape(-1, 4),
     }
     for name in front.raw[0].further_costs if front.raw else ():
@@ -192,6 +193,7 @@ def read_front(place: Path | str) -> Front:
             ),
             failed=arrays["failed"],
             models=models,
+            judged=np.asarray(arrays.get("judged", np.zeros((0, 0))), float),
         )
 
 

@@ -221,6 +221,11 @@ class Front(Displayed):
         more precise than each rate.
     models : FidelityConfig
         Models that the paths were planned with: every risk holds under their wind law.
+    judged : (J, 2 + C) float
+        A row for every path that was compared for the front, also for those that are not on it. With
+        ``flights``: the number of its flights, how many of them fail, and all costs; a path that is certainly
+        worse than another has fewer flights. With ``bound``: mission risk, collision risk and costs. Empty
+        for fronts of earlier versions.
     """
 
     paths: tuple[PlannedPath, ...]
@@ -231,6 +236,7 @@ class Front(Displayed):
     raw_rates: tuple[FailureRate, ...] = ()
     failed: BoolArray = field(default_factory=lambda: np.zeros((0, 0), bool))
     models: FidelityConfig = field(default_factory=FidelityConfig)
+    judged: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         if self.rates and len(self.rates) != len(self.paths):

@@ -197,4 +197,5 @@ def build_front(
     remaining.sort(key=lambda p: tuple(objective_row(p.objectives)))
     reference = np.array([1.0, 1.0, *box_above(rows[:, 2:])])
     volume = hypervolume(np.array([objective_row(p.objectives) for p in remaining]), reference)
-    return Front(tuple(remaining), tuple(p.objectives for p in raw), volume, reference, models=models)
+    before = tuple(p.objectives for p in raw)
+    return Front(tuple(remaining), before, volume, reference, models=models, judged=rows)

@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, repeat
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -76,7 +77,8 @@ def judge_front(
     admitted = [flown.path for flown in trees if keeps_epsilon(problem, flown.path)]
     if not refined and not admitted:  # those that keep it lost the race to others that do not
         admitted = [path for path in raw if keeps_epsilon(problem, path)]
-    judged = fly_race(problem, [*refined, *admitted], draws, seed)
+    race = race_among(problem, [*refined, *admitted], draws, seed)
+    judged = race.flown
     if all(flown.failed.all() for flown in judged):
         _refuse_or_warn(_how_all_fail(problem, judged), strict)
     grown = {id(path) for path in raw}
@@ -96,6 +98,7 @@ def judge_front(
         raw_rates=tuple(flown.rate(law) for flown in before),
         failed=np.stack([flown.failed for flown in after]),
         models=problem.fidelity,
+        judged=race.rows,
     )
 
 
@@ -144,6 +147,20 @@ class Flown:
     def rate(self, law: str) -> FailureRate:
         """The failure rate with its interval."""
         return counted_rate(law, int(self.failed.sum()), len(self.failed))
+
+
+class Race(NamedTuple):
+    """The paths that survive a race, and a row for every path of it.
+
+    Attributes
+    ----------
+    flown : list of Flown
+    rows : (P, 2 + C) float
+        Number of flights of each path, how many of them fail, and all costs, the length [m] first.
+    """
+
+    flown: list[Flown]
+    rows: FloatArray
 
 
 def final_bound(problem: Problem, flown: Flown) -> Flown:
@@ -198,20 +215,30 @@ def fly_race(
     problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: SeedSequence, crowd: float = math.inf
 ) -> list[Flown]:
     """The paths that survive the race over ``draws`` flights; at most about ``crowd`` for each cost."""
+    return race_among(problem, paths, draws, seed, crowd).flown
+
+
+def race_among(
+    problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: SeedSequence, crowd: float = math.inf
+) -> Race:
+    """The race of :func:`fly_race`, with the flights of those that do not survive it."""
     if not paths:
-        return []
+        return Race([], np.zeros((0, 0)))
     require_memory(2.0 * len(paths), "selection.draws", draws, "flights that judge the front")
     blocks, failures = race_of(problem, paths, draws, seed)
     costs = np.array([list(path.objectives.costs.values()) for path in paths])
     running, failed = np.arange(len(paths)), np.zeros((len(paths), draws), bool)
+    flights = np.zeros(len(paths))
     for numbers in looks(len(blocks)):
         flown = on_all_cores(failures, numbers, repeat(running.tolist()))
         for number, found in zip(numbers, flown, strict=True):
             failed[running, blocks[number]] = found
-        seen = failed[running, : blocks[numbers[-1]].stop]
+        flights[running] = end = blocks[numbers[-1]].stop
+        seen = failed[running, :end]
         left = ~certainly_beaten(seen, costs[running])
         running = running[left][outermost(seen[left].mean(axis=1), costs[running[left]], crowd)]
-    return [Flown(paths[k], failed[k]) for k in running.tolist()]
+    rows = np.column_stack([flights, failed.sum(axis=1), costs])
+    return Race([Flown(paths[k], failed[k]) for k in running.tolist()], rows)
 
 
 def count_failures(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> int:

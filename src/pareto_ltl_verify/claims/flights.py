@@ -124,10 +124,9 @@ def promised_rate(result: Evidence) -> Verdict | None:
     stated = result.plan["promise"]
     if not stated or stated["law"] not in result.new_flights:
         return None
-    x = result.new_flights[stated["law"]]
-    old = result.flights[f"{stated['law']}/x"]
-    again = int(result.ground.failed(np.concatenate([x, old])).sum())
-    runs = len(x) + len(old)
+    new, old = result.new_failures(stated["law"]), result.flights[f"{stated['law']}/x"]
+    again = int(new.sum()) + int(result.ground.failed(old).sum())
+    runs = len(new) + len(old)
     if stated["method"] == WEIGHTED:
         ends = binom.sf(again - 1, runs, stated["high"]), binom.cdf(again, runs, stated["low"])
         chance = min(1.0, 2 * float(min(ends)))
@@ -204,7 +203,7 @@ def new_positions(result: Evidence, law: str) -> Verdict:
 def new_rate(result: Evidence, law: str) -> Verdict:
     """The failure rate agrees with new flights with other random numbers."""
     failed = flights.failures(*_flags(result, law), result.ground.walled)
-    again = result.ground.failed(result.new_flights[law])
+    again = result.new_failures(law)
     chance = flights.same_rate(int(failed.sum()), len(failed), int(again.sum()), len(again))
     found = f"{again.mean():.4g} of {len(again)}, chance {chance:.1g}"
     return Verdict(f"{failed.mean():.4g}", found, chance >= RARE)

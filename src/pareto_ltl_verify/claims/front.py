@@ -69,7 +69,7 @@ def cost_columns(result: Evidence) -> list[str]:
     return ["length_m", *names[names.index("origin") + 1 :]]
 
 
-def _judged_rows(result: Evidence) -> FloatArray:
+def judged_rows(result: Evidence) -> FloatArray:
     """Objectives of dominance: (failure rate, costs) where flights judge, otherwise all of them."""
     judged = ("failure",) if flights_judge(result) else BOUNDS
     return columns(result, *judged, *cost_columns(result))
@@ -77,7 +77,7 @@ def _judged_rows(result: Evidence) -> FloatArray:
 
 def front_rows(result: Evidence) -> Verdict:
     """No path of the front is dominated; they are numbered and sorted by failure rate or mission risk."""
-    rows = _judged_rows(result)
+    rows = judged_rows(result)
     no_worse, better = rows[:, None] <= rows, rows[:, None] < rows
     dominated = (no_worse.all(axis=2) & better.any(axis=2)).any(axis=0)
     listed = list(map(tuple, rows))
@@ -112,7 +112,7 @@ def volume(rows: FloatArray) -> float:
 
 def hypervolume(result: Evidence) -> Verdict:
     """Hypervolume of the front in the box that the metrics name."""
-    rows, sides = _judged_rows(result), cost_columns(result)
+    rows, sides = judged_rows(result), cost_columns(result)
     top = np.ones(rows.shape[1])
     top[-len(sides) :] = [result.metrics[f"hypervolume_{name}"] for name in sides]
     for side, wide, most in zip(sides, top[-len(sides) :], rows[:, -len(sides) :].max(axis=0), strict=True):

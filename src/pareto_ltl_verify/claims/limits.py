@@ -1,39 +1,41 @@
 """Claims about the limits of a plan: the chance constraint of each segment, and the prices.
 
 A price is judged by what it means: flights of the path as it is are judged again on a map whose limit is
-moved outwards and inwards. The share of multipliers is not in those counts, so that a price may exceed them
-where a segment is close to epsilon.
+moved outwards and inwards. The share of multipliers is not in those counts, so that the price of a barrier
+may exceed them where it makes a segment close to epsilon.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr
+from scipy.stats import chi2
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault, same, unlike
 from pareto_ltl_verify.claims.plan import FILES, LEAST_RISK, RISK, step_deviations
 from pareto_ltl_verify.evidence import Evidence
-from pareto_ltl_verify.flights import NONE, Ground, failures
+from pareto_ltl_verify.flights import NONE, RARE, Ground, failures
 from pareto_ltl_verify.formula import losing
 from pareto_ltl_verify.gaussians import segment_risks, step_margins
-from pareto_ltl_verify.geometry import Convex, convex, outline_distance, within
+from pareto_ltl_verify.geometry import convex, outline_distance, within
 
 DEVIATIONS = 2e-3  # largest allowed difference of two distances, relative to one standard deviation and more
 RISK_OF_SEGMENT = 0.02  # largest allowed relative difference of two risks of a segment
 MOVED = 2e-3  # how far a limit is moved to count its price, as a share of the map's size
 LEAST_SHARE = 0.01  # of the largest price: smaller ones are not listed
-RUNS = 2_000  # flights that are judged again; as many as there are at least
+RUNS = 2_000  # flights that are judged again for the price of a region
 SIDES = ("western", "southern", "eastern", "northern")  # rows of the bounds: west and south, east and north
 FACTOR = 2.5  # by which a price may differ from the counts on either side
 FAR = 12.0  # [sd] with a risk below 1e-32: which of two such barriers is nearer has no meaning
 SPREADS = 5.0  # standard deviations of a count, beside the factor
 ROUNDING = 1e-6  # relative excess over epsilon that is rounding
 BY_REGIONS = 1.25  # by which polygons around many cells of a region may raise a probability
+MOST_SAVED = 30.0  # relative fall of the failures by a relative change of airspeed
 TIGHT = 0.8  # share of epsilon above which multipliers of chance constraints may be part of a price
 FULL_SPEED = 0.98  # share of u_max below which a step does not use all airspeed
 ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
@@ -164,7 +166,7 @@ def _segment_price_faults(result: Evidence, rows: Sequence[Mapping[str, Any]]) -
     """The prices of all segments add up to the prices of obstacles and borders, except the smallest."""
     of_segments = sum(row.get("price", 0.0) for row in result.plan.get("segments", ()))
     listed = [row["saving"] for row in rows if row["kind"] in ("obstacle", "border")]
-    small = LEAST_SHARE * max((row["saving"] for row in rows if row["kind"] in CHANGED), default=0.0)
+    small = LEAST_SHARE * max((row["saving"] for row in rows if row["kind"] in COUNTS), default=0.0)
     limit = sum(listed) + small * len(result.barriers)
     if (1.0 - RISK) * sum(listed) <= of_segments <= (1.0 + RISK) * limit + LEAST_RISK:
         return []
@@ -175,15 +177,34 @@ def _outline_price(result: Evidence, row: Mapping[str, Any]) -> str:
     """The fault of the price of an obstacle, a border or a region; empty if it is right."""
     by = MOVED * float(np.ptp(result.ground.bounds, axis=0).mean())
     try:
-        counts = [_failures(result, row, by * way) for way in (-1.0, 0.0, 1.0)]
+        counts, runs = COUNTS[row["kind"]](result, row, (-by, 0.0, by))
     except LookupError:
         return "no such limit"
     changes = np.abs(np.diff(counts))
-    slopes, doubt = changes / (RUNS * by), SPREADS * np.sqrt(max(changes.max(), 1)) / (RUNS * by)
-    low, high = slopes.min() / FACTOR - doubt, slopes.max() * FACTOR + doubt
-    if low <= row["saving"] <= (np.inf if _is_tight(result) else high):
+    slopes, doubt = changes / (runs * by), SPREADS * np.sqrt(max(changes.max(), 1)) / (runs * by)
+    sure = float(chi2.ppf(RARE, 2 * changes.min())) / 2.0 if changes.min() else 0.0  # of a Poisson number
+    high = slopes.max() * FACTOR + doubt + _multiplier(result, row)
+    if sure / (FACTOR * runs * by) <= row["saving"] <= high:
         return _error_fault(result, row)
     return f"{row['saving']:.3g} a metre, flights give {slopes.min():.3g} to {slopes.max():.3g}"
+
+
+def _multiplier(result: Evidence, row: Mapping[str, Any]) -> float:
+    """The largest share [1/m] that a segment close to epsilon can add to the price of one of its barriers.
+
+    The risk of z standard deviations falls by its share of about z + 1 for each of them.
+    """
+    if row["kind"] not in ("obstacle", "border") or not _is_tight(result):
+        return 0.0
+    z, risks = result.segments
+    tight = risks >= TIGHT * result.epsilon
+    own = z[:, np.array(barrier_names(result)) == row["name"]].min(axis=1, initial=np.inf)[tight]
+    cov = result.course.cov
+    sd = np.sqrt(np.linalg.eigvalsh(0.5 * (cov[1:] + cov[:-1])).mean(axis=1))[tight]
+    share = np.minimum(ndtr(-own) / risks[tight], 1.0)
+    steep = np.where(share > 0.0, 1.0 + np.maximum(np.minimum(own, FAR), 0.0), 0.0)
+    failing = float(result.new_failures(result.planned_law).mean())
+    return float(FACTOR * failing * (share * steep / np.maximum(sd, result.grain)).max())
 
 
 def _error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
@@ -211,33 +232,58 @@ def _is_tight(result: Evidence) -> bool:
     return bool(result.barriers) and bool(result.segments[1].max() >= TIGHT * result.epsilon)
 
 
-def _failures(result: Evidence, row: Mapping[str, Any], by: float) -> int:
-    """How many of ``RUNS`` flights fail if the limit is larger by ``by`` [m] on every side."""
+Counts = tuple[
+    list[int], int
+]  # failures with a limit moved by each of several distances; of how many flights
+
+
+def _obstacle_counts(result: Evidence, row: Mapping[str, Any], moves: Sequence[float]) -> Counts:
+    """Failures of all new flights: only the parts of the obstacle are looked at again."""
+    own = np.array(barrier_names(result)[: len(result.obstacles)]) == row["name"]
+    if not own.any():
+        raise LookupError(row["name"])
+    x, ground, hits = result.new_flights[result.planned_law], result.ground, _hits(result)
+    accepted, _, off = result.new_verdicts[result.planned_law]
+    others = failures(accepted, hits[~own].any(axis=0), off, ground.walled)
+    left = np.flatnonzero(~others)
+    parts = [part for part, here in zip(result.obstacles, own, strict=True) if here]
+    counts = []
+    for by in moves:
+        moved = replace(ground, obstacles=[part.moved(by) for part in parts])
+        counts.append(int(others.sum()) + int(moved.collided(x[left]).sum()))
+    return counts, len(x)
+
+
+def _hits(result: Evidence) -> BoolArray:
+    """Which new flights meet each convex part of the obstacles, (parts, n)."""
+    key = "parts that new flights meet"
+    if key not in result.remembered:
+        x, ground = result.new_flights[result.planned_law], result.ground
+        some = np.flatnonzero(result.new_verdicts[result.planned_law][1])
+        hits = np.zeros((len(result.obstacles), len(x)), bool)
+        for k, part in enumerate(result.obstacles):
+            hits[k, some] = replace(ground, obstacles=[part]).collided(x[some])
+        result.remembered[key] = hits
+    return np.asarray(result.remembered[key], bool)
+
+
+def _border_counts(result: Evidence, row: Mapping[str, Any], moves: Sequence[float]) -> Counts:
+    """Failures of all new flights with one side of the border moved outwards."""
+    x, (accepted, collided, _) = (
+        result.new_flights[result.planned_law],
+        result.new_verdicts[result.planned_law],
+    )
+    grounds = [_border_changed(result, row["name"], by) for by in moves]
+    off = [ground.off_map(x) for ground in grounds]
+    return [int(failures(accepted, collided, one, result.ground.walled).sum()) for one in off], len(x)
+
+
+def _region_counts(result: Evidence, row: Mapping[str, Any], moves: Sequence[float]) -> Counts:
+    """Failures of ``RUNS`` new flights with a region that is larger on every side."""
     x = result.new_flights[result.planned_law][:RUNS]
-    ground = CHANGED[row["kind"]](result, row["name"], by)
-    same_regions = ground.regions is result.ground.regions
-    accepted = _accepted(result) if same_regions else ground.accepted(x)
-    return int(failures(accepted, ground.collided(x), ground.off_map(x), ground.walled).sum())
-
-
-@lru_cache(maxsize=1)
-def _accepted(result: Evidence) -> BoolArray:
-    """Which of ``RUNS`` flights complete the mission on the map as it is."""
-    return result.ground.accepted(result.new_flights[result.planned_law][:RUNS])
-
-
-def _moved(part: Convex, by: float) -> Convex:
-    """``part`` with its faces moved outwards by ``by`` [m]."""
-    return replace(part, offsets=part.offsets + by)
-
-
-def _obstacle_changed(result: Evidence, name: str, by: float) -> Ground:
-    names = barrier_names(result)[: len(result.obstacles)]
-    if name not in names:
-        raise LookupError(name)
-    pairs = zip(result.obstacles, names, strict=True)
-    moved = [_moved(part, by) if one == name else part for part, one in pairs]
-    return replace(result.ground, obstacles=moved)
+    _, collided, off = (flags[:RUNS] for flags in result.new_verdicts[result.planned_law])
+    accepted = [_region_changed(result, row["name"], by).accepted(x) for by in moves]
+    return [int(failures(one, collided, off, result.ground.walled).sum()) for one in accepted], len(x)
 
 
 def _border_changed(result: Evidence, name: str, by: float) -> Ground:
@@ -251,14 +297,22 @@ def _border_changed(result: Evidence, name: str, by: float) -> Ground:
 
 def _region_changed(result: Evidence, name: str, by: float) -> Ground:
     places = [result.timetable.region(one) or one for one in name.split(" and ")]
-    moved = {place: [_moved(part, by) for part in result.ground.regions[place]] for place in places}
+    moved = {place: [part.moved(by) for part in result.ground.regions[place]] for place in places}
     return replace(result.ground, regions={**result.ground.regions, **moved})
 
 
 def _airspeed_price(result: Evidence, row: Mapping[str, Any]) -> str:
-    """Airspeed has a price only where a step uses all of it."""
-    used = np.linalg.norm(result.u, axis=1).max() / result.plan["u_max"]
-    return "" if row["saving"] >= 0.0 and used >= FULL_SPEED else f"at most {used:.2f} of it is used"
+    """Airspeed has a price only where a step uses all of it, and none that saves many times all failures."""
+    fastest = float(result.plan["u_max"])
+    used = np.linalg.norm(result.u, axis=1).max() / fastest
+    if not (row["saving"] >= 0.0 and used >= FULL_SPEED):
+        return f"at most {used:.2f} of it is used"
+    most = MOST_SAVED * float(result.plan["promise"]["high"] if result.plan["promise"] else 1.0) / fastest
+    return (
+        ""
+        if row["saving"] <= most
+        else f"{row['saving']:.3g} for 1 m/s, where at most {most:.3g} is credible"
+    )
 
 
 def _length_price(result: Evidence, row: Mapping[str, Any]) -> str:
@@ -277,12 +331,12 @@ def _length_price(result: Evidence, row: Mapping[str, Any]) -> str:
     return f"{row['saving']:.3g} a metre, the front has slopes of {flattest:.3g} to {steepest:.3g}"
 
 
-CHANGED: dict[str, Callable[[Evidence, str, float], Ground]] = {
-    "obstacle": _obstacle_changed, "border": _border_changed, "region": _region_changed,
-    "avoided": _region_changed,
+COUNTS: dict[str, Callable[[Evidence, Mapping[str, Any], Sequence[float]], Counts]] = {
+    "obstacle": _obstacle_counts, "border": _border_counts, "region": _region_counts,
+    "avoided": _region_counts,
 }  # fmt: skip
 PRICES: dict[str, Callable[[Evidence, Mapping[str, Any]], str]] = {
-    **dict.fromkeys(CHANGED, _outline_price), "airspeed": _airspeed_price, "length": _length_price,
+    **dict.fromkeys(COUNTS, _outline_price), "airspeed": _airspeed_price, "length": _length_price,
 }  # fmt: skip
 
 CLAIMS = (

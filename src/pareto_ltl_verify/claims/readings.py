@@ -22,6 +22,7 @@ from pareto_ltl_verify.wind_fit import Fit
 from pareto_ltl_verify.wind_tables import level_of
 
 NAMES = ("wind: times of the readings agree with the files", "wind: readings agree with the files")
+SOURCE = "--source PATH reads a copy"
 MOST_BYTES = 2**31  # of all files together
 HALF_HOUR = 1800.0  # [s] reports of stations belong to the nearest full hour
 EARTH = 6_371_000.0  # [m]
@@ -177,14 +178,15 @@ def wind_files(result: Evidence) -> list[Path]:
     others.append(settings["selection"].get("extra_paths"))
     known = {Path(str(name)).expanduser() for name in others if name}
     known |= {path / "front.npz" for path in known}
-    files = [path for name in result.run["inputs"] if (path := Path(name)) not in known]
-    if not files:
+    named = [path for name in result.run["inputs"] if (path := Path(name)) not in known]
+    if not named:
         raise UnreadError("run.json names no wind file")
-    for path in files:
+    files = [result.moved_input(path) for path in named]
+    for path, old in zip(files, named, strict=True):
         if not path.is_file():
-            raise UnreadError(f"the wind file {path.name} is no longer where run.json says")
-        if not result.is_input(path):
-            raise UnreadError(f"the wind file {path.name} has changed since the run")
+            raise UnreadError(f"the wind file {path.name} is no longer where run.json says ({SOURCE})")
+        if path == old and not result.is_input(path):
+            raise UnreadError(f"the wind file {path.name} has changed since the run ({SOURCE})")
     if sum(path.stat().st_size for path in files) > MOST_BYTES:
         raise UnreadError("the wind files have more than 2 GiB")
     return files

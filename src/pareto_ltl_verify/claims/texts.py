@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator, Sequence
 from datetime import UTC, timedelta
 from functools import partial
-from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -15,22 +14,20 @@ import numpy as np
 from scipy.stats import beta, binom
 
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import interval_text, probability_text, promised_text
-from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import parse_json, read_text
-from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, same, unlike
+from pareto_ltl.support.display import interval_text, probability_text
+from pareto_ltl.support.reading import read_text
+from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, unlike
 from pareto_ltl_verify.claims.exports import PLAN, ROUTES
+from pareto_ltl_verify.claims.outlines import corridor_cov
 from pareto_ltl_verify.claims.plan import utc
 from pareto_ltl_verify.evidence import HELD_RUNS, Evidence
 from pareto_ltl_verify.flights import RARE, rate_of, same_rate
-from pareto_ltl_verify.geometry import in_plane, within
 from pareto_ltl_verify.heights import level_flight, stated_level
+from pareto_ltl_verify.sentences import HOLDS, SENTENCE, flown_by, left_over
 from pareto_ltl_verify.wind_law import HOUR, ErrorLaw
 from pareto_ltl_verify.wind_tables import ENSEMBLE, level_of
 
-FINEST = 1.0  # [m] standard deviation whose square corridors add to each variance of the position
 SHARES = (0.5, 0.9, 0.95, 0.99)
-SENTENCE = re.compile(r"Of [\d,]+ [^%]*flights flown .*? fail\.")
 RATE = re.compile(
     r"Of (?P<runs>[\d,]+) [^%]*flights flown (?P<how>.*) in (?P<law>\w+) (?P<flow>\w+), "
     r"(?P<fails>.* %.*) fail\."
@@ -44,18 +41,10 @@ UNLISTED = (
     "aifs",
     "rtofs",
 )  # sources whose files are downloaded, and no inputs of the run
+LUA, VOLUMES = "plan.lua", "operational_intent.json"
 AIRSPEED, IN_WATER = "airspeed", "speed through the water"
 CALM = "calm air: no wind at all", "any wind", AIRSPEED
 STILL = "still water: no current at all", "any current", IN_WATER
-PAGE = "report.html"
-DATA = re.compile(r'<script type="application/json" id="page-data">(.*?)</script>', re.DOTALL)
-HEADLINE = re.compile(
-    r'<div class="fact main"><dt>fails</dt><dd>(.*?)<small>(.*?)</small></dd></div>', re.DOTALL
-)
-COLUMNS = (
-    "failure", "failure_low", "failure_high", "length_m", "mission_risk", "collision_risk", "duration_s",
-)  # fmt: skip
-ROUNDED = 1e-3  # largest allowed error of a position in the page, as a share of the map's longer side
 
 
 # --- failure rates ----------------------------------------------------------------------------
@@ -91,6 +80,7 @@ def stated_rates(name: str, result: Evidence) -> Verdict:
     for by_position, part in by_course.items():
         known = part["law"] == result.planned_law and part["flow"] in result.flows
         faults += [f"{part['law']} {part['flow']}"] * (not known)
+        faults += [f"flown {part['how']}"] * (part["how"] != (HOLDS if by_position else flown_by(result)))
         runs = int(part["runs"].replace(",", ""))
         if by_position:
             share = float(part["fails"].partition(" %")[0].lstrip("< ")) / 100
@@ -101,11 +91,18 @@ def stated_rates(name: str, result: Evidence) -> Verdict:
             faults += [f"{part['fails']} of {runs} by heading"] * ((part["fails"], runs) != wanted)
     left = result.plan["not_covered"].rstrip(".")
     faults += ["errors not covered"] * (bool(left) and f"Not covered: {left}." not in text)
-    return no_fault(f"{len(by_course)} rates", faults)
+    others = left_over(result, name, text)
+    return no_fault(f"{len(by_course)} rates", faults, {f"{others!r} is not derived": bool(others)})
 
 
 def _text(result: Evidence, name: str) -> str:
-    return str(ROUTES[name](result).text if name in ROUTES else result.document(name)["description"])
+    if name in ROUTES:
+        return str(ROUTES[name](result).text)
+    if name == LUA:
+        comment = read_text(result.directory / name).partition("\n\n")[0]
+        return " ".join(comment.splitlines()[2:])
+    content = result.document(name)
+    return str(content["pareto_ltl"]["note"] if name == VOLUMES else content["description"])
 
 
 # --- corridors --------------------------------------------------------------------------------
@@ -120,7 +117,7 @@ def corridor_sizes(result: Evidence) -> Verdict | None:
     if result.planned_law not in result.new_flights:
         return None
     gap = result.new_flights[result.planned_law] - result.x
-    inverse = np.linalg.inv(np.array(result.plan["cov"]) + FINEST**2 * np.eye(2))
+    inverse = np.linalg.inv(corridor_cov(result))
     sizes = np.sqrt(np.einsum("nti,tij,ntj->nt", gap, inverse, gap))
     faults = [*_missing(features, len(result.x)), *(_unheld(f["properties"], sizes) for f in features)]
     return no_fault(f"{len(features)} areas", [fault for fault in faults if fault])
@@ -148,36 +145,6 @@ def _unheld(about: dict[str, Any], sizes: FloatArray) -> str:
     if held < low or (held > high and size > 1.0):
         return f"{about['meaning']} {step}: {held / len(met):.4g} for {share}"
     return ""
-
-
-def corridor_areas(result: Evidence) -> Verdict:
-    """Areas have the extent of their sizes: polygons around ellipses, and tubes that hold all ellipses."""
-    cov = np.array(result.plan["cov"]) + FINEST**2 * np.eye(2)
-    faults = []
-    for feature in result.document("corridor.geojson")["features"]:
-        about, geometry = feature["properties"], feature["geometry"]
-        if geometry["type"] != "Polygon":
-            continue  # cut at the 180th meridian
-        drawn = in_plane(result.scene["crs"], np.array(geometry["coordinates"][0], float))[:-1]
-        size = about["standard_deviations"]
-        if about["meaning"] == "at_time":
-            gap = drawn - result.x[about["step"]]
-            met = np.sqrt(np.einsum("ni,ij,nj->n", gap, np.linalg.inv(cov[about["step"]]), gap)) / size
-            if met.min() < 0.99 or met.max() > 1.02:
-                faults.append(f"{about['probability']} at step {about['step']}: {met.min():.3g} of its size")
-        else:
-            rim = _rims(result.x, cov, 0.99 * size)
-            if not within(drawn, rim).all():
-                faults.append(f"the tube of {about['probability']} leaves some of its ellipses out")
-    return no_fault(f"shares {', '.join(f'{share:g}' for share in SHARES)}", faults)
-
-
-def _rims(mean: FloatArray, cov: FloatArray, size: float) -> FloatArray:
-    """Points (16 (T + 1), 2) [m] on the ellipses of ``size`` standard deviations."""
-    angle = np.arange(16) * (math.pi / 8)
-    circle = np.stack([np.cos(angle), np.sin(angle)])
-    rings = mean[:, :, None] + size * np.linalg.cholesky(cov) @ circle
-    return np.asarray(rings.transpose(0, 2, 1).reshape(-1, 2), float)
 
 
 # --- errors that rates cover ------------------------------------------------------------------
@@ -354,73 +321,12 @@ def source(result: Evidence) -> Verdict | None:
     return Verdict(result.wind.source[:44], f"{wanted}, {len(inputs)} inputs", kind == wanted and known)
 
 
-# --- the page ---------------------------------------------------------------------------------
-
-
-def page_data(result: Evidence) -> Any:
-    """The JSON data that the script of the page reads; DataError unless there is exactly one set."""
-    blocks = DATA.findall(read_text(result.directory / PAGE))
-    if len(blocks) != 1:
-        raise DataError(f"{PAGE}: has {len(blocks)} sets of numbers; one was expected")
-    return parse_json(blocks[0].encode(), PAGE)
-
-
-def points(result: Evidence) -> Verdict:
-    """Each point of the scatter plot is a row of front.csv; without rates its failure is the bound."""
-    stated, rows = page_data(result)["points"], result.front
-    if len(stated) != len(rows):
-        return same(f"{len(stated)} points", f"{len(rows)} points")
-    faults = []
-    for k, (point, row) in enumerate(zip(stated, rows, strict=True)):
-        wanted = {name: float(row[name]) for name in COLUMNS if row[name]}
-        if "failure" not in wanted:
-            wanted["failure"] = min(1.0, wanted["mission_risk"] + wanted["collision_risk"])
-        others = {name: None for name in COLUMNS if name not in wanted}
-        wrong = unlike(point, others | {"law": row["law"] or result.planned_law})
-        faults += [f"point {k}: {fault}" for fault in [*wrong, *far_apart(point, wanted, 1e-9)]]
-    return no_fault(f"{len(stated)} points", faults)
-
-
-def chosen(result: Evidence) -> Verdict:
-    """The chosen path and its promise agree with plan.json."""
-    data, plan = page_data(result), result.plan
-    way, promise = data["paths"][str(data["chosen"])], data["promise"]
-    size = float(np.ptp(np.array(result.scene["bounds"], float), axis=0).max())
-    x = np.array(way["line"], float)  # in degrees for a map on the Earth
-    x = in_plane(result.scene["crs"], x) if data["map"]["earthly"] else x
-    faults = {
-        "positions of the path": x.shape != result.x.shape or np.abs(x - result.x).max() > ROUNDED * size,
-        "automaton states": way["q"] != plan["q"],
-        "times": way["utc"] != plan["time_utc"],
-        f"promise {promise}": (promise is None) != (plan["promise"] is None),
-    }
-    return no_fault(f"point {data['chosen']}", faults, unlike(plan["promise"] or {}, promise or {}))
-
-
-def headline(result: Evidence) -> Verdict | None:
-    """The rate in large letters is the promise of plan.json, with its interval and its wind law."""
-    matches, promise = HEADLINE.findall(read_text(result.directory / PAGE)), result.plan["promise"]
-    if promise is None:
-        return None
-    value = promised_text(promise["failure"], promise.get("floor", 0.0))
-    begin = f"{interval_text(promise['low'], promise['high'])} (95 %), under {promise['law']}"
-    notes = tuple(f"{begin} {flow}" for flow in result.flows)
-    if len(matches) != 1:
-        return Verdict(f"{len(matches)} rates", f"{value}, {notes[0]}", False)
-    rate, note = map(unescape, matches[0])
-    return Verdict(f"{rate}, {note}", f"{value}, {notes[0]}", rate == value and note.startswith(notes))
-
-
-TEXTS = (*ROUTES, "mavlink_script.json")  # files that have sentences
+TEXTS = (*ROUTES, "mavlink_script.json", "corridor.geojson", LUA, VOLUMES)  # with sentences
 ALL = (*PLAN, "cells.json", "automaton.json", "wind.nc", "deployments.npz")
 CLAIMS = (
     Claim("exports: failure of mission.plan", ("mission.plan", *ALL), mission_failure),
     *(Claim(f"exports: rates in {name}", (name, *ALL), partial(stated_rates, name)) for name in TEXTS),
     Claim("exports: sizes of corridors", ("corridor.geojson", *ALL), corridor_sizes),
-    Claim("exports: areas of corridors", ("corridor.geojson", *PLAN), corridor_areas),
     Claim("plan: errors that its rates cover", ("plan.json", "wind.nc", "scene.json"), texts),
     Claim("wind: source", ("wind.nc",), source),
-    Claim("page: points of the front", (PAGE, "front.csv", "plan.json"), points),
-    Claim("page: path and promise", (PAGE, "plan.json", "scene.json"), chosen),
-    Claim("page: rate in the headline", (PAGE, "plan.json"), headline),
 )

@@ -1,0 +1,89 @@
+"""The sentences of exported files: those that the records give are taken away, and what is left is named."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+
+from pareto_ltl.support.display import listed_text
+from pareto_ltl_verify import page_texts
+from pareto_ltl_verify.claims import close
+from pareto_ltl_verify.claims.exports import TABLE, column
+from pareto_ltl_verify.evidence import Evidence
+
+TURNS = re.compile(
+    r"Turns take (\d+) s, which the times of the legs include\. They lead up to (\d+) m away from the "
+    r"straight lines between the positions, which the failure rates leave out\."
+)
+HOLDS = "by an autopilot that knows and holds the positions (robot.feedback_time=60)"
+BY_POSITION = "An autopilot flies this mission by position."
+NO_LANDING = ("Take-off and landing are not part of it.", "A landing is not part of it.")
+HOVERS = (
+    "The last item hovers at the end of the plan until the pilot takes over; the energy of the plan is "
+    "without it."
+)
+NO_BORDER = "The border of the map is no fence, since the 180th meridian crosses it."
+ABSENT = "Above or below it, and not on this map: "
+SENTENCE = re.compile(r"Of [\d,]+ [^%]*flights flown .*? fail\.")  # another claim compares its numbers
+
+
+def flown_by(result: Evidence) -> str:
+    """How the robot follows the plan, in the words of files."""
+    robot, time = result.robot, result.settings["robot"].get("feedback_time")
+    fixes = " and fixes at landmarks" if result.plan["fixes"] else ""
+    held = f" and feedback (robot.feedback_time={time:g} s)" if robot.feedback and time else ""
+    return f"by heading and {page_texts.medium_of(result).speed}{fixes}{held}"
+
+
+def height_sentences(result: Evidence) -> Iterator[str]:
+    """The height of the flight and its two airspeeds, by the records that other claims judge."""
+    height, air = result.plan.get("height"), result.plan.get("air")
+    if height is None:
+        return
+    metres, flow = round(height["metres"], 1), page_texts.medium_of(result).flow
+    place = "mean sea level" if height["above_sea"] else "the ground"
+    text = f"{-metres:g} m below the surface" if metres < 0.0 else f"{metres:g} m above {place}"
+    source = "" if height["stated"] else f", the level of the {flow}, as robot.level is not set"
+    yield f"Height {text}{source}."
+    if air is not None:
+        factor = 1.0 / math.sqrt(air["density_ratio"])
+        yield f"True airspeed is {factor:.4f} times calibrated airspeed ({air['source']})."
+
+
+def known_sentences(result: Evidence, name: str) -> Iterator[str]:
+    """Every sentence, besides the rates, that a file may have."""
+    plan, law = result.plan, result.planned_law
+    yield f"Mission {plan['formula']}."
+    if plan["promise"] is not None:
+        yield f"Promised is no less than {page_texts.promised(plan['promise'])}."
+    yield f"{page_texts.ALARM.capitalize()}."
+    yield from height_sentences(result)
+    gap = page_texts.level_gap(result)
+    yield from [f"The failure rates are no promise: {gap}."] * bool(gap)
+    yield f"{ABSENT}{listed_text([place['what'] for place in result.scene.get('absent') or ()])}."
+    yield f"Not covered: {plan.get('not_covered', '').rstrip('.')}."
+    if name == "mission.plan":
+        yield from (BY_POSITION, *NO_LANDING, HOVERS, NO_BORDER)
+    yield from (f"95 % of whole flights in {law} {flow} stay in these volumes." for flow in result.flows)
+
+
+def left_over(result: Evidence, name: str, text: str) -> str:
+    """What is left of the ``text`` of a file without its known sentences; empty if nothing is."""
+    text = " ".join(text.split())
+    for sentence in sorted(known_sentences(result, name), key=len, reverse=True):
+        text = text.replace(" ".join(sentence.split()), "", 1)
+    turns = TURNS.search(text)
+    if turns is not None and result.robot.bank > 0.0 and _late(result, float(turns[1])):
+        text = text.replace(turns[0], "", 1)
+    for sentence in SENTENCE.findall(text):
+        text = text.replace(sentence, "", 1)
+    return " ".join(text.split())
+
+
+def _late(result: Evidence, stated: float) -> bool:
+    """Whether the legs of the table last longer than those of the plan by so many seconds, rounded."""
+    if not result.has(TABLE):
+        return True
+    t, plan = column(result.table(TABLE), "t_s"), result.plan["t"]
+    return close(stated, float(t[-1] - t[0]) - (plan[-1] - plan[0]), 0.0, 0.51)
