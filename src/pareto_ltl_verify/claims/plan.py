@@ -100,7 +100,9 @@ def models(result: Evidence) -> Verdict:
 def start(result: Evidence) -> Verdict:
     """The plan begins at the start of the map, with the variance of the start."""
     gap = float(np.abs(result.x[0] - result.start).max())
-    cov = np.abs(np.array(result.plan["cov"][0]) - result.robot.start_sd**2 * np.eye(2)).max()
+    lean = result.law(result.planned_law).errors.start
+    wanted = result.robot.start_sd**2 * np.eye(2) + lean @ lean.T
+    cov = np.abs(np.array(result.plan["cov"][0]) - wanted).max()
     return within(str(result.start.tolist()), max(gap, math.sqrt(cov)), POSITION * result.grain, " m")
 
 
