@@ -89,16 +89,20 @@ def made() -> Flown:
 @pytest.mark.statistical
 @pytest.mark.parametrize("aside", [(0.0, 0.0), (0.0, 800.0), (0.0, -800.0), (-600.0, 400.0)])
 def test_after_a_fix_the_promise_is_what_flights_fail(made: Flown, aside: tuple[float, float]) -> None:
-    """800 m are two standard deviations, which the heading's error explains and repeats."""
+    """800 m are two standard deviations, which the heading's error explains and repeats.
+
+    With the errors that the robot began with, 12 % were promised and a third failed.
+    """
     promised, flown = made.rates(made.path.x[STEP] + np.array(aside), 20_000)
-    print(aside, promised, flown)
-    assert abs(promised - flown) < 5.0 * np.sqrt(2.0 * max(flown, 0.01) / 20_000) + 0.1 * flown
+    noise = np.sqrt(2.0 * flown * (1.0 - flown) / 20_000)
+    assert abs(promised - flown) < 5.0 * noise
 
 
 @pytest.mark.statistical
 def test_over_all_fixes_the_promises_are_right_in_the_mean(made: Flown) -> None:
+    """On the careful side: what the errors do not explain of the start counts in its widest direction."""
     noise = np.random.default_rng(6).standard_normal((FIXES, 2))
     fixes = made.x[:FIXES] + FIX_SD * noise
     gaps = np.array([promised - flown for promised, flown in map(made.rates, fixes)])
-    print(gaps.mean(), gaps.std(), gaps)
-    assert abs(gaps.mean()) < 5.0 * gaps.std() / np.sqrt(FIXES)
+    noise = 5.0 * gaps.std() / np.sqrt(FIXES)
+    assert -noise < gaps.mean() < 0.015 + noise
