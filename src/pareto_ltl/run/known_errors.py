@@ -38,3 +38,20 @@ def robot_given(robot: RobotConfig, learnt: Learnt) -> RobotConfig:
     shared = UNITS[:, None] * learnt.shared.T * modelled[:, None]
     given |= {"start_sd": learnt.sd_apart, "start_error_covariance": shared.tolist()}
     return replace(robot, **given, error_correlation=(CORRELATED * correlation).tolist())
+
+
+def settings_of_errors(robot: RobotConfig) -> dict[str, Any]:
+    """The settings of ``robot`` about its own errors, by name."""
+    names = [f"{name}_{part}" for name in NAMES for part in ("sd", "bias")]
+    return {name: getattr(robot, name) for name in (*names, "error_correlation", "start_error_covariance")}
+
+
+def errors_text(robot: RobotConfig) -> str:
+    """What the robot flies beyond what its instruments show: ``airspeed +1.2 % (sd 0.8 %)``; or nothing."""
+    shown = ("airspeed", 100.0, " %"), ("heading", 1.0, " deg clockwise"), ("clock", 1.0, " s late")
+    parts = [
+        f"{name} {scale * getattr(robot, f'{name}_bias'):+.2g}{unit} (sd {scale * sd:.2g})"
+        for name, scale, unit in shown
+        if (sd := getattr(robot, f"{name}_sd")) is not None
+    ]
+    return f"the robot flies beyond what its instruments show: {', '.join(parts)}" if parts else ""

@@ -201,7 +201,7 @@ def own_errors(result: Evidence) -> Verdict | None:
     A fix that the law gives less than 1e-4 says nothing about them.
     """
     stated, source = result.replanned, flown_result(result)
-    if source is None:
+    if source is None or "errors" not in stated:  # plans of earlier versions
         return None
     learnt, prior, found = _given_fixes(source, stated), source.robot.errors, result.robot.errors
     if not stated["fixes"]:
