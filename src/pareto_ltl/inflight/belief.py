@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from pareto_ltl.kernels.data import CoherentLaw, IndependentLaw, LandmarkLaw, Modes, RobotErrors, Wind
+from pareto_ltl.kernels.data import CoherentLaw, IndependentLaw, LandmarkLaw, Modes, Wind
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.wind_lookup import bilinear_value, interpolate, interpolate_time, lattice_corners
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
@@ -68,7 +68,8 @@ class Belief:
         self.seed, self.rng = seed, np.random.default_rng(seed)
         self.step, self.share = 0, 0.0
         self.air = np.zeros(2)  # displacement through the air since the step began [m]
-        modes, self.error_mean, self.error_root = law.modes.psi.shape[-1], *without_clock(law.errors)
+        modes = law.modes.psi.shape[-1]
+        self.error_mean, self.error_root = law.errors.mean[:2], law.errors.root[:2, :2]  # not of the clock
         self.x = np.array(problem.scene.start, float)
         # Deviation, θ east, θ north, errors of airspeed and heading (if the law has them), white part.
         self.z = np.zeros(2 * modes + len(self.error_mean) + 4)
@@ -301,11 +302,6 @@ class Belief:
             flights = _within_airspeed(u - steer @ motion.b_inv.T, motion.u_min, motion.u_max)
         flights = self._erred(flights)
         return np.asarray(at @ motion.a.T + flown + motion.dt * (share * flights @ motion.b.T + wind))
-
-
-def without_clock(law: RobotErrors) -> tuple[FloatArray, FloatArray]:
-    """Mean (2,) and root (2, 2) of the errors of airspeed and heading; empty for a robot without errors."""
-    return law.mean[:2], law.root[:2, :2]
 
 
 def root_of(cov: FloatArray) -> FloatArray:
