@@ -33,6 +33,7 @@ FAR = math.sqrt(-2.0 * math.log(UNLIKELY))  # the same as a distance of two comp
 RISKS = ("mission_risk_paper", "mission_risk", "mission_risk_ordered", "collision_risk")
 OF_RATES = ("promise_", "failure_", "least_failure", "mission_risk_i", "mission_risk_c", "collision_risk_")
 RUNS = 4000  # new flights of each of the two plans
+ROUNDING = 1e-6  # share of a variance that rounding may leave in a difference
 SHARE = 2e-3  # largest allowed relative difference of covariances and distances
 NEAR = 1e-6  # [sd] shorter distances of fixes count as this one
 WIND = 0.05  # m/s, largest allowed difference of the expected wind
@@ -60,11 +61,13 @@ def start(result: Evidence) -> Verdict:
     stated, robot = result.replanned, result.robot
     position, rest, step = stated["position"], stated["rest"], stated["step"]
     lean = result.law(result.planned_law).errors.start
-    widest = math.sqrt(max(float(np.linalg.eigvalsh(np.array(position["cov"]) - lean @ lean.T)[-1]), 0.0))
+    cov = np.array(position["cov"])
+    widest = max(float(np.linalg.eigvalsh(cov - lean @ lean.T)[-1]), 0.0)  # [m²]
+    slack = 1e-6 + ROUNDING * float(np.trace(cov))
     faults = {
         "time": not close(stated["time_s"], step * robot.dt),
         "start of the map": not np.allclose(result.start, position["mean"], rtol=1e-9, atol=1e-3),
-        f"start_sd {robot.start_sd:g}": not close(robot.start_sd, widest, 1e-5, 1e-3),
+        f"start_sd {robot.start_sd:g}": not close(robot.start_sd**2, widest, 1e-6, slack),
         "the rest begins elsewhere": len(rest["x"]) != len(rest["u"]) + 1,
     }
     return no_fault(f"step {step}", faults)
