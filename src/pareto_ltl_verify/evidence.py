@@ -194,6 +194,9 @@ class Evidence:
             **energy_limits(settings.get("power") or {}), **{key: settings[key] for key in ROBOT},
             airspeed_sd=settings.get("airspeed_sd"),  # earlier versions have none of the next three
             heading_sd=settings.get("heading_sd"), clock_sd=settings.get("clock_sd"),
+            bias=tuple(settings.get(f"{name}_bias", 0.0) for name in ("airspeed", "heading", "clock")),
+            correlation=tuple(settings.get("error_correlation", (0.0, 0.0, 0.0))),
+            start_shared=settings.get("start_error_covariance", ((0.0, 0.0),) * 3),
         )  # fmt: skip
 
     @property

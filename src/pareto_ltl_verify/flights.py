@@ -196,6 +196,7 @@ def fly(
     filters = Filters(law, mean, landmarks, runs) if landmarks else None
     theta, before = rng.standard_normal((runs, law.coefficients)), np.broadcast_to(u[:1], (runs, 2))
     scales = drawn_scales(law, runs, rng)
+    x[:, 0] += theta[:, law.modes :] @ law.errors.start.T
     limited = robot.capacity is not None and (filters is not None or robot.feedback > 0.0)
     left = np.full(runs, robot.capacity) if limited else None  # [J]
     for t, planned in enumerate(u):
@@ -282,7 +283,9 @@ class Filters:
         self.law, self.landmarks, modes = law, landmarks, law.coefficients
         self.guide = fly_means(replace(law, landmarks=()), mean)
         joint = np.eye(4 + modes)
-        joint[:4, :4] = law.robot.start_sd**2 * np.tile(np.eye(2), (2, 2))
+        own = np.vstack([law.errors.start, law.errors.start])
+        joint[:4, :4] = law.robot.start_sd**2 * np.tile(np.eye(2), (2, 2)) + own @ own.T
+        joint[:4, 4 + law.modes :], joint[4 + law.modes :, :4] = own, own.T
         self.joint: dict[History, FloatArray] = {(): joint}
         self.now, self.ago, self.wind = np.zeros((runs, 2)), np.zeros((runs, 2)), np.zeros((runs, modes))
         self.fixed, self.history = np.zeros(runs, bool), list[History]([()] * runs)

@@ -15,7 +15,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_verify.gaussians import in_polygon
 from pareto_ltl_verify.geometry import Convex, convex
-from pareto_ltl_verify.robot import Robot
+from pareto_ltl_verify.robot import NO_ERRORS, Errors, Robot
 from pareto_ltl_verify.wind_tables import TIME, Clock, WindFile, at_step, square_of
 
 WORTHWHILE = 0.01  # share of the unknown variance: fixes that take less are ignored
@@ -109,14 +109,9 @@ class Law:
         return 0
 
     @property
-    def errors(self) -> FloatArray:
-        """Standard deviations of the robot's own errors that last for a flight; none under this law."""
-        return np.zeros(0)
-
-    @property
-    def straight(self) -> float:
-        """E[cos b] = exp(-sd²/2): a heading error b turns a control u, whose mean is this share of u."""
-        return math.exp(-0.5 * self.errors[1] ** 2) if len(self.errors) else 1.0
+    def errors(self) -> Errors:
+        """The robot's own errors that last for a flight; none under this law."""
+        return NO_ERRORS
 
     @property
     def coefficients(self) -> int:
@@ -163,17 +158,22 @@ class Law:
 
     def _steer(self, course: Course, t: int) -> None:
         """Fill the control, or the next mean, of step t, and the columns of the robot's errors in ψ."""
-        robot, sd, straight = self.robot, self.errors, self.straight
+        robot, errors = self.robot, self.errors
         free = robot.a @ course.x[t] + robot.dt * course.drift[t]
+        now, change = errors.flown if len(errors) else (np.eye(2), np.zeros((2, 2)))
+        change = change / robot.dt if t else np.zeros((2, 2))
+        last = change @ course.u[t - 1] if t else np.zeros(2)
         if course.along_means:
-            course.u[t] = np.linalg.solve(robot.b, course.x[t + 1] - free) / (straight * robot.dt)
+            through_air = np.linalg.solve(robot.b, course.x[t + 1] - free) / robot.dt
+            course.u[t] = np.linalg.solve(now - change, through_air - last)
         u = course.u[t]
-        course.drift[t] += (straight - 1.0) * robot.b @ u
+        through_air = (now - change) @ u + last
+        course.drift[t] += robot.b @ (through_air - u)
         if not course.along_means:
-            course.x[t + 1] = free + straight * robot.dt * robot.b @ u
-        if len(sd):
-            late = (course.u[max(t - 1, 0)] - u) / robot.dt
-            course.psi[t, :, self.modes :] = robot.b @ np.column_stack([u, TURN @ u, late]) * sd
+            course.x[t + 1] = free + robot.dt * robot.b @ through_air
+        if len(errors):
+            before = course.u[max(t - 1, 0)]
+            course.psi[t, :, self.modes :] = robot.b @ _slopes(robot, u, before) @ errors.root
 
     def _with_fix(self, course: Course, t: int, belief: Belief) -> Belief:
         """The expected belief after a position fix that arrives with the probability to be in a landmark."""
@@ -242,8 +242,8 @@ class Coherent(Law):
         return np.concatenate([np.tile(self.times.keep[t][self.wind.modes.part], 2), lasting])
 
     @property
-    def errors(self) -> FloatArray:
-        """Standard deviations of the airspeed [relative], the heading [rad] and the clock [s], if any."""
+    def errors(self) -> Errors:
+        """Errors of the airspeed [relative], the heading [rad] and the clock [s], if any."""
         return self.robot.errors
 
     def modes_at(self, t: int) -> FloatArray:
@@ -295,6 +295,15 @@ class Coherent(Law):
         return psi.reshape(2, -1), np.einsum("dcp,dcp->c", slopes, cross.reshape(2, 2, -1))
 
 
+def _slopes(robot: Robot, u: FloatArray, before: FloatArray) -> FloatArray:
+    """Slopes (2, 3) at the mean errors of what is flown of ``u``, and of ``before`` a step ago."""
+    a, b, c = robot.errors.mean
+    turn = np.array([[math.cos(b), -math.sin(b)], [math.sin(b), math.cos(b)]])
+    change = (before - u) / robot.dt
+    ahead = turn @ (u + c * change)
+    return np.column_stack([ahead, (1.0 + a) * TURN @ ahead, (1.0 + a) * turn @ change])
+
+
 def nearest_share(begin: FloatArray, end: FloatArray, point: FloatArray) -> float:
     """The share in [0, 1] of a segment at which it is nearest to ``point`` (2,); 1 if it has no length."""
     along = end - begin
@@ -320,7 +329,8 @@ def _flown(law: Law, x: FloatArray, u: FloatArray, *, along_means: bool) -> Cour
         drift=np.empty((steps, 2)), F=np.empty((steps, 2, 2)), psi=np.zeros((steps, 2, n)),
         white=np.empty((steps, 2)), along_means=along_means,
     )  # fmt: skip
-    belief = Belief(robot.start_sd**2 * np.eye(2), np.zeros((2, 2)), np.zeros((2, n)), np.eye(n))
+    cross = np.hstack([np.zeros((2, law.modes)), law.errors.start])
+    belief = Belief(robot.start_sd**2 * np.eye(2) + cross @ cross.T, np.zeros((2, 2)), cross, np.eye(n))
     for t in range(steps):
         course.cov[t] = belief.unknown + belief.known
         course.cross.append(belief.cross)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,57 @@ import numpy as np
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 
 PARTS = 2000  # time steps of a leg
+NODES = 12  # of a quadrature over each of a robot's errors
 SHARP = math.radians(169.9)  # [rad] sharper turns count as without room: an autopilot may turn the other way
 G = 9.80665  # [m/s²]
 Power = Callable[[float], float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
+class Errors:
+    """Mean (Q,) and covariance (Q, Q) of the errors of a robot that last for a flight; Q = 0 without any.
+
+    ``shared`` (2, Q) is the covariance of the start and the errors.
+    """
+
+    mean: FloatArray
+    cov: FloatArray
+    shared: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.mean)
+
+    @cached_property
+    def root(self) -> FloatArray:
+        """A root of the covariance, (Q, Q)."""
+        size, axes = np.linalg.eigh(self.cov)
+        return np.asarray(axes * np.sqrt(np.maximum(size, 0.0)), float)
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """What a standard normal draw of each column of the root adds to the start, (2, Q) [m]."""
+        return np.asarray(self.shared @ np.linalg.pinv(self.root, rcond=1e-12).T, float)
+
+    @cached_property
+    def flown(self) -> tuple[FloatArray, FloatArray]:
+        """The mean of what is flown, as matrices (2, 2): of a control, and of the change from the last [s].
+
+        The mean of (1 + a) R(b) and of c (1 + a) R(b), by quadrature over the three errors, which is exact
+        for polynomials and here to rounding.
+        """
+        nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
+        weights = weights / weights.sum()
+        z = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij")).reshape(3, -1)
+        share = np.einsum("i,j,k->ijk", weights, weights, weights).ravel()
+        scale, angle, late = self.mean[:, None] + self.root @ z
+        turn = (1.0 + scale) * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        return turn @ share, turn @ (late * share)
+
+
+NO_ERRORS = Errors(np.zeros(0), np.zeros((0, 0)), np.zeros((2, 0)))
+
+
+@dataclass(frozen=True)
 class Robot:
     """Dynamics x' = A x + dt (B u + w), limits of the airspeed, feedback and position fixes; SI units."""
 
@@ -38,23 +84,35 @@ class Robot:
     airspeed_sd: float | None = None  # of errors that last for a flight: relative; None if not modelled
     heading_sd: float | None = None  # [deg]
     clock_sd: float | None = None  # [s]
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)  # expected errors: relative, clockwise [deg], [s]
+    correlation: tuple[float, float, float] = (
+        0.0,
+        0.0,
+        0.0,
+    )  # of airspeed and heading, airspeed and clock, both
+    start_shared: Any = ((0.0, 0.0),) * 3  # covariances of the start (x, y) [m] with the three errors
     capacity: float | None = None  # energy that the robot can use [J]; None if it is not limited
 
-    @property
-    def errors(self) -> FloatArray:
-        """Standard deviations of the errors of airspeed, heading [rad] and clock; (0,) if all are 0."""
+    @cached_property
+    def errors(self) -> Errors:
+        """The law of the errors of airspeed, heading [rad, counter-clockwise] and clock."""
         sd = np.array([self.airspeed_sd or 0.0, math.radians(self.heading_sd or 0.0), self.clock_sd or 0.0])
-        return sd if sd.any() else sd[:0]
+        (a, b, c), (ab, ac, bc) = self.bias, self.correlation
+        if not sd.any():
+            return NO_ERRORS
+        alike = np.array([[1.0, -ab, ac], [-ab, 1.0, -bc], [ac, -bc, 1.0]])
+        shared = np.array(self.start_shared).T * [1.0, -math.radians(1.0), 1.0]
+        return Errors(np.array([a, -math.radians(b), c]), alike * np.outer(sd, sd), shared)
 
     def flown(self, u: FloatArray, before: FloatArray, drawn: FloatArray) -> FloatArray:
         """Velocities (n, 2) through the air of robots that command ``u`` (n, 2), and ``before`` a step ago.
 
-        ``drawn`` (n, 3) are the errors of each in standard deviations: the airspeed is wrong by a share, the
+        ``drawn`` (n, 3) are independent standard normal draws for each: the airspeed is wrong by a share, the
         heading by an angle, and the control of the step before is flown for a time too long.
         """
         if not drawn.shape[1]:
             return u
-        scale, angle, late = (drawn * self.errors).T[:, :, None]
+        scale, angle, late = (self.errors.mean + drawn @ self.errors.root.T).T[:, :, None]
         held = u + late / self.dt * (before - u)
         turned = np.stack([-held[:, 1], held[:, 0]], axis=1)
         return np.asarray((1.0 + scale) * (np.cos(angle) * held + np.sin(angle) * turned), float)

@@ -34,7 +34,7 @@ def test_each_leg_leads_to_the_next_position(flown: Flown) -> None:
 
 def errors_of(flown: Flown) -> tuple[float, float, float]:
     """Standard deviations of the robot's airspeed [1], heading [rad] and clock [s]."""
-    airspeed, heading, clock = flown.problem.laws["coherent"].errors.tolist()
+    airspeed, heading, clock = flown.problem.laws["coherent"].errors.root.diagonal().tolist()
     return airspeed, heading, clock
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
 from coherent import LOOSE, SCENE, STEPS, coherent_problem
+from pareto_ltl.kernels.data import EXACT
 from pareto_ltl.planning.conditioning import (
     Fix,
     Joint,
@@ -103,7 +104,7 @@ def test_a_fix_without_worth_changes_nothing_and_an_exact_one_leaves_no_doubt(
     share = rng.standard_normal((4, 6))
     cross = (np.linalg.cholesky(cov) @ (share[:2] / np.linalg.norm(share))).reshape(2, 2, 3)
     x = rng.standard_normal(2)
-    prior = Joint(x, cov, cov, cov, cross)
+    prior = Joint(x, cov, cov, cov, cross, np.zeros((2, 0)), np.zeros((2, 0)), EXACT)
 
     def given(off: float, sd: float) -> Learnt:
         return learn(prior, x[None], [Fix(x + off, sd, 3)])
@@ -276,7 +277,14 @@ def test_equal_fixes_that_are_far_more_accurate_than_the_prior_are_learnt(sd: fl
     root = np.random.default_rng(0).standard_normal((2, 2)) * 1e5
     cov = root @ root.T
     prior = Joint(
-        np.zeros(2), cov, np.tile(cov, (many, many)), np.tile(cov, (1, many)), np.zeros((2 * many, 2, 3))
+        np.zeros(2),
+        cov,
+        np.tile(cov, (many, many)),
+        np.tile(cov, (1, many)),
+        np.zeros((2 * many, 2, 3)),
+        np.zeros((2 * many, 0)),
+        np.zeros((2, 0)),
+        EXACT,
     )
     learnt = learn(prior, np.zeros((many, 2)), [Fix(np.array([1.0, 2.0]), sd, 3)] * many)
     np.testing.assert_allclose(learnt.mean, [1.0, 2.0], atol=1e-3)

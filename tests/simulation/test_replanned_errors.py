@@ -1,9 +1,8 @@
-"""A plan made again after a fix: its robot has the errors that it began with, whatever the fix says of them.
+"""A plan made again after a fix: what the fix says of the robot's own errors is part of its law.
 
-A fix that lies near the plan shows small errors, so that the new plan promises too many failures; one far
-from the plan shows large errors, which the new plan does not know, so that it promises too few. Over all
-fixes the promises are right in the mean. The flights that they are compared with are simulated in NumPy
-alone, and drawn by how well their position agrees with the fix.
+A fix that lies near the plan shows small errors, one far from it errors that last. The flights that the
+promises are compared with are simulated in NumPy alone, and drawn by how well their position agrees with the
+fix.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from coherent import LOOSE
 from pareto_ltl.planning.conditioning import Fix, learn_at
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.run.known_errors import robot_given
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray, IntArray
@@ -32,12 +32,10 @@ GOAL = np.array([17.0, 10.0]) * KM
 RUNS, FIXES, PLAIN = 2_000, 60, 200_000
 
 
-def corridor(start: FloatArray, start_sd: float) -> Problem:
+def corridor(start: FloatArray, robot: RobotConfig) -> Problem:
     """A flight from ``start`` [m] into a region between two obstacles."""
     scene = make_scene({"a": box(15, 9.31, 19.5, 10.69)}, WALLS, start=tuple(start / KM))
-    wind = steady_wind(scene, gust=(GUST, GUST))
-    robot = RobotConfig(**ROBOT | SD | {"start_sd": start_sd})
-    return make_problem("F a", scene, wind, robot, LOOSE, fidelity="full")
+    return make_problem("F a", scene, steady_wind(scene, gust=(GUST, GUST)), robot, LOOSE, fidelity="full")
 
 
 def straight(start: FloatArray, steps: int) -> FloatArray:
@@ -49,7 +47,8 @@ class Flown:
     """The plan, plain flights until the fix, and what fails after it, as promised and as flown."""
 
     def __init__(self) -> None:
-        self.begun = corridor(np.array([2.0, 10.0]) * KM, ROBOT["start_sd"])
+        self.robot = RobotConfig(**ROBOT | SD)
+        self.begun = corridor(np.array([2.0, 10.0]) * KM, self.robot)
         self.path = evaluate_path(self.begun, straight(self.begun.scene.start, 2 * STEP), "")
         self.white = float(np.sqrt(self.begun.modes.white * self.begun.wind.gust[0, 0]))
         self.rng = np.random.default_rng(5)
@@ -68,15 +67,15 @@ class Flown:
             x.append(x[-1] + ROBOT["dt"] * (air + self.white * self.rng.standard_normal(start.shape)))
         return np.stack(x, axis=1)
 
-    def rates(self, fix: FloatArray) -> tuple[float, float]:
+    def rates(self, fix: FloatArray, runs: int = RUNS) -> tuple[float, float]:
         """Failure rate of a new plan after ``fix`` (2,) [m], as promised and as flown."""
         learnt = learn_at(self.begun, self.path.x, STEP, [Fix(fix, FIX_SD, STEP)])
-        rest = corridor(learnt.mean, learnt.sd)
+        rest = corridor(learnt.mean, robot_given(self.robot, learnt))
         path = evaluate_path(rest, straight(learnt.mean, STEP), "")
-        flights = simulate_flights(rest, path.u, RUNS, "coherent", SeedSequence(7), path.x)
+        flights = simulate_flights(rest, path.u, runs, "coherent", SeedSequence(7), path.x)
         weight = np.exp(-0.5 * np.sum((self.x - fix) ** 2, axis=1) / FIX_SD**2)
-        assert weight.sum() > 100.0
-        rows = self.rng.choice(PLAIN, RUNS, p=weight / weight.sum())
+        assert weight.sum() > 10.0
+        rows = self.rng.choice(PLAIN, runs, p=weight / weight.sum())
         walls = shapely.MultiPolygon([shapely.Polygon(wall) for wall in WALLS])
         x = self.fly(rows, self.x[rows], path.u)
         return float(flights.failed.mean()), float(shapely.intersects(shapely.linestrings(x), walls).mean())
@@ -88,20 +87,22 @@ def made() -> Flown:
 
 
 @pytest.mark.statistical
-def test_after_a_fix_on_the_plan_the_promise_is_careful(made: Flown) -> None:
-    promised, flown = made.rates(made.path.x[STEP])
-    assert promised > flown + 0.05
+@pytest.mark.parametrize("aside", [(0.0, 0.0), (0.0, 800.0), (0.0, -800.0), (-600.0, 400.0)])
+def test_after_a_fix_the_promise_is_what_flights_fail(made: Flown, aside: tuple[float, float]) -> None:
+    """800 m are two standard deviations, which the heading's error explains and repeats.
 
-
-@pytest.mark.statistical
-def test_after_a_fix_far_from_the_plan_the_promise_is_too_low(made: Flown) -> None:
-    """Two standard deviations aside, which the heading's error explains and repeats."""
-    promised, flown = made.rates(made.path.x[STEP] + np.array([0.0, 800.0]))
-    assert promised < flown - 0.2
+    With the errors that the robot began with, 12 % were promised and a third failed.
+    """
+    promised, flown = made.rates(made.path.x[STEP] + np.array(aside), 20_000)
+    noise = np.sqrt(2.0 * flown * (1.0 - flown) / 20_000)
+    assert abs(promised - flown) < 5.0 * noise
 
 
 @pytest.mark.statistical
 def test_over_all_fixes_the_promises_are_right_in_the_mean(made: Flown) -> None:
-    fixes = made.x[:FIXES] + FIX_SD * made.rng.standard_normal((FIXES, 2))
+    """On the careful side: what the errors do not explain of the start counts in its widest direction."""
+    noise = np.random.default_rng(6).standard_normal((FIXES, 2))
+    fixes = made.x[:FIXES] + FIX_SD * noise
     gaps = np.array([promised - flown for promised, flown in map(made.rates, fixes)])
-    assert abs(gaps.mean()) < 5.0 * gaps.std() / np.sqrt(FIXES)
+    noise = 5.0 * gaps.std() / np.sqrt(FIXES)
+    assert -noise < gaps.mean() < 0.015 + noise

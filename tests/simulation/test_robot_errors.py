@@ -15,10 +15,11 @@ from numpy.random import SeedSequence
 from coherent import LOOSE, STEPS, coherent_problem, rate_interval
 from landmarks import LANDMARK_WAY, landmark_problem
 from oracle import importance as plain
-from pareto_ltl.kernels.data import EXACT, Cov, Gaussian, Point
+from pareto_ltl.kernels.data import EXACT, Cov, Gaussian, Point, RobotErrors
 from pareto_ltl.kernels.fixes import fix_error, likely_sight
 from pareto_ltl.kernels.flight import CoherentDraws
 from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.kernels.robot_errors import mean_flown
 from pareto_ltl.planning.conditioning import Fix, learn_at
 from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate, square_matrices
 from pareto_ltl.planning.problem import Problem, unaided
@@ -36,11 +37,20 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
+from pareto_ltl_verify.robot import Errors
 from problems import KM, along, box, make_problem, make_scene, steady_wind
 
 SD = {"airspeed_sd": 0.04, "heading_sd": 3.0, "clock_sd": 40.0}
 BASE = {"dt": 100.0, "u_max": 20.0, "start_sd": 50.0}
 RUNS = 20_000
+
+
+KNOWN = {  # after a fix: expected errors, and what is left of them, correlated and with the start
+    "airspeed_sd": 0.03, "heading_sd": 2.0, "clock_sd": 30.0,
+    "airspeed_bias": -0.06, "heading_bias": 4.0, "clock_bias": 25.0,
+    "error_correlation": [0.5, -0.3, 0.2],
+    "start_error_covariance": [[3.0, -4.0], [150.0, 250.0], [-1000.0, 800.0]],
+}  # fmt: skip
 
 
 def erring_problem(errors: dict[str, float] | None = None, **wind: float) -> Problem:
@@ -52,14 +62,21 @@ def erring_problem(errors: dict[str, float] | None = None, **wind: float) -> Pro
 
 
 def plain_flights(
-    u: FloatArray, start: FloatArray, wind: FloatArray, gust_sd: float, runs: int
+    u: FloatArray, start: FloatArray, wind: FloatArray, gust_sd: float, runs: int, robot: RobotConfig
 ) -> FloatArray:
     """Flights (runs, T+1, 2) of controls ``u`` in a steady wind with white gusts, in NumPy alone."""
     rng = np.random.default_rng(77)
-    scale = 1.0 + SD["airspeed_sd"] * rng.standard_normal(runs)
-    turn = np.radians(SD["heading_sd"]) * rng.standard_normal(runs)
-    late = SD["clock_sd"] * rng.standard_normal(runs)
-    x = [start + BASE["start_sd"] * rng.standard_normal((runs, 2))]
+    sd = np.array([robot.airspeed_sd, robot.heading_sd, robot.clock_sd], float)
+    joint = np.diag([*sd**2, robot.start_sd**2, robot.start_sd**2])
+    for (p, q), r in zip(((0, 1), (0, 2), (1, 2)), robot.error_correlation, strict=True):
+        joint[p, q] = joint[q, p] = r * sd[p] * sd[q]
+    shared = np.array(robot.start_error_covariance)
+    joint[:3, 3:], joint[3:, :3] = shared, shared.T
+    joint[3:, 3:] += shared.T @ np.linalg.solve(joint[:3, :3], shared)
+    mean = [robot.airspeed_bias, robot.heading_bias, robot.clock_bias, *start]
+    drawn = rng.multivariate_normal(mean, joint, runs)
+    scale, turn, late = 1.0 + drawn[:, 0], np.radians(-drawn[:, 1]), drawn[:, 2]  # headings are clockwise
+    x = [drawn[:, 3:]]
     for t in range(len(u)):
         before = u[max(t - 1, 0)]
         east, north = (np.outer(late / BASE["dt"], before - u[t]) + u[t]).T
@@ -70,17 +87,18 @@ def plain_flights(
 
 
 @pytest.mark.statistical
-def test_as_many_flights_fail_as_in_a_plain_simulator():
+@pytest.mark.parametrize("errors", [SD, KNOWN], ids=["unknown", "after a fix"])
+def test_as_many_flights_fail_as_in_a_plain_simulator(errors):
     """20,000 flights of each, with airspeed, heading and clock errors drawn independently."""
     scene = make_scene({"a": box(15, 15, 18, 18)}, [box(8, 5, 11, 8.6)], start=(2.0, 2.0))
     wind = np.array([2.0, -1.0])
-    robot = RobotConfig(**BASE | SD)
+    robot = RobotConfig(**BASE | errors)
     blowing = steady_wind(scene, wind, gust=(0.05, 0.05))
     p = make_problem("F a", scene, blowing, robot, LOOSE, fidelity="full")
     path = evaluate_path(p, along((2, 2), (6, 9), (11, 12), (16.5, 16.5), step=0.8), "")
     ours = simulate_flights(p, path.u, RUNS, "coherent", SeedSequence(5), path.x)
     gust_sd = math.sqrt(p.modes.white * float(p.wind.gust[0, 0]))
-    x = plain_flights(path.u, scene.start, wind, gust_sd, RUNS)
+    x = plain_flights(path.u, scene.start, wind, gust_sd, RUNS, robot)
     lines = shapely.linestrings(x)
     hit = shapely.intersects(lines, shapely.Polygon(scene.obstacles[0]))
     inside = ((x >= 15 * KM) & (x <= 18 * KM)).all(axis=2).any(axis=1)
@@ -96,28 +114,33 @@ def test_as_many_flights_fail_as_in_a_plain_simulator():
         np.testing.assert_allclose(ours.x[:, t].std(axis=0), x[:, t].std(axis=0), rtol=0.04)
     exact = make_problem("F a", scene, blowing, RobotConfig(**BASE), LOOSE, fidelity="full")
     without = simulate_flights(exact, path.u, RUNS, "coherent", SeedSequence(5), path.x)
-    assert without.failed.mean() < 0.1 * ours.failed.mean()
+    # An exact robot is safer by the plan of a robot with errors, unless it corrects errors that are known.
+    if errors is SD:
+        assert without.failed.mean() < 0.1 * ours.failed.mean()
+    else:
+        assert without.failed.mean() > 2.0 * ours.failed.mean()
 
 
 def moved_by(p: Problem, u: FloatArray, errors: FloatArray) -> FloatArray:
     """Positions (n, T+1, 2) of flights that meet the expected wind, with the coefficients ``errors``."""
-    law, n = p.laws["coherent"], len(errors)
+    law, n, own = p.laws["coherent"], len(errors), own_errors(p, "coherent")
     epochs, modes = int(p.modes.epoch.max()) + 1, p.modes.psi.shape[-1]
     draws = CoherentDraws(law, np.zeros((len(u), n, 2)), np.zeros((epochs, n, 2, modes), np.float32))
     x = np.empty((n, len(u) + 1, 2))
-    x[:, 0] = p.scene.start
-    fly_draws(p, draws, erring_pilot(Autopilot(u, STEPS), u, own_errors(p, "coherent"), errors), x)
+    x[:, 0] = p.scene.start + errors @ own.start.T
+    fly_draws(p, draws, erring_pilot(Autopilot(u, STEPS), u, own, errors), x)
     return x
 
 
 @pytest.mark.parametrize("q", [0, 1, 2])
-def test_the_linear_law_is_the_derivative_of_flights(q):
+@pytest.mark.parametrize("errors", [SD, KNOWN], ids=["unknown", "after a fix"])
+def test_the_linear_law_is_the_derivative_of_flights(q, errors):
     """Central differences by each coefficient, in a curved wind, for A and B that are not the identity.
 
     The law is linearised about the mean, which the winds' own errors shift by a little.
     """
     matrices = {"a": [[1.0, 0.002], [-0.001, 0.999]], "b": [[1.0, 0.2], [-0.1, 1.0]]}
-    p = coherent_problem(robot=RobotConfig(**BASE | SD | matrices | {"u_max": 60.0}))
+    p = coherent_problem(robot=RobotConfig(**BASE | errors | matrices | {"u_max": 60.0}))
     flight = propagate(p, STEPS)
     h = 1e-3 * np.eye(3)[q]
     ahead, behind = moved_by(p, flight.u, np.stack([h, -h]))
@@ -125,10 +148,23 @@ def test_the_linear_law_is_the_derivative_of_flights(q):
     np.testing.assert_allclose(flight.errors.cross[..., q], slope, atol=0.02 * np.abs(slope).max())
 
 
+@given(st.integers(0, 2**31))
+def test_the_mean_of_what_is_flown_is_that_of_a_quadrature(seed):
+    rng = np.random.default_rng(seed)
+    root = np.tril(rng.standard_normal((3, 3))) * np.array([[0.05], [0.2], [30.0]])
+    mean = rng.standard_normal(3) * [0.1, 0.3, 40.0]
+    now, change = Errors(mean, root @ root.T, np.zeros((2, 3))).flown
+    found = mean_flown(RobotErrors(mean, root, np.zeros((2, 3))))
+    for ours, theirs in zip(found, (now, change), strict=True):
+        turned = np.array([[ours.real, -ours.imag], [ours.imag, ours.real]])
+        np.testing.assert_allclose(turned, theirs, atol=1e-9 * max(abs(ours), 1.0))
+
+
 @pytest.mark.statistical
 def test_flights_spread_as_planned_about_the_planned_means():
     """A heading error of 12 degrees shortens what is flown on average by 2 %, which the plan compensates."""
-    p = erring_problem({"airspeed_sd": 0.03, "heading_sd": 12.0, "clock_sd": 20.0}, speed=1.0, sd=0.2)
+    known = {**KNOWN, "airspeed_sd": 0.03, "heading_sd": 12.0, "clock_sd": 20.0}
+    p = erring_problem(known, speed=1.0, sd=0.2)
     flight = propagate(p, STEPS)
     x = simulate_flights(p, flight.u, RUNS, "coherent", SeedSequence(2)).x[:, -1]
     planned = square_matrices(flight.cov)[-1]
@@ -170,13 +206,16 @@ def test_steps_are_correlated_as_flights_are():
         np.testing.assert_allclose(cross[t, s], found, atol=0.06 * np.abs(found).max())
 
 
-def test_linear_flights_deviate_as_the_law_says():
+@pytest.mark.parametrize("errors", [SD, KNOWN], ids=["unknown", "after a fix"])
+def test_linear_flights_deviate_as_the_law_says(errors):
     """Common flights of the search: their linear form is the matrix M of the plain implementation."""
-    p = erring_problem()
+    p = erring_problem(errors)
     flight, drawn = propagate(p, STEPS), draw_flights(p, "coherent", 500, SeedSequence(1))
     assert drawn.errors.shape == (500, 3)
     linear, exact = drawn.linear().deviations(flight), drawn.deviations(flight)
-    alone = replace(drawn, errors=np.zeros_like(drawn.errors)).linear().deviations(flight)
+    start = drawn.start - drawn.errors @ flight.errors.law.start.T
+    none = replace(drawn, errors=np.zeros_like(drawn.errors), start=start)
+    alone = none.linear().deviations(flight)
     by_errors = np.einsum("tcq,nq->tcn", flight.errors.cross, drawn.errors)
     np.testing.assert_allclose(linear - alone, by_errors, atol=1e-3 * np.abs(by_errors).max())
     assert np.sqrt(((linear - exact) ** 2).mean()) < 0.25 * exact.std()
@@ -185,7 +224,7 @@ def test_linear_flights_deviate_as_the_law_says():
 
 def test_the_independent_law_has_an_exact_robot():
     p, exact = erring_problem(), coherent_problem(robot=RobotConfig(**BASE))
-    assert own_errors(p, "independent").shape == (0,)
+    assert len(own_errors(p, "independent").mean) == 0
     u = propagate(exact, STEPS).u
     ours, others = (simulate_flights(q, u, 100, "independent", SeedSequence(3)).x for q in (p, exact))
     np.testing.assert_array_equal(ours, others)
@@ -214,9 +253,10 @@ def test_a_robot_that_knows_its_position_corrects_its_own_errors():
 
 
 @pytest.mark.statistical
-def test_flights_with_fixes_spread_as_foreseen():
+@pytest.mark.parametrize("errors", [SD, KNOWN], ids=["unknown", "after a fix"])
+def test_flights_with_fixes_spread_as_foreseen(errors):
     """Filters learn about the errors at a fix; the planned Gaussian is somewhat wider, not narrower."""
-    p = landmark_problem(**SD)
+    p = landmark_problem(**errors)
     path = evaluate_path(p, LANDMARK_WAY, "")
     x = simulate_flights(p, path.u, RUNS, "coherent", SeedSequence(1), path.x).x
     for t in (path.fixes[-1] + 1, path.fixes[-1] + 4, len(LANDMARK_WAY) - 1):
@@ -235,14 +275,15 @@ def test_fixes_take_errors_away_from_what_is_unknown():
     assert exact.cov[-1, 0] < flight.cov[-1, 0] < alone.cov[-1, 0]
 
 
-def test_fixes_condition_wind_and_errors_together():
+@pytest.mark.parametrize("errors", [SD, KNOWN], ids=["unknown", "after a fix"])
+def test_fixes_condition_wind_and_errors_together(errors):
     """The planned covariance with fixes is that of one filter for (e, θ, κ) with full matrices, in NumPy."""
-    p = landmark_problem(**SD)
+    p = landmark_problem(**errors)
     law, flight, dt = p.laws["coherent"], propagate(p, LANDMARK_WAY), p.motion.dt
     modes = flight.psi.shape[2]
     last = 2 * modes
-    unknown, known = p.start_variance * np.eye(2), np.zeros((2, 2))
-    cross, theta = np.zeros((2, last + 3)), np.eye(last + 3)
+    cross, theta = np.hstack([np.zeros((2, last)), law.errors.start]), np.eye(last + 3)
+    unknown, known = p.start_variance * np.eye(2) + cross @ cross.T, np.zeros((2, 2))
     for t in range(len(flight.u)):
         if flight.memory.chance[t] > 0.0:
             here = Gaussian(Point(*flight.x[t]), Cov(*flight.cov[t]))
@@ -279,18 +320,32 @@ def test_a_fix_is_less_surprising_for_a_robot_with_errors():
 # --- rare failures ----------------------------------------------------------------------------
 
 
-def rare_task() -> tuple[Problem, PlannedPath]:
+def rare_task(**known: object) -> tuple[Problem, PlannedPath]:
     """A plan of a robot with errors in a steady wind that fails in about one of 600 flights."""
     scene = make_scene({"a": box(13, 13, 19, 19)}, [box(8, 1, 12, 5.5)], start=(2.0, 3.0))
-    robot = RobotConfig(dt=100.0, u_max=25.0, start_sd=50.0, airspeed_sd=0.05, heading_sd=3.0)
+    errors = {"airspeed_sd": 0.05, "heading_sd": 3.0} | known
+    robot = RobotConfig(dt=100.0, u_max=25.0, start_sd=50.0, **errors)
     wind = steady_wind(scene, (1.0, 0.5), gust=(0.05, 0.05))
     p = make_problem("F a", scene, wind, robot, LOOSE, fidelity="full")
     return p, evaluate_path(p, along((2, 3), (6, 8), (11, 12), (16, 16), step=0.8), "by hand")
 
 
 @pytest.mark.statistical
-def test_weighted_flights_of_rare_failures_agree_with_plain_ones():
-    p, path = rare_task()
+@pytest.mark.parametrize(
+    "known",
+    [
+        {},
+        {
+            "airspeed_bias": -0.05,
+            "heading_bias": 3.0,
+            "error_correlation": [0.4, 0.0, 0.0],
+            "start_error_covariance": [[2.0, 1.0], [50.0, 100.0], [0.0, 0.0]],
+        },
+    ],
+    ids=["unknown", "after a fix"],
+)
+def test_weighted_flights_of_rare_failures_agree_with_plain_ones(known):
+    p, path = rare_task(**known)
     weighted = importance.weighted_rate(p, path, 4000, SeedSequence(2))
     assert weighted is not None
     assert weighted.method == WEIGHTED
@@ -329,7 +384,7 @@ def test_an_error_of_zero_is_answered_by_null():
         RobotConfig(airspeed_sd=0.0)
     with pytest.raises(ConfigError, match=r"at most 0.5 \(0.015: 1.5 %;.*got 0.51"):
         RobotConfig(airspeed_sd=0.51)
-    assert len(own_errors(erring_problem({}), "coherent")) == 0
+    assert len(own_errors(erring_problem({}), "coherent").mean) == 0
 
 
 def test_every_robot_preset_states_its_errors():

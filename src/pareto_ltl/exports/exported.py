@@ -189,10 +189,10 @@ def held_course_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedS
     They fly with ``robot.feedback_time=60``, instead of the headings and airspeeds of the plan.
     """
     pilot, law = Autopilot(path.u, np.ascontiguousarray(path.x)), problem.fidelity.law
-    held, sd = held_problem(problem), own_errors(problem, law)
+    held, own = held_problem(problem), own_errors(problem, law)
 
     def holding(_noise: FloatArray, errors: FloatArray) -> Pilot:
-        return erring_pilot(pilot, path.u, sd, errors)
+        return erring_pilot(pilot, path.u, own, errors)
 
     return fly_pilot(held, holding, len(path.u), runs, law, seed).rate
 

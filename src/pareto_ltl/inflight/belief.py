@@ -68,16 +68,22 @@ class Belief:
         self.seed, self.rng = seed, np.random.default_rng(seed)
         self.step, self.share = 0, 0.0
         self.air = np.zeros(2)  # displacement through the air since the step began [m]
-        modes, self.error_sd = law.modes.psi.shape[-1], law.errors[:2]
+        modes = law.modes.psi.shape[-1]
+        self.error_mean, self.error_root = law.errors.mean[:2], law.errors.root[:2, :2]  # not of the clock
         self.x = np.array(problem.scene.start, float)
         # Deviation, θ east, θ north, errors of airspeed and heading (if the law has them), white part.
-        self.z = np.zeros(2 * modes + len(self.error_sd) + 4)
+        self.z = np.zeros(2 * modes + len(self.error_mean) + 4)
         self.cov = np.eye(len(self.z))
-        self.cov[:2, :2] *= problem.start_variance
-        spread = np.sqrt(problem.start_variance) * self.rng.standard_normal((members, 2))
-        self.flown = (self.x + spread)[:, None]  # (n, t + 1, 2): positions of the members at the steps
+        # The error of the clock is no state: what it explains of the start counts as independent.
+        lean, known = law.errors.start, slice(len(self.z) - len(self.error_mean) - 2, len(self.z) - 2)
+        rest = problem.start_variance * np.eye(2) + lean[:, 2:] @ lean[:, 2:].T
+        self.cov[:2, :2] = rest + lean[:, :2] @ lean[:, :2].T
+        self.cov[:2, known], self.cov[known, :2] = lean[:, :2], lean[:, :2].T
+        spread = self.rng.standard_normal((members, 2)) @ root_of(rest)
         self.theta = self.rng.standard_normal((members, 2, modes))
-        self.errors = self.rng.standard_normal((members, len(self.error_sd)))
+        self.errors = self.rng.standard_normal((members, len(self.error_mean)))
+        spread += self.errors @ lean[:, :2].T
+        self.flown = (self.x + spread)[:, None]  # (n, t + 1, 2): positions of the members at the steps
         self.wind = self._begin_step()
 
     # --- time ---
@@ -125,7 +131,7 @@ class Belief:
     def _end_step(self) -> None:
         """Carry the state over to the next step, about the new estimate."""
         mean, members, kept = self._mean(), self._members(), self.kept(self.step)
-        keep = np.concatenate([np.ones(2), kept, kept, np.ones(len(self.error_sd) + 2)])
+        keep = np.concatenate([np.ones(2), kept, kept, np.ones(len(self.error_mean) + 2)])
         carry = np.diag(keep)
         carry[:2] = self._map()
         self.cov = carry @ self.cov @ carry.T + np.diag(1.0 - keep**2)
@@ -145,7 +151,7 @@ class Belief:
     def _by_state(self, by_place: FloatArray, seconds: float) -> FloatArray:
         """The matrix (2, 2P + Q + 4) that maps the state to ``by_place`` e + ``seconds`` ψ' θ."""
         east, north = seconds * self.wind.psi
-        theta, others = np.array([[*east, *0.0 * east], [*0.0 * north, *north]]), len(self.error_sd) + 2
+        theta, others = np.array([[*east, *0.0 * east], [*0.0 * north, *north]]), len(self.error_mean) + 2
         return np.block([by_place, theta, np.zeros((2, others))])
 
     def _map(self) -> FloatArray:
@@ -154,9 +160,12 @@ class Belief:
         flown = s * self.motion.dt
         H = self._by_state(still + s * (self.motion.a - still) + flown * self.wind.slope, flown)
         H[:, -2:] = flown * still
-        if len(self.error_sd):
-            east, north = self.air
-            H[:, -4:-2] = self.error_sd * np.array([[east, -north], [north, east]])
+        if len(self.error_mean):
+            (scale, turn), (east, north) = self.error_mean, self.air
+            cos, sin = math.cos(turn), math.sin(turn)
+            ahead = np.array([cos * east - sin * north, sin * east + cos * north])
+            aside = (1.0 + scale) * np.array([-ahead[1], ahead[0]])
+            H[:, -4:-2] = np.column_stack([ahead, aside]) @ self.error_root
         return H
 
     def _drifted(self, x: FloatArray, wind: FloatArray, air: FloatArray) -> FloatArray:
@@ -165,10 +174,16 @@ class Belief:
         return np.asarray(x + s * (x @ (self.motion.a - np.eye(2)).T + self.motion.dt * wind) + air)
 
     def _mean(self) -> FloatArray:
-        turn = float(self.error_sd[1]) if len(self.error_sd) else 0.0
-        air = math.exp(-0.5 * turn**2) * self.air  # E[cos b]
-        still = self._drifted(self.x[None], self.wind.mean[None], air)[0]
+        still = self._drifted(self.x[None], self.wind.mean[None], self._expected(self.air))[0]
         return np.asarray(still + self._map() @ self.z)
+
+    def _expected(self, air: FloatArray) -> FloatArray:
+        """The mean of what is really flown (2,) of a displacement ``air`` (2,), (M24a)."""
+        if not len(self.error_mean):
+            return air
+        (scale, turn), S = self.error_mean, self.error_root @ self.error_root.T
+        flown = np.exp(1j * turn - 0.5 * S[1, 1]) * (1.0 + scale + 1j * S[0, 1]) * complex(*air)
+        return np.array([flown.real, flown.imag])
 
     def _members(self) -> FloatArray:
         """Positions (n, 2) of the members now [m]."""
@@ -177,9 +192,9 @@ class Belief:
 
     def _erred(self, moved: FloatArray) -> FloatArray:
         """What each member really flies (n, 2) of displacements or controls (2,) or (n, 2), (M24a)."""
-        if not len(self.error_sd):
+        if not len(self.error_mean):
             return moved
-        scale, turn = (self.errors * self.error_sd).T
+        scale, turn = (self.error_mean + self.errors @ self.error_root.T).T
         (x, y), cos, sin = moved.T, (1.0 + scale) * np.cos(turn), (1.0 + scale) * np.sin(turn)
         return np.column_stack([cos * x - sin * y, sin * x + cos * y])
 
@@ -287,6 +302,12 @@ class Belief:
             flights = _within_airspeed(u - steer @ motion.b_inv.T, motion.u_min, motion.u_max)
         flights = self._erred(flights)
         return np.asarray(at @ motion.a.T + flown + motion.dt * (share * flights @ motion.b.T + wind))
+
+
+def root_of(cov: FloatArray) -> FloatArray:
+    """The symmetric root of a covariance."""
+    size, axes = np.linalg.eigh(cov)
+    return np.asarray((axes * np.sqrt(np.maximum(size, 0.0))) @ axes.T, float)
 
 
 def faded(theta: FloatArray, kept: FloatArray, rng: Generator) -> FloatArray:

@@ -12,7 +12,21 @@ import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 
-EXACT: FloatArray = np.zeros(0)  # the errors of a robot that has none
+
+class RobotErrors(NamedTuple):
+    """Law of the errors of a robot's airspeed [relative], heading [rad] and clock [s], one for a flight.
+
+    They are ``mean`` (Q,) + ``root`` (Q, Q) κ with κ ~ N(0, I) and a lower triangular root of their
+    covariance; Q = 3, or 0 for a robot without errors. The start deviates by ``start`` (2, Q) κ [m], if a fix
+    shows both, and beyond it independently.
+    """
+
+    mean: FloatArray
+    root: FloatArray
+    start: FloatArray
+
+
+EXACT = RobotErrors(np.zeros(0), np.zeros((0, 0)), np.zeros((2, 0)))  # a robot without errors
 
 # --- geometry ---------------------------------------------------------------------------------
 
@@ -260,14 +274,13 @@ class IndependentLaw(NamedTuple):
 class CoherentLaw(NamedTuple):
     """The coherent law: a flight meets one wind field, w(x) = μ(x) + ψ(x)' θ plus white noise.
 
-    ``errors`` (Q,) are the standard deviations of the robot's own errors, which last for the whole flight:
-    of its airspeed [relative], its heading [rad] and its clock [s]; Q = 0 for a robot without errors, else 3.
+    ``errors`` is the law of the robot's own errors, which last for the whole flight.
     """
 
     wind: Wind
     modes: Modes
     motion: Motion
-    errors: FloatArray = EXACT
+    errors: RobotErrors = EXACT
 
 
 class LandmarkLaw(NamedTuple):
@@ -277,19 +290,19 @@ class LandmarkLaw(NamedTuple):
     modes: Modes
     motion: Motion
     landmarks: Landmarks
-    errors: FloatArray = EXACT
+    errors: RobotErrors = EXACT
 
 
 class FlightErrors(NamedTuple):
     """The robot's own errors along a path of T steps, linear in Q coefficients κ ~ N(0, I).
 
-    ``sd`` (Q,) as in :class:`CoherentLaw`; ``push`` (T, 2, Q) = E_t, the velocity over ground by each
+    ``law`` is their law; ``push`` (T, 2, Q) = E_t, the velocity over ground by each
     coefficient [m/s]; ``cross`` (T+1, 2, Q) = Cov(e_t, κ) [m], after the fixes before t; ``gain`` (M, 2, Q) =
     D of fix f, as in :class:`LandmarkMemory`. ``x`` (T+1, 2) and ``u`` (T, 2) are the means and controls of
     the path; ``steered`` (1,) whether its controls are given, or else its means.
     """
 
-    sd: FloatArray
+    law: RobotErrors
     push: FloatArray
     cross: FloatArray
     gain: FloatArray

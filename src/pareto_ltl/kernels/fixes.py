@@ -47,7 +47,7 @@ from pareto_ltl.kernels.propagation import (
 )
 from pareto_ltl.kernels.robot_errors import (
     add_errors,
-    clear_errors,
+    begin_errors,
     expected_error,
     learn_errors,
     subtract_errors,
@@ -160,7 +160,7 @@ def _forget_fixes(_law: LandmarkLaw, memory: LandmarkMemory) -> None:
     memory.fix[0] = -1
     keep_shares(memory.faded, 0, UNFADED)
     memory.used[0] = 0
-    clear_errors(memory.errors)
+    begin_errors(memory.errors)
 
 
 @implements(advance, LandmarkLaw)
@@ -296,7 +296,7 @@ def steer_against(
     kept, square = modes.kept[step + 1], mode_square(modes, at)
     xx, xy, yy = 0.0, 0.0, 0.0
     f, s = fix, faded
-    lasting = len(memory.errors.sd) > 0  # the robot's errors do not fade
+    lasting = len(memory.errors.law.mean) > 0  # the robot's errors do not fade
     while f >= 0 and (lasting or max(s[0], s[1], s[2], s[3], s[4]) > FADED):
         for r in range(2):
             e = expected_wind(modes, step, square, memory.gain[f, r, 0], s, 0)

@@ -20,7 +20,8 @@ class LinearLaw(NamedTuple):
 
     ``F`` (T, 2, 2); ``psi`` (T, 2, P) [m/s]; ``white`` (T, 2): standard deviations [m/s]; ``epoch`` (T,):
     the epoch of the field at each step; ``kept`` (E, P): the share of θ that is kept at the beginning of each
-    epoch, 0 for the first; ``dt`` [s]; ``start_sd`` [m]; ``push`` (T, 2, Q) = E [m/s].
+    epoch, 0 for the first; ``dt`` [s]; ``start_sd`` [m]; ``push`` (T, 2, Q) = E [m/s]; ``lean``
+    (2, Q): the part of the start by κ [m].
     """
 
     F: FloatArray
@@ -31,6 +32,7 @@ class LinearLaw(NamedTuple):
     dt: float
     start_sd: float
     push: FloatArray
+    lean: FloatArray
 
 
 class NormalDraws(NamedTuple):

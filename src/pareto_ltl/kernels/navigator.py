@@ -50,14 +50,20 @@ def _begin_navigator(pilot: Navigator) -> None:
         for k in range(4):
             pilot.estimate[i, k] = 0.0
         pilot.history[i], pilot.fixed[i] = 0, False
-    own = pilot.beliefs
+    own, start = pilot.beliefs, pilot.law.start
+    modes, half = pilot.law.psi.shape[2], pilot.moves.kept.shape[1]
     own.used[0], own.flights[0], own.step[0], own.rank[0] = 1, len(pilot.history), 0, 0
     for r in range(2):
         for c in range(2):
             own.cov[0, r, c] = pilot.law.variance if r == c else 0.0
+            for q in range(start.shape[1]):
+                own.cov[0, r, c] += start[r, q] * start[c, q]
             own.before[0, r, c], own.across[0, r, c] = own.cov[0, r, c], own.cov[0, r, c]
         for j in range(own.cross.shape[2]):
             own.cross[0, r, j], own.lagged[0, r, j] = F32(0.0), F32(0.0)
+        for q in range(start.shape[1]):
+            own.cross[0, r, place_of_error(q, modes, half)] = F32(start[r, q])
+            own.lagged[0, r, place_of_error(q, modes, half)] = F32(start[r, q])
     forget_children(own, 0)
     stay(pilot.moves, 0)
 

@@ -31,7 +31,7 @@ from pareto_ltl.kernels.propagation import (
     left_time,
     white_variance,
 )
-from pareto_ltl.kernels.robot_errors import clear_errors, set_control, with_errors
+from pareto_ltl.kernels.robot_errors import begin_errors, set_control, start_covariance, with_errors
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
 FLOWN, TOO_FAST, UNKNOWN_WIND, OFF_MAP, CROSSING, TOO_SLOW = range(6)
@@ -130,7 +130,9 @@ def _note_coherent(law: CoherentLaw | LandmarkLaw, flight: Flight, t: int, here:
 
 @allocating
 def propagate_flight(law: Law, flight: Flight, variance: float, steered: bool) -> int:
-    """Propagate the Gaussian position along a path, from a start of the given ``variance`` [m²].
+    """Propagate the Gaussian position along a path, from a start with ``variance`` [m²] in each direction.
+
+    The robot's own errors may add to it.
 
     With ``steered`` the controls ``flight.u`` are given and the means are computed, otherwise the means
     ``flight.x`` are given and the controls are computed. All other fields of ``flight`` are filled. Returns
@@ -140,9 +142,9 @@ def propagate_flight(law: Law, flight: Flight, variance: float, steered: bool) -
     """
     cov, F, errors = flight.cov, flight.F, flight.errors
     forget(law, flight.memory)
-    clear_errors(errors)
+    begin_errors(errors)
     errors.steered[0] = steered
-    cov[0, 0], cov[0, 1], cov[0, 2] = variance, 0.0, variance
+    cov[0, 0], cov[0, 1], cov[0, 2] = start_covariance(errors.law, variance)
     steps = min(len(flight.u), len(law.wind.slot))
     for t in range(steps):
         here = position(flight, t)
@@ -230,7 +232,7 @@ def covariance_across_time(
                     for m in range(modes):
                         pushed += psi[t, c, m] * held[r, c, m]
                         held[r, c, m] *= kept[t + 1, m]
-                    for q in range(len(errors.sd)):
+                    for q in range(len(errors.law.mean)):
                         pushed += errors.push[t, c, q] * errors.cross[s, r, q]
                     moved = F[t, c, 0] * cross[t, s, 0, r] + F[t, c, 1] * cross[t, s, 1, r]
                     cross[t + 1, s, c, r] = moved + dt * pushed

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from pareto_ltl.kernels.data import Landmarks, Motion, Point
 from pareto_ltl.kernels.jit import by_type, implements, inlined, kernel
-from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, ComplexArray, Float32Array, FloatArray, IntArray
 
 SHARES = 8  # parts of a step in which a fix can lie: fixes in one part have the same gains
 
@@ -25,7 +25,8 @@ class FilterLaw(NamedTuple):
     ``x`` (T+1, 2) [m], ``u`` (T, 2) [m/s], ``F`` (T, 2, 2), ``psi`` (T, 2, P) [m/s], ``white`` (T, 2)
     [m²/s²], ``kept`` (S, P + R): ρ; ``variance`` of the start in each direction [m²]. The robot's own errors
     κ, with E = ``push`` (T, 2, Q) [m/s], are R = (Q + 1) // 2 more coefficients of each wind component for
-    the filter (:func:`place_of_error`): they act on both components, and do not change.
+    the filter (:func:`place_of_error`): they act on both components, and do not change. The start deviates by
+    ``start`` (2, Q) κ [m] beside the variance.
     """
 
     x: FloatArray
@@ -36,6 +37,7 @@ class FilterLaw(NamedTuple):
     kept: Float32Array
     variance: float
     push: FloatArray
+    start: FloatArray
 
 
 class Beliefs(NamedTuple):
@@ -105,13 +107,13 @@ class Navigator(NamedTuple):
 class ErringPilot(NamedTuple):
     """A ``pilot`` of erring robots, whose planned controls are ``u`` (T, 2) [m/s].
 
-    Flight i flies p u + q R(90°) u + c (u_{t-1} - u) / dt of a control u, with (p, q, c) in ``flown`` (n, 3);
-    ``last`` (n, 2) is the control before, u_{t-1} [m/s].
+    Flight i flies p u_t + r (u_{t-1} - u_t) / dt of controls u as complex numbers, with p and r [s] in
+    ``flown`` (n, 2); ``last`` (n, 2) is the control before, u_{t-1} [m/s].
     """
 
     pilot: Any
     u: FloatArray
-    flown: FloatArray
+    flown: ComplexArray
     last: FloatArray
 
 
@@ -215,14 +217,15 @@ def _command_erring(
 
     A robot that always knows its position sees what its errors do to the planned control as a wind.
     """
-    p, q, late = pilot.flown[i, 0], pilot.flown[i, 1], pilot.flown[i, 2] / motion.dt
-    ux, uy, before, b = pilot.u[t, 0], pilot.u[t, 1], max(t - 1, 0), motion.b
-    ex = (p - 1.0) * ux - q * uy + late * (pilot.u[before, 0] - ux)
-    ey = q * ux + (p - 1.0) * uy + late * (pilot.u[before, 1] - uy)
-    met = Point(wind.x + b[0, 0] * ex + b[0, 1] * ey, wind.y + b[1, 0] * ex + b[1, 1] * ey)
+    p, late, b, before = pilot.flown[i, 0], pilot.flown[i, 1] / motion.dt, motion.b, max(t - 1, 0)
+    planned = complex(pilot.u[t, 0], pilot.u[t, 1])
+    off = (p - 1.0) * planned + late * (complex(pilot.u[before, 0], pilot.u[before, 1]) - planned)
+    met = Point(
+        wind.x + b[0, 0] * off.real + b[0, 1] * off.imag, wind.y + b[1, 0] * off.real + b[1, 1] * off.imag
+    )
     ux, uy = command(pilot.pilot, motion, t, i, at, met)
-    if t == 0:
-        pilot.last[i, 0], pilot.last[i, 1] = ux, uy
-    vx, vy = late * (pilot.last[i, 0] - ux), late * (pilot.last[i, 1] - uy)
+    control = complex(ux, uy)
+    last = control if t == 0 else complex(pilot.last[i, 0], pilot.last[i, 1])
     pilot.last[i, 0], pilot.last[i, 1] = ux, uy
-    return p * ux - q * uy + vx, q * ux + p * uy + vy
+    flown = p * control + late * (last - control)
+    return flown.real, flown.imag

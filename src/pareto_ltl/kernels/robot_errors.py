@@ -2,21 +2,28 @@
 
 A robot that commands the airspeed and heading of u moves through the air with
 
-    (1 + a) R(b) (u_t + c / dt (u_{t-1} - u_t)),    a ~ N(0, σ_a²),  b ~ N(0, σ_b²),  c ~ N(0, σ_c²),
+    (1 + a) R(b) (u_t + c / dt (u_{t-1} - u_t)),    (a, b, c) = m + L κ,  κ ~ N(0, I),
 
-R(b) a rotation and a, b, c drawn once a flight: an airspeed indicator off by the share a, a compass off by
-the angle b, and a clock late by c, so that the control of each step lasts for c longer. In the coefficients
-κ = (a / σ_a, b / σ_b, c / σ_c) ~ N(0, I) this is linear about the plan,
+R(b) a rotation and κ drawn once a flight: an airspeed indicator off by the share a, a compass off by the
+angle b, and a clock late by c, so that the control of each step lasts for c longer. With S = L L' and
+vectors as complex numbers, the mean velocity is exactly
 
-    e' = F e + h (ψ' θ + E_t κ + white),    E_t = B (σ_a u_t, σ_b R(90°) u_t, σ_c (u_{t-1} - u_t) / dt),
-    C' = F C + h E_t,    C = Cov(e, κ),     Σ' <- Σ' + h (F C E' + E C' F') + h² E E',
+    P u_t + Q / dt (u_{t-1} - u_t),    P = e^(i m_b - S_bb/2) (1 + m_a + i S_ab),
+    Q = P (m_c + i S_bc) + e^(i m_b - S_bb/2) S_ac:
 
-and its mean, to second order, is e^(-σ_b²/2) B u_t: planned controls compensate it. So the three are
-coefficients beside the θ of the wind: a fix informs about them, and a robot steers against what it knows.
+planned controls compensate it, so that they are what the robot's instruments show. About the mean errors the
+velocity is linear in κ, by E_t, and
+
+    e' = F e + h (ψ' θ + E_t κ + white),
+    C' = F C + h E_t,    C = Cov(e, κ),     Σ' <- Σ' + h (F C E' + E C' F') + h² E E'.
+
+So the three are coefficients beside the θ of the wind: a fix informs about them, and a robot steers against
+what it knows.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 
 from pareto_ltl.kernels.data import (
@@ -29,18 +36,36 @@ from pareto_ltl.kernels.data import (
     Linear,
     Motion,
     Point,
+    RobotErrors,
 )
 from pareto_ltl.kernels.gaussian import FixWeights
 from pareto_ltl.kernels.jit import by_type, implements, kernel
-from pareto_ltl.support.arrays import FloatArray
 
 AIRSPEED, HEADING, CLOCK = range(3)  # the coefficients, in order
 
 
 @kernel
-def straightness(sd: FloatArray) -> float:
-    """E[cos b]: the share of a control that is flown on average with a heading error of ``sd`` (Q,)."""
-    return math.exp(-0.5 * sd[1] * sd[1]) if len(sd) else 1.0
+def variance_of(law: RobotErrors, q: int, r: int) -> float:
+    """Covariance of the errors ``q`` and ``r``."""
+    total = 0.0
+    for k in range(len(law.mean)):
+        total += law.root[q, k] * law.root[r, k]
+    return total
+
+
+@kernel
+def mean_flown(law: RobotErrors) -> tuple[complex, complex]:
+    """P, and Q [s]: the mean velocity is P u_t + Q / dt (u_{t-1} - u_t).
+
+    Eq. (M24a) of docs/mathematics.md.
+    """
+    if len(law.mean) == 0:
+        return 1.0 + 0.0j, 0.0j
+    mean = law.mean
+    turned = cmath.exp(complex(-0.5 * variance_of(law, HEADING, HEADING), mean[HEADING]))
+    scaled = turned * complex(1.0 + mean[AIRSPEED], variance_of(law, AIRSPEED, HEADING))
+    late = complex(mean[CLOCK], variance_of(law, HEADING, CLOCK))
+    return scaled, scaled * late + turned * variance_of(law, AIRSPEED, CLOCK)
 
 
 @kernel
@@ -52,35 +77,46 @@ def set_control(errors: FlightErrors, motion: Motion, t: int, drifted: Point) ->
     Eq. (M24a) of docs/mathematics.md.
     """
     b, b_inv, dt, x, u = motion.b, motion.b_inv, motion.dt, errors.x, errors.u
-    straight = straightness(errors.sd)
+    scaled, late = mean_flown(errors.law)
+    late = late / dt if t > 0 else 0.0j  # before the departure the control is that of the first step
+    held = late * complex(u[t - 1, 0], u[t - 1, 1]) if t > 0 else 0.0j
     if not errors.steered[0]:
         dx, dy = x[t + 1, 0] - drifted.x, x[t + 1, 1] - drifted.y
-        u[t, 0] = (b_inv[0, 0] * dx + b_inv[0, 1] * dy) / dt / straight
-        u[t, 1] = (b_inv[1, 0] * dx + b_inv[1, 1] * dy) / dt / straight
-    flown_x = dt * (b[0, 0] * u[t, 0] + b[0, 1] * u[t, 1])
-    flown_y = dt * (b[1, 0] * u[t, 0] + b[1, 1] * u[t, 1])
-    free = Point(drifted.x + (straight - 1.0) * flown_x, drifted.y + (straight - 1.0) * flown_y)
+        east = (b_inv[0, 0] * dx + b_inv[0, 1] * dy) / dt
+        north = (b_inv[1, 0] * dx + b_inv[1, 1] * dy) / dt
+        shown = (complex(east, north) - held) / (scaled - late)
+        u[t, 0], u[t, 1] = shown.real, shown.imag
+    control = complex(u[t, 0], u[t, 1])
+    off = (scaled - late - 1.0) * control + held
+    free = Point(
+        drifted.x + dt * (b[0, 0] * off.real + b[0, 1] * off.imag),
+        drifted.y + dt * (b[1, 0] * off.real + b[1, 1] * off.imag),
+    )
     if errors.steered[0]:
-        x[t + 1, 0], x[t + 1, 1] = free.x + flown_x, free.y + flown_y
-    if len(errors.sd):
+        x[t + 1, 0] = free.x + dt * (b[0, 0] * u[t, 0] + b[0, 1] * u[t, 1])
+        x[t + 1, 1] = free.y + dt * (b[1, 0] * u[t, 0] + b[1, 1] * u[t, 1])
+    if len(errors.law.mean):
         set_push(errors, motion, t)
     return free
 
 
 @kernel
 def set_push(errors: FlightErrors, motion: Motion, t: int) -> None:
-    """Fill E of step ``t`` from the controls.
+    """Fill E of step ``t`` from the controls: the slopes of the velocity at the mean errors, by κ.
 
-    Eq. (M24a) of docs/mathematics.md.
+    Eq. (M24b) of docs/mathematics.md.
     """
-    b, u, sd = motion.b, errors.u, errors.sd
+    b, u, law = motion.b, errors.u, errors.law
     before = max(t - 1, 0)
-    late_x, late_y = (u[before, 0] - u[t, 0]) / motion.dt, (u[before, 1] - u[t, 1]) / motion.dt
-    for r in range(2):
-        push = errors.push[t, r]
-        push[AIRSPEED] = sd[AIRSPEED] * (b[r, 0] * u[t, 0] + b[r, 1] * u[t, 1])
-        push[HEADING] = sd[HEADING] * (b[r, 1] * u[t, 0] - b[r, 0] * u[t, 1])
-        push[CLOCK] = sd[CLOCK] * (b[r, 0] * late_x + b[r, 1] * late_y)
+    control = complex(u[t, 0], u[t, 1])
+    change = (complex(u[before, 0], u[before, 1]) - control) / motion.dt
+    turned = cmath.exp(complex(0.0, law.mean[HEADING]))
+    ahead = turned * (control + law.mean[CLOCK] * change)
+    slopes = (ahead, 1j * (1.0 + law.mean[AIRSPEED]) * ahead, (1.0 + law.mean[AIRSPEED]) * turned * change)
+    for q in range(len(law.mean)):
+        by = slopes[0] * law.root[0, q] + slopes[1] * law.root[1, q] + slopes[2] * law.root[2, q]
+        errors.push[t, 0, q] = b[0, 0] * by.real + b[0, 1] * by.imag
+        errors.push[t, 1, q] = b[1, 0] * by.real + b[1, 1] * by.imag
 
 
 @kernel
@@ -92,7 +128,7 @@ def carry_errors(errors: FlightErrors, t: int, f: Linear, left: float, cov: Cov)
     Eq. (M24b) of docs/mathematics.md.
     """
     xx, xy, yy = cov
-    for q in range(len(errors.sd)):
+    for q in range(len(errors.law.mean)):
         cx, cy = errors.cross[t, 0, q], errors.cross[t, 1, q]
         mx, my = f.xx * cx + f.xy * cy, f.yx * cx + f.yy * cy
         ex, ey = left * errors.push[t, 0, q], left * errors.push[t, 1, q]
@@ -128,16 +164,27 @@ def _with_errors(law: CoherentLaw, errors: FlightErrors, t: int, f: Linear, cov:
 
 
 @kernel
-def clear_errors(errors: FlightErrors) -> None:
-    """Set C at departure to 0."""
-    for q in range(len(errors.sd)):
-        errors.cross[0, 0, q], errors.cross[0, 1, q] = 0.0, 0.0
+def start_covariance(law: RobotErrors, variance: float) -> Cov:
+    """Covariance of the start [m²], of which ``variance`` in each direction is not due to the errors."""
+    xx, xy, yy = variance, 0.0, variance
+    for q in range(len(law.mean)):
+        xx += law.start[0, q] * law.start[0, q]
+        xy += law.start[0, q] * law.start[1, q]
+        yy += law.start[1, q] * law.start[1, q]
+    return Cov(xx, xy, yy)
+
+
+@kernel
+def begin_errors(errors: FlightErrors) -> None:
+    """Set C at departure."""
+    for q in range(len(errors.law.mean)):
+        errors.cross[0, 0, q], errors.cross[0, 1, q] = errors.law.start[0, q], errors.law.start[1, q]
 
 
 @kernel
 def add_errors(errors: FlightErrors, motion: Motion, t: int, f: Linear, drifted: Point, cov: Cov) -> Cov:
     """:func:`carry_errors` with the control of step ``t``, which leads on from ``drifted`` [m]."""
-    if len(errors.sd) == 0:
+    if len(errors.law.mean) == 0:
         return cov
     set_control(errors, motion, t, drifted)
     return carry_errors(errors, t, f, motion.dt, cov)
@@ -151,7 +198,7 @@ def learn_errors(errors: FlightErrors, t: int, f: int, weights: FixWeights, chan
     """
     l00, l10, l11, gain = weights
     root = math.sqrt(chance)
-    for q in range(len(errors.sd)):
+    for q in range(len(errors.law.mean)):
         x, y = errors.cross[t, 0, q], errors.cross[t, 1, q]
         errors.gain[f, 0, q] = root * x / l00
         errors.gain[f, 1, q] = root * (y - l10 * x / l00) / l11
@@ -163,7 +210,7 @@ def learn_errors(errors: FlightErrors, t: int, f: int, weights: FixWeights, chan
 def expected_error(errors: FlightErrors, t: int, f: int, r: int, c: int) -> float:
     """Component ``c`` of the velocity E_t D' of row ``r`` of fix ``f`` [m/s]."""
     velocity = 0.0
-    for q in range(len(errors.sd)):
+    for q in range(len(errors.law.mean)):
         velocity += errors.push[t, c, q] * errors.gain[f, r, q]
     return velocity
 
@@ -171,6 +218,6 @@ def expected_error(errors: FlightErrors, t: int, f: int, r: int, c: int) -> floa
 @kernel
 def subtract_errors(errors: FlightErrors, t: int, f: int, r: int, east: float, north: float) -> None:
     """Subtract (``east``, ``north``) D of row ``r`` of fix ``f`` from C after step ``t``."""
-    for q in range(len(errors.sd)):
+    for q in range(len(errors.law.mean)):
         errors.cross[t + 1, 0, q] -= east * errors.gain[f, r, q]
         errors.cross[t + 1, 1, q] -= north * errors.gain[f, r, q]

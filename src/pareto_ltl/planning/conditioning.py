@@ -1,7 +1,8 @@
-"""Conditioning on position fixes: the position of a robot on its way, and the wind error of its flight.
+"""Conditioning on position fixes: the position of a robot on its way, the wind error of its flight, its own.
 
 Under the law of the plan, linear about the means, the deviation e at the time of the plan, the deviations
-e_1 ... e_n at the fixes and the coefficients θ of the field are jointly Gaussian. Fixes y_i = x_i + e_i +
+e_1 ... e_n at the fixes and the coefficients θ of the field, or κ of the robot's own errors in its place, are
+jointly Gaussian. Fixes y_i = x_i + e_i +
 ν_i, ν_i ~ N(0, r_i² I), give with d = (y_i - x_i), S = Cov(e_i, e_j) + diag(r_i² I) = L L', D = Cov(e, e_i)
 and C = Cov(e_i, θ)
 
@@ -19,7 +20,7 @@ import numpy as np
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.evaluate import cross_covariance, propagate, square_matrices
-from pareto_ltl.planning.problem import Problem, unaided
+from pareto_ltl.planning.problem import Problem, errors_of, unaided
 from pareto_ltl.support.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -60,6 +61,10 @@ class Joint:
         Covariances of the deviations at the fixes, and of the one at the time of the plan with them [m²].
     cross : (2n, 2, P) float
         Cov(e_i, θ) with θ at the time of the plan, by row and component of the wind.
+    own : (2n, Q) float, now : (2, Q) float
+        Cov(e_i, κ) and Cov(e, κ) with the coefficients κ of the robot's own errors, which do not change.
+    errors : RobotErrors
+        Law of the robot's own errors before the fixes.
     """
 
     mean: FloatArray
@@ -67,6 +72,9 @@ class Joint:
     among: FloatArray
     to: FloatArray
     cross: FloatArray
+    own: FloatArray
+    now: FloatArray
+    errors: kd.RobotErrors
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +94,11 @@ class Learnt:
     distance : (n,) float
         Distance of each fix from its mean given the fixes before, in standard deviations: ‖z_i‖ for the two
         components i of z = L⁻¹ d. Under the law, P(‖z_i‖ > r) = exp(-r²/2).
+    errors : (Q,) float, errors_cov : (Q, Q) float
+        Mean and covariance of the robot's own errors after the fixes, as in
+        :class:`~pareto_ltl.kernels.data.RobotErrors`; Q = 0 for a robot without errors.
+    shared : (2, Q) float
+        Covariance of the position and these errors after the fixes.
     """
 
     mean: FloatArray
@@ -94,11 +107,22 @@ class Learnt:
     theta: FloatArray
     told: FloatArray
     distance: FloatArray
+    errors: FloatArray
+    errors_cov: FloatArray
+    shared: FloatArray
 
     @property
     def sd(self) -> float:
         """Largest standard deviation of the position [m]."""
         return float(np.sqrt(max(np.linalg.eigvalsh(self.cov)[-1], 0.0)))
+
+    @property
+    def sd_apart(self) -> float:
+        """The largest standard deviation of the position [m] if the robot's own errors were known."""
+        if not len(self.errors):
+            return self.sd
+        known = self.shared @ np.linalg.pinv(self.errors_cov, rcond=1e-12, hermitian=True) @ self.shared.T
+        return float(np.sqrt(max(np.linalg.eigvalsh(self.cov - known)[-1], 0.0)))
 
     @property
     def sd_before(self) -> float:
@@ -107,7 +131,9 @@ class Learnt:
 
 
 def learn(prior: Joint, means: FloatArray, fixes: Sequence[Fix]) -> Learnt:
-    """Condition position and θ on ``fixes``; ``means`` (n, 2) [m] are the expected positions there.
+    """Condition position, θ and the robot's own errors on ``fixes``.
+
+    ``means`` (n, 2) [m] are the expected positions there.
 
     Eq. (M67) of docs/mathematics_methods.md.
     """
@@ -118,11 +144,14 @@ def learn(prior: Joint, means: FloatArray, fixes: Sequence[Fix]) -> Learnt:
     z = np.linalg.solve(L, d)
     factor = np.linalg.solve(L, prior.cross.reshape(len(d), -1)).reshape(prior.cross.shape)
     half = np.linalg.solve(L, prior.to.T)  # (2n, 2)
-    after = prior.cov - half.T @ half
+    after, own = prior.cov - half.T @ half, np.linalg.solve(L, prior.own)
+    known = own @ prior.errors.root.T
     return Learnt(
         prior.mean + half.T @ z, 0.5 * (after + after.T), prior.cov, np.einsum("rcm,r->cm", factor, z),
         factor,
         np.linalg.norm(z.reshape(-1, 2), axis=1),
+        prior.errors.mean + known.T @ z, prior.errors.root @ prior.errors.root.T - known.T @ known,
+        prior.now @ prior.errors.root.T - half.T @ known,
     )  # fmt: skip
 
 
@@ -133,13 +162,17 @@ def learn_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -
 
 def expected_at(problem: Problem, x: FloatArray, step: int) -> Learnt:
     """Position at ``step`` of the means ``x`` (T+1, 2) [m] without any fix: the law is not conditioned."""
-    cov = square_matrices(propagate(problem, x[: step + 1]).cov)[step]
-    modes = problem.modes.psi.shape[-1]
-    return Learnt(x[step], cov, cov, np.zeros((2, modes)), np.zeros((0, 2, modes)), np.zeros(0))
+    flight = propagate(problem, x[: step + 1])
+    cov = square_matrices(flight.cov)[step]
+    modes, own = problem.modes.psi.shape[-1], errors_of(problem.world.law)
+    return Learnt(
+        x[step], cov, cov, np.zeros((2, modes)), np.zeros((0, 2, modes)), np.zeros(0), own.mean,
+        own.root @ own.root.T, flight.errors.cross[step] @ own.root.T,
+    )  # fmt: skip
 
 
 def joint_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -> Joint:
-    """The covariances of the deviations at ``fixes``, and of position and θ at ``step``.
+    """The covariances of the deviations at ``fixes``, and of position, θ and own errors at ``step``.
 
     If the plan counted on fixes at landmarks, the positions that they measured are not known here: the prior
     of θ stays N(0, I). One fix at ``step`` itself uses the covariance that the plan expects; more fixes, or
@@ -150,14 +183,15 @@ def joint_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -
     law = problem.world.law if alone else unaided(problem.world.law)
     flight = propagate(problem, x[: step + 1], law)
     cov = square_matrices(flight.cov)
-    cross = np.stack([_theta_at(law, flight, t, step) for t in at])
+    cross = np.concatenate([_theta_at(law, flight, t, step) for t in at])
+    now, errors = flight.errors.cross[step], flight.errors.law
     if alone:
-        return Joint(x[step], cov[step], cov[step], cov[step], cross.reshape(2, 2, -1))
+        return Joint(x[step], cov[step], cov[step], cov[step], cross, now, now, errors)
     across = _across_time(law, flight)
     among = np.block([[across[t, s] if t >= s else across[s, t].T for s in at] for t in at])
-    return Joint(
-        x[step], cov[step], among, np.hstack([across[step, t] for t in at]), cross.reshape(2 * len(at), 2, -1)
-    )
+    to = np.hstack([across[step, t] for t in at])
+    own = np.concatenate([flight.errors.cross[t] for t in at])
+    return Joint(x[step], cov[step], among, to, cross, own, now, errors)
 
 
 def _across_time(law: kd.Law, flight: Flight) -> FloatArray:

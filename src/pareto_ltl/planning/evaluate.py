@@ -56,11 +56,11 @@ def _landmark_memory(law: kd.LandmarkLaw, rows: int) -> kd.LandmarkMemory:
     )  # fmt: skip
 
 
-def errors_along(sd: FloatArray, x: FloatArray, u: FloatArray, fixes: int) -> kd.FlightErrors:
-    """Memory for errors ``sd`` (Q,) of a robot along the path ``x`` (T+1, 2), ``u`` (T, 2)."""
-    pair = 2, len(sd)
+def errors_along(law: kd.RobotErrors, x: FloatArray, u: FloatArray, fixes: int) -> kd.FlightErrors:
+    """Memory for the errors of a robot along the path ``x`` (T+1, 2), ``u`` (T, 2)."""
+    pair = 2, len(law.mean)
     return kd.FlightErrors(
-        sd, np.empty((len(u), *pair)), np.zeros((len(x), *pair)), np.empty((fixes, *pair)), x, u,
+        law, np.empty((len(u), *pair)), np.zeros((len(x), *pair)), np.empty((fixes, *pair)), x, u,
         np.zeros(1, bool),
     )  # fmt: skip
 
@@ -125,8 +125,8 @@ def empty_flight(law: kd.Law, n: int) -> Flight:
 
     steps, modes = n - 1, 0 if isinstance(law, kd.IndependentLaw) else law.modes.psi.shape[-1]
     x, u, memory = np.empty((n, 2)), np.empty((steps, 2)), law_memory(law, n)
-    sd = kd.EXACT if isinstance(law, kd.IndependentLaw) else law.errors
-    errors = errors_along(sd, x, u, n)
+    own = kd.EXACT if isinstance(law, kd.IndependentLaw) else law.errors
+    errors = errors_along(own, x, u, n)
     if isinstance(memory, kd.LandmarkMemory):
         memory = memory._replace(errors=errors)
     return Flight(

@@ -106,8 +106,8 @@ class GrowthTask:
     @property
     def root(self) -> kd.Gaussian:
         """The position at the start."""
-        (x, y), variance = self.problem.scene.start, self.problem.start_variance
-        return kd.Gaussian(kd.Point(float(x), float(y)), kd.Cov(variance, 0.0, variance))
+        (x, y), (xx, xy, yy) = self.problem.scene.start, self.problem.start_cov
+        return kd.Gaussian(kd.Point(float(x), float(y)), kd.Cov(xx, xy, yy))
 
     def grow(self, tree: GrowingTree, limit: int, iterations: int) -> None:
         """Grow ``tree`` until it has ``limit`` vertices or ``iterations`` extensions in all."""

@@ -242,13 +242,28 @@ def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
     return gain, gain * time / dt
 
 
-def pack_errors(robot: RobotConfig) -> FloatArray:
-    """Standard deviations of the robot's own errors, of :class:`~pareto_ltl.kernels.data.CoherentLaw`.
+def pack_errors(robot: RobotConfig) -> kd.RobotErrors:
+    """The law of the robot's own errors; the heading of the settings is clockwise, that of the law not.
 
     Eq. (M24a) of docs/mathematics.md.
     """
     sd = np.array([robot.airspeed_sd or 0.0, math.radians(robot.heading_sd or 0.0), robot.clock_sd or 0.0])
-    return sd if sd.any() else kd.EXACT
+    mean = np.array([robot.airspeed_bias, -math.radians(robot.heading_bias), robot.clock_bias])
+    if not sd.any():
+        return kd.EXACT
+    turned = np.array([1.0, -1.0, 1.0])
+    if isinstance(robot.dt, float) and robot.clock_bias >= 0.5 * robot.dt:
+        raise ConfigError(
+            f"robot.clock_bias = {robot.clock_bias:g} s is not below half a step, robot.dt = {robot.dt:g} s: "
+            "set the clock, or plan in longer steps"
+        )
+    correlation, (r, s, t) = np.eye(3), robot.error_correlation
+    correlation[[0, 0, 1], [1, 2, 2]] = correlation[[1, 2, 2], [0, 0, 1]] = r, s, t
+    correlation *= np.outer(turned, turned)
+    root = sd[:, None] * np.linalg.cholesky(correlation)
+    unit = np.array([1.0, -math.radians(1.0), 1.0])
+    shared = np.array(robot.start_error_covariance, float) * unit[:, None]
+    return kd.RobotErrors(mean, root, np.ascontiguousarray((np.linalg.pinv(root, rcond=1e-12) @ shared).T))
 
 
 def pack_landmarks(

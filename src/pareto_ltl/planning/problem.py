@@ -56,7 +56,7 @@ class Problem(Displayed):
     obstacles : Faces
         Convex parts of the obstacles; the collision bound also has the walls (:attr:`barriers`).
     start_variance : float
-        Variance of the start position, in each direction [m²].
+        Variance of the start position in each direction [m²], without what the robot's own errors explain.
     epsilon : float
         Collision probability allowed at a step (Eq. 4).
     max_steps : int
@@ -155,6 +155,13 @@ class Problem(Displayed):
         """Longest step in still air [m]."""
         return self.motion.u_max * self.motion.dt
 
+    @property
+    def start_cov(self) -> FloatArray:
+        """Covariance (xx, xy, yy) of the start [m²]."""
+        lean = errors_of(self.world.law).start
+        both = lean @ lean.T + self.start_variance * np.eye(2)
+        return both[[0, 0, 1], [0, 1, 1]]
+
     def reading(self, step: int) -> Reading:
         """The automaton as it reads the letters of ``step``, and those on the way to it."""
         logic = self.logic
@@ -177,6 +184,11 @@ class Problem(Displayed):
 
         states: IntArray = states_along(self.cells, self.logic, np.ascontiguousarray(x))
         return states
+
+
+def errors_of(law: kd.Law) -> kd.RobotErrors:
+    """The law of the robot's own errors; none under the independent law."""
+    return kd.EXACT if isinstance(law, kd.IndependentLaw) else law.errors
 
 
 def unaided(law: kd.Law) -> kd.IndependentLaw | kd.CoherentLaw:
@@ -301,9 +313,9 @@ def lines_of(
 
 def start_risk(problem: Problem) -> float:
     """Σ_lines Q(z) at the start, Eq. (M73): the probability of a collision before anything is flown."""
-    corners, v = barrier_polygons(problem), problem.start_variance
+    corners = barrier_polygons(problem)
     asked, x = np.ones((1, len(corners.radius)), bool), np.tile(problem.scene.start, (2, 1))
-    return float(lines_of(corners, asked, x, np.tile([v, 0.0, v], (2, 1)), 1).risk[0])
+    return float(lines_of(corners, asked, x, np.tile(problem.start_cov, (2, 1)), 1).risk[0])
 
 
 def start_breach(problem: Problem) -> str:

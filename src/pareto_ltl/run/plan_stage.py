@@ -82,7 +82,10 @@ def covered_errors(settings: Settings) -> OwnErrors:
     robot = settings.robot
     if settings.fidelity.law == "independent":
         return EXACT
-    return OwnErrors(robot.airspeed_sd, robot.heading_sd, robot.clock_sd)
+    return OwnErrors(
+        robot.airspeed_sd, robot.heading_sd, robot.clock_sd,
+        (robot.airspeed_bias, robot.heading_bias, robot.clock_bias),
+    )  # fmt: skip
 
 
 def priced(problem: Problem, plan: Plan, seeds: SeedSequence) -> Plan:

@@ -25,6 +25,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import FailureRate, counted_rate
 from pareto_ltl.planning.records import NO_PROMISE, Front, Plan, PlannedPath
 from pareto_ltl.run.directory import claimed_directory
+from pareto_ltl.run.known_errors import errors_text, settings_of_errors
 from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.position_fixes import Situation, fixes_from, planned_step, situation_at
@@ -356,6 +357,7 @@ def replan_document(done: Replanned, source: str) -> dict[str, Any]:
         "position": None
         if learnt is None
         else {"mean": learnt.mean, "cov": learnt.cov, "before": learnt.before},
+        "errors": None if learnt is None or done.run is None else settings_of_errors(done.run.settings.robot),
         "state": at.state,
         "certainty": at.certainty,
         "rest": {"x": done.rest.x, "u": done.rest.u},
@@ -365,6 +367,14 @@ def replan_document(done: Replanned, source: str) -> dict[str, Any]:
         if compared and done.old is not None
         else None,
     }
+
+
+def errors_lines(done: Replanned) -> list[str]:
+    """What the fixes say of the robot's own errors, for the user."""
+    if done.run is None or not done.situation.fixes or done.situation.alarms:
+        return []
+    text = errors_text(done.run.settings.robot)
+    return [f"by the fixes, {text}; headings and airspeeds of the new plan correct it"] if text else []
 
 
 def comparison_lines(done: Replanned) -> list[str]:
@@ -385,6 +395,7 @@ def comparison_lines(done: Replanned) -> list[str]:
         )
     else:
         lines.append(f"no fix: the position is known to {distance_text(at.learnt.sd)}; the forecast is new")
+    lines += errors_lines(done)
     lines += [f"wind: {done.wind}"] if done.wind else []
     rest, new = (distance_text(path.objectives.length) for path in (done.rest, done.plan.path))
     if at.alarms:

@@ -15,12 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.timed import later_windows, remaining_automaton
 from pareto_ltl.planning.conditioning import Learnt
 from pareto_ltl.planning.costs import path_costs
 from pareto_ltl.planning.evaluate import completing_path, propagate_controls, square_matrices
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.run.known_errors import robot_given
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.position_fixes import FAR, Situation, chance
 from pareto_ltl.run.provenance import file_hashes, wanted_wind
@@ -159,9 +161,8 @@ def settings_from(run: Run, scene: Scene, situation: Situation) -> Settings:
         mission=MissionConfig(start_time=scene.time_zero, automaton=AUTOMATON_FILE),
         selection=rule_of_the_rest(settings.selection, run.plan.path, situation.step),
         robot=replace(
-            settings.robot,
+            robot_given(settings.robot, situation.learnt),
             dt=problem.motion.dt,
-            start_sd=situation.learnt.sd,
             power=power_left(settings.robot.power, problem, run.plan.path, situation.step),
         ),
         pipelines=replace(
@@ -331,7 +332,7 @@ def field_alarms(old: Problem, new: Problem, rest: PlannedPath) -> list[str]:
     flown = min(len(rest.u), len(old.wind.slot), len(new.wind.slot))
     u = np.ascontiguousarray(rest.u[:flown])
     known = [replace(problem, start_variance=0.0) for problem in (old, new)]  # both start at one place
-    a, b = (propagate_controls(problem, u, unaided(problem.world.law)) for problem in known)
+    a, b = (propagate_controls(problem, u, from_one_place(problem.world.law)) for problem in known)
     apart, S = b.x - a.x, square_matrices(a.cov + b.cov)
     for t in (flown // 2, flown):
         far = math.sqrt(max(float(apart[t] @ np.linalg.pinv(S[t]) @ apart[t]), 0.0))
@@ -345,6 +346,14 @@ def field_alarms(old: Problem, new: Problem, rest: PlannedPath) -> list[str]:
                 f"swapped? Or the wind is outside the law: {gap / (t * old.motion.dt):.1f} m/s off on average"
             ]
     return []
+
+
+def from_one_place(law: kd.Law) -> kd.Law:
+    """``law`` without fixes, of robots whose errors say nothing about where they start."""
+    law = unaided(law)
+    if isinstance(law, kd.IndependentLaw):
+        return law
+    return law._replace(errors=law.errors._replace(start=np.zeros_like(law.errors.start)))
 
 
 # --- coarser searches -----------------------------------------------------------------------------

@@ -257,6 +257,31 @@ class RobotConfig(CheckedSettings, section="robot"):
         unit="s",
         remark="null: not modelled, where 0 would claim a perfect sensor",
     )
+    airspeed_bias: float = setting(
+        0.0,
+        "expected error of the airspeed, relative: what is flown beyond what the instrument shows",
+        "[-0.5, 0.5]",
+        remark="known from a calibration or a fix; headings and airspeeds of plans correct it",
+    )
+    heading_bias: float = setting(
+        0.0,
+        "expected error of the heading, clockwise: what is flown beyond what the compass shows",
+        "[-90, 90]",
+        unit="deg",
+    )
+    clock_bias: float = setting(
+        0.0, "expected error of the clock, by which legs begin late", "[-3600, 3600]", unit="s"
+    )
+    error_correlation: list[float] = setting(
+        [0.0, 0.0, 0.0],
+        "correlations of the errors of airspeed and heading, airspeed and clock, heading and clock",
+        "(-1, 1)",
+    )
+    start_error_covariance: list[Any] = setting(
+        [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]],
+        "covariances of the start (x, y) [m] with the errors of airspeed, heading [deg] and clock [s]",
+        remark="after a fix; start_sd is then of what they do not explain",
+    )
     effort_risk: float = setting(
         0.05,
         "probability, in one step, that feedback commands an airspeed above u_max or below u_min, with "
@@ -282,12 +307,33 @@ class RobotConfig(CheckedSettings, section="robot"):
                 "lower the first or raise the second"
             )
         self._check_power()
+        self._check_errors()
         check_matrix("robot.a", self.a)
         check_matrix("robot.b", self.b)
         self._check_turns()
         (p, q), (r, s) = self.b
         if abs(p * s - q * r) < 1e-9:
             raise wrong_value("robot.b", "be invertible", self.b)
+
+    def _check_errors(self) -> None:
+        """Refuse expected errors without a standard deviation, and correlations that no errors have."""
+        for name in ("airspeed", "heading", "clock"):
+            if getattr(self, f"{name}_bias") and getattr(self, f"{name}_sd") is None:
+                raise ConfigError(
+                    f"robot.{name}_bias needs robot.{name}_sd, the standard deviation of what is left of the "
+                    "error: set it, or leave out the bias"
+                )
+        pairs = "be three correlations: of airspeed and heading, airspeed and clock, heading and clock"
+        if len(self.error_correlation) != 3:
+            raise wrong_value("robot.error_correlation", pairs, self.error_correlation)
+        if not are_pairs(self.start_error_covariance) or len(self.start_error_covariance) != 3:
+            raise wrong_value(
+                "robot.start_error_covariance", "be three pairs of numbers", self.start_error_covariance
+            )
+        r, s, t = self.error_correlation
+        if 1.0 + 2.0 * r * s * t - r * r - s * s - t * t <= 0.0:
+            wanted = "be the correlations of a covariance matrix"
+            raise wrong_value("robot.error_correlation", wanted, self.error_correlation)
 
     def _check_turns(self) -> None:
         """Refuse a bank angle unless u_min > 0 and A and B are the identity, so that u is the airspeed."""

@@ -114,8 +114,8 @@ class DrawnFlights:
 
     def _autopilot(self, u: FloatArray, mean: FloatArray) -> Any:
         """The pilot of robots that take no fixes."""
-        pilot, sd = Autopilot(u, np.ascontiguousarray(mean)), own_errors(self.problem, self.law)
-        return erring_pilot(pilot, u, sd, self.errors, linear=self.linearised)
+        pilot, own = Autopilot(u, np.ascontiguousarray(mean)), own_errors(self.problem, self.law)
+        return erring_pilot(pilot, u, own, self.errors, linear=self.linearised)
 
     def _flown_by(self, pilot: Any, mean: FloatArray, energy: EnergyModel | None, draws: Any) -> FloatArray:
         x = self._begun(mean)
@@ -179,13 +179,16 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
         noise.append(sim.fix_noise(problem, n, problem.horizon, child))
         errors.append(draw_errors(problem, law, n, sim.later_child(child, sim.OWN_ERRORS)))
     off = math.sqrt(problem.start_variance) * np.random.default_rng(start).standard_normal((runs, 2))
-    return DrawnFlights(problem, law, np.concatenate(noise, axis=1), np.concatenate(errors), off, draws)
+    own = np.concatenate(errors)
+    off += own @ own_errors(problem, law).start.T
+    return DrawnFlights(problem, law, np.concatenate(noise, axis=1), own, off, draws)
 
 
 def is_certain(problem: Problem) -> bool:
     """Whether every flight is the same: a start and a wind that are known exactly."""
     if problem.start_variance > 0.0 or problem.wind.gust.any() or problem.wind.between.any():
         return False
-    if len(own_errors(problem, problem.fidelity.law)):
+    own = own_errors(problem, problem.fidelity.law)
+    if own.root.any() or own.start.any():
         return False
     return not problem.wind.latent.any() and problem.modes.psi.shape[-1] == 0

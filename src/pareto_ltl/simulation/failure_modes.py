@@ -102,9 +102,9 @@ class FlownPlan:
         """
         problem, path, law = self.problem, self.path, self.problem.fidelity.law
         x = np.empty((len(z.start), len(path.x), 2))
-        x[:, 0] = problem.scene.start + self.linear.start_sd * z.start
-        sd = own_errors(problem, law)
-        pilot = erring_pilot(Autopilot(path.u, np.ascontiguousarray(path.x)), path.u, sd, z.errors)
+        own = own_errors(problem, law)
+        x[:, 0] = problem.scene.start + self.linear.start_sd * z.start + z.errors @ own.start.T
+        pilot = erring_pilot(Autopilot(path.u, np.ascontiguousarray(path.x)), path.u, own, z.errors)
         sim.fly_draws(problem, _winds(problem, z, theta), pilot, x, problem.energy)
         return x, sim.judge_flights(problem, law, x).failed
 
@@ -268,7 +268,7 @@ def linear_law(problem: Problem, flight: Flight, law: kd.CoherentLaw) -> kernel.
     return kernel.LinearLaw(
         flight.F, flight.psi, np.sqrt(flight.white), law.modes.epoch[:steps],
         sim.kept_by_epoch(law.modes, steps), motion.exposed * motion.dt, math.sqrt(problem.start_variance),
-        flight.errors.push,
+        flight.errors.push, flight.errors.law.start,
     )  # fmt: skip
 
 
@@ -279,7 +279,7 @@ def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Direction
 
         p_t = F_t' p_{t+1} + weight_t,
         ω_white,t = dt white_t p_{t+1},    g_k = dt Σ_{t in epoch k} ψ_t p_{t+1},
-        ω_κ = dt Σ_t E_t' p_{t+1},
+        ω_κ = dt Σ_t E_t' p_{t+1} + D' p_0,    D the part of the start by κ,
 
     and through θ_k = ρ_k θ_{k-1} + √(1 - ρ_k²) η_k from the last epoch: ω_η,k = √(1 - ρ_k²) g_k, then
     g_{k-1} grows by ρ_k g_k.
@@ -298,7 +298,7 @@ def directions_of(law: kernel.LinearLaw, weight: FloatArray) -> kernel.Direction
     for k in range(len(persistence) - 1, 0, -1):
         fields[:, k - 1] += persistence[k] * fields[:, k]
         fields[:, k] *= np.sqrt(1.0 - persistence[k] ** 2)
-    return kernel.Directions(law.start_sd * p, white, fields, errors)
+    return kernel.Directions(law.start_sd * p, white, fields, errors + p @ law.lean)
 
 
 def linear_deviations(law: kernel.LinearLaw, draws: kernel.NormalDraws, theta: Float32Array) -> FloatArray:
@@ -312,7 +312,7 @@ def linear_deviations(law: kernel.LinearLaw, draws: kernel.NormalDraws, theta: F
     rollout.winds_at_means(law.psi, law.white, law.epoch, draws.white, theta, wind)
     wind += np.einsum("tcq,nq->tnc", law.push, draws.errors)
     e = np.empty((len(draws.start), len(wind) + 1, 2))
-    e[:, 0] = law.start_sd * draws.start
+    e[:, 0] = law.start_sd * draws.start + draws.errors @ law.lean.T
     for t, F in enumerate(law.F):
         e[:, t + 1] = e[:, t] @ F.T + law.dt * wind[t]
     return e

@@ -219,7 +219,8 @@ def draw_block(problem: Problem, law: str, runs: int, steps: int, seed: SeedSequ
     start = problem.scene.start + np.sqrt(problem.start_variance) * rng.standard_normal((BLOCK, 2))[:runs]
     draws = DRAWS[law](problem, runs, steps, rng)
     noise = fix_noise(problem, runs, steps, later_child(seed, FIX_NOISE))
-    return FlightBlock(start, draws, noise, draw_errors(problem, law, runs, later_child(seed, OWN_ERRORS)))
+    errors = draw_errors(problem, law, runs, later_child(seed, OWN_ERRORS))
+    return FlightBlock(start + errors @ own_errors(problem, law).start.T, draws, noise, errors)
 
 
 def later_child(seed: SeedSequence, number: int) -> SeedSequence:
@@ -286,10 +287,10 @@ def pilot_maker(
     ``linear`` as in :func:`erring_pilot`.
     """
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
-    planned, sd = problem.laws["coherent"], own_errors(problem, law)
+    planned, own = problem.laws["coherent"], own_errors(problem, law)
 
     def autopilot(_noise: FloatArray, errors: FloatArray) -> Pilot:
-        return erring_pilot(Autopilot(u, held), u, sd, errors, linear=linear)
+        return erring_pilot(Autopilot(u, held), u, own, errors, linear=linear)
 
     if mean is None or not isinstance(planned, kd.LandmarkLaw):
         return autopilot
@@ -298,9 +299,11 @@ def pilot_maker(
     if not within_reach(marks, flight):
         return autopilot
     rho = model.modes.kept if isinstance(model, kd.CoherentLaw) else np.ones((len(held) + 1, 0), np.float32)
-    rho = np.hstack([rho, np.ones((len(rho), (len(sd) + 1) // 2), np.float32)])
+    rho = np.hstack([rho, np.ones((len(rho), (len(own.mean) + 1) // 2), np.float32)])
     push = flight.errors.push
-    about = FilterLaw(held, u, flight.F, flight.psi, flight.white, rho, problem.start_variance, push)
+    about = FilterLaw(
+        held, u, flight.F, flight.psi, flight.white, rho, problem.start_variance, push, own.start
+    )
     root: FloatArray = np.asarray(np.linalg.cholesky(marks.cov[:, [0, 1, 1, 2]].reshape(-1, 2, 2)), float)
 
     def navigator(noise: FloatArray, errors: FloatArray) -> Pilot:
@@ -311,7 +314,7 @@ def pilot_maker(
             empty_beliefs(2 * runs + 1, len(root), rho.shape[1]),
             empty_moves(len(held), rho.shape[1]),
         )  # fmt: skip
-        return erring_pilot(pilot, u, sd, errors, linear=linear)
+        return erring_pilot(pilot, u, own, errors, linear=linear)
 
     return navigator
 

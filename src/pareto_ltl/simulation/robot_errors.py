@@ -13,28 +13,35 @@ from pareto_ltl.support.arrays import FloatArray
 
 def draw_errors(problem: Problem, law: str, runs: int, seed: SeedSequence) -> FloatArray:
     """κ ~ N(0, I) (runs, Q) of the robot's own errors under ``law``; none under the independent law."""
-    return np.random.default_rng(seed).standard_normal((runs, len(own_errors(problem, law))))
+    return np.random.default_rng(seed).standard_normal((runs, len(own_errors(problem, law).mean)))
 
 
-def own_errors(problem: Problem, law: str) -> FloatArray:
-    """Standard deviations (Q,) of the robot's own errors under ``law``; none under the independent law."""
+def own_errors(problem: Problem, law: str) -> kd.RobotErrors:
+    """The law of the robot's own errors under ``law``; none under the independent law."""
     model = problem.laws[law]
     return kd.EXACT if isinstance(model, kd.IndependentLaw) else model.errors
 
 
 def erring_pilot(
-    pilot: Pilot, u: FloatArray, sd: FloatArray, errors: FloatArray, *, linear: bool = False
+    pilot: Pilot, u: FloatArray, law: kd.RobotErrors, errors: FloatArray, *, linear: bool = False
 ) -> Pilot:
-    """``pilot`` of robots whose own errors are ``errors`` (n, Q) times ``sd`` (Q,), planned to fly ``u``.
+    """``pilot`` of robots whose own errors have the coefficients ``errors`` (n, Q), planned to fly ``u``.
 
-    ``linear``: in the law linearised about the plan, whose mean has the second-order part of the errors.
+    ``linear``: in the law linearised about the plan, whose mean has the mean of the errors and their
+    second-order part.
 
-    Eq. (M24a) of docs/mathematics.md.
+    Eqs. (M24a) and (M24b) of docs/mathematics.md.
     """
-    if not len(sd):
+    if not len(law.mean):
         return pilot
-    scale, turn, late = (errors * sd).T
-    ahead, aside = (
-        (1.0 + scale, turn) if linear else ((1.0 + scale) * np.cos(turn), (1.0 + scale) * np.sin(turn))
-    )
-    return ErringPilot(pilot, u, np.column_stack([ahead, aside, late]), np.empty((len(errors), 2)))
+    off = errors @ law.root.T
+    if linear:
+        (a, b, c), (scale, turn, late) = law.mean, off.T
+        turned = np.exp(1j * b)
+        change = turned * (scale + 1j * (1.0 + a) * turn)
+        share, held = 1.0 + change, change * c + turned * (1.0 + a) * late
+    else:
+        scale, turn, late = (law.mean + off).T
+        share = (1.0 + scale) * np.exp(1j * turn)
+        held = share * late
+    return ErringPilot(pilot, u, np.column_stack([share, held]), np.empty((len(errors), 2)))

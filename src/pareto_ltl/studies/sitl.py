@@ -98,7 +98,7 @@ def fly_both(
     """Fly ``cfg.flights`` pairs, the aircraft and ours in the same wind."""
     law, u = problem.fidelity.law, plan.path.u
     flights.require_known_wind(problem, u, plan.path.x)
-    blocks, sd = flights.block_rows(cfg.flights), own_errors(problem, law)
+    blocks, own = flights.block_rows(cfg.flights), own_errors(problem, law)
     pilot = flights.pilot_maker(problem, u, plan.path.x, law)
     ours, theirs, tracks = np.empty((cfg.flights, len(u) + 1, 2)), np.empty((cfg.flights, len(u) + 1, 2)), []
     for rows, child in zip(blocks, flights.unspawned(seeds).spawn(len(blocks)), strict=True):
@@ -106,7 +106,7 @@ def fly_both(
         flights.fly_block(problem, block, pilot, ours[rows])
         for i in range(rows.stop - rows.start):
             lon, lat = to_geographic(str(problem.scene.crs), block.start[i : i + 1])
-            begun = erring_orders(orders, block.errors[i] * sd)
+            begun = erring_orders(orders, own.mean + own.root @ block.errors[i])
             begun = replace(begun, start=np.concatenate([lat, lon]))  # starts may differ between flights
             track = jsbsim.fly_orders(begun, flight_air(problem, block.draws, i, len(u)), height, cfg.rate)
             theirs[rows.start + i] = to_plane(str(problem.scene.crs), track.lon, track.lat)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 Float32Array = NDArray[np.float32]
 Int32Array = NDArray[np.int32]
 IntArray = NDArray[np.int64]

@@ -18,12 +18,13 @@ from pareto_ltl.wind.records import ENSEMBLE, WindField
 class OwnErrors(NamedTuple):
     """Standard deviations of the robot's own errors, one for a whole flight; None for one not modelled.
 
-    ``airspeed`` is relative, ``heading`` in [deg], ``clock`` in [s].
+    ``airspeed`` is relative, ``heading`` in [deg], ``clock`` in [s]; ``bias`` are the expected errors.
     """
 
     airspeed: float | None = None
     heading: float | None = None
     clock: float | None = None
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class Coverage(NamedTuple):
@@ -98,7 +99,7 @@ def level_gap(not_covered: str) -> str:
 def own_errors_texts(robot: OwnErrors, speed: str) -> tuple[list[str], str]:
     """What is covered of the robot's own errors, and what is not; ``speed`` is the word for its airspeed."""
     names = (speed, "heading", "timing")
-    missing = [name for name, sd in zip(names, robot, strict=True) if sd is None]
+    missing = [name for name, sd in zip(names, robot[:3], strict=True) if sd is None]
     left = [f"the robot's own errors of {and_text(missing)}"] * bool(missing)
     if len(missing) < len(names):
         left.append("changes of the robot's own errors during a flight")
@@ -107,15 +108,23 @@ def own_errors_texts(robot: OwnErrors, speed: str) -> tuple[list[str], str]:
 
 
 def own_errors_text(robot: OwnErrors, speed: str) -> str:
-    """The modelled errors: ``airspeed errors of 1.5 % and heading errors of 1 degree (1 sd, ...)``."""
-    parts = []
+    """The modelled errors: ``airspeed errors of 1.5 % and heading errors of 1 degree (1 sd, ...)``.
+
+    Expected errors that are not 0 are stated too: ``airspeed errors of 1 % about +2 %``.
+    """
+    parts, (airspeed, heading, clock) = [], robot.bias
     if robot.airspeed is not None:
-        parts.append(f"{speed} errors of {100.0 * robot.airspeed:.3g} %")
+        parts.append(f"{speed} errors of {100.0 * robot.airspeed:.3g} %{_about(100.0 * airspeed, '%')}")
     if robot.heading is not None:
-        parts.append(f"heading errors of {robot.heading:.3g} degree{'s' * (robot.heading != 1.0)}")
+        unit = "degree" if robot.heading == 1.0 else "degrees"
+        parts.append(f"heading errors of {robot.heading:.3g} {unit}{_about(heading, 'degrees')}")
     if robot.clock is not None:
-        parts.append(f"clock errors of {robot.clock:.3g} s")
+        parts.append(f"clock errors of {robot.clock:.3g} s{_about(clock, 's')}")
     return f"{and_text(parts)} (1 sd, constant over a flight)" if parts else ""
+
+
+def _about(bias: float, unit: str) -> str:
+    return f" about {bias:+.3g} {unit}" if bias else ""
 
 
 def and_text(parts: list[str]) -> str:

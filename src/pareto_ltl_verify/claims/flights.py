@@ -180,7 +180,8 @@ def judged_again(result: Evidence, law: str) -> Verdict:
 def starts(result: Evidence, law: str) -> Verdict:
     """Flights begin about the start of the map."""
     gap = np.abs(result.flights[f"{law}/x"][:, 0] - result.start).max()
-    return within("the start", float(gap), 8 * result.robot.start_sd + result.grain, " m")
+    sd = result.robot.start_sd + float(np.linalg.norm(result.law(law).errors.start))
+    return within("the start", float(gap), 8 * sd + result.grain, " m")
 
 
 def drawn_winds(result: Evidence, law: str) -> Verdict | None:

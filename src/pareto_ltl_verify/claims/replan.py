@@ -18,15 +18,22 @@ from pareto_ltl_verify.claims import Claim, Verdict, close, likely, no_fault, sa
 from pareto_ltl_verify.evidence import Evidence, open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_rate
 from pareto_ltl_verify.laws import Course
+from pareto_ltl_verify.robot import Errors
 from pareto_ltl_verify.wind_law import ErrorLaw
 from pareto_ltl_verify.wind_tables import ENSEMBLE, HELD, SPACE, TIME, WindFile, square_of
 
 OLD_PLAN, OLD_LAW = "replan: the rest of the old plan", "replan: law of forecast errors"
-OF_THE_FIXES = ("replan: position given the fixes", "replan: expected wind given the fixes")
+OF_THE_FIXES = (
+    "replan: position given the fixes",
+    "replan: expected wind given the fixes",
+    "replan: the robot's own errors given the fixes",
+)
 UNLIKELY = 1e-4  # probability under the law of the plan below which a fix is an alarm
+FAR = math.sqrt(-2.0 * math.log(UNLIKELY))  # the same as a distance of two components [sd]
 RISKS = ("mission_risk_paper", "mission_risk", "mission_risk_ordered", "collision_risk")
 OF_RATES = ("promise_", "failure_", "least_failure", "mission_risk_i", "mission_risk_c", "collision_risk_")
 RUNS = 4000  # new flights of each of the two plans
+ROUNDING = 1e-6  # share of a variance that rounding may leave in a difference
 SHARE = 2e-3  # largest allowed relative difference of covariances and distances
 NEAR = 1e-6  # [sd] shorter distances of fixes count as this one
 WIND = 0.05  # m/s, largest allowed difference of the expected wind
@@ -47,14 +54,20 @@ def flown_result(result: Evidence) -> Evidence | None:
 
 
 def start(result: Evidence) -> Verdict:
-    """The rest begins at the mean position, with its largest standard deviation, at the time of the step."""
+    """The rest begins at the mean position, with its spread, at the time of the step.
+
+    ``start_sd`` is the largest standard deviation of what the robot's own errors do not explain.
+    """
     stated, robot = result.replanned, result.robot
     position, rest, step = stated["position"], stated["rest"], stated["step"]
-    widest = math.sqrt(float(np.linalg.eigvalsh(np.array(position["cov"]))[-1]))
+    lean = result.law(result.planned_law).errors.start
+    cov = np.array(position["cov"])
+    widest = max(float(np.linalg.eigvalsh(cov - lean @ lean.T)[-1]), 0.0)  # [m²]
+    slack = 1e-6 + ROUNDING * float(np.trace(cov))
     faults = {
         "time": not close(stated["time_s"], step * robot.dt),
         "start of the map": not np.allclose(result.start, position["mean"], rtol=1e-9, atol=1e-3),
-        f"start_sd {robot.start_sd:g}": not close(robot.start_sd, widest, 1e-6, 1e-6),
+        f"start_sd {robot.start_sd:g}": not close(robot.start_sd**2, widest, 1e-6, slack),
         "the rest begins elsewhere": len(rest["x"]) != len(rest["u"]) + 1,
     }
     return no_fault(f"step {step}", faults)
@@ -63,8 +76,8 @@ def start(result: Evidence) -> Verdict:
 def alarms(result: Evidence) -> Verdict:
     """A fix that the law gives less than 1e-4 is an alarm; after an alarm no file has a probability."""
     stated, plan = result.replanned, result.plan
-    far, count = math.sqrt(-2.0 * math.log(UNLIKELY)), len(stated["alarms"])
-    unlikely = sum(fix["distance"] > far for fix in stated["fixes"])
+    count = len(stated["alarms"])
+    unlikely = sum(fix["distance"] > FAR for fix in stated["fixes"])
     risks = [plan["objectives"][name] for name in RISKS]
     faults = {f"{unlikely} unlikely fixes": count < unlikely}
     if count:
@@ -141,12 +154,13 @@ def old_law(result: Evidence) -> Verdict | None:
 
 
 class Told(NamedTuple):
-    """Distribution given the fixes: of the position, and of θ (2P,) with mean ``theta``; their distances."""
+    """Given the fixes: law of the position, mean ``theta`` (2P,) of θ, law of own errors; distances."""
 
     mean: FloatArray
     cov: FloatArray
     theta: FloatArray
     distance: FloatArray
+    errors: Errors
 
 
 def _given_fixes(source: Evidence, stated: dict[str, Any]) -> Told | None:
@@ -163,10 +177,16 @@ def _given_fixes(source: Evidence, stated: dict[str, Any]) -> Told | None:
     d = np.concatenate([np.array(fix["place"]) - source.x[fix["step"]] for fix in fixes])
     to = np.hstack([across[step, t] for t in at])
     C = np.vstack([_faded(law, course, t, step) for t in at])
+    own = np.vstack([course.cross[t][:, law.modes :] for t in at]) @ law.errors.root.T
     z = np.linalg.solve(np.linalg.cholesky(S), d)
     return Told(
         source.x[step] + to @ np.linalg.solve(S, d), course.cov[step] - to @ np.linalg.solve(S, to.T),
         C.T @ np.linalg.solve(S, d), np.linalg.norm(z.reshape(-1, 2), axis=1),
+        Errors(
+            law.errors.mean + own.T @ np.linalg.solve(S, d),
+            law.errors.cov - own.T @ np.linalg.solve(S, own),
+            course.cross[step][:, law.modes :] @ law.errors.root.T - to @ np.linalg.solve(S, own),
+        ),
     )  # fmt: skip
 
 
@@ -190,6 +210,37 @@ def position(result: Evidence) -> Verdict | None:
         float((np.abs(learnt.distance - distances) / np.maximum(distances, NEAR)).max()),
     )
     return within(f"{len(distances)} fixes", worst, SHARE)
+
+
+def own_errors(result: Evidence) -> Verdict | None:
+    """Mean and covariance of the robot's own errors follow from the old plan and the fixes.
+
+    A fix that the law gives less than 1e-4 says nothing about them.
+    """
+    stated, source = result.replanned, flown_result(result)
+    if source is None or "errors" not in stated:  # plans of earlier versions
+        return None
+    learnt, prior, found = _given_fixes(source, stated), source.robot.errors, result.robot.errors
+    if not stated["fixes"]:
+        wanted = prior
+    elif learnt is None:
+        return None
+    else:
+        wanted = prior if any(fix["distance"] > FAR for fix in stated["fixes"]) else learnt.errors
+    if len(found) != len(prior):
+        return Verdict(f"{len(found)} errors", f"{len(prior)}", False)
+    if not len(wanted):
+        wanted = prior
+    sd = np.maximum(np.sqrt(np.diag(prior.cov)), 1e-300)
+    unit = math.sqrt(float(np.trace(np.array(stated["position"]["before"])))) or 1.0  # [m]
+    none = np.zeros_like(found.shared)  # an unlikely fix
+    gaps = (
+        (found.mean - wanted.mean) / sd,
+        (found.cov - wanted.cov) / np.outer(sd, sd),
+        (found.shared - (none if wanted is prior else wanted.shared)) / (unit * sd),
+    )
+    worst = max(float(np.abs(gap).max(initial=0.0)) for gap in gaps)
+    return within(f"{len(found)} errors", worst, SHARE)
 
 
 def expected_wind(result: Evidence) -> Verdict | None:
@@ -247,4 +298,5 @@ CLAIMS = (
     Claim(OLD_LAW, FILES, old_law),
     Claim(OF_THE_FIXES[0], FILES, position),
     Claim(OF_THE_FIXES[1], FILES, expected_wind),
+    Claim(OF_THE_FIXES[2], FILES, own_errors),
 )

@@ -252,13 +252,14 @@ def _own_errors(result: Evidence, speed: str) -> tuple[list[str], list[str]]:
     known = result.planned_law != "independent"
     sds = [robot.airspeed_sd, robot.heading_sd, robot.clock_sd] if known else [None] * 3
     missing = [name for name, sd in zip((speed, "heading", "timing"), sds, strict=True) if sd is None]
-    airspeed, heading, clock = sds
+    (airspeed, heading, clock), (faster, turned, late) = sds, robot.bias
     if airspeed is not None:
-        wording.append(f"{speed} errors of {100 * airspeed:.3g} %")
+        wording.append(f"{speed} errors of {100 * airspeed:.3g} %{_about(100 * faster, '%')}")
     if heading is not None:
-        wording.append(f"heading errors of {heading:.3g} degree" + ("" if heading == 1 else "s"))
+        degrees = "degree" if heading == 1 else "degrees"
+        wording.append(f"heading errors of {heading:.3g} {degrees}{_about(turned, 'degrees')}")
     if clock is not None:
-        wording.append(f"clock errors of {clock:.3g} s")
+        wording.append(f"clock errors of {clock:.3g} s{_about(late, 's')}")
     left = [f"the robot's own errors of {_and(missing)}"] if missing else []
     if not wording:
         return [], left
@@ -266,6 +267,10 @@ def _own_errors(result: Evidence, speed: str) -> tuple[list[str], list[str]]:
         [f"{_and(wording)} (1 sd, constant over a flight)"],
         [*left, "changes of the robot's own errors during a flight"],
     )
+
+
+def _about(bias: float, unit: str) -> str:
+    return f" about {bias:+.3g} {unit}" if bias else ""
 
 
 def _and(words: Sequence[str]) -> str:
