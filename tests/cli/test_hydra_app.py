@@ -29,6 +29,7 @@ from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
 from pareto_ltl.support import machine
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
+from quick_wind import wind_words
 from unmeasured import untraced
 
 SECTIONS = ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment", "report")
@@ -497,6 +498,7 @@ SMALL = (
     "refine.sweep_flights=60",
     "refine.points=6",
     "selection.draws=200",
+    *wind_words(),
     "selection.runs=200",
     "report=none",
 )
