@@ -124,6 +124,7 @@ NOT_BY_DAY = [
     "wind/test_wind_kinds",
 ]
 ONLY_AT_NIGHT = ["planning/test_uncompiled_plans", "run/test_documents", "test_machine_code_wheel"]
+NOT_SAMPLED = ["planning/test_uncompiled_plans", "test_machine_code_wheel"]  # a test takes minutes
 
 # Tests whose cases all run at night alone, the number of those that run before too, and why these are enough.
 FEWER: dict[str, tuple[int, str]] = {}
@@ -177,7 +178,8 @@ def _night_alone(items: Sequence[pytest.Item]) -> set[pytest.Item]:
     return _left_to_night(items) | {
         item
         for item in items
-        if _listed(item.path, ONLY_AT_NIGHT) or _depends_on_level(item, "AT_NIGHT", "first_of_each")
+        if not _listed(item.path, NOT_SAMPLED)
+        and (_listed(item.path, ONLY_AT_NIGHT) or _depends_on_level(item, "AT_NIGHT", "first_of_each"))
     }
 
 
