@@ -127,7 +127,14 @@ ONLY_AT_NIGHT = ["planning/test_uncompiled_plans", "run/test_documents", "test_m
 NOT_SAMPLED = ["planning/test_uncompiled_plans", "test_machine_code_wheel"]  # a test takes minutes
 
 # Tests whose cases all run at night alone, the number of those that run before too, and why these are enough.
-FEWER: dict[str, tuple[int, str]] = {}
+FEWER: dict[str, tuple[int, str]] = {
+    "run/test_choosing::test_a_choice_has_the_bytes_of_a_whole_run_and_passes_the_judge": (
+        4, "each plans anew and judges; all wishes go through one function, which its own tests cover",
+    ),
+    "test_corpus::test_a_mission_of_each_kind_has_a_plan": (
+        6, "each plans a mission; the kinds have tests of their own where they are drawn, planned and judged",
+    ),
+}  # fmt: skip
 
 
 def left_out(path: Path) -> bool:
