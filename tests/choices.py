@@ -115,9 +115,9 @@ def ordered_at_state(problem: Problem, x: FloatArray, cov: FloatArray, q: int) -
 
 
 def main() -> None:
-    """Check all choices; end with 1 and the names of those that failed."""
+    """Check the choices given as words, or all; end with 1 and the names of those that failed."""
     failed = 0
-    for choice in CHOICES:
+    for choice in [tuple(words.split()) for words in sys.argv[1:]] or CHOICES:
         try:
             print("ok", *choice, check_choice(tiny_problem(*choice)), flush=True)
         except AssertionError as error:

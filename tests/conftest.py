@@ -6,6 +6,7 @@ import logging
 import os
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from levels import BY_DAY, DONE_BY_DAY, left_out, same_by_day
+from levels import BY_DAY, SAMPLE, SAMPLE_SECONDS, left_out, of_this_level
 
 # Tests start hundreds of processes, which would else compile the same modules again and again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -23,6 +24,7 @@ for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SI
     if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) is signal.SIG_IGN:
         signal.signal(getattr(signal, name), usual)
 
+BEGAN = time.monotonic()
 examples = 25 if BY_DAY else 100
 settings.register_profile("house", deadline=None, derandomize=True, database=None, max_examples=examples)
 settings.load_profile("house")
@@ -34,12 +36,17 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what ``make test`` has just run."""
-    if not DONE_BY_DAY:
-        return
-    again = [item for item in items if not same_by_day(getattr(item, "obj", None), item.path)]
-    config.hook.pytest_deselected(items=[item for item in items if item not in set(again)])
-    items[:] = again
+    """Leave out the tests of other levels, and what ``make test`` has just run."""
+    chosen = of_this_level(items)
+    config.hook.pytest_deselected(items=[item for item in items if item not in set(chosen)])
+    items[:] = chosen
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """A sample of the night ends in time; what is not begun then is counted as skipped."""
+    if SAMPLE and time.monotonic() - BEGAN > SAMPLE_SECONDS:
+        pytest.skip("beyond the time of a sample of the night")
 
 
 @pytest.fixture(scope="session", autouse=True)

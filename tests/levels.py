@@ -2,18 +2,21 @@
 (``make test-all``) and at night.
 
 ``PARETO_LTL_TESTS`` is ``fast``, ``day``, ``all`` (the default) or ``night``. With ``PARETO_LTL_DONE=day``,
-all are without the tests that ``make test`` has just run in the same way.
+all are without the tests that ``make test`` has just run in the same way. With ``PARETO_LTL_SAMPLE=SEED``,
+the night is a tenth of what only the night runs, drawn with that seed (``make test-sample``).
 """
 
 from __future__ import annotations
 
 import ast
 import os
-from collections.abc import Callable, Iterable, Iterator
+import random
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
+import pytest
 from hypothesis import settings
 
 LEVEL = os.environ.get("PARETO_LTL_TESTS", "all")
@@ -22,6 +25,8 @@ if LEVEL not in ("fast", "day", "all", "night"):
 BY_DAY = LEVEL in ("fast", "day")
 DONE_BY_DAY = LEVEL == "all" and os.environ.get("PARETO_LTL_DONE") == "day"  # ``make test`` has just run
 AT_NIGHT = LEVEL == "night"
+SAMPLE = os.environ.get("PARETO_LTL_SAMPLE", "") if AT_NIGHT else ""  # its seed
+SAMPLE_SHARE, SAMPLE_SECONDS = 0.1, 120.0  # of the tests of the night alone; no test begins later
 Case = TypeVar("Case")
 
 # Modules of the fast level, and those among them that run kernels or start processes.
@@ -35,7 +40,7 @@ NOT_FAST = [
     "world/test_region_names",
 ]
 
-# Modules that start processes, plan whole missions or read files of every kind: not by day.
+# Modules or tests that start processes, plan whole missions or read files of every kind: not by day.
 NOT_BY_DAY = [
     "test_corpus",
     "test_documented_commands",
@@ -119,6 +124,20 @@ NOT_BY_DAY = [
     "wind/test_wind_kinds",
 ]
 ONLY_AT_NIGHT = ["planning/test_uncompiled_plans", "run/test_documents", "test_machine_code_wheel"]
+NOT_SAMPLED = ["planning/test_uncompiled_plans", "test_machine_code_wheel"]  # a test takes minutes
+
+# Tests whose cases all run at night alone, the number of those that run before too, and why these are enough.
+FEWER: dict[str, tuple[int, str]] = {
+    "run/test_choosing::test_a_choice_has_the_bytes_of_a_whole_run_and_passes_the_judge": (
+        4, "each plans anew and judges; all wishes go through one function, which its own tests cover",
+    ),
+    "test_golden::test_a_run_of_the_papers_planner_gives_the_same_results": (
+        2, "one seed of each mission notices a change; the others are the same code with other samples",
+    ),
+    "test_corpus::test_a_mission_of_each_kind_has_a_plan": (
+        6, "each plans a mission; the kinds have tests of their own where they are drawn, planned and judged",
+    ),
+}  # fmt: skip
 
 
 def left_out(path: Path) -> bool:
@@ -128,14 +147,79 @@ def left_out(path: Path) -> bool:
     return _listed(path, ONLY_AT_NIGHT if LEVEL == "all" else NOT_BY_DAY if BY_DAY else [])
 
 
-def same_by_day(test: object, path: Path) -> bool:
-    """Whether ``test`` of the module ``path`` is the same by day: a number of Hypothesis examples by level or
-    something else of that module by level would make it another one.
+def of_this_level(items: Sequence[pytest.Item]) -> list[pytest.Item]:
+    """The tests among those collected that are of this level, in their order."""
+    if SAMPLE:
+        alone = _night_alone(items)
+        return drawn([item for item in items if item in alone], SAMPLE)
+    if AT_NIGHT:
+        return list(items)
+    night = _left_to_night(items)
+    chosen = [item for item in items if item not in night]
+    if BY_DAY:
+        return [item for item in chosen if not _listed_test(item, NOT_BY_DAY)]
+    return [item for item in chosen if not (DONE_BY_DAY and same_by_day(item))]
+
+
+def fewer(cases: int, retained: int) -> set[int]:
+    """Numbers of the ``retained`` of ``cases`` cases that run before the night, evenly from first to last."""
+    if retained >= cases:
+        return set(range(cases))
+    return {round(k * (cases - 1) / max(retained - 1, 1)) for k in range(retained)}
+
+
+def _left_to_night(items: Sequence[pytest.Item]) -> set[pytest.Item]:
+    """The cases that :data:`FEWER` leaves to the night."""
+    cases: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        name = name_of(item)
+        if name in FEWER:
+            cases.setdefault(name, []).append(item)
+    return {
+        item
+        for name, of_test in cases.items()
+        for number, item in enumerate(of_test)
+        if number not in fewer(len(of_test), FEWER[name][0])
+    }
+
+
+def _night_alone(items: Sequence[pytest.Item]) -> set[pytest.Item]:
+    """The tests that no other level runs in the same way."""
+    return _left_to_night(items) | {
+        item
+        for item in items
+        if not _listed(item.path, NOT_SAMPLED)
+        and (_listed(item.path, ONLY_AT_NIGHT) or _depends_on_level(item, "AT_NIGHT", "first_of_each"))
+    }
+
+
+def drawn(items: Sequence[pytest.Item], seed: str) -> list[pytest.Item]:
+    """A tenth of the tests, by module in an order that is drawn too, since time may not suffice for all."""
+    dice = random.Random(seed)
+    chosen = set(dice.sample(range(len(items)), -(-len(items) // round(1 / SAMPLE_SHARE))))
+    modules: dict[Path, list[pytest.Item]] = {}
+    for number, item in enumerate(items):
+        if number in chosen:
+            modules.setdefault(item.path, []).append(item)
+    order = list(modules)
+    dice.shuffle(order)
+    return [item for path in order for item in modules[path]]
+
+
+def same_by_day(item: pytest.Item) -> bool:
+    """Whether a test is the same by day: a number of Hypothesis examples by level or something else of its
+    module by level would make it another one.
     """
-    if _listed(path, NOT_BY_DAY) or _examples_by_level(test):
+    if _listed(item.path, NOT_BY_DAY) or _listed_test(item, NOT_BY_DAY):
         return False
-    name = getattr(test, "__qualname__", "").partition(".")[0]  # of a function or of its class
-    return name not in names_by_level(path.read_text(encoding="utf-8"))
+    return not (_examples_by_level(getattr(item, "obj", None)) or _depends_on_level(item, "BY_DAY"))
+
+
+def _depends_on_level(item: pytest.Item, *levels: str) -> bool:
+    name = getattr(getattr(item, "obj", None), "__qualname__", "").partition(".")[
+        0
+    ]  # of a function or its class
+    return name in names_by_level(item.path.read_text(encoding="utf-8"), *levels)
 
 
 def _examples_by_level(test: object) -> bool:
@@ -147,8 +231,8 @@ def _examples_by_level(test: object) -> bool:
 
 
 @cache
-def names_by_level(source: str) -> frozenset[str]:
-    """What a module defines with ``BY_DAY``: names whose definitions use it, or use such a name.
+def names_by_level(source: str, *levels: str) -> frozenset[str]:
+    """What a module defines with one of ``levels``: names whose definitions use it, or use such a name.
 
     Everything, if the definition of ``pytestmark`` or of a fixture that every test uses does.
     """
@@ -167,7 +251,7 @@ def names_by_level(source: str) -> frozenset[str]:
                 autouse.add(node.name)
         for name in defined:
             uses.setdefault(name, set()).update(used)
-    found, more = {"BY_DAY"}, True
+    found, more = set(levels), True
     while more:
         new = {name for name, used in uses.items() if used & found} - found
         found |= new
@@ -178,6 +262,16 @@ def names_by_level(source: str) -> frozenset[str]:
 def _listed(path: Path, names: Iterable[str]) -> bool:
     module = path.relative_to(Path(__file__).parent).with_suffix("")
     return any(module.match(name) for name in names)
+
+
+def name_of(item: pytest.Item) -> str:
+    """Of all cases of a test: ``cli/test_help::test_one``."""
+    module = item.path.relative_to(Path(__file__).parent).with_suffix("").as_posix()
+    return f"{module}::{item.name.partition('[')[0]}"
+
+
+def _listed_test(item: pytest.Item, names: Iterable[str]) -> bool:
+    return name_of(item) in names
 
 
 def first_of_each(cases: Iterable[Case], kinds: Callable[[Case], Iterable[object]]) -> Iterator[Case]:

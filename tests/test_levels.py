@@ -1,14 +1,18 @@
-"""What ``make test`` has run in the same way is not run again before a change is taken in."""
+"""What ``make test`` has run in the same way is not run again; what only the night runs has a reason."""
 
 from __future__ import annotations
 
+import ast
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from levels import names_by_level, same_by_day
+import levels
+from levels import FEWER, NOT_BY_DAY, drawn, fewer, names_by_level, of_this_level, same_by_day
 
 HERE = Path(__file__)
 MODULE = """
@@ -36,7 +40,7 @@ ALL_FIXTURE = "\n@pytest.fixture(autouse=True)\ndef before(made): ...\n"
 
 
 def test_names_that_depend_on_the_level_are_found_through_helpers_and_fixtures() -> None:
-    assert names_by_level(MODULE) == {
+    assert names_by_level(MODULE, "BY_DAY") == {
         "BY_DAY", "SIZE", "DOUBLE", "helper", "made", "test_by_fixture", "test_by_helper",
         "test_by_parameters", "TestCases",
     }  # fmt: skip
@@ -44,7 +48,7 @@ def test_names_that_depend_on_the_level_are_found_through_helpers_and_fixtures()
 
 @pytest.mark.parametrize("more", ["\npytestmark = pytest.mark.skipif(BY_DAY)\n", ALL_FIXTURE])
 def test_what_all_tests_of_a_module_use_makes_all_of_them_depend(more: str) -> None:
-    assert "test_alike" in names_by_level(MODULE + more)
+    assert "test_alike" in names_by_level(MODULE + more, "BY_DAY")
 
 
 def test_a_test_with_examples_of_the_level_is_another_one_by_day() -> None:
@@ -52,5 +56,112 @@ def test_a_test_with_examples_of_the_level_is_another_one_by_day() -> None:
 
     usual = given(st.none())(lambda _: None)
     own = settings(max_examples=7)(given(st.none())(lambda _: None))
-    assert [same_by_day(test, HERE) for test in (plain, usual, own)] == [True, False, True]
-    assert not same_by_day(plain, HERE.parent / "test_golden.py")
+    assert [same_by_day(item(HERE, test)) for test in (plain, usual, own)] == [True, False, True]
+    assert not same_by_day(item(HERE.parent / "test_golden.py", plain))
+
+
+@dataclass(eq=False)
+class Item:
+    """What pytest collects, as far as levels look at it."""
+
+    path: Path
+    obj: Any
+    name: str
+
+
+def item(path: Path, test: Any = None, name: str = "test_x") -> Any:
+    return Item(path, test or (lambda: None), name)
+
+
+def cases(path: Path, count: int, name: str = "test_x") -> list[Any]:
+    return [item(path, name=f"{name}[{k}]") for k in range(count)]
+
+
+@pytest.fixture
+def level(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Sets a level."""
+
+    def change(**values: Any) -> None:
+        usual = {"BY_DAY": False, "AT_NIGHT": False, "DONE_BY_DAY": False, "SAMPLE": ""}
+        for name, value in (usual | values).items():
+            monkeypatch.setattr(levels, name, value)
+
+    return change
+
+
+@pytest.mark.parametrize(("count", "retained"), [(10, 3), (10, 1), (10, 0), (3, 10), (7, 7)])
+def test_the_cases_that_stay_are_as_many_as_stated_from_first_to_last(count: int, retained: int) -> None:
+    chosen = fewer(count, retained)
+    assert len(chosen) == min(count, retained)
+    assert chosen <= set(range(count))
+    if retained > 1:
+        assert {0, count - 1} <= chosen
+
+
+def test_by_day_and_all_that_are_not_by_day_are_together_all(
+    level: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever is left out by day, each case runs in one of the two, or is of the night."""
+    monkeypatch.setitem(FEWER, "test_levels::test_few", (3, "for this test"))
+    monkeypatch.setattr(levels, "NOT_BY_DAY", [*NOT_BY_DAY, "test_levels::test_slow"])
+    golden = HERE.parent / "test_golden.py"
+    items = [*cases(HERE, 9, "test_few"), item(HERE, name="test_slow"), item(HERE), item(golden)]
+    level()
+    every = of_this_level(items)
+    assert [one.name for one in every] == [
+        "test_few[0]",
+        "test_few[4]",
+        "test_few[8]",
+        "test_slow",
+        "test_x",
+        "test_x",
+    ]
+    level(BY_DAY=True)
+    by_day = of_this_level([one for one in items if one.path == HERE])  # others are not even read
+    level(DONE_BY_DAY=True)
+    rest = of_this_level(items)
+    assert [id(one) for one in every] == sorted(
+        map(id, [*by_day, *rest]), key=[id(one) for one in every].index
+    )
+    level(AT_NIGHT=True)
+    assert of_this_level(items) == items
+
+
+def test_a_sample_is_a_tenth_of_what_only_the_night_runs_by_its_seed(
+    level: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(FEWER, "test_levels::test_few", (10, "for this test"))
+    few, usual = cases(HERE, 210, "test_few"), cases(HERE, 50)
+    level(AT_NIGHT=True, SAMPLE="2026-11-28")
+    first, again = of_this_level([*few, *usual]), of_this_level([*few, *usual])
+    level(AT_NIGHT=True, SAMPLE="2026-11-29")
+    other = of_this_level([*few, *usual])
+    assert first == again != other
+    assert len(first) == len(other) == 20
+    level()
+    assert not {id(one) for one in first} & {id(one) for one in of_this_level([*few, *usual])}
+
+
+def test_modules_of_a_sample_come_in_a_drawn_order_each_in_its_own() -> None:
+    """Time ends a sample: modules whose names come last would else never be reached."""
+    places = [HERE.parent / name for name in ("test_a.py", "test_b.py", "test_c.py")]
+    items = [one for place in places for one in cases(place, 100)]
+    orders = {tuple(dict.fromkeys(one.path for one in drawn(items, str(seed)))) for seed in range(40)}
+    assert len(orders) == 6
+    chosen = drawn(items, "1")
+    assert [items.index(one) for one in chosen if one.path == places[0]] == sorted(
+        items.index(one) for one in chosen if one.path == places[0]
+    )
+
+
+@pytest.mark.parametrize("name", [*FEWER, *(name for name in NOT_BY_DAY if "::" in name)])
+def test_tests_that_are_named_exist(name: str) -> None:
+    module, _, test = name.partition("::")
+    source = (HERE.parent / module).with_suffix(".py").read_text(encoding="utf-8")
+    assert test in {node.name for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)}
+
+
+@pytest.mark.parametrize(("retained", "reason"), FEWER.values(), ids=list(FEWER))
+def test_what_is_left_to_the_night_has_a_reason(retained: int, reason: str) -> None:
+    assert retained >= 1
+    assert len(reason) > 20

@@ -180,28 +180,37 @@ def path_bound(
 
 
 def _cheapest_runs(gap: FloatArray, sd: FloatArray, grows: BoolArray) -> float:
-    n, faces = gap.shape
-    risk = beyond(gap, sd)
+    n = len(gap)
+    risk, shrinks = np.where(sd > 0, beyond(gap, sd), 0.0), _last_that_shrinks(grows)
     cheapest = np.full(n, math.inf)
     for s in range(n):
         before = 0.0 if s == 0 else float(cheapest[s])
         if before < 1.0:
-            for k in range(faces):
-                beside = gap[s:, k] >= -ON_EDGE
-                end = s + (len(beside) if beside.all() else int(np.argmin(beside)))
-                cost = _run_costs(gap[s:end, k], sd[s:end, k], risk[s:end, k], grows[k, s:end, s:end])
-                first = s if n == 1 else s + 1
-                cheapest[first:end] = np.minimum(cheapest[first:end], before + cost[first - s :])
+            cost = _run_costs(gap[s:], sd[s:], risk[s:], shrinks[s:] < s).min(axis=1, initial=math.inf)
+            first = s if n == 1 else s + 1
+            cheapest[first:] = np.minimum(cheapest[first:], before + cost[first - s :])
     return float(cheapest[-1])
 
 
+def _last_that_shrinks(grows: BoolArray) -> IntArray:
+    """For each step t and face, the last step r < t from which the deviation need not grow; -1 if none.
+
+    All pairs of a run grow if this step lies before the run, so that no run looks at its pairs.
+    """
+    faces, n, _ = grows.shape
+    shrinks = ~grows & np.triu(np.ones((n, n), bool), 1)
+    last = n - 1 - np.argmax(shrinks[:, ::-1], axis=1)
+    return np.where(shrinks.any(axis=1), last, -1).T.reshape(n, faces)
+
+
 def _run_costs(gap: FloatArray, sd: FloatArray, risk: FloatArray, grows: BoolArray) -> FloatArray:
-    """Cost of the runs from the first step to each step."""
-    union = np.cumsum(np.where(sd > 0, risk, 0.0))
+    """Cost of the runs from the first step to each step, beyond each face (n, faces); inf past its line."""
+    union = np.cumsum(risk, axis=0)
     widest, least = np.maximum.accumulate(sd), np.minimum.accumulate(gap)
-    ordered_pairs = grows | ~np.triu(np.ones(grows.shape, bool), 1)
-    free = np.logical_and.accumulate(ordered_pairs.all(axis=0)) & (widest > 0)
-    return np.where(free, np.minimum(union, 2 * beyond(least, widest)), union)
+    free = np.logical_and.accumulate(grows) & (widest > 0)
+    cost = union.copy()
+    cost[free] = np.minimum(union[free], 2 * beyond(least[free], widest[free]))
+    return np.where(np.logical_and.accumulate(gap >= -ON_EDGE), cost, math.inf)
 
 
 def growing(part: Convex, cross: FloatArray, share: float) -> BoolArray:

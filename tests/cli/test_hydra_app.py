@@ -9,8 +9,9 @@ import resource
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
 from pareto_ltl.support import machine
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
+from quick_wind import wind_words
 from unmeasured import untraced
 
 SECTIONS = ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment", "report")
@@ -222,12 +224,20 @@ def test_every_experiment_composes(experiment: str) -> None:
     assert validated(f"+experiment={experiment}").scene.regions
 
 
-@pytest.mark.parametrize("choice", [f"{section}={name}" for section in SECTIONS for name in choices(section)])
-def test_every_choice_composes_with_a_mission(choice: str) -> None:
-    more = (
-        ["robot=fixed_wing"] if choice == "selection=energy" else FILES.get(choice.removeprefix("wind="), [])
-    )
-    assert validated("+experiment=phi1", choice, *more).name == "phi1"
+def choices_together() -> Iterator[tuple[str, ...]]:
+    """Every choice of every section, of several sections at once: a composition takes half a second."""
+    alone = [f"{section}={name}" for section in ("scene", "mission", "robot") for name in choices(section)]
+    yield from ((choice,) for choice in alone)
+    others = [[f"{section}={name}" for name in choices(section)] for section in SECTIONS[3:]]
+    for row in zip_longest(*others):
+        yield tuple(choice for choice in row if choice)
+
+
+@pytest.mark.parametrize("together", list(choices_together()), ids=" ".join)
+def test_every_choice_composes_with_a_mission(together: tuple[str, ...]) -> None:
+    more = [word for choice in together for word in FILES.get(choice.removeprefix("wind="), [])]
+    more += ["robot=fixed_wing"] * ("selection=energy" in together)
+    assert validated("+experiment=phi1", *together, *more).name == "phi1"
 
 
 def test_ingest_needs_no_mission() -> None:
@@ -497,6 +507,7 @@ SMALL = (
     "refine.sweep_flights=60",
     "refine.points=6",
     "selection.draws=200",
+    *wind_words(),
     "selection.runs=200",
     "report=none",
 )

@@ -1,11 +1,11 @@
 """Fuzzing of every reader, each target in its own process.
 
-    make fuzz CASES=100000        or, from tests/, python -m fuzz.harness [--cases N] [target ...]
+    make fuzz CASES=100000        or, from tests/, python -m fuzz.harness [--cases N] [--first N] [target ...]
 
 A case must end within :data:`SECONDS`, make the process grow by at most :data:`GROWTH`, and end with a value
 or with one of the package's errors, in one line. The process has a limit on its memory, and a case that ends
 the process is shown. Hypothesis makes a failing case smaller. Cases come in blocks of 2,000 with the seeds 0,
-1, and so on: the same number of cases always gives the same cases.
+1, and so on, or from ``--first``: the same numbers always give the same cases.
 """
 
 from __future__ import annotations
@@ -67,8 +67,11 @@ class SlowCaseError(BaseException):
 # --- in the process of a target --------------------------------------------------------------
 
 
-def fuzz_here(target: Target, cases: int, place: Path) -> Report:
-    """Read ``cases`` cases of ``target`` in this process; stop a block of cases at its first fault."""
+def fuzz_here(target: Target, cases: int, place: Path, first: int = 0) -> Report:
+    """Read ``cases`` cases of ``target`` in this process; stop a block of cases at its first fault.
+
+    The number of a block, which begins with ``first``, is the seed of its cases.
+    """
     prepared = target.prepare(place)
     if prepared is None:
         return Report(target.name, skipped=True)
@@ -80,12 +83,13 @@ def fuzz_here(target: Target, cases: int, place: Path) -> Report:
     for block in range(-(-cases // CASES)):
         size = min(CASES, cases - block * CASES)
         counted: list[int] = []
+        number = first + block
         try:
-            read_block(target, prepared, place, block, size, counted)
+            read_block(target, prepared, place, number, size, counted)
         except SlowCaseError as error:
-            faults.append(f"block {block}: {error}")
+            faults.append(f"block {number}: {error}")
         except Exception as error:
-            faults += [f"block {block}: {_fault_text(one)}" for one in _single_errors(error)]
+            faults += [f"block {number}: {_fault_text(one)}" for one in _single_errors(error)]
         read += len(counted)
     return Report(target.name, read, time.perf_counter() - start, tuple(faults))
 
@@ -196,7 +200,7 @@ def _fault_text(error: BaseException) -> str:
 # --- from outside ----------------------------------------------------------------------------
 
 
-def fuzz_target(target: Target, cases: int) -> Report:
+def fuzz_target(target: Target, cases: int, first: int = 0) -> Report:
     """Read ``cases`` cases of ``target`` in a new process; it is a fault if the process dies."""
     memory = Path("/dev/shm")  # opening a file takes 2 ms on a disk
     with tempfile.TemporaryDirectory(prefix="fuzz_", dir=memory if memory.is_dir() else None) as folder:
@@ -209,6 +213,8 @@ def fuzz_target(target: Target, cases: int) -> Report:
             str(place),
             "--cases",
             str(cases),
+            "--first",
+            str(first),
             target.name,
         ]
         tests = Path(__file__).parents[1]
@@ -232,17 +238,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("targets", nargs="*", metavar="target")
     parser.add_argument("--cases", type=int, default=CASES, help="of each target (times its share)")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first block of cases")
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     every = (*TARGETS, *KIND_TARGETS)
     chosen = [target for target in every if target.name in (options.targets or [t.name for t in every])]
     if options.child is not None:
-        report = fuzz_here(chosen[0], options.cases, options.child)
+        report = fuzz_here(chosen[0], options.cases, options.child, options.first)
         (options.child / "report.json").write_text(json.dumps(asdict(report)))
         return 0
     faults = 0
     for target in chosen:
-        report = fuzz_target(target, max(1, round(options.cases * target.share)))
+        report = fuzz_target(target, max(1, round(options.cases * target.share)), options.first)
         print(report.line(), *report.faults, sep="\n", flush=True)
         faults += len(report.faults)
     return 1 if faults else 0

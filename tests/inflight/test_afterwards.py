@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
-from levels import BY_DAY
+from levels import AT_NIGHT
 from pareto_ltl.inflight.afterwards import fix_ranks, true_distances, truth_summary
 from pareto_ltl.inflight.rules import Event
 from pareto_ltl.inflight.telemetry import Reading
@@ -18,7 +18,7 @@ from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.errors import DataError
 from watched import DT, PATH, PLAN, PROBLEM, heading_of
 
-TRUTHS = 12 if BY_DAY else 60
+TRUTHS = 60 if AT_NIGHT else 12
 
 
 def journal(x: np.ndarray, folder: Path, seed: int) -> list[Event]:

@@ -8,7 +8,7 @@ from numpy.random import SeedSequence
 from scipy.stats import chi2
 
 from coherent import STEPS, coherent_problem, rate_interval
-from levels import BY_DAY
+from levels import AT_NIGHT
 from pareto_ltl.inflight.belief import Belief, local_wind
 from pareto_ltl.kernels.flight import CoherentDraws, wind_met
 from pareto_ltl.kernels.path import Flight
@@ -17,7 +17,7 @@ from pareto_ltl.planning.evaluate import propagate, square_matrices
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.flights import simulate_flights
 
-TRUTHS = 60 if BY_DAY else 500
+TRUTHS = 500 if AT_NIGHT else 60
 PROBLEM = coherent_problem()
 FLIGHT = propagate(PROBLEM, STEPS)
 DT = PROBLEM.motion.dt

@@ -28,8 +28,9 @@ from quick_wind import QUICK_WIND
 
 SMALL: dict[str, Any] = {
     "robot": {"dt": 1800.0},
-    "planner": {"trees": 3, "n_max": 1500},
-    "selection": {"runs": 500},
+    "planner": {"trees": 2, "n_max": 1000},
+    "refine": {"flights": 100, "sweep_flights": 60, "points": 3},
+    "selection": {"runs": 500, "draws": 100},
     "wind": QUICK_WIND,
     "deployment": {"runs": 40},
     "report": "none",

@@ -21,6 +21,7 @@ from chromium import Opened, launched, needs_chromium, opened_page
 from desk import HOP, RunningDesk, running_desk
 from geotiffs import WGS84, geotiff
 from levels import AT_NIGHT
+from quick_wind import wind_words
 
 CLICK_ONE = """([dice, left_out]) => {
   const found = [...document.querySelectorAll("button, .point, input[type=checkbox], summary")].filter(
@@ -40,6 +41,11 @@ POST_FORM = """address => {
 FRAME = "address => document.body.append(Object.assign(document.createElement('iframe'), { src: address }))"
 WIDE, NARROW = (1280, 800), (400, 850)
 CLICKS = 40  # of a random session
+FEW_FLIGHTS = (
+    "planner.trees=2", "planner.n_max=1500", "refine.flights=60", "refine.sweep_flights=30",
+    "refine.points=4", "selection.draws=60", "selection.runs=400", "deployment.runs=100", "report=none",
+    *wind_words(),
+)  # fmt: skip
 NOT_CLICKED = {  # open a dialog of the browser, or take long; links with data-kind download
     "open", "save", "save-kml", "backdrop", "plan", "compare-starts", "show-wind", "find-beacon",
 }  # fmt: skip
@@ -132,8 +138,17 @@ def draw_mission(opened: Opened) -> None:
     opened.drawn()
 
 
+def small_request(route: Route) -> None:
+    """What the page asks for, with a small search and few flights."""
+    body = route.request.post_data_json
+    if route.request.method != "POST" or body["command"] == "wind":
+        return route.continue_()
+    return route.continue_(post_data=json.dumps(body | {"overrides": [*FEW_FLIGHTS, *body["overrides"]]}))
+
+
 def plan_mission(opened: Opened) -> None:
     page = opened.page
+    page.route("**/api/plans", small_request)
     page.locator("#robot").select_option("light_aircraft")
     page.locator("#planner").select_option("quick")
     opened.wait("!document.getElementById('plan').disabled")
@@ -448,6 +463,7 @@ def test_a_plan_goes_on_while_the_browser_is_closed(browser: Browser, desk: Runn
     with opened_desk(browser, desk.address, WIDE, "light") as opened:
         begin_anew(opened)
         draw_mission(opened)
+        opened.page.route("**/api/plans", small_request)
         opened.page.locator("#robot").select_option("light_aircraft")
         opened.wait("!document.getElementById('plan').disabled")
         opened.page.locator("#plan").click()

@@ -10,6 +10,7 @@ import pytest
 from numpy.random import SeedSequence
 
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
+from levels import AT_NIGHT
 from oracle.navigator import filtered
 from pareto_ltl.kernels import moves
 from pareto_ltl.kernels.pilots import Autopilot, Navigator
@@ -71,6 +72,7 @@ def test_flights_with_certain_fixes_spread_as_foreseen(error):
 SMALL_MARKS = (box(5.0, 4.5, 6.2, 6.0), box(8.4, 8.0, 9.6, 9.8), box(11.0, 11.4, 12.5, 12.3))
 
 
+FILTERED = 40 if AT_NIGHT else 10  # flights; a plain filter takes a second and more for one
 LINES = (FixShape(400.0, 30.0, 60.0), None, FixShape(20.0, 900.0, -20.0))  # errors of their fixes
 
 
@@ -79,10 +81,10 @@ def test_robots_know_what_a_plain_filter_knows(error, fixes):
     """Fixes of one flight at any step, or between two, against one matrix for (e_t, e_{t-1}, θ) in NumPy."""
     p = landmark_problem(replace(LANDMARK_SCENE, landmarks=SMALL_MARKS, landmark_fixes=fixes), error=error)
     path = evaluate_path(p, LANDMARK_WAY, "")
-    x, pilot = flown(p, path, 40)
+    x, pilot = flown(p, path, FILTERED)
     b, dt = p.motion.b, p.motion.dt
     numbers = []
-    for i in range(40):
+    for i in range(FILTERED):
         winds_free = filtered(
             pilot.law, pilot.landmarks, pilot.root, pilot.noise[:, i], x[i], partial(wanted, p, pilot), b, dt
         )

@@ -24,10 +24,10 @@ from pareto_ltl.studies.parts import Part
 from pareto_ltl.support.errors import ConfigError, DataError
 from small_study import files
 
-PARTS = 60
+PARTS = 20
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def address() -> Iterator[str]:
     """The scheduler of two workers, each a process with one thread."""
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster:

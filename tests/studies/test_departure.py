@@ -34,13 +34,14 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.wind.readings import CALM, Readings, iso, seconds
 from pareto_ltl_verify.judge import verify
+from quick_wind import wind_words
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Plan
 
 SMALL = (
     "+experiment=phi2", "fidelity=paper", "planner.trees=3", "planner.n_max=1500", "deployment.runs=20",
-    "departure.flights=400", "departure.seeds=2", "report.dpi=40", "evaluation.jobs=1",
+    "departure.flights=400", "departure.seeds=2", "report.dpi=40", "evaluation.jobs=1", *wind_words(),
 )  # fmt: skip
 MIDNIGHT, NOON = "2018-10-09T00:00:00Z", "2018-10-09T12:00:00Z"
 

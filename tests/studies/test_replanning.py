@@ -22,13 +22,14 @@ from quick_wind import wind_words
 SMALL = (
     "+experiment=phi2", "planner.trees=3", "planner.n_max=1000", "selection.draws=300", "selection.runs=500",
     "refine.flights=100", "refine.sweep_flights=60", "refine.points=4", "evaluation.jobs=1",
-    "wind.max_points=40", "wind.modes_max=16",
+    "deployment.runs=50", "exports=none", *wind_words(),
 )  # fmt: skip
 
 LEAST = (  # where only the names of the ways and equal plans are compared
     "+experiment=phi1_landmarks", "planner.trees=2", "planner.n_max=1000", "selection.draws=100",
     "selection.runs=200", "refine.flights=40", "refine.sweep_flights=20", "refine.classes=1",
-    "refine.points=2", "evaluation.jobs=1", *wind_words(),
+    "refine.points=2", "evaluation.jobs=1", "deployment.runs=20", "report=none",
+    "exports=none", *wind_words(),
 )  # fmt: skip
 
 

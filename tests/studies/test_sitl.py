@@ -25,12 +25,13 @@ from pareto_ltl.studies import sitl
 from pareto_ltl.support.atmosphere import standard_air, true_airspeed
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.projection import meridian_convergence, to_geographic
+from quick_wind import wind_words
 
 FLIGHTS = 2
 RATE = 60.0
 SMALL = (
     "+experiment=hop", "fidelity=paper", "selection=priority", "planner.trees=2", "planner.n_max=600",
-    "exports.flights=200", f"sitl.flights={FLIGHTS}", "sitl.drawn=2", "report.formats=[png]",
+    "exports.flights=200", f"sitl.flights={FLIGHTS}", "sitl.drawn=2", "report.formats=[png]", *wind_words(),
 )  # fmt: skip
 
 

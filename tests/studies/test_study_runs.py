@@ -143,7 +143,14 @@ def test_a_killed_run_goes_on_and_ends_as_if_it_had_not_been_stopped(here: Path)
 def test_a_study_leaves_tables_figures_and_metrics(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (
         app.run_hydra(
-            ["pipelines=compare", "+experiment=phi2", *SMALL, "evaluation.jobs=1", "hydra.run.dir=out"]
+            [
+                "pipelines=compare",
+                "+experiment=phi2",
+                *SMALL,
+                *wind_words(),
+                "evaluation.jobs=1",
+                "hydra.run.dir=out",
+            ]
         )
         == 0
     )

@@ -7,6 +7,7 @@ import gzip
 import io
 import re
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -164,6 +165,7 @@ def _number(text: str, delimiter: str) -> float:
     return float(text.replace(",", ".") if delimiter != "," else text)
 
 
+@lru_cache(maxsize=10_000)  # many rows have one time
 def _seconds(text: str) -> float:
     """Seconds since 1970 of a time, UTC if it has no offset; ValueError if it is not known."""
     text = re.sub(r"\s*(UTC|GMT)$", "", text, flags=re.I)
