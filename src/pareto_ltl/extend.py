@@ -1,4 +1,6 @@
-"""Names for packages that add kinds: records of a run, wind sources and costs of a path (docs/adding.md).
+"""Names for packages that add kinds, and for what is made of plans (docs/adding.md).
+
+Records of a run, wind sources and costs of a path; failure rates; laws of wind errors.
 
 They are imported when they are used, as the names of ``pareto_ltl``.
 """
@@ -10,15 +12,36 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.cost import Cost
+    from pareto_ltl.planning.rates import FailureRate, Promise
     from pareto_ltl.run.record import Record, record
+    from pareto_ltl.wind.error_law import LawPart
+    from pareto_ltl.wind.law_of_parts import LawOfParts
+    from pareto_ltl.wind.named_laws import law_of_parts_named, packaged_laws
     from pareto_ltl.wind.sources import WindSource
 
-__all__ = ["Cost", "Record", "WindSource", "record"]
+__all__ = [
+    "Cost",
+    "FailureRate",
+    "LawOfParts",
+    "LawPart",
+    "Promise",
+    "Record",
+    "WindSource",
+    "law_of_parts_named",
+    "packaged_laws",
+    "record",
+]
 
 _EXPORTS = {
     "Cost": "pareto_ltl.planning.cost",
+    "FailureRate": "pareto_ltl.planning.rates",
+    "LawOfParts": "pareto_ltl.wind.law_of_parts",
+    "LawPart": "pareto_ltl.wind.error_law",
+    "Promise": "pareto_ltl.planning.rates",
     "Record": "pareto_ltl.run.record",
     "WindSource": "pareto_ltl.wind.sources",
+    "law_of_parts_named": "pareto_ltl.wind.named_laws",
+    "packaged_laws": "pareto_ltl.wind.named_laws",
     "record": "pareto_ltl.run.record",
 }
 

@@ -12,9 +12,9 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import parse_level
 
 if TYPE_CHECKING:
+    from pareto_ltl.extend import LawOfParts
     from pareto_ltl.wind.law_check import CheckRow
     from pareto_ltl.wind.law_estimate import LawEstimate
-    from pareto_ltl.wind.law_of_parts import LawOfParts
 
 
 def check_table(options: Namespace) -> Answer:
@@ -57,7 +57,7 @@ def check_table(options: Namespace) -> Answer:
 
 
 def _law(name: str) -> LawOfParts:
-    from pareto_ltl.wind.named_laws import law_of_parts_named, packaged_laws
+    from pareto_ltl.extend import law_of_parts_named, packaged_laws
 
     if name not in packaged_laws() and not Path(name).expanduser().is_file():
         raise ConfigError(

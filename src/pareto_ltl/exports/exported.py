@@ -12,11 +12,11 @@ from numpy.random import SeedSequence
 from pareto_ltl import Scene, Settings
 from pareto_ltl.exports.corridor import Corridor, flown_corridor
 from pareto_ltl.exports.navigation_log import NavigationLog, navigation_log
+from pareto_ltl.extend import FailureRate
 from pareto_ltl.kernels.pilots import Autopilot, Pilot
 from pareto_ltl.planning.pack import with_feedback
 from pareto_ltl.planning.power import Rotor
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import NO_PROMISE, Plan, PlannedPath
 from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
 from pareto_ltl.simulation.flights import fly_pilot, unspawned

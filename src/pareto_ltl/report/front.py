@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from pareto_ltl.planning.rates import FLIGHTS, FailureRate
+from pareto_ltl.extend import FailureRate
+from pareto_ltl.planning.rates import FLIGHTS
 from pareto_ltl.planning.records import Front, Objectives, Plan
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.report import style

@@ -13,12 +13,12 @@ from pareto_ltl import Scene
 from pareto_ltl.exports.exported import height_sentence
 from pareto_ltl.exports.geojson import border_corners
 from pareto_ltl.exports.navigation_log import expected_winds, navigation_log
+from pareto_ltl.extend import FailureRate
 from pareto_ltl.logic.automaton import show_letter
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.logic.timed import places_of
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import NO_PROMISE, Plan, PlannedPath
 from pareto_ltl.simulation.flights import failure_times
 from pareto_ltl.simulation.records import Deployment

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pareto_ltl import Scene
-from pareto_ltl.planning.rates import Promise
+from pareto_ltl.extend import Promise
 from pareto_ltl.planning.records import NO_PROMISE, Forest, Plan
 from pareto_ltl.report import map_layers, style
 from pareto_ltl.report.map_layers import DRAWN_VERTICES, dense_path, timed_obstacles, visited_outlines

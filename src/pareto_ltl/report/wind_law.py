@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pareto_ltl.extend import LawOfParts
 from pareto_ltl.report import style
 from pareto_ltl.report.axes import panel_row
 from pareto_ltl.report.components import page_environment
@@ -19,7 +20,7 @@ from pareto_ltl.support.files import write_text
 from pareto_ltl.wind.error_law import GROWING, LASTING, LOCAL, SLOW
 from pareto_ltl.wind.law_check import DISPLACEMENT, ERROR, LEVELS, CheckRow
 from pareto_ltl.wind.law_estimate import LawEstimate, law_numbers
-from pareto_ltl.wind.law_of_parts import OBSERVED, OWN, LawOfParts
+from pareto_ltl.wind.law_of_parts import OBSERVED, OWN
 from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.scale_mixture import coverage
 

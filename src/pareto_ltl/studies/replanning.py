@@ -22,6 +22,7 @@ from numpy.random import Generator
 
 from pareto_ltl import Run, Settings, WindField
 from pareto_ltl.exports.exported import held_problem
+from pareto_ltl.extend import LawPart
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.records import PlannedPath
@@ -41,7 +42,6 @@ from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.wind.conditioned import field_from, lattice_values
-from pareto_ltl.wind.error_law import LawPart
 from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.records import FORECAST_PARTS, forecast_parts
 

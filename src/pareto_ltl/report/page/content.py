@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl.exports.exported import absent_sentence, height_sentence, vehicle_of
+from pareto_ltl.extend import FailureRate
 from pareto_ltl.logic.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import NO_PROMISE, Front, Plan
 from pareto_ltl.report.components import MODULES, STYLE, bundled, component, page_environment
 from pareto_ltl.report.limits import PlanLimits, chosen_number, priced_obstacles
