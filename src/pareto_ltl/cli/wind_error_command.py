@@ -41,13 +41,13 @@ def wind_error(options: Namespace) -> Answer:
             raise ConfigError(f"--stations {file}: there is no such file; name tables of METAR reports")
     import numpy as np
 
+    from pareto_ltl.extend import first_law
     from pareto_ltl.report.wind_error import draw_wind_error
     from pareto_ltl.settings import WindConfig
     from pareto_ltl.support.files import write_json
     from pareto_ltl.wind.area import box_of
     from pareto_ltl.wind.error_estimate import error_document, estimate_errors, estimated_law
     from pareto_ltl.wind.matched_fields import Resampling
-    from pareto_ltl.wind.named_laws import first_law
     from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 
     box = None if area is None else box_of(np.array(area, float))

@@ -48,6 +48,11 @@ class FailureRate:
             raise ValueError(f"a failure rate needs at least one flight, got runs = {self.runs}")
 
     @property
+    def weighted(self) -> bool:
+        """Whether the flights were weighted."""
+        return self.method == WEIGHTED
+
+    @property
     def failures(self) -> int:
         """Number of flights that fail; with weighted flights, ``failure`` times ``runs``, rounded."""
         return round(self.failure * self.runs)

@@ -13,7 +13,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from pareto_ltl.extend import FailureRate
-from pareto_ltl.planning.rates import FLIGHTS
 from pareto_ltl.planning.records import Front, Objectives, Plan
 from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.report import style
@@ -209,7 +208,7 @@ def other_keys(front: Front, plan: Plan | None) -> list[Line2D]:
         keys.append(CHOSEN)
         if plan.promise is not None:
             rate = plan.promise.rate
-            label = f"its {rate.runs:,} {'fresh' if rate.method == FLIGHTS else 'weighted'} flights"
+            label = f"its {rate.runs:,} {'weighted' if rate.weighted else 'fresh'} flights"
             keys.append(style.mark_key(label, "_", 5.0, style.VERMILLION, style.VERMILLION, 1.2))
     return keys
 

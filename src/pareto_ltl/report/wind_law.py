@@ -17,14 +17,16 @@ from pareto_ltl.report.axes import panel_row
 from pareto_ltl.report.components import page_environment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_text
-from pareto_ltl.wind.error_law import GROWING, LASTING, LOCAL, SLOW
 from pareto_ltl.wind.law_check import DISPLACEMENT, ERROR, LEVELS, CheckRow
 from pareto_ltl.wind.law_estimate import LawEstimate, law_numbers
 from pareto_ltl.wind.law_of_parts import OBSERVED, OWN
 from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.scale_mixture import coverage
 
-COLOURS = {GROWING: style.VERMILLION, SLOW: style.BLUE, LOCAL: style.GREEN, LASTING: style.PURPLE}
+LASTING = "lasting"
+COLOURS = {
+    "growing": style.VERMILLION, "slow": style.BLUE, "local": style.GREEN, LASTING: style.PURPLE,
+}  # fmt: skip
 DPI = 300
 LONGEST = 72.0  # [h] of the panels
 KM = 1e3
