@@ -128,6 +128,9 @@ def front_risks(result: Evidence) -> Verdict:
     plain = column == "mission_risk_ordered" or result.planned_law == "independent"
     faults = [f"path {row['path']}" for row in result.front if plain and row["mission_risk"] != row[column]]
     late = (row for row in result.front if not close(float(row["duration_s"]), int(row["steps"]) * dt))
+    risks = columns(result, *BOUNDS, "mission_risk_ordered")
+    wrong = np.flatnonzero((risks < 0.0).any(axis=1) | (risks[:, -1] > 1.0 + 1e-9))
+    faults += [f"path {k}: a risk beyond 0 and 1" for k in wrong]
     return no_fault(f"mission_risk is {column}", faults, (f"path {row['path']}: duration" for row in late))
 
 
