@@ -87,11 +87,10 @@ def _track_faults(rows: Rows) -> list[str]:
     places, legs = lonlat(rows), rows[:-1]
     track, _, way = Geod(ellps="WGS84").inv(*places[:-1].T, *places[1:].T)
     ways = np.asarray(way, float)
+    over_ground = ways / column(legs, "duration_s")
     return [
         *unlike_at("leg {}: distance_m", column(legs, "distance_m"), ways, 1e-3),
-        *unlike_at(
-            "leg {}: ground_speed_m_s", column(legs, "ground_speed_m_s"), ways / column(legs, "duration_s")
-        ),
+        *unlike_at("leg {}: ground_speed_m_s", column(legs, "ground_speed_m_s"), over_ground),
         *_direction_faults(legs, "track_true_deg", np.asarray(track, float), ways),
     ]
 
