@@ -13,6 +13,7 @@ from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_verify.claims import (
     Claim,
     Verdict,
+    choice,
     exports,
     flights,
     front,
@@ -37,8 +38,8 @@ from pareto_ltl_verify.evidence import Evidence, open_evidence
 
 CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *origin.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS, *plan.CLAIMS,
-    *limits.CLAIMS, *search.CLAIMS, *front.CLAIMS, *judged.CLAIMS, *flights.CLAIMS, *legs.CLAIMS,
-    *exports.CLAIMS, *outlines.CLAIMS, *missions.CLAIMS, *height.CLAIMS, *texts.CLAIMS, *page.CLAIMS,
+    *limits.CLAIMS, *search.CLAIMS, *front.CLAIMS, *choice.CLAIMS, *judged.CLAIMS, *flights.CLAIMS,
+    *legs.CLAIMS, *exports.CLAIMS, *outlines.CLAIMS, *missions.CLAIMS, *height.CLAIMS, *texts.CLAIMS, *page.CLAIMS,
     *replan.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
@@ -139,6 +140,6 @@ def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
     with suppress(*UNUSABLE):  # claims about damaged settings fail
         if world.given_map(result):
             reasons["the map was given in Python"] = world.OF_THE_SETTINGS
-        if result.has("front.csv") and (rule := front.added_rule(result)) is not None:
-            reasons[f"another package adds selection.rule={rule}"] = (front.CHOICE,)
+        if result.has("front.csv") and (rule := choice.added_rule(result)) is not None:
+            reasons[f"another package adds selection.rule={rule}"] = (choice.CHOICE,)
     return reasons

@@ -51,6 +51,16 @@ def height_sentences(result: Evidence) -> Iterator[str]:
         yield f"True airspeed is {factor:.4f} times calibrated airspeed ({air['source']})."
 
 
+def absent_sentence(result: Evidence) -> str:
+    """The places of the map that are above or below the flight."""
+    return f"{ABSENT}{listed_text([place['what'] for place in result.scene.get('absent') or ()])}."
+
+
+def height_text(result: Evidence) -> str:
+    """What files say of the height of the flight and of places above and below it."""
+    return " ".join([*height_sentences(result), absent_sentence(result)])
+
+
 def known_sentences(result: Evidence, name: str) -> Iterator[str]:
     """Every sentence, besides the rates, that a file may have."""
     plan, law = result.plan, result.planned_law
@@ -61,7 +71,7 @@ def known_sentences(result: Evidence, name: str) -> Iterator[str]:
     yield from height_sentences(result)
     gap = page_texts.level_gap(result)
     yield from [f"The failure rates are no promise: {gap}."] * bool(gap)
-    yield f"{ABSENT}{listed_text([place['what'] for place in result.scene.get('absent') or ()])}."
+    yield absent_sentence(result)
     yield f"Not covered: {plan.get('not_covered', '').rstrip('.')}."
     if name == "mission.plan":
         yield from (BY_POSITION, *NO_LANDING, HOVERS, NO_BORDER)

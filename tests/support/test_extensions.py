@@ -265,7 +265,7 @@ def test_a_source_that_reads_files_needs_a_path(name: str) -> None:
 
 def test_verify_knows_every_rule_of_this_package_and_the_settings_that_it_reads() -> None:
     from pareto_ltl.planning.selection_rules import RULES
-    from pareto_ltl_verify.claims import front, plan
+    from pareto_ltl_verify.claims import choice, plan
 
-    assert tuple(front.RANKINGS) == RULE_NAMES
+    assert tuple(choice.RANKINGS) == RULE_NAMES
     assert {name: rule.reads for name, rule in RULES.items()} == plan.READS

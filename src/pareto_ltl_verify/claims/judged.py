@@ -7,8 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.names import joined_names
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault
-from pareto_ltl_verify.claims.front import FILES, cost_columns, flights_judge, judged_rows
+from pareto_ltl_verify.claims.front import FILES, WORLD, cost_columns, flights_judge, judged_rows
+from pareto_ltl_verify.claims.plan import POSITION
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.flights import RARE, same_rate
 
@@ -102,7 +104,34 @@ def box(result: Evidence) -> Verdict | None:
     return no_fault("twice every judged path", faults)
 
 
+def arrays(result: Evidence) -> Verdict:
+    """Times, states and labels of every path in front.npz; its hypervolume, box and fidelity."""
+    stored, dt, faults = result.front_arrays, result.robot.dt, list[str]()
+    slack = POSITION * result.grain
+    for k in range(len(result.front)):
+        x, key = result.front_x(k), f"path_{k:03d}"
+        t = np.asarray(stored[f"{key}/t"], float)
+        late = t.shape != (len(x),) or bool(np.abs(t - dt * np.arange(len(x))).max() > 1e-6)
+        faults += [f"path {k}: times"] * late
+        q, text = np.asarray(stored[f"{key}/q"]), np.asarray(stored[f"{key}/label"]).tolist()
+        states = [result.ground.states(x[None], s)[0] for s in (0.0, slack, -slack)]
+        faults += [f"path {k}: states"] * (not any(np.array_equal(q, one) for one in states))
+        labels = [result.ground.labels(x, s) for s in (0.0, slack, -slack)]
+        shown = [[joined_names(sorted(one)) for one in some] for some in labels]
+        wrong = len(text) != len(x) or any(a not in seen for a, *seen in zip(text, *shown, strict=True))
+        faults += [f"path {k}: labels"] * wrong
+    sides = [result.metrics[f"hypervolume_{name}"] for name in cost_columns(result)]
+    box = np.asarray(stored["reference"], float)[-len(sides) :].tolist()
+    numbers = {
+        "hypervolume": float(np.asarray(stored["hypervolume"]).item()) != result.metrics["hypervolume"],
+        "box": box != sides,
+        "fidelity": str(np.asarray(stored["fidelity"]).item()) != result.run["fidelity"],
+    }
+    return no_fault(f"{len(result.front)} paths", faults, numbers)
+
+
 CLAIMS = (
     Claim("front: no judged path is better", FILES, whole_front),
     Claim("front: box of the hypervolume", FILES, box),
+    Claim("front: arrays of its paths", WORLD, arrays),
 )

@@ -28,6 +28,7 @@ from pareto_ltl_verify.geometry import azimuths, in_plane
 from pareto_ltl_verify.robot import fly_table
 
 ANGLE = 0.01  # [deg] largest allowed difference of two directions
+ROUND, DIRECTION = 1e-3, 0.1  # relative difference of the axes of a circle; [deg] of the axis of an ellipse
 RADIUS = 0.95  # share of the positions within radius_95_m
 CARD = "flight_card.csv"
 AIRSPEED, HEADING = 43000, 43002  # MAV_CMD
@@ -38,6 +39,10 @@ ROUNDED = (
     ("radius_95_km", "radius_95_m", 1e3, 51.0),
     ("t_s", "t_s", 1.0, 0.51),
 )  # fmt: skip - columns of the card and of the table, their ratio, and the largest difference
+OF_LEGS = (
+    "heading_true_deg", "airspeed_tas_m_s", "airspeed_cas_m_s", "duration_s", "wind_m_s", "wind_from_deg",
+    "wind_sd_m_s", "track_true_deg", "ground_speed_m_s", "distance_m",
+)  # fmt: skip
 AIRSPEEDS = ("airspeed_cas_m_s", "airspeed_tas_m_s")
 SUMMED = (("duration_s", "duration_s", 1.0, 0.51), ("distance_km", "distance_m", 1e3, 51.0))
 
@@ -70,7 +75,36 @@ def dead_reckoning(result: Evidence) -> Verdict:
         unlike_at("leg {}: wind_m_s", column(legs, "wind_m_s"), speed, INEXACT),
         unlike_at("leg {}: wind_sd_m_s", column(legs, "wind_sd_m_s"), sd, INEXACT),
         _direction_faults(legs, "wind_from_deg", azimuths(crs, x[:-1], -wind), speed),
+        _track_faults(rows),
+        _row_faults(result, rows),
     )
+
+
+def _track_faults(rows: Rows) -> list[str]:
+    """Legs whose track, length or speed over ground differs from the places of the table."""
+    from pyproj import Geod
+
+    places, legs = lonlat(rows), rows[:-1]
+    track, _, way = Geod(ellps="WGS84").inv(*places[:-1].T, *places[1:].T)
+    ways = np.asarray(way, float)
+    over_ground = ways / column(legs, "duration_s")
+    return [
+        *unlike_at("leg {}: distance_m", column(legs, "distance_m"), ways, 1e-3),
+        *unlike_at("leg {}: ground_speed_m_s", column(legs, "ground_speed_m_s"), over_ground),
+        *_direction_faults(legs, "track_true_deg", np.asarray(track, float), ways),
+    ]
+
+
+def _row_faults(result: Evidence, rows: Rows) -> list[str]:
+    """Rows with another number, wind law or fix; the row of the arrival has no leg."""
+    faults = [f"row {k} is {row['leg']}" for k, row in enumerate(rows) if row["leg"] != str(k)]
+    faults += [f"row {k}: {row['wind_law']} winds" for k, row in enumerate(rows)
+               if row["wind_law"] != result.planned_law]  # fmt: skip
+    fixes = [k for k, row in enumerate(rows) if row["fix"] == "1"]
+    faults += [f"fixes {fixes}"] * (
+        fixes != list(result.plan["fixes"]) or {row["fix"] for row in rows} - {"0", "1"} != set()
+    )
+    return faults + [f"{key} at the arrival" for key in OF_LEGS if rows[-1][key]]
 
 
 def _calibrated_faults(result: Evidence, legs: Rows) -> list[str]:
@@ -141,10 +175,20 @@ def spreads(result: Evidence) -> Verdict:
     wrong = (np.maximum(major, radii) > 1e-6) & ~(np.abs(np.array(held) - RADIUS) <= 1e-3)
     return no_fault(
         f"radius {radii[-1]:.4g} m at the end",
+        _azimuth_faults(result, rows, cov),
         unlike_at("row {}: major axis", column(rows, "ellipse_major_m"), major, 1e-3),
         unlike_at("row {}: minor axis", column(rows, "ellipse_minor_m"), minor, 1e-3),
         (f"row {k}: the radius holds {held[k]:.4g}" for k in np.flatnonzero(wrong)),
     )
+
+
+def _azimuth_faults(result: Evidence, rows: Rows, cov: FloatArray) -> list[str]:
+    """Rows whose ellipse lies in another direction; a circle has none that is judged."""
+    values, vectors = np.linalg.eigh(cov)
+    round_ = values[:, 1] - values[:, 0] <= ROUND * values[:, 1]
+    azimuth = azimuths(result.scene["crs"], result.x, vectors[:, :, 1])
+    turn = np.abs((column(rows, "ellipse_azimuth_deg") - azimuth + 90.0) % 180.0 - 90.0)
+    return [f"row {k}: ellipse_azimuth_deg" for k in np.flatnonzero(~round_ & ~(turn <= DIRECTION))]
 
 
 def held_within(radius: float, major: float, minor: float) -> float:
@@ -190,7 +234,9 @@ def flight_card(result: Evidence) -> Verdict:
         leg = legs[int(first)]
         off = [key for key, of, unit, most in ROUNDED if abs(unit * float(row[key]) - float(leg[of])) > most]
         off += ["time_utc"] * (row["time_utc"] != leg["time_utc"])
-        if row is not rows[-1]:
+        if row is rows[-1]:
+            off += [key for key in (*AIRSPEEDS, "heading_true_deg", "duration_s", "distance_km") if row[key]]
+        else:
             own = legs[int(first) : int(last or first) + 1]
             off += ["numbers"] * (int(first) != after) + _sums_off(row, own)
             after += len(own)

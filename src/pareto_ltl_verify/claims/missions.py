@@ -35,6 +35,19 @@ HOVER, TAKE_OFF = 17, 22  # MAV_CMD
 FENCE_SAG = 50.0  # [m] by which edges of a fence may leave those of the plane
 SUBMARINE, MULTIROTOR, FIXED_WING, GENERIC = 12, 2, 1, 0  # MAV_TYPE
 WIND = 43004  # MAV_CMD
+SCRIPT = {
+    "schema": "pareto_ltl.mavlink_script/1", "dialect": "all", "firmware": "ArduPlane 4.6 or later",
+    "mode": "GUIDED (15)",
+}  # fmt: skip
+PROLOGUE = [
+    ("SET_GPS_GLOBAL_ORIGIN", None, None, "z"),
+    ("COMMAND_INT", 179, None, "z"),
+    ("COMMAND_INT", 43003, None),
+]  # fmt: skip - message, command, height, and what the sender fills in
+SENT = {
+    ("COMMAND_LONG", "MAV_CMD_GUIDED_CHANGE_SPEED"), ("COMMAND_LONG", "MAV_CMD_GUIDED_CHANGE_HEADING"),
+    ("COMMAND_LONG", "MAV_CMD_EXTERNAL_WIND_ESTIMATE"), ("COMMAND_INT", "MAV_CMD_EXTERNAL_POSITION_ESTIMATE"),
+}  # fmt: skip
 DEGREE = 1e7  # units of places of MAVLink in a degree
 LEG = re.compile(r"^ {4}\{ (.*) \},$", re.MULTILINE)
 START = re.compile(r"^local START = \{ lat = (-?\d+), lng = (-?\d+), sd = ([\d.e+-]+) \}", re.MULTILINE)
@@ -60,6 +73,11 @@ def items(result: Evidence) -> Verdict:
     of_wing = FIXED_WING if result.robot.u_min > 0.0 else GENERIC
     kind = SUBMARINE if height.metres < 0.0 else MULTIROTOR if rotor else of_wing
     faults = unlike(mission, {"vehicleType": kind, "firmwareType": 0})
+    faults += unlike(content, {"fileType": "Plan", "version": 1, "groundStation": "pareto_ltl"})
+    parts = [content["geoFence"], mission, content["rallyPoints"]]
+    faults += [f"versions {[part['version'] for part in parts]}"] * any(
+        part["version"] != 2 for part in parts
+    )
     faults += [f"commands {sorted(set(fixed))}"] * (fixed != wanted)
     faults += ["rally points"] * bool(content["rallyPoints"]["points"])
     for number, item in enumerate(listed, 1):
@@ -132,6 +150,11 @@ def script_winds(result: Evidence) -> Verdict:
     for message in script["before_take_off"]:
         faults += _wind_faults(message, rows[0])
     place = [float(rows[0][key]) * DEGREE for key in ("lat_deg", "lon_deg")]
+    faults += unlike(script, SCRIPT)
+    filled = [(one["message"], one.get("command"), one["z"], *one["fill_in"]) for one in script["prologue"]]
+    faults += [f"prologue {filled}"] * (filled != PROLOGUE)
+    sent = {*((one["message"], one["name"]) for one in (*script["messages"], *script["before_take_off"]))}
+    faults += [f"messages {sorted(sent - SENT)}"] * bool(sent - SENT)
     for message in script["prologue"]:
         faults += unlike_at("place {} of the start", [message["x"], message["y"]], place, 1.0)
     return no_fault(f"{len(script['messages'])} messages", faults)

@@ -78,7 +78,7 @@ def flown_places(result: Evidence) -> FloatArray:
 
 def geojson(result: Evidence) -> Verdict:
     """Route, legs, positions and areas of the map: their number, order, names, places and numbers."""
-    features = result.document("plan.geojson")["features"]
+    features, strange = _features(result, "plan.geojson")
     legs, areas = len(result.u), map_areas(result)
     roles = ["route", *["leg"] * legs, *["position"] * (legs + 1), *(area.role for area in areas), "start"]
     if [feature["properties"]["role"] for feature in features] != roles:
@@ -87,6 +87,7 @@ def geojson(result: Evidence) -> Verdict:
     drawn, start = rest[2 * legs + 1 : -1], rest[-1]
     return no_fault(
         f"{len(features)} shapes",
+        strange,
         _route_faults(result, route),
         _leg_faults(result, rest[:legs]),
         _position_faults(result, rest[legs : 2 * legs + 1]),
@@ -97,6 +98,14 @@ def geojson(result: Evidence) -> Verdict:
         ),
         _point_fault(result, "start", start, result.start),
     )
+
+
+def _features(result: Evidence, name: str) -> tuple[list[dict[str, Any]], list[str]]:
+    """The features of a GeoJSON file, and faults of its types and its name."""
+    content = result.document(name)
+    faults = unlike(content, {"type": "FeatureCollection", "name": result.settings["name"]})
+    strange = [k for k, one in enumerate(content["features"]) if one["type"] != "Feature"]
+    return content["features"], faults + [f"feature {k} is none" for k in strange]
 
 
 def _line(crs: str, geometry: Mapping[str, Any]) -> FloatArray:
@@ -294,7 +303,7 @@ def whole_size(result: Evidence, share: float) -> float | None:
 
 def corridors(result: Evidence) -> Verdict:
     """Every area of corridor.geojson is the polygon of its size: around an ellipse, or a tube."""
-    crs, features, faults = result.scene["crs"], result.document("corridor.geojson")["features"], list[str]()
+    crs, (features, faults) = result.scene["crs"], _features(result, "corridor.geojson")
     for number, feature in enumerate(features):
         about, rings = feature["properties"], rings_of(feature["geometry"])
         size, whole = float(about["standard_deviations"]), about["meaning"] == "whole_flight"

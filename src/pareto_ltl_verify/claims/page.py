@@ -23,6 +23,7 @@ from pareto_ltl_verify.claims.origin import same_code
 from pareto_ltl_verify.claims.outlines import map_areas
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import in_plane
+from pareto_ltl_verify.sentences import height_text
 
 PAGE = "report.html"
 OF_THIS_CODE = "page: texts that the records do not give, style and script"
@@ -189,6 +190,10 @@ def other_data(result: Evidence) -> Verdict:
         "onEarth": result.scene["crs"] is not None, "judge": str(result.settings["fidelity"]["judge"]),
         "places": page_texts.tight_places(result) if not page_texts.alarmed(result) else data.get("places"),
     }  # fmt: skip
+    if (height := plan.get("height")) is not None:
+        ofsea = height["above_sea"] or height["metres"] < 0.0
+        about = {"metres": height["metres"], "aboveSea": height["above_sea"], "ofSea": ofsea}
+        wanted["height"] = about | {"sentence": height_text(result)}
     if zero is not None and plan["time_utc"] is not None:
         wanted["timeZero"] = plan["time_utc"][0]
     faults = unlike(data, {key: value for key, value in wanted.items() if key in data})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from datetime import datetime
 from pathlib import Path
 
 from pareto_ltl.support.fingerprints import data_fingerprint, file_fingerprint
@@ -98,7 +99,12 @@ def seconds(result: Evidence) -> Verdict:
     if "growth_seconds" in metrics:
         spent = metrics["growth_seconds"]
         wanted["nodes_per_second"] = metrics["nodes"] / spent if spent else math.nan
-    faults = {"stages differ": stated != result.run["seconds"]}
+    run = result.run
+    took = (datetime.fromisoformat(run["finished"]) - datetime.fromisoformat(run["started"])).total_seconds()
+    faults = {
+        "stages differ": stated != run["seconds"],
+        f"finished {took:.4g} s after the start": took < wanted["run_seconds"] - 1.0,
+    }
     return no_fault(f"{metrics['run_seconds']:.4g} s", faults, far_apart(metrics, wanted, 1e-9))
 
 

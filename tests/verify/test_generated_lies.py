@@ -1,0 +1,88 @@
+"""Lies that Hypothesis makes: one fact of a result is another, in every record that states it."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import hypothesis.strategies as st
+from hypothesis import HealthCheck, Phase, given, note, settings
+
+from levels import BY_DAY
+from lies.generated import CHANGES, EXPORTS, FILES, PAGE, Fact, facts, told
+from pareto_ltl.support.errors import ParetoLtlError
+from pareto_ltl_verify.evidence import open_evidence
+from pareto_ltl_verify.judge import CLAIMS, findings
+
+CASES = 40 if BY_DAY else 300
+NEW_FLIGHTS = frozenset({  # claims that need many new flights are judged last
+    "plan: prices of its limits", "plan: promised rate", "front: flights that fail together",
+    "front: failure rates of new flights", "front: V and R of its paths", "trees: risks of vertices",
+    *(f"{law}: {name}" for law in ("independent", "coherent")
+      for name in ("positions of the flights", "failure rate of new flights", "R of the controls")),
+})  # fmt: skip
+ORDER = sorted(CLAIMS, key=lambda claim: claim.name in NEW_FLIGHTS)
+PASSING = {
+    r"report\.html: (paths/#/(log|spread|risk|label|utc)|wind|automaton|vehicle|flights/why|causes|schema).*": (
+        "the page: winds, ellipses, logs and risks of points, and the drawing of the automaton"
+    ),
+    r"report\.html: (map/(earthly|exported)|points/\*/costs|paths/#/(line|t)|pricedObstacles).*": (
+        "the page: rounded numbers and what the script draws"
+    ),
+    r"report\.html: flights/at.*": "the page: rounded numbers and what the script draws",
+    r"run\.json: (pid|host|folder|threads|argv|overrides|python|packages|started|finished|version|git).*": (
+        "where, when and with which packages the run was made"
+    ),
+    r"(run|metrics)\.json: (seconds|memory_mib|growth|nodes_per_second|run_seconds).*": "how long the run took",
+    r"metrics\.json: gp_.*": "scores of the wind, which are compared between files only",
+    r"config_resolved\.yaml: .*": "settings that this result does not read, or that guide the search only",
+    r"front\.csv: \*/(mission_risk.*|collision_risk)": "V and R of six paths of the front are computed again",
+    r"front\.npz: (path_#/(cov|u)|judged|reference|raw).*": "six paths of the front, and the search itself",
+    r"trees\.npz: tree_#/(beta|causes|counts|risk).*": "the search, and risks of most vertices",
+    r"trees\.npz: collision_columns.*": "the search itself",
+    r"deployments\.npz: .*/x.*": "one position among thousands: verdicts and distributions are judged",
+    r"plan\.json: (prices|air|segments/\*/deviations).*": "prices and the air are known within limits",
+    r"plan\.json: (schema|promise/linearity)": "the version of the file",
+    r"mission\.plan: pareto_ltl/failure_by_position.*": "a rate is compared with new flights",
+    r"corridor\.geojson: .*/flights": "how many flights gave a corridor its size",
+}  # facts by file and kind, and why no reader of the files finds them; docs/verify.md has the same reasons
+
+
+def reason(fact: Fact) -> str:
+    """Why another value of this fact may pass; empty if it may not."""
+    named = f"{fact.file}: {fact.kind}"
+    return next((why for pattern, why in PASSING.items() if re.fullmatch(pattern, named)), "")
+
+
+def caught_by(place: Path, file: str) -> str:
+    """The first claim that a falsified result breaks; empty if all hold that the file concerns."""
+    try:
+        result = open_evidence(place)
+    except ParetoLtlError as error:
+        return f"refused: {error}"
+    own = [claim for claim in ORDER if file in claim.needs]
+    others = [] if file in (*EXPORTS, PAGE) else [claim for claim in ORDER if claim not in own]
+    order = sorted((*own, *others), key=lambda claim: claim.name in NEW_FLIGHTS)
+    return next((found.claim for found in findings(result, order) if not found.holds), "")
+
+
+@settings(
+    max_examples=CASES, deadline=None, phases=[Phase.generate],
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)  # fmt: skip
+@given(data=st.data())
+def test_a_generated_lie_is_caught_or_listed(
+    honest: dict[str, Path], tmp_path: Path, data: st.DataObject
+) -> None:
+    result = honest["full"]
+    file = data.draw(st.sampled_from(FILES))
+    known = facts(result, file)
+    kind = data.draw(st.sampled_from(sorted(known)))
+    fact, change = data.draw(st.sampled_from(known[kind])), data.draw(st.sampled_from(sorted(CHANGES)))
+    copy = tmp_path / "lie"
+    shutil.rmtree(copy, ignore_errors=True)
+    if reason(fact) or told(result, copy, fact, change) is None:
+        return
+    note(f"{file}: {fact.place} is not {fact.value!r} but {change}")
+    assert caught_by(copy, file), f"{file}: {kind} ({change}) passes"
