@@ -24,7 +24,7 @@ SUPPORTED = $(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3
 
 PEERS := build/peers
 
-.PHONY: help demo desk test test-fast test-all test-night test-sample coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist archives lock install clean
+.PHONY: help demo desk test test-fast test-all test-night test-night-tests test-sample coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist archives lock install clean
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 
@@ -47,9 +47,11 @@ test-fast: $(READY) ## the tests that run no kernel and start no process, in sec
 test-all: $(READY) ## those before a change is taken in; ARGS="-n 2"
 	$(BIN)/python -m pytest $(ARGS)
 
-test-night: $(READY) ## all, with fuzz, killed runs, the corpus and coverage (tests/levels.py)
-	PARETO_LTL_TESTS=night $(BIN)/python -m pytest -n logical $(ARGS)
+test-night: test-night-tests ## all, with fuzz, killed runs, the corpus and coverage (tests/levels.py)
 	$(MAKE) fuzz faults corpus coverage
+
+test-night-tests: $(READY) ## the tests of test-night alone
+	PARETO_LTL_TESTS=night $(BIN)/python -m pytest -n logical $(ARGS)
 
 # A failure is repeated with the same SEED, which is printed.
 test-sample: $(READY) ## a tenth of what only the night runs, for two minutes; SEED=2026-11-28, the date of today
