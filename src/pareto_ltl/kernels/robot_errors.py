@@ -57,7 +57,7 @@ def variance_of(law: RobotErrors, q: int, r: int) -> float:
 def mean_flown(law: RobotErrors) -> tuple[complex, complex]:
     """P, and Q [s]: the mean velocity is P u_t + Q / dt (u_{t-1} - u_t).
 
-    Eq. (M24a) of docs/mathematics.md.
+    Eq. (M24c) of docs/mathematics.md.
     """
     if len(law.mean) == 0:
         return 1.0 + 0.0j, 0.0j
@@ -74,11 +74,11 @@ def set_control(errors: FlightErrors, motion: Motion, t: int, drifted: Point) ->
 
     Returns the point from which the control leads to the next mean, without errors [m].
 
-    Eq. (M24a) of docs/mathematics.md.
+    Eq. (M24c) of docs/mathematics.md.
     """
     b, b_inv, dt, x, u = motion.b, motion.b_inv, motion.dt, errors.x, errors.u
     scaled, late = mean_flown(errors.law)
-    late = late / dt if t > 0 else 0.0j  # before the departure the control is that of the first step
+    late = late / dt if t > 0 else 0.0j  # the first step has no control before it
     held = late * complex(u[t - 1, 0], u[t - 1, 1]) if t > 0 else 0.0j
     if not errors.steered[0]:
         dx, dy = x[t + 1, 0] - drifted.x, x[t + 1, 1] - drifted.y

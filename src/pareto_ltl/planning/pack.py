@@ -243,7 +243,7 @@ def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
 
 
 def pack_errors(robot: RobotConfig) -> kd.RobotErrors:
-    """The law of the robot's own errors; the heading of the settings is clockwise, that of the law not.
+    """The law of the robot's own errors; settings count headings clockwise, the law does not.
 
     Eq. (M24a) of docs/mathematics.md.
     """
