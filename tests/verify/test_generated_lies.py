@@ -24,17 +24,19 @@ NEW_FLIGHTS = frozenset({  # claims that need many new flights are judged last
 })  # fmt: skip
 ORDER = sorted(CLAIMS, key=lambda claim: claim.name in NEW_FLIGHTS)
 PASSING = {
-    r"report\.html: (paths/#/(log|spread|risk|label|utc)|wind|automaton|vehicle|flights/why|causes|schema).*": (
+    r"report\.html: (paths/#/(log|spread|risk|label|utc)|wind|automaton|vehicle).*": (
         "the page: winds, ellipses, logs and risks of points, and the drawing of the automaton"
     ),
     r"report\.html: (map/(earthly|exported)|points/\*/costs|paths/#/(line|t)|pricedObstacles).*": (
         "the page: rounded numbers and what the script draws"
     ),
-    r"report\.html: flights/at.*": "the page: rounded numbers and what the script draws",
+    r"report\.html: (flights/(at|why)|causes|schema).*": "the page: what its script draws",
     r"run\.json: (pid|host|folder|threads|argv|overrides|python|packages|started|finished|version|git).*": (
         "where, when and with which packages the run was made"
     ),
-    r"(run|metrics)\.json: (seconds|memory_mib|growth|nodes_per_second|run_seconds).*": "how long the run took",
+    r"(run|metrics)\.json: (seconds|memory_mib|growth|nodes_per_second|run_seconds).*": (
+        "how long the run took"
+    ),
     r"metrics\.json: gp_.*": "scores of the wind, which are compared between files only",
     r"config_resolved\.yaml: .*": "settings that this result does not read, or that guide the search only",
     r"front\.csv: \*/(mission_risk.*|collision_risk)": "V and R of six paths of the front are computed again",

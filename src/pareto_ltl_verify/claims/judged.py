@@ -114,10 +114,10 @@ def arrays(result: Evidence) -> Verdict:
         late = t.shape != (len(x),) or bool(np.abs(t - dt * np.arange(len(x))).max() > 1e-6)
         faults += [f"path {k}: times"] * late
         q, text = np.asarray(stored[f"{key}/q"]), np.asarray(stored[f"{key}/label"]).tolist()
-        states = [result.ground.states(x[None], s)[0] for s in (0.0, slack, -slack)]
-        faults += [f"path {k}: states"] * (not any(np.array_equal(q, one) for one in states))
-        labels = [result.ground.labels(x, s) for s in (0.0, slack, -slack)]
-        shown = [[joined_names(sorted(one)) for one in some] for some in labels]
+        slacks = (0.0, slack, -slack)
+        right = any(np.array_equal(q, result.ground.states(x[None], one)[0]) for one in slacks)
+        faults += [f"path {k}: states"] * (not right)
+        shown = [[joined_names(sorted(one)) for one in result.ground.labels(x, way)] for way in slacks]
         wrong = len(text) != len(x) or any(a not in seen for a, *seen in zip(text, *shown, strict=True))
         faults += [f"path {k}: labels"] * wrong
     sides = [result.metrics[f"hypervolume_{name}"] for name in cost_columns(result)]
