@@ -113,6 +113,7 @@ NOT_BY_DAY = [
     "verify/test_air",
     "verify/test_exact_replans",
     "verify/test_robot_errors",
+    "verify/test_replanned_errors",
     "verify/test_simplified",
     "wind/test_law_estimate",
     "wind/test_netcdf_files",
