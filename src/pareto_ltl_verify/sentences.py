@@ -65,12 +65,12 @@ def known_sentences(result: Evidence, name: str) -> Iterator[str]:
     """Every sentence, besides the rates, that a file may have."""
     plan, law = result.plan, result.planned_law
     yield f"Mission {plan['formula']}."
-    if plan["promise"] is not None:
-        yield f"Promised is no less than {page_texts.promised(plan['promise'])}."
     yield f"{page_texts.ALARM.capitalize()}."
     yield from height_sentences(result)
     gap = page_texts.level_gap(result)
     yield from [f"The failure rates are no promise: {gap}."] * bool(gap)
+    if (promise := plan["promise"]) is not None and promise["failure"] < promise.get("floor", 0.0):
+        yield f"Promised: {page_texts.promised(promise)}."
     yield absent_sentence(result)
     yield f"Not covered: {plan.get('not_covered', '').rstrip('.')}."
     if name == "mission.plan":

@@ -118,7 +118,7 @@ class ExportedPlan:
         if promise is not None:
             told.append(fails(promise.rate, self.flown_by()))
             if promise.rate.failure < promise.floor:
-                told.append(f"Promised is no less than {promise.fails}.")
+                told.append(f"Promised: {promise.fails}.")
         pilot = f"by an autopilot that knows and holds the positions (robot.feedback_time={HELD_TIME:g})"
         told.append(f"{NO_PROMISE.capitalize()}." if self.held is None else fails(self.held, pilot))
         if self.log.swing > 0.0:
