@@ -19,7 +19,7 @@ FAR = 1e9  # [s] beyond every lead
 SHORT_TIME_POWER = 1.3  # of D(τ) below the shortest time of a table
 ONE_PART, LOCAL = "forecast", "local"
 VERSION_1 = "pareto_ltl.forecast_error/1"
-LEAST = 1e-300  # persistence below which errors do not persist
+SHORTEST = 1e-9  # [s] memory of errors that do not persist
 FACTS = ("schema", "n", "truth", "intervals")  # of the data of a law
 
 
@@ -193,7 +193,7 @@ def _part(section: Mapping[str, Any]) -> LawPart:
 def _one_part(section: Mapping[str, Any]) -> tuple[LawPart, ...]:
     """The part of a law of version 1: its memory is the same at every lead; none without errors."""
     kept, time = float(section["persistence"]), HOUR * float(section["persistence_hours"])
-    memory = math.inf if kept >= 1.0 else -time / math.log(max(kept, LEAST))
+    memory = math.inf if kept >= 1.0 else -time / math.log(kept) if kept > 0.0 else SHORTEST
     leads, sd = _hours(section["lead_hours"]), np.array(section["sd"], float)
     part = LawPart(ONE_PART, leads, sd, np.full(len(leads), memory), float(section["length"]))
     return (part,) if sd.any() else ()
