@@ -30,7 +30,8 @@ def linear_law(rng: np.random.Generator, modes: int = MODES) -> LinearLaw:
     return LinearLaw(
         np.eye(2) + 0.2 * rng.standard_normal((STEPS, 2, 2)),
         rng.standard_normal((STEPS, 2, modes)).astype(np.float32), rng.uniform(0, 1, (STEPS, 2)),
-        np.array([0, 0, 1, 2, 2]), kept, 100.0, 30.0, rng.standard_normal((STEPS, 2, ERRORS)),
+        np.array([0, 0, 1, 2, 2]), kept, 100.0, 30.0,
+        rng.standard_normal((STEPS, 2, ERRORS)), 20.0 * rng.standard_normal((2, ERRORS)),
     )  # fmt: skip
 
 

@@ -45,7 +45,7 @@ def deviation_map(law: LinearLaw) -> FloatArray:
     for k in range(1, epochs):
         rho = kept[k][None, :, None]
         theta[k] = rho * theta[k - 1] + np.sqrt(1.0 - rho**2) * theta[k]
-    rows = [law.start_sd * start]
+    rows = [law.start_sd * start + law.lean @ own]
     for t in range(steps):
         wind = np.einsum("cm,cmd->cd", law.psi[t].astype(float), theta[law.epoch[t]])
         met = wind + law.push[t] @ own + law.white[t][:, None] * white[t]

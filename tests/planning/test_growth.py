@@ -276,7 +276,7 @@ def test_watching_the_progress_changes_nothing(phi1):
     cfg = PlannerConfig(trees=2, n_max=500)
     watched = grown(phi1, cfg, progress=lambda done, total: seen.append((done, total)))
     assert_same(watched, grown(phi1, cfg))
-    assert all(2 <= done <= total == 1000 for done, total in seen)
+    assert all(1 <= done <= total == 1000 for done, total in seen)  # the second tree may begin late
 
 
 def test_only_the_first_tree_goes_without_slack(phi1):
