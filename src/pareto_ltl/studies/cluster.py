@@ -6,6 +6,7 @@ starts its threads itself.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -53,20 +54,35 @@ def connected(address: str) -> Iterator[Client]:
             "its address, such as tcp://10.0.0.1:8786"
         ) from None
     with client:
-        try:
-            client.wait_for_workers(1, timeout=PATIENCE)
-        except TimeoutError:
+        threads = threads_of_workers(client)
+        if not threads:
             raise ConfigError(
                 f"{address}: the scheduler has no workers; start some with "
                 f"'dask worker {address} --nthreads 1'"
-            ) from None
-        threads = {worker["nthreads"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()}
+            )
         if threads != {1}:
             raise ConfigError(
                 f"{address}: workers have {', '.join(map(str, sorted(threads)))} threads, and a job needs a "
                 "separate process; start them with --nthreads 1"
             )
         yield client
+
+
+def threads_of_workers(client: Client) -> set[int]:
+    """Numbers of threads of the workers; empty if there is none for as long as :data:`PATIENCE`.
+
+    A worker that was there may be starting again when its threads are asked for.
+    """
+    end = time.monotonic() + PATIENCE
+    while (left := end - time.monotonic()) > 0.0:
+        try:
+            client.wait_for_workers(1, timeout=left)
+        except TimeoutError:
+            break
+        workers = client.scheduler_info(n_workers=-1)["workers"]
+        if workers:
+            return {worker["nthreads"] for worker in workers.values()}
+    return set()
 
 
 def on_cluster(
@@ -101,7 +117,7 @@ def _next_of(ended: SimpleQueue[Any], client: Client) -> Any:
         try:
             return ended.get(timeout=PATIENCE)
         except Empty:
-            if not client.scheduler_info()["workers"]:
+            if not threads_of_workers(client):
                 raise DataError(
                     "the cluster has no workers any more: start some, and the same command, which continues"
                 ) from None
