@@ -31,6 +31,7 @@ from pareto_ltl_verify.claims import (
     replan,
     search,
     texts,
+    units,
     wind,
     world,
 )
@@ -40,7 +41,7 @@ CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *origin.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS, *plan.CLAIMS,
     *limits.CLAIMS, *search.CLAIMS, *front.CLAIMS, *choice.CLAIMS, *judged.CLAIMS, *flights.CLAIMS,
     *legs.CLAIMS, *exports.CLAIMS, *outlines.CLAIMS, *missions.CLAIMS, *height.CLAIMS, *texts.CLAIMS,
-    *page.CLAIMS, *replan.CLAIMS,
+    *page.CLAIMS, *units.CLAIMS, *replan.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({
