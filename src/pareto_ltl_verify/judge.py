@@ -135,7 +135,7 @@ def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
         with suppress(*UNUSABLE):
             if (reason := readings.unread_reason(result)) is not None:
                 reasons[reason] = readings.NAMES
-    if not origin.same_code(result):
+    if "code_hash" in result.run and not origin.same_code(result):
         reasons["other code made the result"] = (origin.CODE, page.OF_THIS_CODE)
     with suppress(*UNUSABLE):  # claims about damaged settings fail
         if world.given_map(result):
