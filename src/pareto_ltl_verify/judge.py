@@ -31,6 +31,7 @@ from pareto_ltl_verify.claims import (
     replan,
     search,
     texts,
+    units,
     wind,
     world,
 )
@@ -40,7 +41,7 @@ CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *origin.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS, *plan.CLAIMS,
     *limits.CLAIMS, *search.CLAIMS, *front.CLAIMS, *choice.CLAIMS, *judged.CLAIMS, *flights.CLAIMS,
     *legs.CLAIMS, *exports.CLAIMS, *outlines.CLAIMS, *missions.CLAIMS, *height.CLAIMS, *texts.CLAIMS,
-    *page.CLAIMS, *replan.CLAIMS,
+    *page.CLAIMS, *units.CLAIMS, *replan.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({
@@ -135,7 +136,7 @@ def unchecked_claims(result: Evidence) -> dict[str, tuple[str, ...]]:
         with suppress(*UNUSABLE):
             if (reason := readings.unread_reason(result)) is not None:
                 reasons[reason] = readings.NAMES
-    if not origin.same_code(result):
+    if "code_hash" in result.run and not origin.same_code(result):
         reasons["other code made the result"] = (origin.CODE, page.OF_THIS_CODE)
     with suppress(*UNUSABLE):  # claims about damaged settings fail
         if world.given_map(result):

@@ -92,7 +92,7 @@ def left_over(result: Evidence, name: str, text: str) -> str:
 
 
 def _late(result: Evidence, stated: float) -> bool:
-    """Whether the legs of the table last longer than those of the plan by so many seconds, rounded."""
+    """Whether the legs of the table last longer than the steps of the plan by so many seconds, rounded."""
     if not result.has(TABLE):
         return True
     t, plan = column(result.table(TABLE), "t_s"), result.plan["t"]

@@ -132,6 +132,23 @@ def _northern_air(place: Path) -> None:
         file["lat"][:] = file["lat"][:] + 0.001
 
 
+def in_knots(name: str) -> Callable[[Path], Any]:
+    """Call all speeds of a NetCDF file knots."""
+
+    def edit(place: Path) -> None:
+        with h5py.File(place / name, "r+") as file:
+            for key in file:
+                if str(file[key].attrs.get("units", "")) in ("m s-1", "b'm s-1'"):
+                    file[key].attrs["units"] = "knots"
+
+    return edit
+
+
+def _weaker_wind(place: Path) -> None:
+    with h5py.File(place / "trajectory.nc", "r+") as file:
+        file["wind_speed"][:] = 0.5 * file["wind_speed"][:]
+
+
 def _true_airspeeds(script: Any) -> None:
     for message in script["messages"]:
         if message["command"] == CHANGE_AIRSPEED:
@@ -234,6 +251,9 @@ EXPORT_LIES = (
         ("exports: plan.geojson",),
     ),
     Lie("the trajectory lies elsewhere", _northern_air, ("exports: trajectory.nc",)),
+    Lie("speeds of the trajectory are knots", in_knots("trajectory.nc"), ("units: trajectory.nc",)),
+    Lie("winds are knots", in_knots("wind.nc"), ("units: wind.nc",)),
+    Lie("the trajectory has less wind", _weaker_wind, ("exports: numbers of trajectory.nc",)),
     Lie("the trajectory is slower", _slow_air, ("exports: trajectory.nc",)),
     Lie(
         "the script turns the robot",

@@ -32,7 +32,7 @@ from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import in_plane, on_earth, outline_distance
 
 HOVER, TAKE_OFF = 17, 22  # MAV_CMD
-FENCE_SAG = 50.0  # [m] by which edges of a fence may leave those of the plane
+FENCE_SAG = 50.0  # [m] by which edges of a fence may leave straight edges of the plane
 SUBMARINE, MULTIROTOR, FIXED_WING, GENERIC = 12, 2, 1, 0  # MAV_TYPE
 WIND = 43004  # MAV_CMD
 SCRIPT = {
@@ -45,9 +45,11 @@ PROLOGUE = [
     ("COMMAND_INT", 43003, None),
 ]  # fmt: skip - message, command, height, and what the sender fills in
 SENT = {
-    ("COMMAND_LONG", "MAV_CMD_GUIDED_CHANGE_SPEED"), ("COMMAND_LONG", "MAV_CMD_GUIDED_CHANGE_HEADING"),
-    ("COMMAND_LONG", "MAV_CMD_EXTERNAL_WIND_ESTIMATE"), ("COMMAND_INT", "MAV_CMD_EXTERNAL_POSITION_ESTIMATE"),
-}  # fmt: skip
+    ("COMMAND_LONG", 43000, "MAV_CMD_GUIDED_CHANGE_SPEED"),
+    ("COMMAND_LONG", 43002, "MAV_CMD_GUIDED_CHANGE_HEADING"),
+    ("COMMAND_LONG", 43004, "MAV_CMD_EXTERNAL_WIND_ESTIMATE"),
+    ("COMMAND_INT", 43003, "MAV_CMD_EXTERNAL_POSITION_ESTIMATE"),
+}
 DEGREE = 1e7  # units of places of MAVLink in a degree
 LEG = re.compile(r"^ {4}\{ (.*) \},$", re.MULTILINE)
 START = re.compile(r"^local START = \{ lat = (-?\d+), lng = (-?\d+), sd = ([\d.e+-]+) \}", re.MULTILINE)
@@ -153,7 +155,9 @@ def script_winds(result: Evidence) -> Verdict:
     faults += unlike(script, SCRIPT)
     filled = [(one["message"], one.get("command"), one["z"], *one["fill_in"]) for one in script["prologue"]]
     faults += [f"prologue {filled}"] * (filled != PROLOGUE)
-    sent = {*((one["message"], one["name"]) for one in (*script["messages"], *script["before_take_off"]))}
+    before = script["before_take_off"]
+    sent = {(one["message"], one["command"], one["name"]) for one in (*script["messages"], *before)}
+    faults += ["before take-off"] * any(one["command"] != WIND for one in before)
     faults += [f"messages {sorted(sent - SENT)}"] * bool(sent - SENT)
     for message in script["prologue"]:
         faults += unlike_at("place {} of the start", [message["x"], message["y"]], place, 1.0)

@@ -33,7 +33,7 @@ def same_code(result: Evidence) -> bool:
 
 
 def code(result: Evidence) -> Verdict | None:
-    """The version is that of this code, and the code of the commit is this code; None for other code."""
+    """Version and commit belong to the code of this installation; None if other code made the result."""
     if not same_code(result):
         return None
     run, root = result.run, checkout()
@@ -45,7 +45,7 @@ def code(result: Evidence) -> Verdict | None:
 
 
 def _differs(root: Path, commit: str) -> bool:
-    """Whether the source in the checkout ``root`` differs from that of a commit which the checkout knows.
+    """Whether the source in the checkout ``root`` is not the source of a commit which the checkout knows.
 
     A commit that it does not know cannot be compared.
     """
@@ -93,7 +93,7 @@ def seed(result: Evidence) -> Verdict | None:
 
 
 def _unlike(result: Evidence, model: Independent, x: np.ndarray, drawn: np.ndarray) -> bool:
-    """Whether the winds of flights ``x`` (n, T+1, 2) are not those of the numbers ``drawn`` (T, n, 2)."""
+    """Whether the winds of flights ``x`` (n, T+1, 2) do not come from the numbers ``drawn`` (T, n, 2)."""
     robot, u, met = model.robot, result.u, np.zeros_like(drawn)
     for t in range(len(u)):
         mean, latent = model.wind_at(t, x[:, t])

@@ -1,4 +1,4 @@
-"""Claims about every drawn line and area: exported maps, routes and corridors are those of map and plan."""
+"""Claims about every drawn line and area: exported maps, routes and corridors agree with map and plan."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pareto_ltl_verify.claims.exports import KML, PLAN, TABLE, Rows, column, lon
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import azimuths, in_plane
 
-SAG = 0.5  # [m] by which drawn lines may leave those of the plane
+SAG = 0.5  # [m] by which drawn lines may leave straight lines of the plane
 CORNERS = 36  # of the polygon around an ellipse
 FINEST = 1.0  # [m] standard deviation whose square corridors add to each variance of the position
 TUBE = 0.95  # share of whole flights in the area of plan.kml

@@ -22,7 +22,6 @@ from pareto_ltl_verify.wind_fit import Fit
 from pareto_ltl_verify.wind_tables import level_of
 
 NAMES = ("wind: times of the readings agree with the files", "wind: readings agree with the files")
-SOURCE = "--source PATH reads a copy"
 MOST_BYTES = 2**31  # of all files together
 HALF_HOUR = 1800.0  # [s] reports of stations belong to the nearest full hour
 EARTH = 6_371_000.0  # [m]
@@ -184,9 +183,9 @@ def wind_files(result: Evidence) -> list[Path]:
     files = [result.moved_input(path) for path in named]
     for path, old in zip(files, named, strict=True):
         if not path.is_file():
-            raise UnreadError(f"the wind file {path.name} is no longer where run.json says ({SOURCE})")
+            raise UnreadError(f"the wind file {path.name} is no longer where run.json says")
         if path == old and not result.is_input(path):
-            raise UnreadError(f"the wind file {path.name} has changed since the run ({SOURCE})")
+            raise UnreadError(f"the wind file {path.name} has changed since the run")
     if sum(path.stat().st_size for path in files) > MOST_BYTES:
         raise UnreadError("the wind files have more than 2 GiB")
     return files
