@@ -52,13 +52,15 @@ def height_sentences(result: Evidence) -> Iterator[str]:
 
 
 def absent_sentence(result: Evidence) -> str:
-    """The places of the map that are above or below the flight."""
+    """The places of the map that are above or below the flight; empty if there are none."""
+    if not result.scene.get("absent"):
+        return ""
     return f"{ABSENT}{listed_text([place['what'] for place in result.scene.get('absent') or ()])}."
 
 
 def height_text(result: Evidence) -> str:
     """What files say of the height of the flight and of places above and below it."""
-    return " ".join([*height_sentences(result), absent_sentence(result)])
+    return " ".join(filter(None, [*height_sentences(result), absent_sentence(result)]))
 
 
 def known_sentences(result: Evidence, name: str) -> Iterator[str]:

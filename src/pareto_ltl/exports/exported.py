@@ -149,8 +149,9 @@ def height_sentence(height: Height, air: FlownAir | None, medium: Medium) -> str
 
 def absent_sentence(scene: Scene) -> str:
     """The places of the map that are above or below the flight; empty if there are none."""
-    names = listed_text([place.what for place in scene.absent])
-    return f"Above or below it, and not on this map: {names}." if names else ""
+    if not scene.absent:
+        return ""
+    return f"Above or below it, and not on this map: {listed_text([place.what for place in scene.absent])}."
 
 
 def exported_plan(settings: Settings, problem: Problem, plan: Plan, seed: SeedSequence) -> ExportedPlan:
