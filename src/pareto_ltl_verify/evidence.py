@@ -274,12 +274,14 @@ class Evidence:
     def course_of(self, x: FloatArray, *, exact: bool = False) -> Course:
         """The Gaussian along means ``x`` (T+1, 2) [m], under the law that the plan is judged in.
 
-        ``exact``: of a robot without errors.
+        ``exact``: of a robot without errors, whose start is as uncertain as with them.
         """
         law = self.law(self.planned_law, len(x) - 1)
-        if exact:
-            law = replace(law, robot=replace(self.robot, airspeed_sd=None, heading_sd=None, clock_sd=None))
-        return laws.fly_means(law, x)
+        if not exact:
+            return laws.fly_means(law, x)
+        lean = law.errors.start
+        law = replace(law, robot=replace(self.robot, airspeed_sd=None, heading_sd=None, clock_sd=None))
+        return laws.fly_means(law, x, lean @ lean.T)
 
     @cached_property
     def paper_course(self) -> Course:

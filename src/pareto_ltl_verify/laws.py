@@ -311,9 +311,12 @@ def nearest_share(begin: FloatArray, end: FloatArray, point: FloatArray) -> floa
     return float(np.clip((point - begin) @ along / size, 0.0, 1.0)) if size > 0.0 else 1.0
 
 
-def fly_means(law: Law, x: FloatArray) -> Course:
-    """The course along the means ``x`` (T+1, 2) [m], with the controls that they need."""
-    return _flown(law, x, np.empty((len(x) - 1, 2)), along_means=True)
+def fly_means(law: Law, x: FloatArray, wider: FloatArray | float = 0.0) -> Course:
+    """The course along the means ``x`` (T+1, 2) [m], with the controls that they need.
+
+    ``wider`` (2, 2) is a covariance that is added at the start [m²].
+    """
+    return _flown(law, x, np.empty((len(x) - 1, 2)), along_means=True, wider=wider)
 
 
 def fly_controls(law: Law, start: FloatArray, u: FloatArray) -> Course:
@@ -321,8 +324,13 @@ def fly_controls(law: Law, start: FloatArray, u: FloatArray) -> Course:
     return _flown(law, np.vstack([start, np.empty((len(u), 2))]), u, along_means=False)
 
 
-def _flown(law: Law, x: FloatArray, u: FloatArray, *, along_means: bool) -> Course:
-    """The course along the means ``x`` or else of the controls ``u``: each step determines the other."""
+def _flown(
+    law: Law, x: FloatArray, u: FloatArray, *, along_means: bool, wider: FloatArray | float = 0.0
+) -> Course:
+    """The course along the means ``x`` or else of the controls ``u``: each step determines the other.
+
+    ``wider`` (2, 2) is a covariance that is added at the start [m²].
+    """
     n, steps, robot = law.coefficients, len(u), law.robot
     course = Course(
         x=np.array(x, float), u=np.array(u, float), cov=np.empty((steps + 1, 2, 2)), speed=np.empty(steps),
@@ -330,7 +338,8 @@ def _flown(law: Law, x: FloatArray, u: FloatArray, *, along_means: bool) -> Cour
         white=np.empty((steps, 2)), along_means=along_means,
     )  # fmt: skip
     cross = np.hstack([np.zeros((2, law.modes)), law.errors.start])
-    belief = Belief(robot.start_sd**2 * np.eye(2) + cross @ cross.T, np.zeros((2, 2)), cross, np.eye(n))
+    start = robot.start_sd**2 * np.eye(2) + cross @ cross.T + wider
+    belief = Belief(start, np.zeros((2, 2)), cross, np.eye(n))
     for t in range(steps):
         course.cov[t] = belief.unknown + belief.known
         course.cross.append(belief.cross)

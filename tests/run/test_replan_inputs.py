@@ -268,7 +268,7 @@ def test_the_rest_is_planned_in_a_newer_forecast(made: Path, tmp_path: Path, fix
     assert done.situation.learnt is not None
     assert (done.situation.learnt.sd < 450.0) == fixed
     assert Run.open(place).wind.error is not None
-    assert Run.open(place).wind.error.forecast_sd.any()
+    assert Run.open(place).wind.error.parts
     assert json.loads((place / "replan.json").read_text())["wind"] == done.wind
     assert not [finding.claim for finding in verify(place) if not finding.holds]
 

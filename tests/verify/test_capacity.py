@@ -29,7 +29,7 @@ def test_the_checker_lands_as_many_robots_as_the_planner(tmp_path: Path) -> None
     assert problem.energy is not None
     evidence, told = open_evidence(tmp_path), {}
     law = evidence.law("coherent")
-    for share in (1.0, 1.005, 1.02):
+    for share in (0.99, 0.995, 1.0, 1.02):
         capacity = share * problem.energy.of(path.u, problem.motion.dt)
         limited = replace(problem, energy=EnergyModel(problem.energy.curve, capacity))
         ours = simulate_flights(limited, path.u, RUNS, "coherent", SeedSequence(1), path.x).failed.sum()
@@ -38,5 +38,5 @@ def test_the_checker_lands_as_many_robots_as_the_planner(tmp_path: Path) -> None
         failed = evidence.ground.failed(theirs).sum()
         assert same_rate(int(ours), RUNS, int(failed), RUNS) > RARE
         told[share] = float(ours) / RUNS
-    assert told[1.0] > told[1.02]
-    assert any(0.02 < rate < 0.98 for rate in told.values())
+    assert told[0.99] > told[1.02]
+    assert any(0.02 < rate < 0.98 for rate in told.values()), told

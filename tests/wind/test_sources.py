@@ -92,7 +92,8 @@ def test_a_table_has_the_level_that_its_user_states(tmp_path, stated, level):
     assert "as wind.level states" in sources.read_readings(cfg).notes[-1]
     law = read(cfg).error
     assert law.level == level
-    assert law.forecast_sd[-1] != read(replace(cfg, level="10m")).error.forecast_sd[-1]
+    day = np.array(86_400.0)
+    assert law.forecast_variance(day) != read(replace(cfg, level="10m")).error.forecast_variance(day)
 
 
 @pytest.mark.parametrize(

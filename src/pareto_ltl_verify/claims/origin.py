@@ -79,7 +79,7 @@ def seed(result: Evidence) -> Verdict | None:
         key = (crc32(b"deployment"), number, 0)
         rng = np.random.default_rng(np.random.SeedSequence(result.settings["seed"], spawn_key=key))
         start = rng.standard_normal((BLOCK, 2))[: len(x)]
-        if (sd := result.robot.start_sd) > 0.0:
+        if (sd := result.robot.start_sd) > 0.0 and not result.robot.errors.start.any():
             off = np.abs((x[:, 0] - result.start) / sd - start).max()
             faults[f"starts in {law} winds"] = bool(off > 1e-6 + result.grain * 1e-3 / sd)
             checked += 1

@@ -221,23 +221,31 @@ def own_errors(result: Evidence) -> Verdict | None:
     if source is None or "errors" not in stated:  # plans of earlier versions
         return None
     learnt, prior, found = _given_fixes(source, stated), source.robot.errors, result.robot.errors
+    shared = np.zeros_like(found.shared)  # after an unlikely fix
     if not stated["fixes"]:
-        wanted = prior
+        wanted, step = prior, stated["step"]
+        law = source.law(source.planned_law, step)
+        if law.landmarks:
+            return None
+        if len(prior):
+            course = laws.fly_means(law, source.x[: step + 1])
+            shared = course.cross[step][:, law.modes :] @ law.errors.root.T
     elif learnt is None:
         return None
+    elif any(fix["distance"] > FAR for fix in stated["fixes"]):
+        wanted = prior
     else:
-        wanted = prior if any(fix["distance"] > FAR for fix in stated["fixes"]) else learnt.errors
+        wanted, shared = learnt.errors, learnt.errors.shared
     if len(found) != len(prior):
         return Verdict(f"{len(found)} errors", f"{len(prior)}", False)
-    if not len(wanted):
-        wanted = prior
+    if not len(wanted):  # a law without errors of robots
+        wanted, shared = prior, np.zeros_like(found.shared)
     sd = np.maximum(np.sqrt(np.diag(prior.cov)), 1e-300)
     unit = math.sqrt(float(np.trace(np.array(stated["position"]["before"])))) or 1.0  # [m]
-    none = np.zeros_like(found.shared)  # an unlikely fix
     gaps = (
         (found.mean - wanted.mean) / sd,
         (found.cov - wanted.cov) / np.outer(sd, sd),
-        (found.shared - (none if wanted is prior else wanted.shared)) / (unit * sd),
+        (found.shared - shared) / (unit * sd),
     )
     worst = max(float(np.abs(gap).max(initial=0.0)) for gap in gaps)
     return within(f"{len(found)} errors", worst, SHARE)
