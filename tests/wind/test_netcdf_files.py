@@ -269,7 +269,7 @@ def test_members_are_snapshots_and_other_dimensions_are_refused(tmp_path):
     u = np.stack(grid(), axis=1)
     dims = ("time", "ens", "lat", "lon")
     path = write(tmp_path / "a.nc", described(u=(dims, u, U), v=(dims, u, V)))
-    snapshots, _, _ = netcdf_snapshots((path,), WINDS, "10m", 75.0)
+    snapshots = netcdf_snapshots((path,), WINDS, "10m", 75.0).winds
     assert [(snap.member, snap.time) for snap in snapshots[:2]] == [
         ("00", snapshots[0].time),
         ("01", snapshots[0].time),
