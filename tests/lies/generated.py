@@ -152,7 +152,10 @@ def _left_out(_folder: str, names: list[str]) -> list[str]:
 def _put(content: Any, place: Path_, value: Any) -> None:
     for depth, key in enumerate(place):
         if isinstance(content[key], np.ndarray):
-            content[key] = array = content[key].copy()
+            array = content[key].copy()
+            if array.dtype.kind == "U":  # which would cut a longer text
+                array = array.astype(f"<U{max(len(str(value)), array.dtype.itemsize // 4)}")
+            content[key] = array
             array.reshape(-1)[place[depth + 1]] = value
             return
         if depth == len(place) - 1:
