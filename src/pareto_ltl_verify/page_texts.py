@@ -48,6 +48,14 @@ NO_PRICES = "no prices: no flight comes near to failing, all are the same, or th
 UNSURE = "not shown, with a standard error above a quarter of the price"
 
 
+def hours(seconds: float) -> str:
+    """A duration [s] in whole and half hours or minutes, else in seconds."""
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if abs(seconds) >= size and (seconds / size) % 0.5 == 0:
+            return f"{seconds / size:g} {unit}"
+    return f"{seconds:g} s"
+
+
 def degrees(angle: float) -> str:
     """An angle [deg] in whole degrees."""
     return f"{angle:,.0f}°"
