@@ -296,11 +296,11 @@ def _strange_words(result: Evidence, title: str) -> list[str]:
     """The words of the title that are neither words of missions, nor numbers, nor names of the map."""
     if title == result.automaton["formula"] or title == result.settings["name"]:
         return []
-    known = WORDS | {
-        word for name in (*result.dfa.atoms, *result.scene["regions"]) for word in (name, name.lower())
-    }
-    words = re.findall(r"[^\W\d][\w'-]*", title.replace("“", " ").replace("”", " "))
-    return [word for word in words if not {word, word.lower()} & known]
+    left = title.replace("“", " ").replace("”", " ")
+    for name in sorted((*result.dfa.atoms, *result.scene["regions"]), key=len, reverse=True):
+        left = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", " ", left, flags=re.IGNORECASE)
+    words = re.findall(r"[^\W\d][\w'-]*", left)
+    return [word for word in words if not {word, word.lower()} & WORDS]
 
 
 def _strings(nested: Any) -> list[str]:
