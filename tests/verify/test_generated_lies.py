@@ -71,7 +71,7 @@ def caught_by(place: Path, file: str) -> str:
 
 
 @settings(
-    max_examples=CASES, deadline=None, phases=[Phase.generate], derandomize=not AT_NIGHT,
+    max_examples=CASES, deadline=None, phases=[Phase.generate], derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )  # fmt: skip
 @given(data=st.data())
