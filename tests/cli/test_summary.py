@@ -57,6 +57,16 @@ def test_a_rate_in_a_wind_of_another_level_is_named_so(verbose: bool) -> None:
     assert not any(name.startswith("fails,") for name in rows)
 
 
+def test_a_rate_below_the_floor_of_its_law_is_said_to_be_below_it() -> None:
+    shown = "fails, coherent winds, 20,000 fresh flights"
+    rows = dict(summary_rows(METRICS | {"promise_floor": 1 / 65}, "coherent", verbose=False))
+    assert rows[shown] == (
+        "below 1.5 %: the law's data cannot say less; simulated: 0.15 %, at most 0.21 % (95 %)"
+    )
+    above = dict(summary_rows(METRICS | {"promise_floor": 1e-3}, "coherent", verbose=False))
+    assert above[shown] == "0.15 %, at most 0.21 % (95 %)"
+
+
 def test_a_newcomer_reads_the_promise_and_what_limits_it() -> None:
     rows = dict(summary_rows(METRICS, "coherent", verbose=False))
     assert rows == {

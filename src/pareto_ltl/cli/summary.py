@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl import Settings
 from pareto_ltl.cli.output import Answer, shown_table
-from pareto_ltl.support.display import probability_text, promised_text, rate_text
+from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.support.medium import AIR, Medium
 
 if TYPE_CHECKING:
@@ -206,13 +206,13 @@ def _wind_rows(metrics: Mapping[str, float]) -> Iterator[tuple[str, str]]:
 
 
 def _promise_row(metrics: Mapping[str, float], name: str) -> tuple[str, str]:
-    fails = promised_text(metrics["promise_failure"], metrics.get("promise_floor", 0.0))
-    most = probability_text(metrics["promise_high"])
+    rate, most = metrics["promise_failure"], probability_text(metrics["promise_high"])
     kind = "weighted" if metrics.get("promise_weighted") else "fresh"
-    return (
-        f"{name}, {metrics['promise_runs']:,.0f} {kind} flights",
-        f"{fails}, at most {most} (95 %)",
-    )
+    named = f"{name}, {metrics['promise_runs']:,.0f} {kind} flights"
+    shown = f"{probability_text(rate)}, at most {most} (95 %)"
+    if rate >= (floor := metrics.get("promise_floor", 0.0)):
+        return named, shown
+    return named, f"below {probability_text(floor)}: the law's data cannot say less; simulated: {shown}"
 
 
 # --- tables of studies -------------------------------------------------------------------------
