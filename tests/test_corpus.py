@@ -25,7 +25,7 @@ from pareto_ltl.planning.refine import flown_lines
 from pareto_ltl.planning.refine.separation import ROUNDING
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings import SceneConfig
-from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import scene_from_settings
 from quick_wind import wind_words
@@ -72,6 +72,8 @@ def test_a_mission_that_a_line_can_fly_has_a_plan(number: int) -> None:
             plan = run.plan
         except InfeasibleError as error:
             assert "robot.power.capacity" in str(error) or not flown_lines(run.problem), error
+        except DataError as error:  # its made table has too few winds near the map
+            assert "wind readings within" in str(error), error
         else:
             assert plan.worst is not None
             assert plan.epsilon_kept is (plan.worst.probability <= plan.epsilon * (1.0 + ROUNDING))
