@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lies.editing import Lie
+from lies.editing import Lie, in_text
 
 DATA = re.compile(r'(<script type="application/json" id="page-data">)(.*?)(</script>)', re.DOTALL)
 
@@ -57,15 +57,7 @@ TEXTS, MAP, OTHER = "page: all texts", "page: map", "page: other numbers"
 
 def in_html(pattern: str, new: str) -> Callable[[Path], Any]:
     """Replace what a pattern matches first in the page."""
-
-    def edit(place: Path) -> None:
-        path = place / "report.html"
-        text = path.read_text(encoding="utf-8")
-        changed = re.sub(pattern, new, text, count=1, flags=re.DOTALL)
-        assert changed != text
-        path.write_text(changed, encoding="utf-8")
-
-    return edit
+    return in_text("report.html", pattern, new)
 
 
 def _without_obstacle(data: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lies.editing import Lie, both, in_json
+from lies.editing import Lie, both, in_json, in_text
 
 GEOJSON, KML = "exports: shapes of plan.geojson", "exports: shapes of plan.kml"
 AREAS, FENCES, ITEMS = (
@@ -69,14 +69,7 @@ def _moved_corridor(meaning: str) -> Callable[[list[dict[str, Any]]], None]:
 
 
 def _in_kml(pattern: str, new: str) -> Callable[[Path], Any]:
-    def edit(place: Path) -> None:
-        path = place / "plan.kml"
-        text = path.read_text(encoding="utf-8")
-        changed = re.sub(pattern, new, text, count=1, flags=re.DOTALL)
-        assert changed != text
-        path.write_text(changed, encoding="utf-8")
-
-    return edit
+    return in_text("plan.kml", pattern, new)
 
 
 def _kml_area_moved(place: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -52,6 +53,19 @@ def in_json(name: str, change: Callable[[dict[str, Any]], Any]) -> Callable[[Pat
         content = read_json(place / name)
         change(content)
         write_json(place / name, content)
+
+    return edit
+
+
+def in_text(name: str, pattern: str, new: str) -> Callable[[Path], Any]:
+    """Replace what a pattern matches first in the text file ``name``."""
+
+    def edit(place: Path) -> None:
+        path = place / name
+        text = path.read_text(encoding="utf-8")
+        changed = re.sub(pattern, new, text, count=1, flags=re.DOTALL)
+        assert changed != text
+        path.write_text(changed, encoding="utf-8")
 
     return edit
 

@@ -14,7 +14,7 @@ from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.costs import path_costs
 from pareto_ltl.planning.pack_logic import PATH_LIVE, empty_letters, helpful_delta, live_rows
-from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons
+from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons, errors_of
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import probability_text
@@ -125,8 +125,7 @@ def empty_flight(law: kd.Law, n: int) -> Flight:
 
     steps, modes = n - 1, 0 if isinstance(law, kd.IndependentLaw) else law.modes.psi.shape[-1]
     x, u, memory = np.empty((n, 2)), np.empty((steps, 2)), law_memory(law, n)
-    own = kd.EXACT if isinstance(law, kd.IndependentLaw) else law.errors
-    errors = errors_along(own, x, u, n)
+    errors = errors_along(errors_of(law), x, u, n)
     if isinstance(memory, kd.LandmarkMemory):
         memory = memory._replace(errors=errors)
     return Flight(

@@ -7,7 +7,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.pilots import ErringPilot, Pilot
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.problem import Problem, errors_of
 from pareto_ltl.support.arrays import FloatArray
 
 
@@ -18,8 +18,7 @@ def draw_errors(problem: Problem, law: str, runs: int, seed: SeedSequence) -> Fl
 
 def own_errors(problem: Problem, law: str) -> kd.RobotErrors:
     """The law of the robot's own errors under ``law``; none under the independent law."""
-    model = problem.laws[law]
-    return kd.EXACT if isinstance(model, kd.IndependentLaw) else model.errors
+    return errors_of(problem.laws[law])
 
 
 def erring_pilot(

@@ -54,9 +54,7 @@ def displacement_variance(
     t = (np.arange(INSTANTS) + 0.5) * duration / INSTANTS
     at, total = np.interp(zero + t, times, np.nan_to_num(leads)), 0.0
     for part in law.parts if np.isfinite(leads).any() else ():
-        sd, clock = np.sqrt(part.variance(at)), part.clock(at)
-        kept = np.exp(-np.abs(clock[:, None] - clock))
-        total += float(sd @ kept @ sd) * (duration / INSTANTS) ** 2
+        total += float(part.covariance(at, part.variance(at)).sum()) * (duration / INSTANTS) ** 2
     during = times[(times >= zero) & (times <= zero + duration)]
     around = np.unique(
         np.concatenate([times[times <= zero][-1:], during, times[times > zero + duration][:1]])

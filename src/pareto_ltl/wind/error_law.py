@@ -114,6 +114,16 @@ class LawPart:
         rate = 1.0 / self.memory
         return np.asarray(passed @ np.diff(rate, prepend=0.0), float)
 
+    def covariance(self, leads: FloatArray, variance: FloatArray) -> FloatArray:
+        """Covariance (..., N, N) [m²/s²] at one place between ``leads`` (N,) [s] of one run.
+
+        ``variance`` (..., N) [m²/s²]: of the part there, or of what a table shows of it.
+        """
+        clock, sd = self.clock(leads), np.sqrt(variance)
+        return np.asarray(
+            np.exp(-np.abs(clock[:, None] - clock)) * sd[..., :, None] * sd[..., None, :], float
+        )
+
     def persistence(self, lead: FloatArray, passed: FloatArray) -> FloatArray:
         """Correlation of n_p at a lead [s] and a time ``passed`` [s] later; a lead of NaN counts as 0.
 

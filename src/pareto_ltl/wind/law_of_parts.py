@@ -173,7 +173,7 @@ class LawOfParts(ErrorLaw):
         found = np.zeros((len(leads), len(leads)))
         for part in self.parts if newer is None else self.seen_by(OWN):
             seen = part.variance(leads) if newer is None else seen_variance(part, leads, newer)
-            found = found + _covariance(part, seen, leads)
+            found = found + part.covariance(leads, seen)
         return found
 
     def document(self) -> dict[str, Any]:
@@ -209,11 +209,6 @@ def seen_variance(part: LawPart, leads: FloatArray, newer: FloatArray) -> FloatA
     """Variance [m²/s²] of the difference of a forecast at ``leads`` and a newer run at ``newer`` [s]."""
     found = part.variance(leads) - part.variance(newer) + part.variance(np.zeros(1))
     return np.asarray(np.where(newer < leads, np.maximum(found, 0.0), 0.0), float)
-
-
-def _covariance(part: LawPart, variance: FloatArray, leads: FloatArray) -> FloatArray:
-    clock, sd = part.clock(leads), np.sqrt(variance)
-    return np.asarray(np.exp(-np.abs(clock[:, None] - clock)) * sd[..., :, None] * sd[..., None, :], float)
 
 
 # --- files ------------------------------------------------------------------------------------
