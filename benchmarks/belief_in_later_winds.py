@@ -19,12 +19,12 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.random import SeedSequence
 
-from pareto_ltl.inflight.belief import Belief
+from pareto_ltl_apps.flight.belief import Belief
 from pareto_ltl.settings import PlannerConfig, SelectionConfig, Settings, preset
 from pareto_ltl.simulation.common_flights import draw_flights
-from pareto_ltl.studies.forecast_test import known_of_files, mission_settings, reality
-from pareto_ltl.studies.known_winds import KnownWinds
-from pareto_ltl.studies.random_missions import mission
+from pareto_ltl_apps.studies.forecast_test import known_of_files, mission_settings, reality
+from pareto_ltl_apps.studies.known_winds import KnownWinds
+from pareto_ltl_apps.studies.random_missions import mission
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ParetoLtlError
 

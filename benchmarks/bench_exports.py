@@ -9,8 +9,8 @@ import pytest
 from numpy.random import SeedSequence
 
 import pareto_ltl
-from pareto_ltl.exports.exported import exported_plan
-from pareto_ltl.exports.formats import write_exports
+from pareto_ltl_apps.exports.exported import exported_plan
+from pareto_ltl_apps.exports.formats import write_exports
 from pareto_ltl.settings import ExportsConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from problems import MISSIONS

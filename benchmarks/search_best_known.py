@@ -31,9 +31,9 @@ from pareto_ltl.settings import HindcastConfig, RefineConfig, preset
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.simulation.flights import simulate_flights
-from pareto_ltl.studies.forecast_test import mission_settings
-from pareto_ltl.studies.random_missions import Spell
-from pareto_ltl.studies.random_missions import mission as random_mission
+from pareto_ltl_apps.studies.forecast_test import mission_settings
+from pareto_ltl_apps.studies.random_missions import Spell
+from pareto_ltl_apps.studies.random_missions import mission as random_mission
 
 KEPT = Path(__file__).with_name("best_known.json")
 SEEDS = (100, 101, 102, 103)  # of the trees: none that a benchmark plans with

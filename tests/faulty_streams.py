@@ -19,15 +19,15 @@ from numpy.random import Generator, SeedSequence
 from pymavlink.dialects.v20 import all as mavlink2
 
 from coherent import SCENE, STEPS, coherent_problem
-from pareto_ltl.inflight import link as links
-from pareto_ltl.inflight.belief import Belief
-from pareto_ltl.inflight.clocks import Clock, StampClock, SteadyClock
-from pareto_ltl.inflight.link import STALE, Link, LinkSettings
-from pareto_ltl.inflight.rules import Event
-from pareto_ltl.inflight.sends import Sender
-from pareto_ltl.inflight.telemetry import Reading
-from pareto_ltl.inflight.vehicle import AGE, OURS, Vehicle
-from pareto_ltl.inflight.watch import ELLIPSE, Watch, WatchSettings
+from pareto_ltl_apps.flight import link as links
+from pareto_ltl_apps.flight.belief import Belief
+from pareto_ltl_apps.flight.clocks import Clock, StampClock, SteadyClock
+from pareto_ltl_apps.flight.link import STALE, Link, LinkSettings
+from pareto_ltl_apps.flight.rules import Event
+from pareto_ltl_apps.flight.sends import Sender
+from pareto_ltl_apps.flight.telemetry import Reading
+from pareto_ltl_apps.flight.vehicle import AGE, OURS, Vehicle
+from pareto_ltl_apps.flight.watch import ELLIPSE, Watch, WatchSettings
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.support.arrays import FloatArray

@@ -16,8 +16,8 @@ from pareto_ltl.settings import (
     Settings,
     SmoothingConfig,
 )
-from pareto_ltl.studies import forecast_test as study
-from pareto_ltl.studies.known_winds import DepartureWinds
+from pareto_ltl_apps.studies import forecast_test as study
+from pareto_ltl_apps.studies.known_winds import DepartureWinds
 from pareto_ltl.wind.snapshots import Snapshot
 
 START, HOUR = 1.5e9, 3600.0

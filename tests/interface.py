@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import pareto_ltl
-from pareto_ltl.cli.command_table import COMMANDS
-from pareto_ltl.exports.tables import CARD_COLUMNS, TABLE_COLUMNS
+from pareto_ltl_apps.cli.command_table import COMMANDS
+from pareto_ltl_apps.exports.tables import CARD_COLUMNS, TABLE_COLUMNS
 from pareto_ltl.planning.costs import COSTS, cost_named
 from pareto_ltl.planning.plan_files import FRONT_HEADER, TABLE_HEADER
 from pareto_ltl.settings import Settings

@@ -18,9 +18,9 @@ from corpus import judging, missions, page, running
 from corpus.drawing import BORDERS, Place
 from corpus.winds import WINDS
 from levels import AT_NIGHT
-from pareto_ltl.cli import composition
-from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.cli.setting_keys import settings_from
+from pareto_ltl_apps.cli import composition
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.cli.setting_keys import settings_from
 from pareto_ltl.planning.refine import flown_lines
 from pareto_ltl.planning.refine.separation import ROUNDING
 from pareto_ltl.run.plan_run import UnpricedRun

@@ -79,7 +79,7 @@ def documented_command(folder):
 )
 def test_the_command_of_an_example_folder_makes_a_plan(folder, result, tmp_path, monkeypatch):
     """In a small form: without coherent winds, and two starts."""
-    from pareto_ltl.cli.commands import run_command_line
+    from pareto_ltl_apps.cli.commands import run_command_line
 
     monkeypatch.chdir(ROOT)
     words = documented_command(folder)

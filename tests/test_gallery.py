@@ -15,9 +15,9 @@ from PIL import Image
 import gallery
 from drawn_world import flights_of, path_of, scene_of
 from figure_texts import texts_of, texts_outside, wrong_texts
-from pareto_ltl.report import style
-from pareto_ltl.report.figures import Drawing, draw_record
-from pareto_ltl.report.plan_maps import frames_figure
+from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.figures import Drawing, draw_record
+from pareto_ltl_apps.view.plan_maps import frames_figure
 
 MOST = 1_500_000  # bytes of all pictures
 

@@ -29,7 +29,7 @@ INFO = "pareto_ltl-*.dist-info"
 RUN = """
 import sys
 from numba.core import event
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 
 with event.install_recorder("numba:compile") as recorded:
     code = run_command_line(sys.argv[1:])

@@ -103,7 +103,7 @@ def test_a_run_imports_every_package_of_its_lock(tmp_path: Path) -> None:
     """Except those with a reason; with figures, exports, and a wind that is fitted."""
     code = (
         "import json, sys\n"
-        "from pareto_ltl.cli.commands import run_command_line\n"
+        "from pareto_ltl_apps.cli.commands import run_command_line\n"
         "code = run_command_line(['+experiment=hop', 'planner.trees=2', 'deployment.runs=50', '--quiet'])\n"
         "print(json.dumps([code, sorted({name.partition('.')[0] for name in sys.modules})]))\n"
     )

@@ -15,8 +15,8 @@ import pytest
 import yaml
 
 import pareto_ltl
-from pareto_ltl.report.components import MODULES, STYLE
-from pareto_ltl.report.page.content import SCRIPTS
+from pareto_ltl_apps.view.components import MODULES, STYLE
+from pareto_ltl_apps.view.page.content import SCRIPTS
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
 from pareto_ltl.support import resources, schemas

@@ -28,7 +28,7 @@ def test_names_from_inside_are_counted_and_public_ones_are_not(waist: ModuleType
     (tmp_path / "report" / "one.py").write_text(
         "from pareto_ltl import Run\n"
         "from pareto_ltl.extend import record\n"
-        "from pareto_ltl.report.axes import Axes\n"
+        "from pareto_ltl_apps.view.axes import Axes\n"
         "from pareto_ltl.support.errors import DataError\n"
         "from numpy import ndarray\n"
         "import pareto_ltl.world.cells\n"

@@ -20,7 +20,7 @@ from pareto_ltl.settings import (
     WindConfig,
     preset,
 )
-from pareto_ltl.studies.random_missions import at_times
+from pareto_ltl_apps.studies.random_missions import at_times
 from pareto_ltl.wind.field import wind_lattice
 from pareto_ltl.wind.readings import HOUR, seconds
 from pareto_ltl.wind.records import WindField

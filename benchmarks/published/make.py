@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.settings import ForecastTestConfig
-from pareto_ltl.studies.random_missions import Spell, mission
+from pareto_ltl_apps.studies.random_missions import Spell, mission
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.readings import HOUR, seconds
 from pareto_ltl.world.projection import to_geographic

@@ -107,7 +107,7 @@ def show(case: Case, row: Measured) -> str:
 
 def draw(case: Case, rows: Sequence[Measured], folder: Path) -> None:
     """Seconds against size on logarithmic axes, with the limit at the largest size."""
-    from pareto_ltl.report.style import blank_figure, report_style, save_figure
+    from pareto_ltl_apps.view.style import blank_figure, report_style, save_figure
 
     known = [row for row in rows if math.isfinite(row.seconds)]
     if not known:

@@ -31,17 +31,17 @@ from typing import TYPE_CHECKING, Any
 from pareto_ltl.support.display import Displayed
 
 if TYPE_CHECKING:
-    from pareto_ltl.inflight.following import follow
-    from pareto_ltl.inflight.telemetry import Reading
-    from pareto_ltl.inflight.watch import WatchSettings
+    from pareto_ltl_apps.flight.following import follow
+    from pareto_ltl_apps.flight.telemetry import Reading
+    from pareto_ltl_apps.flight.watch import WatchSettings
     from pareto_ltl.logic.mission import read_formula
-    from pareto_ltl.run.beacons import beacons
+    from pareto_ltl_apps.flight.beacons import beacons
     from pareto_ltl.run.choosing import choose
     from pareto_ltl.run.interface import export, plan, simulate, steer
     from pareto_ltl.run.plan_run import Run
-    from pareto_ltl.run.replanning import replan
+    from pareto_ltl_apps.flight.replanning import replan
     from pareto_ltl.run.results import load_results
-    from pareto_ltl.run.showing import explain, page, show
+    from pareto_ltl_apps.view.showing import explain, page, show
     from pareto_ltl.settings import Settings
     from pareto_ltl.support.errors import (
         ConfigError,
@@ -92,17 +92,17 @@ __all__ = [
 ]
 
 _EXPORTS = {
-    "pareto_ltl.inflight.following": ("follow",),
-    "pareto_ltl.inflight.telemetry": ("Reading",),
-    "pareto_ltl.inflight.watch": ("WatchSettings",),
+    "pareto_ltl_apps.flight.following": ("follow",),
+    "pareto_ltl_apps.flight.telemetry": ("Reading",),
+    "pareto_ltl_apps.flight.watch": ("WatchSettings",),
     "pareto_ltl.logic.mission": ("read_formula",),
-    "pareto_ltl.run.beacons": ("beacons",),
+    "pareto_ltl_apps.flight.beacons": ("beacons",),
     "pareto_ltl.run.choosing": ("choose",),
     "pareto_ltl.run.interface": ("export", "plan", "simulate", "steer"),
     "pareto_ltl.run.plan_run": ("Run",),
-    "pareto_ltl.run.replanning": ("replan",),
+    "pareto_ltl_apps.flight.replanning": ("replan",),
     "pareto_ltl.run.results": ("load_results",),
-    "pareto_ltl.run.showing": ("explain", "page", "show"),
+    "pareto_ltl_apps.view.showing": ("explain", "page", "show"),
     "pareto_ltl.settings": ("Settings",),
     "pareto_ltl.support.errors": (
         "ConfigError", "DataError", "FormulaError", "InfeasibleError", "ParetoLtlError",
@@ -117,7 +117,7 @@ _EXPORTS = {
 
 
 def _draw(record: Displayed, **options: Any) -> Any:
-    return import_module("pareto_ltl.report.figures").draw_record(record, **options)
+    return import_module("pareto_ltl_apps.view.figures").draw_record(record, **options)
 
 
 Displayed.drawn = _draw

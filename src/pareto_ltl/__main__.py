@@ -11,7 +11,7 @@ GARBAGE = (50_000, 10, 10)  # objects and rounds between collections: at Python'
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    from pareto_ltl.cli.commands import run_command_line
+    from pareto_ltl_apps.cli.commands import run_command_line
 
     gc.set_threshold(*GARBAGE)
     for stream in (sys.stdout, sys.stderr):

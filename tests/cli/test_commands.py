@@ -13,13 +13,13 @@ from typing import Any
 import pytest
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 
-from pareto_ltl.cli import composition, output
-from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.cli.command_table import COMMANDS, PIPELINE_COMMANDS
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli import composition, output
+from pareto_ltl_apps.cli import hydra_app as app
+from pareto_ltl_apps.cli.command_table import COMMANDS, PIPELINE_COMMANDS
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.settings import Settings
-from pareto_ltl.studies.stages import APPLICATION_STAGES
+from pareto_ltl_apps.studies.stages import APPLICATION_STAGES
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices, resource_folder
 

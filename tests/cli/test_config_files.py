@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.support.resources import resource_folder
 
 

@@ -18,9 +18,9 @@ from typing import Any
 import pytest
 from hydra.types import RunMode
 
-from pareto_ltl.cli import composition
-from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.cli.setting_keys import settings_from
+from pareto_ltl_apps.cli import composition
+from pareto_ltl_apps.cli import hydra_app as app
+from pareto_ltl_apps.cli.setting_keys import settings_from
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.run.record import Record
@@ -421,7 +421,7 @@ def test_a_disk_that_is_full_is_one_line_whatever_file_fills_it(here: Path) -> N
     ]
     for limit in (500, 5_000, 50_000):
         code = (
-            "import resource, sys; from pareto_ltl.cli.commands import run_command_line as run;"
+            "import resource, sys; from pareto_ltl_apps.cli.commands import run_command_line as run;"
             f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, resource.RLIM_INFINITY));"
             f"sys.exit(run({words!r}))"
         )
@@ -472,7 +472,7 @@ def test_the_module_ends_with_the_exit_code_of_the_run(here: Path) -> None:
 def test_start_up_loads_no_numerical_package() -> None:
     code = (
         "import sys\n"
-        "from pareto_ltl.cli import hydra_app as app\n"
+        "from pareto_ltl_apps.cli import hydra_app as app\n"
         "assert app.run_hydra(['planner.trees=0', '+experiment=phi1']) == 2\n"
         "heavy = 'numpy scipy numba cvxpy sklearn matplotlib shapely xarray pyproj networkx rich'\n"
         "print([name for name in heavy.split() if name in sys.modules])\n"

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.cli.rerun_command import _file_difference
+from pareto_ltl_apps.cli import hydra_app as app
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.cli.rerun_command import _file_difference
 
 SMALL = (
     "+experiment=phi1", "wind=calm", "planner.trees=2", "fidelity=paper", "fidelity.refine=none",

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from pareto_ltl.cli.output import collected_warnings
-from pareto_ltl.cli.summary import (
+from pareto_ltl_apps.cli.output import collected_warnings
+from pareto_ltl_apps.cli.summary import (
     fitting_columns,
     run_answer,
     shown_markdown,

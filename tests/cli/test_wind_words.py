@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pareto_ltl.cli.composition import opened_hydra, parse_flags, prepare
+from pareto_ltl_apps.cli.composition import opened_hydra, parse_flags, prepare
 from pareto_ltl.support.errors import ConfigError
 
 TABLE = "time,lat,lon,u,v\n2018-10-09T18:00:00Z,37,-92,1,2\n"

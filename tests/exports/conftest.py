@@ -9,8 +9,8 @@ from numpy.random import SeedSequence
 
 import pareto_ltl
 from exported_plans import EXPORTS, SMALL, Flown, settings_named
-from pareto_ltl.exports.exported import exported_plan
-from pareto_ltl.exports.formats import write_exports
+from pareto_ltl_apps.exports.exported import exported_plan
+from pareto_ltl_apps.exports.formats import write_exports
 
 
 @pytest.fixture(scope="session")

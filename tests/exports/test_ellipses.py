@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from pareto_ltl.exports.ellipses import axes_of, circle_radius, ellipse_outlines
+from pareto_ltl_apps.exports.ellipses import axes_of, circle_radius, ellipse_outlines
 
 RNG = np.random.default_rng(3)
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from exported_plans import Flown
-from pareto_ltl.exports.formats import MAKERS
+from pareto_ltl_apps.exports.formats import MAKERS
 from pareto_ltl.support.errors import DataError
 
 LUA = shutil.which("lua5.3") or shutil.which("lua5.4") or shutil.which("lua")

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from exported_plans import Flown
-from pareto_ltl.exports.exported import FIXED_WING, GENERIC, MULTIROTOR, SUBMARINE, Vehicle
-from pareto_ltl.exports.formats import MAKERS
+from pareto_ltl_apps.exports.exported import FIXED_WING, GENERIC, MULTIROTOR, SUBMARINE, Vehicle
+from pareto_ltl_apps.exports.formats import MAKERS
 from pareto_ltl.settings.heights import Height
 
 NUMBER, LATITUDE = {"type": "number"}, {"type": "number", "minimum": -90, "maximum": 90}

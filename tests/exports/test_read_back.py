@@ -29,9 +29,9 @@ from pymavlink.dialects.v20 import all as mavlink
 from uas_standards.astm.f3548.v21.api import OperationalIntentDetails, Volume4D
 
 from exported_plans import Flown, metres_apart, seconds_apart
-from pareto_ltl.exports.exported import vehicle_of
-from pareto_ltl.exports.formats import MAKERS
-from pareto_ltl.exports.xml_files import short_text
+from pareto_ltl_apps.exports.exported import vehicle_of
+from pareto_ltl_apps.exports.formats import MAKERS
+from pareto_ltl_apps.exports.xml_files import short_text
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.settings.building import section_of

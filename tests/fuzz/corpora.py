@@ -17,7 +17,7 @@ from pareto_ltl.planning.rates import FailureRate, Promise
 from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.simulation.records import Deployment, write_deployments
-from pareto_ltl.studies.sweeps import SweepManifest, SweepPoint
+from pareto_ltl_apps.studies.sweeps import SweepManifest, SweepPoint
 from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.named_laws import first_law
 from pareto_ltl.wind.netcdf import write_netcdf

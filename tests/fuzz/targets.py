@@ -94,8 +94,8 @@ def settings_files(place: Path) -> Fuzz:
 
 
 def _compose(words: Sequence[str]) -> object:
-    from pareto_ltl.cli.composition import opened_hydra, parse_flags, prepare
-    from pareto_ltl.cli.setting_keys import CONFIGURATION_ERRORS, explain_error
+    from pareto_ltl_apps.cli.composition import opened_hydra, parse_flags, prepare
+    from pareto_ltl_apps.cli.setting_keys import CONFIGURATION_ERRORS, explain_error
 
     try:
         arguments = parse_flags(words)
@@ -128,8 +128,8 @@ def _command_lines() -> st.SearchStrategy[list[str]]:
 
 def command_words(place: Path) -> Fuzz:
     """Checks of words that do not compose the configuration, which would take 0.1 s."""
-    from pareto_ltl.cli import composition
-    from pareto_ltl.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, refuse_unknown_key
+    from pareto_ltl_apps.cli import composition
+    from pareto_ltl_apps.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, refuse_unknown_key
 
     with composition.opened_hydra(composition.parse_flags([])) as hydra:
         loader = hydra.config_loader
@@ -176,7 +176,7 @@ def winds_by_content(place: Path) -> Fuzz:
 
 
 def position_fixes(place: Path) -> Fuzz:
-    from pareto_ltl.run.position_fixes import fix_rows
+    from pareto_ltl_apps.flight.position_fixes import fix_rows
 
     return Fuzz(
         mutants([b"time,lat,lon,sd_m\n3h,38.1,-95.6,500\n2018-10-09T06:00:00Z,38.4,-95.2,300\n"]),
@@ -204,7 +204,7 @@ def forecast_errors(place: Path) -> Fuzz:
 
 
 def forecast_tests(place: Path) -> Fuzz:
-    from pareto_ltl.studies.promises import TABLE, read_promises, references
+    from pareto_ltl_apps.studies.promises import TABLE, read_promises, references
 
     head = "mission,formula,departure,situation,latitude,longitude,kind,fidelity,simulated_coherent,failure"
     rows = ("0,F a,2018-10-09T06:00:00Z,s,40,-100,chosen,full,0.25,1.0",
@@ -228,10 +228,10 @@ def netcdf_winds(place: Path) -> Fuzz:
 
 def results(place: Path) -> Fuzz:
     """One file of a results directory is changed; everything that reads this file is called."""
-    from pareto_ltl.cli.rerun_command import _finished_record
+    from pareto_ltl_apps.cli.rerun_command import _finished_record
     from pareto_ltl.planning.plan_files import read_extra_paths
     from pareto_ltl.run.plan_run import Run
-    from pareto_ltl.studies.jobs import RunJob
+    from pareto_ltl_apps.studies.jobs import RunJob
 
     run = place / "run"
     corpora.write_run(run)
@@ -271,7 +271,7 @@ def results(place: Path) -> Fuzz:
 
 def sweeps(place: Path) -> Fuzz:
     """``sweep.json`` or a file of one of its runs is changed; the summary is made from the folder."""
-    from pareto_ltl.studies import sweep_summary as summary
+    from pareto_ltl_apps.studies import sweep_summary as summary
 
     sweep = place / "sweep"
     corpora.write_sweep(sweep)
@@ -297,7 +297,7 @@ def sweeps(place: Path) -> Fuzz:
 
 def _summarize(summary: Any, sweep: Path) -> None:
     """The summary without its figure."""
-    from pareto_ltl.studies.sweeps import read_manifest, seed_groups, sweep_rows
+    from pareto_ltl_apps.studies.sweeps import read_manifest, seed_groups, sweep_rows
 
     manifest = read_manifest(sweep)
     rows = sweep_rows(sweep, manifest)

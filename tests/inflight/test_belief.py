@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from coherent import STEPS, coherent_problem, rate_interval
 from levels import AT_NIGHT
-from pareto_ltl.inflight.belief import Belief, local_wind
+from pareto_ltl_apps.flight.belief import Belief, local_wind
 from pareto_ltl.kernels.flight import CoherentDraws, wind_met
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.conditioning import Fix, learn_at

@@ -23,16 +23,16 @@ os.environ["MAVLINK20"] = "1"  # read when pymavlink is imported
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as mavlink2
 
-from pareto_ltl.exports.mavlink import prologue
-from pareto_ltl.inflight import link as links
-from pareto_ltl.inflight.clocks import VehicleClock
-from pareto_ltl.inflight.following import follow
-from pareto_ltl.inflight.link import Link, LinkSettings, departure_time, logged_readings, signing_key
-from pareto_ltl.inflight.rules import Event
-from pareto_ltl.inflight.sends import Sender
-from pareto_ltl.inflight.telemetry import Typed
-from pareto_ltl.inflight.vehicle import Vehicle as Known
-from pareto_ltl.inflight.watch import Watch, WatchSettings
+from pareto_ltl_apps.exports.mavlink import prologue
+from pareto_ltl_apps.flight import link as links
+from pareto_ltl_apps.flight.clocks import VehicleClock
+from pareto_ltl_apps.flight.following import follow
+from pareto_ltl_apps.flight.link import Link, LinkSettings, departure_time, logged_readings, signing_key
+from pareto_ltl_apps.flight.rules import Event
+from pareto_ltl_apps.flight.sends import Sender
+from pareto_ltl_apps.flight.telemetry import Typed
+from pareto_ltl_apps.flight.vehicle import Vehicle as Known
+from pareto_ltl_apps.flight.watch import Watch, WatchSettings
 from pareto_ltl.support.errors import ConfigError, DataError
 from watched import PATH, PLAN, PROBLEM, heading_of
 

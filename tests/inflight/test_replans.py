@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
-from pareto_ltl.inflight.replans import APART, Replans, ReplanSettings
-from pareto_ltl.inflight.rules import Event
-from pareto_ltl.inflight.watch import Watch, WatchSettings
+from pareto_ltl_apps.flight.replans import APART, Replans, ReplanSettings
+from pareto_ltl_apps.flight.rules import Event
+from pareto_ltl_apps.flight.watch import Watch, WatchSettings
 from watched import DT, PATH, PLAN, PROBLEM
 
 PROMISED = 0.04

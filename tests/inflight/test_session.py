@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 import pareto_ltl
-from pareto_ltl.inflight import replans as module
-from pareto_ltl.inflight.following import Session, follow
-from pareto_ltl.inflight.journal import read_journal
-from pareto_ltl.inflight.replans import Forecasts, Replans, ReplanSettings
-from pareto_ltl.inflight.rules import Event
-from pareto_ltl.inflight.telemetry import Reading
-from pareto_ltl.inflight.watch import WatchSettings
+from pareto_ltl_apps.flight import replans as module
+from pareto_ltl_apps.flight.following import Session, follow
+from pareto_ltl_apps.flight.journal import read_journal
+from pareto_ltl_apps.flight.replans import Forecasts, Replans, ReplanSettings
+from pareto_ltl_apps.flight.rules import Event
+from pareto_ltl_apps.flight.telemetry import Reading
+from pareto_ltl_apps.flight.watch import WatchSettings
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world.projection import to_geographic
 from quick_wind import QUICK_WIND
@@ -163,7 +163,7 @@ def test_a_full_disk_is_an_alarm_and_the_watch_goes_on(
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("pareto_ltl.inflight.journal.os.fsync", full)
+    monkeypatch.setattr("pareto_ltl_apps.flight.journal.os.fsync", full)
     events, _ = followed(made, tmp_path / "f")
     alarms = [event["text"] for event in events if event["event"] == "alarm" and event["kind"] == "journal"]
     assert len(alarms) == 1

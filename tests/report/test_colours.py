@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from colour_vision import VISIONS, lab, least_distance
-from pareto_ltl.report import style
-from pareto_ltl.report.components import STYLE, component
-from pareto_ltl.report.front import LOOKS, OTHERS
-from pareto_ltl.report.sweep_figures import SERIES_COLOURS, SERIES_MARKS
+from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.components import STYLE, component
+from pareto_ltl_apps.view.front import LOOKS, OTHERS
+from pareto_ltl_apps.view.sweep_figures import SERIES_COLOURS, SERIES_MARKS
 
 LEAST = 15.0  # in CIELAB: 2.3 is just noticeable between large fields, thin lines need several times that
 

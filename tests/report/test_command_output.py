@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.cli.output import Answer, Output, answered, output_of
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.cli.output import Answer, Output, answered, output_of
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.errors import ConfigError
 
@@ -134,8 +134,8 @@ def test_warnings_of_commands_are_in_their_answer_and_other_packages_are_quiet(
         warned(None)
         return 0
 
-    monkeypatch.setattr("pareto_ltl.cli.other_commands.cache", warned)
-    monkeypatch.setattr("pareto_ltl.cli.follow_command.follow", streamed)
+    monkeypatch.setattr("pareto_ltl_apps.cli.other_commands.cache", warned)
+    monkeypatch.setattr("pareto_ltl_apps.cli.follow_command.follow", streamed)
     assert run_command_line(["cache", "--json"]) == 0
     out, err = capfd.readouterr()
     assert json.loads(out) == {"a": 1, "warnings": ["known", LONG]}

@@ -9,7 +9,7 @@ import pytest
 
 from pareto_ltl.planning.rates import counted_rate
 from pareto_ltl.planning.records import Front, Objectives, Plan, PlannedPath
-from pareto_ltl.report.limits import detour_lines
+from pareto_ltl_apps.view.limits import detour_lines
 from problems import KM, box, make_scene
 
 SCENE = replace(make_scene({"a": box(16, 0, 18, 2)}), landmarks=(box(4, 5, 6, 7), box(10, 0, 11, 1)))

@@ -23,10 +23,10 @@ from drawn_world import (
     wind_of,
 )
 from pareto_ltl.planning.records import Front
-from pareto_ltl.report import style
-from pareto_ltl.report.figures import draw_run_figures
-from pareto_ltl.report.front import front_figure
-from pareto_ltl.report.records import DrawnRun
+from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.figures import draw_run_figures
+from pareto_ltl_apps.view.front import front_figure
+from pareto_ltl_apps.view.records import DrawnRun
 from pareto_ltl.settings import ReportConfig, preset
 
 

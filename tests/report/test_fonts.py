@@ -11,7 +11,7 @@ import pytest
 from matplotlib.font_manager import fontManager
 from matplotlib.ft2font import FT2Font
 
-from pareto_ltl.report import style
+from pareto_ltl_apps.view import style
 
 FOLDER = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
 NOWHERE = "\U0001fbb8"  # unassigned: no font has it

@@ -11,9 +11,9 @@ import pytest
 
 import pareto_ltl
 from drawn_world import path_of, scene_of
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.report.legs import (
+from pareto_ltl_apps.view.legs import (
     Clearance,
     Leg,
     _goal_line,

@@ -20,9 +20,9 @@ from drawn_world import path_of, plan_of, run_records, scene_of
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.records import Plan
-from pareto_ltl.report import style
-from pareto_ltl.report.figures import draw_run_figures
-from pareto_ltl.report.limits import (
+from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.figures import draw_run_figures
+from pareto_ltl_apps.view.limits import (
     NO_PRICES,
     NO_SEGMENTS,
     PlanLimits,
@@ -31,9 +31,9 @@ from pareto_ltl.report.limits import (
     small_change,
     speed_change,
 )
-from pareto_ltl.report.page.content import page_bytes, page_content
-from pareto_ltl.report.plan_maps import BARS, limits_figure
-from pareto_ltl.report.records import DrawnRun, ShownRun
+from pareto_ltl_apps.view.page.content import page_bytes, page_content
+from pareto_ltl_apps.view.plan_maps import BARS, limits_figure
+from pareto_ltl_apps.view.records import DrawnRun, ShownRun
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.medium import AIR, WATER, Medium

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from pareto_ltl.report.study_departure import heat_figure
+from pareto_ltl_apps.view.study_departure import heat_figure
 
 NAN = float("nan")
 LIMITS = np.array([1.0e6, 1.1e6, 1.2e6])

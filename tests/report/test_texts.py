@@ -26,29 +26,29 @@ from drawn_world import (
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.evaluate import Forecast
 from pareto_ltl.planning.rates import Promise, counted_rate
-from pareto_ltl.report import style
-from pareto_ltl.report.axes import rate_tick_text, rate_ticks
-from pareto_ltl.report.figures import draw_record
-from pareto_ltl.report.front import front_figure
-from pareto_ltl.report.map import plan_figure, shown_probability
-from pareto_ltl.report.map_layers import (
+from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.axes import rate_tick_text, rate_ticks
+from pareto_ltl_apps.view.figures import draw_record
+from pareto_ltl_apps.view.front import front_figure
+from pareto_ltl_apps.view.map import plan_figure, shown_probability
+from pareto_ltl_apps.view.map_layers import (
     area_on_map,
     covering_points,
     dense_path,
     label_position,
     places_inside,
 )
-from pareto_ltl.report.metric_names import LAW_NAMES, METRIC_LABELS, is_probability, metric_label
-from pareto_ltl.report.records import DrawnRun
-from pareto_ltl.report.study_forecast_test import reliability_figure
-from pareto_ltl.report.study_planners import (
+from pareto_ltl_apps.view.metric_names import LAW_NAMES, METRIC_LABELS, is_probability, metric_label
+from pareto_ltl_apps.view.records import DrawnRun
+from pareto_ltl_apps.view.study_forecast_test import reliability_figure
+from pareto_ltl_apps.view.study_planners import (
     ablation_figure,
     comparison_figure,
     convergence_figure,
     outcomes_figure,
 )
-from pareto_ltl.report.sweep_figures import axis_label
-from pareto_ltl.report.wind import wind_figure
+from pareto_ltl_apps.view.sweep_figures import axis_label
+from pareto_ltl_apps.view.wind import wind_figure
 from pareto_ltl.settings import (
     AblationConfig,
     CompareConfig,
@@ -57,7 +57,7 @@ from pareto_ltl.settings import (
     ReportConfig,
     preset,
 )
-from pareto_ltl.studies import compare, convergence, sweep_summary
+from pareto_ltl_apps.studies import compare, convergence, sweep_summary
 
 LAWS = ("independent", "coherent")
 BOUNDS = np.array([[0.0, 0.0], [10.0, 10.0]])

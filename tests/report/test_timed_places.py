@@ -11,11 +11,11 @@ import pytest
 
 from drawn_world import UNIT, decomposition_of, run_records, scene_of
 from figure_texts import texts_of, texts_outside, wrong_texts
-from pareto_ltl.report import style
-from pareto_ltl.report.figures import draw_record
-from pareto_ltl.report.map import plan_figure
-from pareto_ltl.report.map_layers import short_span, time_lines, timed_obstacles, visited_outlines
-from pareto_ltl.report.records import DrawnRun
+from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.figures import draw_record
+from pareto_ltl_apps.view.map import plan_figure
+from pareto_ltl_apps.view.map_layers import short_span, time_lines, timed_obstacles, visited_outlines
+from pareto_ltl_apps.view.records import DrawnRun
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.windows import Window

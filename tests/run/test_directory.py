@@ -15,7 +15,7 @@ from pareto_ltl.run.pipeline import check_pipeline, files_of, run_pipeline
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl.studies.stages import APPLICATION_STAGES
+from pareto_ltl_apps.studies.stages import APPLICATION_STAGES
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.locks import hold_lock
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.resources import choices
 from pareto_ltl.support.schemas import SCHEMA_NAMES, read_document

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 import pareto_ltl
 from exported_plans import SMALL
-from pareto_ltl.cli.arguments import read_formats, read_metres
-from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.exports.formats import MAKERS
+from pareto_ltl_apps.cli.arguments import read_formats, read_metres
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.exports.formats import MAKERS
 from pareto_ltl.settings import ExportsConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError

@@ -23,7 +23,7 @@ import psutil
 import pytest
 
 from pareto_ltl import load_results
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from patience import PATIENCE, wait_until
 from unmeasured import untraced
 

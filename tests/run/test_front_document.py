@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.cli.arguments import read_length, read_number, read_share
+from pareto_ltl_apps.cli.arguments import read_length, read_number, read_share
 from pareto_ltl.planning.costs import COSTS
 from pareto_ltl.planning.plan_files import FRONT_HEADER
 from pareto_ltl.settings.planner import SELECTION_RULES

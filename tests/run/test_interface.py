@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pareto_ltl
-from pareto_ltl.cli import hydra_app as app
+from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl.run.interface import VEHICLE
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import MissionConfig, SceneConfig

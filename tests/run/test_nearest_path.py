@@ -15,7 +15,7 @@ from numpy.random import SeedSequence
 
 import pareto_ltl
 from lies.editing import Lie, both, edited, in_json, in_metrics, in_plan
-from pareto_ltl.cli.summary import limit_rows, plan_paragraphs
+from pareto_ltl_apps.cli.summary import limit_rows, plan_paragraphs
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.power import EnergyModel, Wing
 from pareto_ltl.planning.problem import Problem

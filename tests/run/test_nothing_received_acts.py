@@ -22,8 +22,8 @@ import pytest
 import pareto_ltl
 from documents import ROOT
 from map_files import GOAL, KML, START, WALL
-from pareto_ltl.cli.command_table import DIR, TOOL_COMMANDS
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.command_table import DIR, TOOL_COMMANDS
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.provenance import file_hashes
 from pareto_ltl.run.received import GRANTED, allowed_settings
 from pareto_ltl.settings import Settings
@@ -210,7 +210,7 @@ def test_a_cluster_that_the_user_names_is_asked_and_one_that_the_settings_name_i
 ) -> None:
     pytest.importorskip("distributed")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("pareto_ltl.studies.cluster.PATIENCE", 1.0)
+    monkeypatch.setattr("pareto_ltl_apps.studies.cluster.PATIENCE", 1.0)
     study = ["compare", "scene=phi1", "mission.formula=F a", "wind=calm", "fidelity=paper", "report=none"]
     small = ["planner.trees=1", "planner.n_max=300", "evaluation.seeds=[0]", "compare.methods=[paper]"]
     assert run_command_line([*study, *small, "deployment.runs=20", "hydra.run.dir=study"]) == 0

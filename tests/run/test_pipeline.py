@@ -27,7 +27,7 @@ from pareto_ltl.settings import (
     WindConfig,
     preset,
 )
-from pareto_ltl.studies.stages import APPLICATION_STAGES
+from pareto_ltl_apps.studies.stages import APPLICATION_STAGES
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choice_file
 

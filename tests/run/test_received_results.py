@@ -11,7 +11,7 @@ import pytest
 
 import pareto_ltl
 from pareto_ltl import Run
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.locks import hold_lock

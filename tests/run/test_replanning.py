@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import pareto_ltl
-from pareto_ltl.cli.arguments import read_fix
-from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.cli.result_commands import default_place
+from pareto_ltl_apps.cli.arguments import read_fix
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.cli.result_commands import default_place
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.run.replanning import comparison_lines
+from pareto_ltl_apps.flight.replanning import comparison_lines
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.projection import to_geographic
@@ -151,7 +151,7 @@ def test_a_time_between_two_steps_is_rounded(made: Path) -> None:
 
 
 def test_the_rule_of_the_rest_has_the_length_that_is_left(made: Path) -> None:
-    from pareto_ltl.run.rest_of_flight import rule_of_the_rest
+    from pareto_ltl_apps.flight.rest_of_flight import rule_of_the_rest
 
     path = Run.open(made).plan.path
     cfg = SelectionConfig(rule="length", length=path.objectives.length)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import pareto_ltl
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import Settings, WindConfig
 from pareto_ltl.settings.building import section_of

@@ -15,12 +15,12 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from desk import SMALL, DirectClient
-from pareto_ltl.cli.desk_worker import run_at_desk
-from pareto_ltl.cli.hydra_app import run_accepted
-from pareto_ltl.serve.allowed import PATHS, SECTIONS, TEXTS, Leaf, check_composed, leaves, quoted
-from pareto_ltl.serve.app import desk_app
-from pareto_ltl.serve.folder import DeskFolder
-from pareto_ltl.serve.missions import COMMANDS, EXAMPLES, command_words
+from pareto_ltl_apps.cli.desk_worker import run_at_desk
+from pareto_ltl_apps.cli.hydra_app import run_accepted
+from pareto_ltl_apps.desk.allowed import PATHS, SECTIONS, TEXTS, Leaf, check_composed, leaves, quoted
+from pareto_ltl_apps.desk.app import desk_app
+from pareto_ltl_apps.desk.folder import DeskFolder
+from pareto_ltl_apps.desk.missions import COMMANDS, EXAMPLES, command_words
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.checks import Declaration
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
@@ -350,7 +350,7 @@ def test_shipped_choices_pass_the_check(place: Path, command: str, name: str) ->
     with pytest.MonkeyPatch.context() as patch:
         passed: list[BaseException] = []
         patch.setattr(
-            "pareto_ltl.cli.hydra_app.explain_error", lambda error: passed.append(error) or "passed"
+            "pareto_ltl_apps.cli.hydra_app.explain_error", lambda error: passed.append(error) or "passed"
         )
         assert run_accepted([f"+experiment={name}"], command, accept) == 2
     assert [type(error) for error in passed] == [PassedError]

@@ -20,12 +20,12 @@ import psutil
 import pytest
 
 from desk import HOP, MOST, SMALL, RunningDesk, running_desk
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.serve import views
-from pareto_ltl.serve.app import ROUTES
-from pareto_ltl.serve.folder import DeskFolder
-from pareto_ltl.serve.plans import MOST_ENDED, Plans
+from pareto_ltl_apps.desk import views
+from pareto_ltl_apps.desk.app import ROUTES
+from pareto_ltl_apps.desk.folder import DeskFolder
+from pareto_ltl_apps.desk.plans import MOST_ENDED, Plans
 from quick_wind import wind_words
 
 

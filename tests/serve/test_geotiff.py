@@ -13,7 +13,7 @@ from PIL import Image
 from pyproj import Transformer
 
 from geotiffs import UTM, WGS84, geotiff
-from pareto_ltl.serve.geotiff import shown_image
+from pareto_ltl_apps.desk.geotiff import shown_image
 from pareto_ltl.support.errors import DataError
 
 

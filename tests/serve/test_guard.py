@@ -10,9 +10,9 @@ import httpx
 import pytest
 
 from desk import DirectClient
-from pareto_ltl.serve.app import ROUTES, Operation, desk_app
-from pareto_ltl.serve.folder import DeskFolder
-from pareto_ltl.serve.server import SINGLE
+from pareto_ltl_apps.desk.app import ROUTES, Operation, desk_app
+from pareto_ltl_apps.desk.folder import DeskFolder
+from pareto_ltl_apps.desk.server import SINGLE
 from pareto_ltl.support.errors import ConfigError, DataError
 
 TOKEN, PORT = "a-token-of-this-test", 8123
@@ -179,7 +179,7 @@ def test_the_text_of_an_error_does_not_decide_its_status(
     def broken(*_: object) -> None:
         raise DataError("there is no wind in this file")
 
-    monkeypatch.setattr("pareto_ltl.serve.missions.example_map", broken)
+    monkeypatch.setattr("pareto_ltl_apps.desk.missions.example_map", broken)
     assert client.get("/api/examples/hop", headers=BEARER).status_code == 400
 
 

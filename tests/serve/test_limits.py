@@ -16,12 +16,12 @@ import httpx
 import pytest
 
 from desk import MOST, RunningDesk, running_desk
-from pareto_ltl.serve import explaining
-from pareto_ltl.serve.app import desk_app
-from pareto_ltl.serve.explaining import Explainer, explained_formula
-from pareto_ltl.serve.folder import DeskFolder
-from pareto_ltl.serve.limits import Limits
-from pareto_ltl.serve.server import LoopbackServer, loopback_server
+from pareto_ltl_apps.desk import explaining
+from pareto_ltl_apps.desk.app import desk_app
+from pareto_ltl_apps.desk.explaining import Explainer, explained_formula
+from pareto_ltl_apps.desk.folder import DeskFolder
+from pareto_ltl_apps.desk.limits import Limits
+from pareto_ltl_apps.desk.server import LoopbackServer, loopback_server
 
 LIMITS = Limits(connections=8, headers=1.0, body=1.5, header_bytes=4096)
 FIVE_GOALS = "F a & F b & F c & F d & F e"

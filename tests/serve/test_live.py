@@ -13,9 +13,9 @@ from playwright.sync_api import Browser
 
 from chromium import launched, needs_chromium, opened_page
 from desk import DirectClient
-from pareto_ltl.inflight.telemetry import Reading
-from pareto_ltl.inflight.watch import Watch, WatchSettings
-from pareto_ltl.serve.live import LivePage, live_app
+from pareto_ltl_apps.flight.telemetry import Reading
+from pareto_ltl_apps.flight.watch import Watch, WatchSettings
+from pareto_ltl_apps.desk.live import LivePage, live_app
 from watched import DT, PATH, PLAN, PROBLEM, heading_of
 
 TOKEN, PORT = "a-token-of-this-test", 8123
@@ -90,7 +90,7 @@ def test_the_state_is_what_is_new_and_the_rest_of_the_flights(page: LivePage) ->
 def test_old_events_are_forgotten_and_keep_their_numbers(
     monkeypatch: pytest.MonkeyPatch, page: LivePage
 ) -> None:
-    monkeypatch.setattr("pareto_ltl.serve.live.MOST", 10)
+    monkeypatch.setattr("pareto_ltl_apps.desk.live.MOST", 10)
     small, watch = LivePage(), SimpleNamespace(problem=PROBLEM)
     for number in range(25):
         one = {"event": "alarm", "time": float(number), "text": str(number), "advice": "none"}

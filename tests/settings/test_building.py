@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hydra.types import RunMode
 
-from pareto_ltl.cli import composition
-from pareto_ltl.cli.setting_keys import settings_from
+from pareto_ltl_apps.cli import composition
+from pareto_ltl_apps.cli.setting_keys import settings_from
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import PRESETS, PlannerConfig, Settings, preset
 from pareto_ltl.settings.building import build_settings, read_settings_file, section_of

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.studies import calibration
+from pareto_ltl_apps.studies import calibration
 from pareto_ltl.support.counts import clopper_pearson
 
 

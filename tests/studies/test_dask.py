@@ -17,11 +17,11 @@ import dask
 import pytest
 from distributed import Client, LocalCluster
 
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.settings import EvaluationConfig, Settings
-from pareto_ltl.studies import cluster, parts
-from pareto_ltl.studies.cluster import connected
-from pareto_ltl.studies.parts import Part
+from pareto_ltl_apps.studies import cluster, parts
+from pareto_ltl_apps.studies.cluster import connected
+from pareto_ltl_apps.studies.parts import Part
 from pareto_ltl.support.errors import ConfigError, DataError
 from patience import PATIENCE
 from quick_wind import wind_words
@@ -110,7 +110,7 @@ def test_a_part_that_kills_each_of_its_workers_is_given_up_and_the_others_are_ke
 def test_a_worker_with_other_code_is_refused(
     address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pareto_ltl.studies.cluster._code", lambda: "of another version")
+    monkeypatch.setattr("pareto_ltl_apps.studies.cluster._code", lambda: "of another version")
     with pytest.raises(DataError, match="has another version of pareto_ltl: install the same one everywhere"):
         parts.work_parts(EvaluationConfig(cluster=address), tmp_path, square, 0, some(3))
 
@@ -142,7 +142,7 @@ def test_workers_that_start_again_when_they_are_counted_are_awaited() -> None:
 
 
 def test_what_is_no_cluster_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pareto_ltl.studies.cluster.PATIENCE", 1.0)
+    monkeypatch.setattr("pareto_ltl_apps.studies.cluster.PATIENCE", 1.0)
     with (
         pytest.raises(ConfigError, match=r"no scheduler of Dask answers .* start one with 'dask scheduler'"),
         connected("tcp://127.0.0.1:1"),

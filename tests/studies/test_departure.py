@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pytest
 
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import DepartureConfig, Settings
-from pareto_ltl.studies.departure import candidate_starts, repeat_seed
-from pareto_ltl.studies.departure_fronts import Comparison, compare_fronts, flown_front
-from pareto_ltl.studies.departure_table import (
+from pareto_ltl_apps.studies.departure import candidate_starts, repeat_seed
+from pareto_ltl_apps.studies.departure_fronts import Comparison, compare_fronts, flown_front
+from pareto_ltl_apps.studies.departure_table import (
     Delivered,
     Found,
     compared_paths,

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.random import Generator
 
-from pareto_ltl.studies.departure_fronts import (
+from pareto_ltl_apps.studies.departure_fronts import (
     LEAST_VARIANCE,
     FlownFront,
     SeedSpread,

@@ -13,10 +13,10 @@ import shapely
 
 import small_study
 from noaa import NOAA, needs_noaa
-from pareto_ltl.cli import hydra_app as app
+from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl.settings import HindcastConfig, WindConfig
-from pareto_ltl.studies import forecast_test
-from pareto_ltl.studies import random_missions as missions
+from pareto_ltl_apps.studies import forecast_test
+from pareto_ltl_apps.studies import random_missions as missions
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.observations import project_readings
 from pareto_ltl.wind.readings import Readings, iso

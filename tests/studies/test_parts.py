@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.settings import EvaluationConfig, PlannerConfig, ReportConfig, Settings, WindConfig
-from pareto_ltl.studies import parts
-from pareto_ltl.studies.parts import Part
+from pareto_ltl_apps.studies import parts
+from pareto_ltl_apps.studies.parts import Part
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import remove_dead_drafts
 from small_study import files
@@ -110,10 +110,10 @@ def test_a_holder_that_ends_while_it_is_looked_at_was_not_killed(
         lock.unlink()  # as the holder does, between the first look and this one
         return False
 
-    monkeypatch.setattr("pareto_ltl.studies.jobs.is_held", ending)
+    monkeypatch.setattr("pareto_ltl_apps.studies.jobs.is_held", ending)
     assert job.look().answered
     job.lock.write_text("a process that was killed", encoding="utf-8")
-    monkeypatch.setattr("pareto_ltl.studies.jobs.is_held", lambda _lock: False)
+    monkeypatch.setattr("pareto_ltl_apps.studies.jobs.is_held", lambda _lock: False)
     assert not job.look().answered
 
 
@@ -208,7 +208,7 @@ def test_a_part_at_work_elsewhere_is_waited_for_and_taken_over(tmp_path: Path) -
     (part,) = some(1)
     place = parts.parts_folder(ONE, tmp_path)
     code = (
-        "import sys, time\nfrom pathlib import Path\nfrom pareto_ltl.studies.parts import Part, PartJob\n"
+        "import sys, time\nfrom pathlib import Path\nfrom pareto_ltl_apps.studies.parts import Part, PartJob\n"
         "def slow():\n    print('held', flush=True)\n    time.sleep(0.5)\n    return {'value': 7.0}\n"
         "PartJob(Path(sys.argv[1]), Part(sys.argv[2], (), sys.argv[3])).keep_result(slow)\n"
     )

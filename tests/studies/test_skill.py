@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scores.continuous import isotonic_fit
 from scores.probability import brier_score, murphy_score
 
-from pareto_ltl.studies import calibration
-from pareto_ltl.studies.calibration import scorecard, situations_text
+from pareto_ltl_apps.studies import calibration
+from pareto_ltl_apps.studies.calibration import scorecard, situations_text
 
 PAIRS = st.lists(st.tuples(st.floats(0.0, 1.0), st.sampled_from([0.0, 1.0])), min_size=3, max_size=40)
 

@@ -13,8 +13,8 @@ import pytest
 import small_study
 from pareto_ltl.planning import growth
 from pareto_ltl.planning.evaluate import forecast
-from pareto_ltl.report.records import Study
-from pareto_ltl.report.study_planners import FACTOR_LABELS
+from pareto_ltl_apps.view.records import Study
+from pareto_ltl_apps.view.study_planners import FACTOR_LABELS
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import (
@@ -27,8 +27,8 @@ from pareto_ltl.settings import (
     preset,
 )
 from pareto_ltl.settings.studies import METHODS, MODEL_FACTORS
-from pareto_ltl.studies import compare, convergence, planning, tables
-from pareto_ltl.studies.planning import fly_seeded, still, unsmoothed
+from pareto_ltl_apps.studies import compare, convergence, planning, tables
+from pareto_ltl_apps.studies.planning import fly_seeded, still, unsmoothed
 from pareto_ltl.support.errors import ConfigError
 
 DEFAULT_MODELS = (("parents", "mixed"), ("collision_bound", "path"), ("refine", "none"))
@@ -383,8 +383,8 @@ def test_steps_cannot_be_cut_where_the_motion_has_dynamics_of_its_own(
 def test_every_study_draws_its_figures(
     cfg: Settings, world: Run, compared: Study, converged: Study, tmp_path: Path
 ) -> None:
-    from pareto_ltl.report.axes import save_figures
-    from pareto_ltl.report.study_planners import comparison_figures, convergence_figures
+    from pareto_ltl_apps.view.axes import save_figures
+    from pareto_ltl_apps.view.study_planners import comparison_figures, convergence_figures
 
     asked = replace(cfg.report, formats=["png", "svg"])
     made = {

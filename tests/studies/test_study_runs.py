@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.cli import composition
-from pareto_ltl.cli import hydra_app as app
+from pareto_ltl_apps.cli import composition
+from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices
 from patience import wait_until

@@ -20,16 +20,16 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from pareto_ltl.cli import composition
-from pareto_ltl.cli import hydra_app as app
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli import composition
+from pareto_ltl_apps.cli import hydra_app as app
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.fidelity import LAWS
-from pareto_ltl.studies import jobs, sweeps
-from pareto_ltl.studies import sweep_summary as summary
-from pareto_ltl.studies.jobs import JobQueue, JobState, RunJob
-from pareto_ltl.studies.sweeps import FigureChoice, SweepManifest, SweepPoint
+from pareto_ltl_apps.studies import jobs, sweeps
+from pareto_ltl_apps.studies import sweep_summary as summary
+from pareto_ltl_apps.studies.jobs import JobQueue, JobState, RunJob
+from pareto_ltl_apps.studies.sweeps import FigureChoice, SweepManifest, SweepPoint
 from pareto_ltl.support import locks
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json
@@ -509,7 +509,7 @@ def test_a_job_killed_before_it_wrote_anything_was_at_work(tmp_path: Path) -> No
     (job,) = runs_in(tmp_path, 1)
     code = (
         "import os, signal, sys\nfrom pathlib import Path\n"
-        "from pareto_ltl.studies.jobs import RunJob\n"
+        "from pareto_ltl_apps.studies.jobs import RunJob\n"
         "RunJob(Path(sys.argv[1])).do_once(lambda: os.kill(os.getpid(), signal.SIGKILL))\n"
     )
 

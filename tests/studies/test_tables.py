@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.studies import tables
-from pareto_ltl.studies.compare import _points
+from pareto_ltl_apps.studies import tables
+from pareto_ltl_apps.studies.compare import _points
 from pareto_ltl.support.counts import clopper_pearson
 
 

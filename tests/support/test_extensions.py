@@ -136,7 +136,7 @@ def test_messages_list_what_other_packages_add(
 def test_the_example_package_does_not_slow_the_start(installed: dict[str, str], tmp_path: Path) -> None:
     code = (
         "import sys\n"
-        "from pareto_ltl.cli import hydra_app as app\n"
+        "from pareto_ltl_apps.cli import hydra_app as app\n"
         f"assert app.run_hydra([*{ARGUMENTS!r}, 'planner.trees=0']) == 2\n"
         "print([name for name in 'numpy scipy numba cvxpy shapely'.split() if name in sys.modules])\n"
     )

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.cli.commands import run_command_line
-from pareto_ltl.inflight import link
-from pareto_ltl.studies import cluster
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.flight import link
+from pareto_ltl_apps.studies import cluster
 from pareto_ltl.support import extras
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.wind.sources import WINDS, netcdf_snapshots

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pareto_ltl.inflight.telemetry import read_log
+from pareto_ltl_apps.flight.telemetry import read_log
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError

@@ -10,7 +10,7 @@ import pytest
 from numpy.random import SeedSequence
 
 from desk import SMALL
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.simulation.flights import simulate_flights

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from desk import SMALL
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.judge import verify
 
 KEYS = {"plan.json": ("objectives", "turns"), "metrics.json": ("turns_deg",)}

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import pareto_ltl
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from problems import box, make_scene
 
 SCORES = ("gp_coverage_90", "gp_z_sd", "gp_nlpd")

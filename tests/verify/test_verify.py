@@ -17,7 +17,7 @@ from honest_results import PRESETS, SMALL
 from levels import BY_DAY, first_of_each
 from lies import LIES, Lie, edited
 from lies.editing import in_plan, setting
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.yaml_files import read_yaml
@@ -186,7 +186,7 @@ def test_a_damaged_file_is_a_claim_that_fails(
 
 def test_the_judge_loads_no_compiled_code_of_the_planner(honest: dict[str, Path]) -> None:
     script = (
-        "import sys; from pareto_ltl.cli.commands import run_command_line;"
+        "import sys; from pareto_ltl_apps.cli.commands import run_command_line;"
         f"code = run_command_line(['verify', '--failed', {str(honest['paper'])!r}]);"
         "print(code, [name for name in ('numba', 'cvxpy', 'sklearn', 'shapely') if name in sys.modules])"
     )

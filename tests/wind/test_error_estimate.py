@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import forecast_history as history
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_json
-from pareto_ltl.wind.error_estimate import (
+from pareto_ltl_apps.wind_errors.error_estimate import (
     ASYMMETRY,
     DIRECT,
     MIXED,
@@ -24,7 +24,7 @@ from pareto_ltl.wind.error_estimate import (
     estimated_law,
     matern_lengths,
 )
-from pareto_ltl.wind.matched_fields import Interval, Resampling
+from pareto_ltl_apps.wind_errors.matched_fields import Interval, Resampling
 from pareto_ltl.wind.named_laws import first_law, read_law
 from pareto_ltl.wind.snapshots import Snapshot
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pareto_ltl.report.page.ground import shown_map
+from pareto_ltl_apps.view.page.ground import shown_map
 from pareto_ltl.settings.mission import SceneConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.scene import Scene

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pareto_ltl
-from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.logic import hoa
 from pareto_ltl.logic.automaton import translate
 from pareto_ltl.logic.formula import Formula, parse_formula

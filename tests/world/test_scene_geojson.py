@@ -13,7 +13,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.exports.geojson import true_fix
+from pareto_ltl_apps.exports.geojson import true_fix
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.settings.heights import level_height
 from pareto_ltl.support.errors import DataError

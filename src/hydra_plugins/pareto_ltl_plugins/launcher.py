@@ -1,7 +1,7 @@
 """The launcher of sweeps on an existing cluster of Dask: ``hydra/launcher=dask``.
 
 Hydra has no launcher for an existing cluster. This module holds what needs Hydra; studies use the same
-connection (``pareto_ltl.studies.cluster``).
+connection (``pareto_ltl_apps.studies.cluster``).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class DaskLauncher(Launcher):
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
         """Run the jobs and wait for all; a job whose worker died each time has status FAILED."""
-        from pareto_ltl.studies.cluster import broken, on_cluster
+        from pareto_ltl_apps.studies.cluster import broken, on_cluster
 
         setup_globals()
         shared = self.hydra_context, self.task_function, self.config, Singleton.get_state()

@@ -2,7 +2,7 @@
 
 Hydra's basic sweeper runs every point again. This one names each point by the fingerprint of its settings, so
 that it knows which are done; it checks every point before it makes a directory, and continues after jobs or
-launches that were killed (``pareto_ltl.studies.jobs``). This module holds what needs Hydra.
+launches that were killed (``pareto_ltl_apps.studies.jobs``). This module holds what needs Hydra.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 if TYPE_CHECKING:
-    from pareto_ltl.studies.sweep_summary import SweepSummary
-    from pareto_ltl.studies.sweeps import SweepManifest
+    from pareto_ltl_apps.studies.sweep_summary import SweepSummary
+    from pareto_ltl_apps.studies.sweeps import SweepManifest
 
 SWEEP_LOCK = ".sweep.lock"
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -58,12 +58,12 @@ class PointsSweeper(BasicSweeper):
 
     def _points(self, arguments: list[str]) -> tuple[SweepManifest, dict[str, list[str]], bool]:
         """The points of the grid, the words that Hydra composes each from, and whether to keep answers."""
-        from pareto_ltl.cli.composition import check_settings
-        from pareto_ltl.cli.setting_keys import settings_from
+        from pareto_ltl_apps.cli.composition import check_settings
+        from pareto_ltl_apps.cli.setting_keys import settings_from
         from pareto_ltl.run.provenance import config_hash
-        from pareto_ltl.studies.jobs import KEY_DIGITS
-        from pareto_ltl.studies.sweep_summary import check_figure
-        from pareto_ltl.studies.sweeps import FigureChoice, SweepManifest, SweepPoint
+        from pareto_ltl_apps.studies.jobs import KEY_DIGITS
+        from pareto_ltl_apps.studies.sweep_summary import check_figure
+        from pareto_ltl_apps.studies.sweeps import FigureChoice, SweepManifest, SweepPoint
 
         assert self.config is not None
         overrides = self._overrides(arguments)
@@ -88,10 +88,10 @@ class PointsSweeper(BasicSweeper):
         self, place: Path, manifest: SweepManifest, words: Mapping[str, list[str]], *, resume: bool
     ) -> SweepSummary:
         """Run the points without an answer and write the summary, also when that is interrupted."""
-        from pareto_ltl.cli.output import print_problem
-        from pareto_ltl.cli.summary import sweep_answer
-        from pareto_ltl.studies.jobs import JobQueue, RunJob
-        from pareto_ltl.studies.sweep_summary import write_summary
+        from pareto_ltl_apps.cli.output import print_problem
+        from pareto_ltl_apps.cli.summary import sweep_answer
+        from pareto_ltl_apps.studies.jobs import JobQueue, RunJob
+        from pareto_ltl_apps.studies.sweep_summary import write_summary
 
         def launch(batch: Sequence[RunJob]) -> None:
             size = self._batch_size() or len(batch)

@@ -255,8 +255,8 @@ def export(
     InfeasibleError
         If the front has no such path.
     """
-    from pareto_ltl.exports.exported import exported_plan
-    from pareto_ltl.exports.formats import writable_formats, write_exports
+    from pareto_ltl_apps.exports.exported import exported_plan
+    from pareto_ltl_apps.exports.formats import writable_formats, write_exports
 
     run = planned_run(planned)
     cfg = replace(

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest, Front, Plan
-    from pareto_ltl.report.figures import Drawing
+    from pareto_ltl_apps.view.figures import Drawing
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField, WindObservations
@@ -242,8 +242,8 @@ class Run(BaseRun):
         settings, plan, problem = self.settings, self.plan, self.problem
         if not settings.exports.files:
             return ()
-        from pareto_ltl.exports.exported import exported_plan
-        from pareto_ltl.exports.formats import writable_formats, write_exports
+        from pareto_ltl_apps.exports.exported import exported_plan
+        from pareto_ltl_apps.exports.formats import writable_formats, write_exports
 
         formats, reason = writable_formats(settings.exports.formats, problem.scene, plan.path.t)
         if reason:
@@ -259,9 +259,9 @@ class Run(BaseRun):
         """Figures of the records that exist; without a plan the map shows how far the trees came."""
         if not self.settings.report.figures:
             return ()
-        from pareto_ltl.report.figures import draw_run_figures
-        from pareto_ltl.report.records import DrawnRun
-        from pareto_ltl.run.page_stage import drawn_records
+        from pareto_ltl_apps.view.figures import draw_run_figures
+        from pareto_ltl_apps.view.records import DrawnRun
+        from pareto_ltl_apps.view.page_stage import drawn_records
 
         drawn = DrawnRun(decomposition=self.cells, **drawn_records(self))
         return draw_run_figures(self.place / "figures", self.settings.report, drawn)
@@ -271,7 +271,7 @@ class Run(BaseRun):
         """``report.html`` from the records that exist; without a plan the page states the reason."""
         if not self.settings.report.page:
             return ()
-        from pareto_ltl.run.page_stage import make_page
+        from pareto_ltl_apps.view.page_stage import make_page
 
         return (make_page(self),)
 
@@ -361,7 +361,7 @@ class Run(BaseRun):
 
     def plot(self, **options: Any) -> Drawing:
         """The map with trees and plan, and the simulated flights of a run in memory."""
-        from pareto_ltl.report.figures import mission_drawing
+        from pareto_ltl_apps.view.figures import mission_drawing
 
         if self.stored is None:
             options = {"deployments": self.records.get("deployments")} | options
@@ -406,6 +406,6 @@ def _import_report(cfg: ReportConfig) -> None:
     """Import what the last stages need, while the trees grow outside the interpreter: 0.7 s less a run."""
     with suppress(Exception):  # an error appears again in its stage
         if cfg.figures:
-            import_module("pareto_ltl.report.figures")
+            import_module("pareto_ltl_apps.view.figures")
         if cfg.page:
-            import_module("pareto_ltl.report.page.content").page_template()
+            import_module("pareto_ltl_apps.view.page.content").page_template()

@@ -22,7 +22,7 @@ GROWTH = "growth.grow"
 LONGEST = 300.0  # [s] to wait for the second process
 PAUSE = 0.1  # [s]
 REST = "the rest, in a second process"
-CODE = "import sys; from pareto_ltl.run.warmup import second_process; second_process(*sys.argv[1:])"
+CODE = "import sys; from pareto_ltl_apps.cli.warmup import second_process; second_process(*sys.argv[1:])"
 
 
 @contextmanager

@@ -1,0 +1,347 @@
+"""Random missions planned from a part of the winds and flown through full fields: a test of the promise.
+
+With ``known=departure``, planning knows the cycles that began at least ``delay`` before departure: their
+analyses and, as far as they reach, their forecasts. After the last of these the last field is held, with the
+error of a held field. With ``known=all`` (``pipelines=hindcast``) it knows thinned readings of the whole
+flight, also of times after departure, which tests interpolation only (``known_winds`` has both).
+
+The plans are flown through the later analyses (and short forecasts between them) with gusts of the fitted
+size. The promises of a plan, its bounds and its simulated rates, are compared with the share that failed: a
+mission is one trial.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl import Run, Settings
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.records import Front, PlannedPath
+from pareto_ltl_apps.view.records import Study
+from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, preset
+from pareto_ltl.settings.fidelity import FidelityConfig
+from pareto_ltl_apps.studies import calibration, random_missions
+from pareto_ltl_apps.studies.calibration import CHOSEN
+from pareto_ltl_apps.studies.known_winds import KNOWN_WINDS, KnownWinds
+from pareto_ltl_apps.studies.parts import Part, PartWork, Progress, part_key, work_parts
+from pareto_ltl_apps.studies.planning import fly_seeded
+from pareto_ltl_apps.studies.random_missions import Mission
+from pareto_ltl_apps.studies.tables import Columns
+from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl.support.fingerprints import file_fingerprint
+from pareto_ltl.wind.area import GeoBox, box_of
+from pareto_ltl.wind.ingest import common_nodes
+from pareto_ltl.wind.observations import FIT_RADIUS
+from pareto_ltl.wind.snapshots import Snapshot, latest_readings
+from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
+
+# Of the contiguous United States, with their eastern ends [deg].
+REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}
+REGION_KEYS = ("fidelity", "region")
+LEAD_KEYS = ("fidelity", "season", "lead")
+SEASONS = ("Dec to Feb", "Mar to May", "Jun to Aug", "Sep to Nov")
+LEADS = (6.0, 12.0, 24.0, 48.0)  # ends of the groups by lead [h]
+HELD = "held field"
+ENOUGH = 20  # least number of missions of a bin that counts in the numbers
+RIM = 4.0  # [deg] around the area of the missions in which readings are used, for scenes at its edge
+HALF_HOUR = 1800.0  # time step of robot.dt=auto here [s]
+UNIMPORTANT = ("truth", "missions", "bins")  # settings that do not change a single mission
+PLACE = ("formula", "departure", "situation", "latitude", "longitude")  # of a mission, in the table of plans
+KNOWN = ("known_hours", "cycle_hours")
+OUTCOMES = ("failure", "missed", "collided", "off_map", "miss_m", "sd_m")
+ENDS = ("", "_low", "_high")
+
+
+def run_forecast_test(settings: Settings, _: Run, directory: Path, progress: Progress = None) -> Study:
+    """Plan and fly the missions of ``settings.forecast_test``."""
+    return fly_missions(settings, settings.forecast_test, directory, progress)
+
+
+def run_hindcast(settings: Settings, _: Run, directory: Path, progress: Progress = None) -> Study:
+    """Plan and fly the missions of ``settings.hindcast``: the same test with ``known=all``."""
+    return fly_missions(settings, settings.hindcast, directory, progress)
+
+
+def fly_missions(settings: Settings, cfg: ForecastTestConfig, directory: Path, progress: Progress) -> Study:
+    """Plan ``cfg.missions`` missions and fly them through the full fields."""
+    known = known_of_files(settings, cfg, directory)
+    known.prepare()
+    return missions_study(known, work_missions(known, mission_part, settings.evaluation.laws, progress))
+
+
+def work_missions(known: KnownWinds, work: PartWork, more: Any, progress: Progress) -> list[dict[str, Any]]:
+    """Results of ``work(known, k)`` for each mission k; they depend on ``more`` too."""
+    settings, cfg = known.settings, known.cfg
+    inputs = {key: value for key, value in asdict(cfg).items() if key not in UNIMPORTANT}
+    files = [file_fingerprint(file) for file in known.truth.files]
+    base = part_key(settings, cfg.section, inputs, settings.border, more, files)
+    todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
+    return work_parts(settings.evaluation, known.folder, work, known, todo, progress)
+
+
+def known_of_files(settings: Settings, cfg: ForecastTestConfig, directory: Path) -> KnownWinds:
+    """The winds of all missions, from the full fields that ``cfg`` names."""
+    files, wind = random_missions.full_fields(cfg), settings.wind
+    fields = grib_snapshots_apart(files, wind.max_speed, wind.level, needed_area(settings, cfg))
+    return known_winds(settings, cfg, directory, fields.winds, files)
+
+
+def needed_area(settings: Settings, cfg: ForecastTestConfig) -> GeoBox:
+    """The part of the fields that missions can need: for the lattice of a scene at the edge, and readings."""
+    margin = cfg.side[1] / 2 + settings.wind.padding + FIT_RADIUS
+    return box_of(np.array(_rim_outline(cfg))).widened(margin)
+
+
+def _rim_outline(cfg: ForecastTestConfig) -> list[list[float]]:
+    """Corners of the area with a rim of ``RIM`` degrees."""
+    import shapely
+
+    rim = shapely.Polygon(cfg.area).buffer(RIM)
+    return [list(map(float, corner)) for corner in rim.exterior.coords[:-1]]
+
+
+def known_winds(
+    settings: Settings, cfg: ForecastTestConfig, folder: Path, snapshots: tuple[Snapshot, ...],
+    files: tuple[Path, ...],
+) -> KnownWinds:  # fmt: skip
+    """The winds of all missions, from the winds of all cycles."""
+    truth = latest_readings(snapshots, files)
+    spells = tuple(random_missions.spells(truth, cfg))
+    nodes = {}
+    if cfg.points is not None:
+        ingest = IngestConfig(points=cfg.points, area=_rim_outline(cfg))
+        for spell in spells:
+            nodes[spell.name] = common_nodes(truth, np.arange(spell.first, spell.last + 1), ingest)
+    return KNOWN_WINDS[cfg.known](settings, cfg, folder, snapshots, truth, spells, nodes)
+
+
+# --- one mission -----------------------------------------------------------------------------
+
+
+def mission_part(known: KnownWinds, k: int) -> Columns:
+    """A mission, its plans with each fidelity, and the outcomes of their flights."""
+    settings, cfg = known.settings, known.cfg
+    task = random_missions.mission(cfg, settings.seed, k, known.spells, settings.border)
+    row: Columns = {
+        "formula": task.formula,
+        "departure": task.scene.time_zero,
+        "situation": task.spell.name,
+        "latitude": task.latitude,
+        "longitude": task.longitude,
+        "side": float(np.ptp(task.scene.bounds[:, 0])),
+        "obstacles": len(task.scene.obstacles),
+    }
+    plans: list[Columns] = []
+    for fidelity in cfg.fidelities:
+        run = known.run_of(task, mission_settings(settings, cfg, task, preset(fidelity)))
+        try:
+            chosen = run.plan.path
+        except (InfeasibleError, DataError) as error:
+            row |= {f"reason_{fidelity}": str(error)}
+            continue
+        row |= known.run_columns(run)
+        paths = [(calibration.FRONT, path) for path in picked(run.front, cfg.plans)]
+        flown = _flown_plans(known, run, [*paths, (CHOSEN, chosen)], settings.seed + k)
+        plans += [{"fidelity": fidelity} | plan for plan in flown]
+    return row | {"plans": plans}
+
+
+def mission_settings(
+    settings: Settings, cfg: ForecastTestConfig, task: Mission, fidelity: FidelityConfig
+) -> Settings:
+    """The settings for planning the mission ``task``; flights end when the wind ends."""
+    dt = HALF_HOUR if isinstance(settings.robot.dt, str) else settings.robot.dt  # one step for all maps
+    steps = int(cfg.hours * 3600 // dt)
+    return replace(
+        settings,
+        fidelity=fidelity,
+        seed=settings.seed + task.number,
+        mission=MissionConfig(formula=task.formula, start_time=task.scene.time_zero),
+        robot=replace(settings.robot, dt=dt),
+        planner=replace(settings.planner, max_steps=min(settings.planner.max_steps, steps), threads=1),
+        deployment=replace(settings.deployment, laws=list(settings.evaluation.laws)),
+    )
+
+
+def picked(front: Front, count: int) -> list[PlannedPath]:
+    """Paths spread evenly along the front, from the safest to the shortest."""
+    rows = np.unique(np.linspace(0, len(front.paths) - 1, min(count, len(front.paths))).astype(int))
+    return [front.paths[k] for k in rows]
+
+
+def _flown_plans(
+    known: KnownWinds, run: Run, paths: Sequence[tuple[str, PlannedPath]], seed: int
+) -> Iterator[Columns]:
+    """Each path with its promises and the outcomes of its flights in the real wind."""
+    runs, real = (known.settings.deployment.runs if known.cfg.gusts > 0 else 1), reality(known, run)
+    promises = known.promised(run, [path for _, path in paths], seed)
+    for (kind, path), promised in zip(paths, promises, strict=True):
+        flights = fly_seeded(real, path.u, runs, "independent", seed, path.x)
+        yield {
+            "kind": kind,
+            "origin": path.origin,
+            "objectives": path.objectives.as_dict(),
+            "steps": len(path.u),
+            "hours": len(path.u) * float(run.settings.robot.dt) / 3600.0,
+            "promised": promised,
+            "failure": float(flights.failed.mean()),
+            "missed": float((~flights.accepted).mean()),
+            "collided": float(flights.collided.mean()),
+            "off_map": float(flights.off_map.mean()),
+            "miss_m": float(np.linalg.norm(flights.x[:, -1].mean(axis=0) - path.x[-1])),
+            "sd_m": float(np.sqrt(np.trace(path.cov[-1]) / 2)),
+        }
+
+
+def reality(known: KnownWinds, run: Run) -> Problem:
+    """The problem of ``run`` with the real wind."""
+    real = random_missions.real_wind(known.cfg, run.settings.wind, known.truth, run.scene, run.wind)
+    world = run.make("scene", "cells", "automaton")  # they do not depend on the fidelity
+    # Without modes: the field is known, and gusts are independent at each step.
+    models = replace(preset("paper"), collision_bound=run.settings.fidelity.collision_bound)
+    return Run(replace(run.settings, fidelity=models), world | {"wind": real}).problem
+
+
+# --- all missions ----------------------------------------------------------------------------
+
+
+def season_of(departure: str) -> str:
+    """The season of a departure, as its months: ``2018-10-09T12:00:00Z`` is in ``Sep to Nov``."""
+    return SEASONS[int(departure[5:7]) % 12 // 3]
+
+
+def lead_of(hours: float, known_hours: float, cycle_hours: float) -> str:
+    """The lead of the forecast at the end of a flight of ``hours``, as a range; or that a field was held.
+
+    ``known_hours`` and ``cycle_hours`` are the last field and the newest cycle [h after departure].
+    """
+    if known_hours < hours:
+        return HELD
+    lead = hours - cycle_hours
+    if (place := int(np.searchsorted(LEADS, lead))) == len(LEADS):
+        return f"above {LEADS[-1]:g} h"
+    return f"{[0.0, *LEADS][place]:g} to {LEADS[place]:g} h"
+
+
+def plan_rows(cfg: ForecastTestConfig, results: Sequence[Mapping[str, Any]]) -> list[Columns]:
+    """One row for each plan: its mission, its promises, the realised failures."""
+    unknown = dict.fromkeys(sorted({n for r in results for p in r["plans"] for n in p["promised"]}), math.nan)
+    rows = []
+    for k, result in enumerate(results):
+        region = next(name for name, end in REGIONS.items() if result["longitude"] < end)
+        for plan in result["plans"]:
+            row: Columns = {"mission": k, "readings": "every node" if cfg.points is None else cfg.points}
+            row |= {name: result.get(name, "") for name in PLACE} | {"region": region}
+            row |= {name: plan[name] for name in ("kind", "fidelity")}
+            row |= {name: result[name] for name in KNOWN if name in result} | {"steps": plan["steps"]}
+            if cfg.known == "departure":
+                row |= {"season": season_of(result["departure"])}
+                row |= {"lead": lead_of(plan["hours"], *(result[name] for name in KNOWN))}
+            row |= {"length_m": plan["objectives"]["length"]} | unknown | plan["promised"]
+            rows.append(row | {name: plan[name] for name in OUTCOMES})
+    return rows
+
+
+def missions_study(known: KnownWinds, results: Sequence[Mapping[str, Any]]) -> Study:
+    """Tables, numbers and text of the missions' results; InfeasibleError if no mission has a plan."""
+    cfg, planned = known.cfg, [bool(result["plans"]) for result in results]
+    if not any(planned):
+        raise InfeasibleError(
+            f"none of {len(results)} random missions has a plan ({_reason_of(results[0])}); raise "
+            f"planner.n_max or robot.u_max, or lower {cfg.section}.side"
+        )
+    rows = plan_rows(cfg, results)
+    chosen = sorted(filter(_is_chosen, rows), key=lambda row: list(REGIONS).index(row["region"]))
+    tables = {
+        cfg.section: rows,
+        "reliability": calibration.reliability(rows, cfg.bins),
+        "regions": calibration.scorecard(chosen, REGION_KEYS),
+        "scorecard": calibration.scorecard(rows),
+    }
+    if cfg.known == "departure":
+        tables["leads"] = calibration.scorecard(chosen, LEAD_KEYS)
+    reasons = {k: _reason_of(result) for k, result in enumerate(results) if not planned[k]}
+    tables["no_plan"] = [{"mission": k, "reason": reason} for k, reason in reasons.items()]
+    numbers = {"missions": float(len(results)), "missions_planned": float(sum(planned))}
+    numbers |= {"plans": float(len(rows))}
+    if fits := [result for result in results if "z_sd" in result]:  # planning knows all times
+        numbers["z_sd"] = float(np.sqrt(np.mean([fit["z_sd"] ** 2 for fit in fits])))
+        numbers["coverage_90"] = float(np.mean([fit["coverage_90"] for fit in fits]))
+    numbers |= {name: float(value) for name, value in _score_numbers(cfg, tables).items()}
+    return Study(tables, numbers, _test_text(known, tables, numbers))
+
+
+def _score_numbers(cfg: ForecastTestConfig, tables: Mapping[str, Sequence[Columns]]) -> dict[str, float]:
+    """The scores of each planner; scores of its promise carry only the planner's name.
+
+    Where paths along the front are flown too (``plans``), ``_chosen`` names those that selection picks.
+    """
+    numbers: dict[str, float] = {}
+    for card in tables["scorecard"]:
+        name = card["fidelity"] + ("_chosen" if cfg.plans and _is_chosen(card) else "")
+        promise = f"{name}_{card['promise']}"
+        numbers |= {f"{promise}_promised": card["promised"], f"{promise}_brier": card["brier"]}
+        numbers |= {f"{name}_realised{end}": card[f"realised{end}"] for end in ENDS}
+        if _is_own(card):
+            kept = [
+                group["kept"]
+                for group in filter(_is_own, tables["reliability"])
+                if all(group[key] == card[key] for key in calibration.KEYS) and group["missions"] >= ENOUGH
+            ]
+            scores = ("promised", "promised_sd", "brier", "log_score")
+            numbers |= {f"{name}_{key}": card[key] for key in scores}
+            numbers |= {f"{name}_bins": len(kept), f"{name}_bins_kept": sum(kept)}
+    return numbers
+
+
+def _is_own(entry: Mapping[str, Any]) -> bool:
+    """Whether the entry is about the promise of a plan: its simulated failure under the law of the plan."""
+    return bool(entry["promise"] == f"simulated_{preset(entry['fidelity']).law}")
+
+
+def _is_chosen(entry: Mapping[str, Any]) -> bool:
+    return bool(entry["kind"] == CHOSEN)
+
+
+def _reason_of(result: Mapping[str, Any]) -> str:
+    """Why a mission has no plan."""
+    return next((str(value) for name, value in result.items() if name.startswith("reason_")), "no plan")
+
+
+def _test_text(
+    known: KnownWinds, tables: Mapping[str, Sequence[Columns]], numbers: Mapping[str, float]
+) -> str:
+    own = {
+        name: [row for row in table if "promise" in row and _is_own(row)] for name, table in tables.items()
+    }
+    keys = calibration.KEYS if known.cfg.plans else ("fidelity",)
+    bins = list(filter(_is_chosen, own["reliability"]))
+    parts = [
+        calibration.score_table(known.title(numbers), tables["scorecard"], keys),
+        calibration.bin_table("By promise; kept: promised at least the lower end", bins),
+        calibration.score_table("By region", own["regions"], REGION_KEYS),
+    ]
+    if leads := own.get("leads"):
+        parts.append(
+            calibration.score_table("By season, and lead at the end of the flight", leads, LEAD_KEYS)
+        )
+    parts += dict.fromkeys(filter(None, map(calibration.situations_text, own["scorecard"])))
+    return "\n".join([*parts, f"{_verdict(known.cfg, numbers)} {known.explanation(numbers)}"])
+
+
+def _verdict(cfg: ForecastTestConfig, numbers: Mapping[str, float]) -> str:
+    """The number of bins that keep their promise."""
+    chosen = "_chosen" if cfg.plans else ""
+    bins = [
+        f"{numbers[f'{name}{chosen}_bins_kept']:.0f} of {numbers[f'{name}{chosen}_bins']:.0f} bins of at "
+        f"least {ENOUGH} missions keep their promise, simulated in {preset(name).law} winds (fidelity={name})"
+        for name in cfg.fidelities
+        if f"{name}{chosen}_bins" in numbers
+    ]
+    return f"{'; '.join(bins)}."

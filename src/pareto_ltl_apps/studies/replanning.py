@@ -1,0 +1,405 @@
+"""The benefit of replanning: one plan in many true winds, with and without new plans on the way.
+
+A flight meets one wind, drawn from the law of the plan. It follows the plan to the step of a fix, measures
+its position there, replans (``run/replanning.py``) and takes the new plan, unless the rest of the old one
+fails less in flights of the conditioned law. For comparison, the plan is flown to its end in the same wind.
+Further ways also get newer forecasts of this wind at regular times (:func:`newer_forecast`). The same ways in
+the winds of later analyses, a mission being one trial, are ``replan_test``.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.random import Generator
+
+from pareto_ltl import Run, Settings, WindField
+from pareto_ltl_apps.exports.exported import held_problem
+from pareto_ltl.extend import LawPart
+from pareto_ltl.kernels import data as kd
+from pareto_ltl.planning.conditioning import Fix
+from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl_apps.view.records import Study
+from pareto_ltl.run.plan_run import UnpricedRun
+from pareto_ltl.run.record import stage_seeds
+from pareto_ltl_apps.flight.replanning import replanned
+from pareto_ltl_apps.flight.rest_of_flight import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES, NewWind
+from pareto_ltl.settings import ReplanningConfig
+from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
+from pareto_ltl_apps.studies import forecast_test
+from pareto_ltl_apps.studies.known_winds import DepartureWinds
+from pareto_ltl_apps.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
+from pareto_ltl_apps.studies.random_missions import Mission, mission
+from pareto_ltl_apps.studies.tables import Columns, interval_columns, markdown_table, rate_cell, rate_columns
+from pareto_ltl.support.arrays import Float32Array, FloatArray
+from pareto_ltl.support.counts import paired_difference
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.wind.conditioned import field_from, lattice_values
+from pareto_ltl.wind.readings import HOUR
+from pareto_ltl.wind.records import FORECAST_PARTS, forecast_parts
+
+LOG = logging.getLogger(__name__)
+STREAM, FIXES, FORECASTS = "replanning", "replanning fixes", "replanning forecasts"
+TEST_STREAM, LATER = "replan test", "later"  # of flights in later fields: random stream, name of the winds
+AS_PLANNED, HELD = "as planned", "position always known"
+NO_FIXES, BY_CHANCE = "no fixes", "fixes by chance"
+EFFORT = (PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES)
+
+Pilot: TypeAlias = Callable[[DrawnFlights, FloatArray, FloatArray], FloatArray]
+# The newer forecast at a step of a flight, by the run with the plan, the wind, the flight and the step.
+Cycles: TypeAlias = Callable[[Run, DrawnFlights, int, int], NewWind]
+
+
+def always_known(wind: DrawnFlights, u: FloatArray, mean: FloatArray) -> FloatArray:
+    """Positions of a robot with an autopilot that always knows its position."""
+    return replace(wind, problem=held_problem(wind.problem)).held(u, mean)
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One way to fly.
+
+    Attributes
+    ----------
+    name : str
+    path : PlannedPath
+        The path at departure.
+    pilot : function
+        The positions of a flight, from what the robot knows of its position on the way.
+    fixes, forecasts : tuple of int
+        Steps of position fixes and of newer forecasts; the robot plans again at each.
+    """
+
+    name: str
+    path: PlannedPath
+    pilot: Pilot = DrawnFlights.flown
+    fixes: tuple[int, ...] = ()
+    forecasts: tuple[int, ...] = ()
+
+    @property
+    def steps(self) -> tuple[int, ...]:
+        """The steps at which the robot plans again."""
+        return tuple(sorted({*self.fixes, *self.forecasts}))
+
+
+@dataclass(frozen=True, slots=True)
+class ReplanningContext:
+    """The run with the plan, the true winds, the ways to fly in them, and the newer forecasts."""
+
+    run: Run
+    winds: DrawnFlights
+    ways: tuple[Way, ...]
+    cycles: Cycles
+
+
+def run_replanning(settings: Settings, world: Run, directory: Path, progress: Progress = None) -> Study:
+    """Fly the plan ``settings.replanning.flights`` times in each way."""
+    cfg = settings.replanning
+    run = world.with_settings(settings)
+    run.make("wind")
+    plan, problem = run.plan, run.problem
+    if cfg.forecasts is not None:
+        require_cycles(run.wind)
+    winds = draw_flights(problem, problem.fidelity.law, cfg.flights, stage_seeds(settings.seed, STREAM))
+    ways = (*unaided_ways(run), *ways_of(cfg, run))
+    context = ReplanningContext(run, winds, ways, law_cycle)
+    key = part_key(settings, STREAM, cfg.fixes, cfg.every, cfg.forecasts, cfg.fix_sd, cfg.flights, EFFORT)
+    numbers = [(way, i) for i in range(cfg.flights) for way in range(len(ways))]
+    todo = [Part(f"flight-{i}-{way}", (way, i), f"{key[:44]}{way:04x}{i:016x}"[::-1]) for way, i in numbers]
+    shared = half_the_cores(settings.evaluation)
+    results = work_parts(shared, directory, replanning_part, context, todo, progress)
+    flown = {way.name: results[k :: len(ways)] for k, way in enumerate(ways)}
+    title = f"The plan in {cfg.flights} true winds of the {winds.law} law, in each of {len(flown)} ways"
+    study = replanning_study(flown, winds.law, title)
+    planned = {"replanning_planned_length_m": plan.path.objectives.length}
+    return replace(study, numbers={**study.numbers, **planned})
+
+
+# --- the ways to fly ------------------------------------------------------------------------------
+
+
+def ways_of(cfg: ReplanningConfig, run: Run) -> tuple[Way, ...]:
+    """As planned; with a known position; with each set of fixes; with newer forecasts; with both."""
+    plan = run.plan
+    steps, path = len(plan.path.u), plan.path
+    if cfg.every is not None:
+        apart = max(1, round(3600.0 * cfg.every / plan.dt))
+        sets = {f"a fix every {cfg.every:g} h": tuple(range(apart, steps, apart))}
+    else:
+        sets = {f"{count} fix{'es' * (count > 1)}": evenly(steps, count) for count in cfg.fixes}
+        sets |= {"fixes at landmarks": path.fixes} if path.fixes else {}
+    known = [] if run.problem.motion.gain > 0.0 else [Way(HELD, path, always_known)]
+    ways = [Way(AS_PLANNED, path), *known, *(Way(name, path, fixes=own) for name, own in sets.items())]
+    if cfg.forecasts is not None:
+        apart = max(1, round(3600.0 * cfg.forecasts / plan.dt))
+        cycles, often = tuple(range(apart, steps, apart)), f"a forecast every {cfg.forecasts:g} h"
+        last = ways[-1]
+        ways += [
+            Way(often, path, forecasts=cycles),
+            Way(f"{last.name}, {often}", path, fixes=last.fixes, forecasts=cycles),
+        ]
+    return tuple(ways)
+
+
+def unaided_ways(run: Run) -> tuple[Way, ...]:
+    """On a map with landmarks, the plan made without them: flown without fixes, and with those it meets."""
+    scene = run.scene
+    if not scene.landmarks:
+        return ()
+    bare = {"scene": replace(scene, landmarks=()), **run.make("cells", "automaton", "wind")}
+    try:
+        path = UnpricedRun(run.settings, bare).plan.path
+    except (InfeasibleError, DataError) as error:
+        LOG.warning(
+            "no rows '%s' and '%s': without landmarks there is no plan (%s)", NO_FIXES, BY_CHANCE, error
+        )
+        return ()
+    return Way(NO_FIXES, path, DrawnFlights.held), Way(BY_CHANCE, path)
+
+
+def evenly(steps: int, count: int) -> tuple[int, ...]:
+    """``count`` different steps of ``steps``, as evenly spaced as they can be."""
+    places = np.unique(np.round(np.arange(1, count + 1) * steps / (count + 1)).astype(int))
+    return tuple(int(step) for step in places if 0 < step < steps)
+
+
+# --- one flight -----------------------------------------------------------------------------------
+
+
+def replanning_part(context: ReplanningContext, way: int, number: int) -> Columns:
+    """One true wind flown in one way: whether the flight fails, its new plans and the length flown."""
+    return fly_way(context, context.ways[way], number)
+
+
+def fly_way(context: ReplanningContext, way: Way, number: int) -> Columns:
+    """Flight ``number`` of ``context.winds`` in one way."""
+    wind = context.winds.only(np.array([number]))
+    u, x, taken = replanned_controls(context, way, wind, number)
+    return {
+        "failed": bool(wind.failed(way.pilot(wind, u, x))[0]),
+        "new_plans": taken,
+        "length_m": float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()),
+    }
+
+
+def replanned_controls(
+    context: ReplanningContext, way: Way, wind: DrawnFlights, number: int
+) -> tuple[FloatArray, FloatArray, int]:
+    """Controls (T, 2) [m/s], means (T+1, 2) [m] and the number of new plans taken, for one flight."""
+    run, since, taken = context.run, 0, 0
+    settings, sd = run.settings, run.settings.replanning.fix_sd
+    u, x = way.path.u, way.path.x
+    for step in way.steps:
+        if step >= len(u):
+            break
+        there = way.pilot(wind, u, x)[0, step]
+        error = sd * stream_at(settings, FIXES, number, step).standard_normal(2)
+        fixes = (Fix(there + error, sd, step - since),) if step in way.fixes else ()
+        newer = context.cycles(context.run, wind, number, step) if step in way.forecasts else None
+        try:
+            done = replanned(run, run.problem.motion.dt * (step - since), fixes, wind=newer)
+        except (ConfigError, InfeasibleError):  # complete, failed, or no new plan: the plan continues
+            continue
+        except DataError as fault:
+            LOG.warning("flight %d flies on without the forecast of step %d: %s", number, step, fault)
+            continue
+        if done.advice == "old" or done.run is None:
+            continue
+        new = done.plan.path
+        if step + len(new.u) > wind.problem.horizon:
+            break
+        run, since, taken = done.run, step, taken + 1
+        u, x = np.concatenate([u[:step], new.u]), np.concatenate([x[:step], new.x])
+    return u, x, taken
+
+
+def stream_at(settings: Settings, stream: str, number: int, step: int) -> Generator:
+    """The random numbers of ``stream`` at ``step`` of flight ``number``."""
+    state = stage_seeds(settings.seed, stream).generate_state(2).tolist()
+    return np.random.default_rng([*state, number, step])
+
+
+# --- newer forecasts -------------------------------------------------------------------------------
+
+
+def law_cycle(run: Run, wind: DrawnFlights, number: int, step: int) -> NewWind:
+    """A forecast that begins at ``step``, drawn from the law of the plan given the wind of the flight."""
+    moment = step * run.problem.motion.dt
+    rng = stream_at(run.settings, FORECASTS, number, step)
+    newer = newer_forecast(run.wind, wind.problem.modes, wind.draws.theta[:, 0], moment, rng)
+    return field_from(newer, moment)
+
+
+def require_cycles(field: WindField) -> None:
+    """Raise ConfigError unless the field has errors of forecasts, which a later cycle reduces."""
+    modes, known = field.modes, bool(np.isfinite(field.leads).any())
+    if modes is None or not known or not np.isin(modes.part, list(FORECAST_PARTS.values())).any():
+        raise ConfigError(
+            "replanning.forecasts: the wind of this run is not a forecast with known leads, so that a later "
+            "cycle cannot improve it: take such a source, e.g. wind=noaa, or leave it null"
+        )
+
+
+def newer_forecast(
+    field: WindField, modes: kd.Modes, theta: Float32Array, since: float, rng: Generator
+) -> WindField:
+    """The forecast that begins ``since`` [s after departure], for the flight with the coefficients ``theta``.
+
+    ``theta`` (epochs, 2, P) are the true coefficients in the epochs of ``modes``. Under the law of a field,
+    a part of the error of forecasts in slot k is ψ_k' θ_k with the variance σ²(L_k). A cycle that begins T
+    later has the variance σ²(L_k - T) there. With s = 1 - σ²(L_k - T) / σ²(L_k), the new field is
+
+        μ_k + s ψ_k' θ_k + √(s (1 - s)) ψ_k' ξ_k,
+
+    where ξ persists as θ does: its error has the variance (1 - s) σ²(L_k), is independent of the new field,
+    and its modes are √(1 - s) ψ_k. A part whose variance does not grow with the lead keeps its error.
+    """
+    found = field.modes
+    assert found is not None
+    mean, latent, psi = field.mean.copy(), field.latent_var.copy(), found.psi.copy()
+    nodes, shape = field.lattice.nodes(), mean.shape[1:3]
+    for number, part in forecast_parts(field.error):
+        chosen = found.part == number
+        xi = rng.standard_normal((2, int(chosen.sum())))
+        for k, share in enumerate(revealed_shares(field, part, since).tolist()):
+            if k:
+                rho = float(part.persistence(field.leads[k - 1], field.times[k] - field.times[k - 1]))
+                xi = rho * xi + math.sqrt(1.0 - rho * rho) * rng.standard_normal(xi.shape)
+            steps = np.flatnonzero(modes.slot == k)
+            if share <= 0.0 or not len(steps):
+                continue
+            known = theta[modes.epoch[steps[0]]][:, chosen].astype(float)
+            observed = share * known + math.sqrt(share * (1.0 - share)) * xi
+            for c in (0, 1):
+                here = lattice_values(found, psi[k, :, :, c][..., chosen].astype(float), nodes)
+                mean[k, ..., c] += (here @ observed[c]).reshape(shape)
+                lost = share * (here**2).sum(axis=1).reshape(shape)
+                latent[k, ..., c] = np.maximum(latent[k, ..., c] - lost, 0.0)
+            psi[k][..., chosen] *= np.float32(math.sqrt(1.0 - share))
+    leads = np.where(field.times >= since, np.maximum(field.leads - since, 0.0), field.leads)
+    return replace(
+        field, mean=mean, latent_var=latent, modes=replace(found, psi=psi), leads=leads, evidence=None,
+        source=f"a forecast {since / HOUR:g} h newer than {field.source}",
+    )  # fmt: skip
+
+
+def revealed_shares(field: WindField, part: LawPart, since: float) -> FloatArray:
+    """s (K,): the share of the variance of a part that a cycle ``since`` [s] later removes."""
+    late = np.isfinite(field.leads) & (field.times >= since)
+    before = part.variance(np.where(late, field.leads, 0.0))
+    after = part.variance(np.where(late, np.maximum(field.leads - since, 0.0), 0.0))
+    share = 1.0 - after / np.maximum(before, 1e-300)
+    return np.asarray(np.where(late & (before > 0.0), np.clip(share, 0.0, 1.0), 0.0), float)
+
+
+# --- the study ------------------------------------------------------------------------------------
+
+
+def replanning_study(flown: Mapping[str, Sequence[Mapping[str, Any]]], law: str, title: str) -> Study:
+    """The rate of each way, and its difference from the first one, flight by flight.
+
+    ``flown`` has for each way the flights in the same order of winds; ``law`` names these winds.
+    """
+    base, *_ = flown
+    alone = np.array([row["failed"] for row in flown[base]], bool)
+    rows: list[Columns] = []
+    for name, own in flown.items():
+        failed = np.array([row["failed"] for row in own], bool)
+        row: Columns = {"way": name, "law": law, "flights": len(failed)} | rate_columns("failure", failed)
+        row |= interval_columns("difference", *paired_difference(alone, failed))
+        row |= {key: float(np.mean([one[key] for one in own])) for key in ("new_plans", "length_m")}
+        rows.append(row)
+    numbers = {
+        f"replanning_{name}_{k}": float(row[name])
+        for k, row in enumerate(rows)
+        for name in ("failure", "failure_low", "failure_high", "difference", "length_m", "new_plans")
+    }
+    each = [
+        {"flight": i, "way": name} | {k: int(v) if isinstance(v, bool) else v for k, v in row.items()}
+        for name, own in flown.items()
+        for i, row in enumerate(own)
+    ]
+    numbers |= {"replanning_flights": float(len(alone))}
+    return Study({"replanning": rows, "replanning_flights": each}, numbers, _text(rows, title))
+
+
+def _text(rows: Sequence[Columns], title: str) -> str:
+    def difference(row: Columns) -> str:
+        gap, low, high = (100.0 * row[f"difference{end}"] for end in ("", "_low", "_high"))
+        return "-" if row is rows[0] else f"{gap:+.1f} [{low:+.1f}, {high:+.1f}]"
+
+    return markdown_table(
+        f"{title}; 95 % intervals, the difference from the first row by pairs",
+        {
+            "way": "way",
+            "failed": lambda row: rate_cell(row, "failure"),
+            "difference [points]": difference,
+            "new plans a flight": lambda row: f"{row['new_plans']:.1f}",
+            "length [km]": lambda row: f"{row['length_m'] / 1e3:.0f}",
+        },
+        rows,
+    )
+
+
+# --- in later fields ------------------------------------------------------------------------------
+
+
+def field_cycle(
+    known: DepartureWinds, task: Mission, run: Run, _wind: DrawnFlights, _number: int, step: int
+) -> NewWind:
+    """The forecasts of the files that have become available at ``step`` of a flight of ``task``."""
+    return known.readings(task, step * run.problem.motion.dt)
+
+
+def run_replan_test(settings: Settings, _: Run, directory: Path, progress: Progress = None) -> Study:
+    """Fly the missions of ``settings.forecast_test`` in the ways of ``settings.replanning``."""
+    cfg, ways = replace(settings.forecast_test, known="departure"), settings.replanning
+    settings = replace(settings, evaluation=half_the_cores(settings.evaluation))
+    known = forecast_test.known_of_files(settings, cfg, directory)
+    key = [TEST_STREAM, ways.fixes, ways.every, ways.forecasts, ways.fix_sd, EFFORT]
+    return missions_study(forecast_test.work_missions(known, mission_part, key, progress))
+
+
+def mission_part(known: DepartureWinds, k: int) -> Columns:
+    """Mission ``k`` flown once in each way; the reason if it has no plan."""
+    settings, cfg = known.settings, known.cfg
+    task = mission(cfg, settings.seed, k, known.spells, settings.border)
+    run = known.run_of(task, forecast_test.mission_settings(settings, cfg, task, settings.fidelity))
+    try:
+        run.make("plan")
+    except (InfeasibleError, DataError) as error:
+        return {"reason": str(error), "flown": {}}
+    stream = stage_seeds(settings.seed + k, TEST_STREAM)
+    winds = draw_flights(forecast_test.reality(known, run), "independent", 1, stream)
+    ways = ways_of(settings.replanning, run)
+    context = ReplanningContext(run, winds, ways, partial(field_cycle, known, task))
+    about = {"mission": k, "formula": task.formula, "departure": task.scene.time_zero}
+    about |= {"situation": task.spell.name}
+    flown = {way.name: about | fly_way(context, way, 0) for way in ways}
+    return {"reason": "", "flown": flown}
+
+
+def missions_study(results: Sequence[Mapping[str, Any]]) -> Study:
+    """The rates of all missions that have a plan; InfeasibleError if none has."""
+    planned = [result["flown"] for result in results if result["flown"]]
+    if not planned:
+        raise InfeasibleError(
+            f"none of {len(results)} random missions has a plan ({results[0]['reason']}); lower "
+            "forecast_test.side, or raise robot.u_max or planner.epsilon"
+        )
+    flown = {name: [flights[name] for flights in planned] for name in planned[0]}
+    weather = len({flight["situation"] for flight in flown[next(iter(flown))]})
+    study = replanning_study(
+        flown, LATER,
+        f"{len(planned)} of {len(results)} random missions with a plan, each flown once through the later "
+        f"fields of {weather} weather situations, which the intervals ignore",
+    )  # fmt: skip
+    counts = {"missions": float(len(results)), "missions_planned": float(len(planned))}
+    return replace(study, numbers={**study.numbers, **counts})
