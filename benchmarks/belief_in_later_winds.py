@@ -19,14 +19,14 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.random import SeedSequence
 
-from pareto_ltl_apps.flight.belief import Belief
 from pareto_ltl.settings import PlannerConfig, SelectionConfig, Settings, preset
 from pareto_ltl.simulation.common_flights import draw_flights
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import ParetoLtlError
+from pareto_ltl_apps.flight.belief import Belief
 from pareto_ltl_apps.studies.forecast_test import known_of_files, mission_settings, reality
 from pareto_ltl_apps.studies.known_winds import KnownWinds
 from pareto_ltl_apps.studies.random_missions import mission
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import ParetoLtlError
 
 SHARES, SD = (0.5, 0.9, 0.99), 500.0  # of the ellipses; error of the fix [m]
 MEMBERS = 2  # simulated flights of the belief, which the ellipses do not need

@@ -9,10 +9,10 @@ import pytest
 from numpy.random import SeedSequence
 
 import pareto_ltl
-from pareto_ltl_apps.exports.exported import exported_plan
-from pareto_ltl_apps.exports.formats import write_exports
 from pareto_ltl.settings import ExportsConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl_apps.exports.exported import exported_plan
+from pareto_ltl_apps.exports.formats import write_exports
 from problems import MISSIONS
 
 SETTINGS = ExportsConfig(formats=list(EXPORT_FILES), altitude_lower=300.0, altitude_upper=400.0)

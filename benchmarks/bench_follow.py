@@ -13,11 +13,11 @@ import pytest
 from numpy.random import SeedSequence
 
 import pareto_ltl
+from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl_apps.flight.belief import Belief
 from pareto_ltl_apps.flight.following import follow
-from pareto_ltl_apps.flight.telemetry import Reading
-from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl_apps.flight.replanning import replanned
+from pareto_ltl_apps.flight.telemetry import Reading
 
 HALF_WAY = 15  # steps
 TEN_HOURS = 36_000.0

@@ -10,9 +10,9 @@ import shutil
 import pytest
 
 import pareto_ltl
+from pareto_ltl.run.results import load_results
 from pareto_ltl_apps.view.page.content import page_bytes, page_content
 from pareto_ltl_apps.view.page_stage import write_page
-from pareto_ltl.run.results import load_results
 from pareto_ltl_apps.view.showing import shown_results
 from problems import MISSIONS
 

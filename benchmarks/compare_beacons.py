@@ -16,9 +16,9 @@ from joblib import Parallel, delayed
 
 from compare_prices import failure
 from pareto_ltl import Scene, Settings, beacons, load_results
-from pareto_ltl_apps.flight.rest_of_flight import prompt_settings
 from pareto_ltl.simulation.beacons import disc
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_apps.flight.rest_of_flight import prompt_settings
 
 CLOSE = 1.1  # limit of failures with the best place of the map over failures with the best node
 

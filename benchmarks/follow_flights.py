@@ -25,24 +25,24 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.random import SeedSequence
 
-from pareto_ltl_apps.cli.commands import run_command_line
-from pareto_ltl_apps.exports.navigation_log import navigation_log
-from pareto_ltl_apps.flight.belief import LAW, Belief
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl_apps.flight.replanning import replanned
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.settings.heights import flight_height
-from pareto_ltl_apps.studies.aircraft import Orders, fly_orders
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.simulation.flights import judge_flights
-from pareto_ltl_apps.studies.sitl import flight_air
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson, paired_difference
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.world.projection import to_geographic, to_plane
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.exports.navigation_log import navigation_log
+from pareto_ltl_apps.flight.belief import LAW, Belief
+from pareto_ltl_apps.flight.replanning import replanned
+from pareto_ltl_apps.studies.aircraft import Orders, fly_orders
+from pareto_ltl_apps.studies.sitl import flight_air
 
 MEMBERS = 1000
 

@@ -18,11 +18,11 @@ from typing import Any
 from PIL import Image
 
 import pareto_ltl
-from pareto_ltl_apps.view.figures import Drawing
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.files import write_bytes, write_text
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
+from pareto_ltl_apps.view.figures import Drawing
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import pareto_ltl
-from pareto_ltl_apps.flight.lines import event_line
 from pareto_ltl.world.projection import to_geographic
+from pareto_ltl_apps.flight.lines import event_line
 
 SD = 300.0  # of the two position fixes [m]
 

@@ -12,10 +12,10 @@ import numpy as np
 from pyproj import Geod
 
 import pareto_ltl
-from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import ExportsConfig, SceneConfig, Settings
 from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl_apps.exports.exported import ExportedPlan
 from quick_wind import QUICK_WIND
 
 SMALL = {

@@ -19,6 +19,10 @@ from numpy.random import Generator, SeedSequence
 from pymavlink.dialects.v20 import all as mavlink2
 
 from coherent import SCENE, STEPS, coherent_problem
+from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.planning.records import Plan
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.world.projection import local_plane, meridian_convergence, to_geographic
 from pareto_ltl_apps.flight import link as links
 from pareto_ltl_apps.flight.belief import Belief
 from pareto_ltl_apps.flight.clocks import Clock, StampClock, SteadyClock
@@ -28,10 +32,6 @@ from pareto_ltl_apps.flight.sends import Sender
 from pareto_ltl_apps.flight.telemetry import Reading
 from pareto_ltl_apps.flight.vehicle import AGE, OURS, Vehicle
 from pareto_ltl_apps.flight.watch import ELLIPSE, Watch, WatchSettings
-from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.records import Plan
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.projection import local_plane, meridian_convergence, to_geographic
 
 PROBLEM = coherent_problem(scene=replace(SCENE, crs=local_plane(44.0, -87.0)))
 PATH = evaluate_path(PROBLEM, STEPS[:7], "given", tolerance=10.0)

@@ -16,9 +16,9 @@ from pareto_ltl.settings import (
     Settings,
     SmoothingConfig,
 )
+from pareto_ltl.wind.snapshots import Snapshot
 from pareto_ltl_apps.studies import forecast_test as study
 from pareto_ltl_apps.studies.known_winds import DepartureWinds
-from pareto_ltl.wind.snapshots import Snapshot
 
 START, HOUR = 1.5e9, 3600.0
 LON, LAT = np.meshgrid(np.arange(-112.0, -87.0), np.arange(29.0, 49.0))

@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Any
 
 import pareto_ltl
-from pareto_ltl_apps.cli.command_table import COMMANDS
-from pareto_ltl_apps.exports.tables import CARD_COLUMNS, TABLE_COLUMNS
 from pareto_ltl.planning.costs import COSTS, cost_named
 from pareto_ltl.planning.plan_files import FRONT_HEADER, TABLE_HEADER
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.checks import field_kinds
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.schemas import SCHEMA_NAMES, schema_text
+from pareto_ltl_apps.cli.command_table import COMMANDS
+from pareto_ltl_apps.exports.tables import CARD_COLUMNS, TABLE_COLUMNS
 
 KEPT = Path(__file__).with_name("interface.json")
 

@@ -18,9 +18,6 @@ from corpus import judging, missions, page, running
 from corpus.drawing import BORDERS, Place
 from corpus.winds import WINDS
 from levels import AT_NIGHT
-from pareto_ltl_apps.cli import composition
-from pareto_ltl_apps.cli.commands import run_command_line
-from pareto_ltl_apps.cli.setting_keys import settings_from
 from pareto_ltl.planning.refine import flown_lines
 from pareto_ltl.planning.refine.separation import ROUNDING
 from pareto_ltl.run.plan_run import UnpricedRun
@@ -28,6 +25,9 @@ from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import scene_from_settings
+from pareto_ltl_apps.cli import composition
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.cli.setting_keys import settings_from
 from quick_wind import wind_words
 
 SEEDS = {  # of the missions that are planned here: a small search finds their paths

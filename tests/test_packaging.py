@@ -15,11 +15,11 @@ import pytest
 import yaml
 
 import pareto_ltl
-from pareto_ltl_apps.view.components import MODULES, STYLE
-from pareto_ltl_apps.view.page.content import SCRIPTS
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
 from pareto_ltl.support import resources, schemas
+from pareto_ltl_apps.view.components import MODULES, STYLE
+from pareto_ltl_apps.view.page.content import SCRIPTS
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())

@@ -20,13 +20,13 @@ from pareto_ltl.settings import (
     WindConfig,
     preset,
 )
-from pareto_ltl_apps.studies.random_missions import at_times
 from pareto_ltl.wind.field import wind_lattice
 from pareto_ltl.wind.readings import HOUR, seconds
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import scene_from_settings
+from pareto_ltl_apps.studies.random_missions import at_times
 
 FOLDER = Path(__file__).parent
 SPACING = 20_000.0  # of the lattice of the true winds [m]

@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.settings import ForecastTestConfig
-from pareto_ltl_apps.studies.random_missions import Spell, mission
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.readings import HOUR, seconds
 from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene import Scene
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.studies.random_missions import Spell, mission
 from published.dataset import FOLDER, Mission
 
 SEED = 2018

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pareto_ltl_apps.studies.calibration import log_score
-from pareto_ltl_apps.studies.planning import fly_seeded
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import DataError
+from pareto_ltl_apps.studies.calibration import log_score
+from pareto_ltl_apps.studies.planning import fly_seeded
 from published.dataset import FOLDER, Mission, missions, true_problem
 from published.plans import controls, read_orders
 

@@ -21,11 +21,11 @@ from pymavlink import mavutil
 from pyproj import Geod
 
 import pareto_ltl
+from pareto_ltl.run.results import planned_run
+from pareto_ltl.simulation.flights import DRAWS
 from pareto_ltl_apps.exports.navigation_log import navigation_log
 from pareto_ltl_apps.flight.airspeeds import airspeeds_of
-from pareto_ltl.run.results import planned_run
 from pareto_ltl_apps.studies.aircraft import Cessna, Orders
-from pareto_ltl.simulation.flights import DRAWS
 from pareto_ltl_apps.studies.sitl import flight_air
 
 TICK = 1.0  # [s] of flight between two messages

@@ -28,20 +28,12 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.support.display import Displayed
-
 if TYPE_CHECKING:
-    from pareto_ltl_apps.flight.following import follow
-    from pareto_ltl_apps.flight.telemetry import Reading
-    from pareto_ltl_apps.flight.watch import WatchSettings
     from pareto_ltl.logic.mission import read_formula
-    from pareto_ltl_apps.flight.beacons import beacons
     from pareto_ltl.run.choosing import choose
-    from pareto_ltl.run.interface import export, plan, simulate, steer
+    from pareto_ltl.run.interface import plan, simulate, steer
     from pareto_ltl.run.plan_run import Run
-    from pareto_ltl_apps.flight.replanning import replan
     from pareto_ltl.run.results import load_results
-    from pareto_ltl_apps.view.showing import explain, page, show
     from pareto_ltl.settings import Settings
     from pareto_ltl.support.errors import (
         ConfigError,
@@ -55,6 +47,13 @@ if TYPE_CHECKING:
     from pareto_ltl.wind.sources import read_wind
     from pareto_ltl.world.scene import Scene
     from pareto_ltl.world.scene_settings import read_map
+    from pareto_ltl_apps.exports.interface import export
+    from pareto_ltl_apps.flight.beacons import beacons
+    from pareto_ltl_apps.flight.following import follow
+    from pareto_ltl_apps.flight.replanning import replan
+    from pareto_ltl_apps.flight.telemetry import Reading
+    from pareto_ltl_apps.flight.watch import WatchSettings
+    from pareto_ltl_apps.view.showing import explain, page, show
     from pareto_ltl_verify.judge import verify
 
 __version__ = "1.0.0rc1"
@@ -92,17 +91,11 @@ __all__ = [
 ]
 
 _EXPORTS = {
-    "pareto_ltl_apps.flight.following": ("follow",),
-    "pareto_ltl_apps.flight.telemetry": ("Reading",),
-    "pareto_ltl_apps.flight.watch": ("WatchSettings",),
     "pareto_ltl.logic.mission": ("read_formula",),
-    "pareto_ltl_apps.flight.beacons": ("beacons",),
     "pareto_ltl.run.choosing": ("choose",),
-    "pareto_ltl.run.interface": ("export", "plan", "simulate", "steer"),
+    "pareto_ltl.run.interface": ("plan", "simulate", "steer"),
     "pareto_ltl.run.plan_run": ("Run",),
-    "pareto_ltl_apps.flight.replanning": ("replan",),
     "pareto_ltl.run.results": ("load_results",),
-    "pareto_ltl_apps.view.showing": ("explain", "page", "show"),
     "pareto_ltl.settings": ("Settings",),
     "pareto_ltl.support.errors": (
         "ConfigError", "DataError", "FormulaError", "InfeasibleError", "ParetoLtlError",
@@ -112,21 +105,17 @@ _EXPORTS = {
     "pareto_ltl.wind.sources": ("read_wind",),
     "pareto_ltl.world.scene": ("Scene",),
     "pareto_ltl.world.scene_settings": ("read_map",),
-    "pareto_ltl_verify.judge": ("verify",),
 }  # fmt: skip
-
-
-def _draw(record: Displayed, **options: Any) -> Any:
-    return import_module("pareto_ltl_apps.view.figures").draw_record(record, **options)
-
-
-Displayed.drawn = _draw
 
 
 def __getattr__(name: str) -> Any:
     for module, names in _EXPORTS.items():
         if name in names:
             return getattr(import_module(module), name)
+    if name in __all__:  # of an application, or of the checker: the planner imports neither
+        from pareto_ltl.support.extensions import INTERFACE_GROUP, installed_object
+
+        return installed_object(INTERFACE_GROUP, name)
     raise AttributeError(f"module 'pareto_ltl' has no attribute {name!r}")
 
 

@@ -1,24 +1,8 @@
-"""``python -m pareto_ltl`` and the console script ``pareto-ltl``."""
+"""``python -m pareto_ltl``: the command line, an application that is found by its entry point."""
 
 from __future__ import annotations
 
-import gc
-import io
-import sys
-
-GARBAGE = (50_000, 10, 10)  # objects and rounds between collections: at Python's 700, they take 10 % of a run
-
-
-def main() -> None:
-    """Run the command line and leave with its exit code."""
-    from pareto_ltl_apps.cli.commands import run_command_line
-
-    gc.set_threshold(*GARBAGE)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal may lack a character of a message
-            stream.reconfigure(errors="replace")
-    sys.exit(run_command_line(sys.argv[1:]))
-
+from pareto_ltl.support.extensions import COMMAND_GROUP, installed_object
 
 if __name__ == "__main__":
-    main()
+    installed_object(COMMAND_GROUP, "pareto-ltl")()

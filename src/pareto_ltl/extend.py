@@ -1,6 +1,6 @@
 """Names for packages that add kinds, and for what is made of plans (docs/adding.md).
 
-Records of a run, wind sources and costs of a path; failure rates; laws of wind errors.
+Records of a run, studies, wind sources and costs of a path; failure rates; laws of wind errors.
 
 They are imported when they are used, as the names of ``pareto_ltl``.
 """
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.cost import Cost
     from pareto_ltl.planning.rates import FailureRate, Promise
     from pareto_ltl.run.record import Record, record
+    from pareto_ltl.run.study import Study
     from pareto_ltl.wind.error_law import LawPart
     from pareto_ltl.wind.law_of_parts import LawOfParts
     from pareto_ltl.wind.named_laws import first_law, law_of_parts_named, packaged_laws
@@ -26,6 +27,7 @@ __all__ = [
     "LawPart",
     "Promise",
     "Record",
+    "Study",
     "WindSource",
     "first_law",
     "law_of_parts_named",
@@ -40,6 +42,7 @@ _EXPORTS = {
     "LawPart": "pareto_ltl.wind.error_law",
     "Promise": "pareto_ltl.planning.rates",
     "Record": "pareto_ltl.run.record",
+    "Study": "pareto_ltl.run.study",
     "WindSource": "pareto_ltl.wind.sources",
     "first_law": "pareto_ltl.wind.named_laws",
     "law_of_parts_named": "pareto_ltl.wind.named_laws",

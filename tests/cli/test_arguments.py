@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_apps.cli.command_table import TOOL_COMMANDS, Argument, ToolCommand
 from pareto_ltl_apps.cli.commands import parsed_options
-from pareto_ltl.support.errors import ConfigError
 
 FIX = "-43.8,-75.1,500"
 

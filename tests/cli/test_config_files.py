@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.support.resources import resource_folder
+from pareto_ltl_apps.cli.commands import run_command_line
 
 
 def refusal(folder: Path, content: bytes, capsys: pytest.CaptureFixture[str]) -> str:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from pareto_ltl.settings import Settings, declarations
+from pareto_ltl.support.resources import choices, resource_folder
 from pareto_ltl_apps.cli.command_table import COMMANDS, PIPELINE_COMMANDS, Command, PipelineCommand
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.cli.help_text import COMMON_SETTINGS, group_choices
-from pareto_ltl.settings import Settings, declarations
-from pareto_ltl.support.resources import choices, resource_folder
 
 SECTIONS = ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment", "report")
 

@@ -18,9 +18,7 @@ from typing import Any
 import pytest
 from hydra.types import RunMode
 
-from pareto_ltl_apps.cli import composition
-from pareto_ltl_apps.cli import hydra_app as app
-from pareto_ltl_apps.cli.setting_keys import settings_from
+from pareto_ltl.run import pipeline
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.provenance import one_line
 from pareto_ltl.run.record import Record
@@ -30,6 +28,9 @@ from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
 from pareto_ltl.support import machine
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
+from pareto_ltl_apps.cli import composition
+from pareto_ltl_apps.cli import hydra_app as app
+from pareto_ltl_apps.cli.setting_keys import settings_from
 from quick_wind import wind_words
 from unmeasured import untraced
 
@@ -52,8 +53,8 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def add(make: Callable[[Run], Any]) -> None:
         added = Record(make)
-        listed = (*composition.APPLICATION_STAGES, added)
-        monkeypatch.setattr(composition, "APPLICATION_STAGES", listed)
+        listed = (*pipeline.known_stages(), added)
+        monkeypatch.setattr(pipeline, "known_stages", lambda: listed)
 
     return add
 

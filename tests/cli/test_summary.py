@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from pareto_ltl.settings import Settings, preset
+from pareto_ltl.support.medium import WATER
 from pareto_ltl_apps.cli.output import collected_warnings
 from pareto_ltl_apps.cli.summary import (
     fitting_columns,
@@ -17,8 +19,6 @@ from pareto_ltl_apps.cli.summary import (
     summary_rows,
     warning_paragraphs,
 )
-from pareto_ltl.settings import Settings, preset
-from pareto_ltl.support.medium import WATER
 
 METRICS = {
     "length_m": 1.5e6, "duration_s": 90_000.0, "dt_s": 1800.0,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from pareto_ltl_apps.cli.composition import opened_hydra, parse_flags, prepare
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl_apps.cli.composition import opened_hydra, parse_flags, prepare
 
 TABLE = "time,lat,lon,u,v\n2018-10-09T18:00:00Z,37,-92,1,2\n"
 REPORTS = "icaoId,obsTime,wdir,wspd,lat,lon\nKSGF,1539107580,270,10,37.2,-93.4\n"

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from exported_plans import Flown
-from pareto_ltl_apps.exports.exported import MULTIROTOR, ExportedPlan, Vehicle, height_sentence
-from pareto_ltl_apps.exports.formats import MAKERS
-from pareto_ltl_apps.exports.navigation_log import navigation_log
 from pareto_ltl.settings import RobotConfig, Settings
 from pareto_ltl.settings.heights import flight_air, flight_height
 from pareto_ltl.support.medium import AIR, WATER
+from pareto_ltl_apps.exports.exported import MULTIROTOR, ExportedPlan, Vehicle, height_sentence
+from pareto_ltl_apps.exports.formats import MAKERS
+from pareto_ltl_apps.exports.navigation_log import navigation_log
 
 FACTOR = 1.08136  # TAS / CAS at 1,600 m: U.S. Standard Atmosphere, 1976, density 1.0476 kg/m3 there
 

@@ -7,8 +7,8 @@ import pytest
 import shapely
 from pyproj import Geod
 
-from pareto_ltl_apps.exports.degrees import crosses, line_degrees, line_parts, outline_degrees, polygon_parts
 from pareto_ltl.world.projection import local_plane, to_geographic, to_plane
+from pareto_ltl_apps.exports.degrees import crosses, line_degrees, line_parts, outline_degrees, polygon_parts
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 

@@ -21,12 +21,12 @@ from uas_standards.astm.f3548.v21.api import OperationalIntentDetails
 
 import pareto_ltl
 from exported_plans import Flown, metres_apart, settings_named
-from pareto_ltl_apps.exports.exported import ExportedPlan, exported_plan
-from pareto_ltl_apps.exports.formats import MAKERS, holds_pole, writable_formats, write_exports
-from pareto_ltl_apps.exports.mavlink import script_messages
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world.projection import local_plane, to_plane
+from pareto_ltl_apps.exports.exported import ExportedPlan, exported_plan
+from pareto_ltl_apps.exports.formats import MAKERS, holds_pole, writable_formats, write_exports
+from pareto_ltl_apps.exports.mavlink import script_messages
 
 PLACES = [(52.0, 179.9), (-45.0, -179.99), (80.0, 20.0), (0.0, 0.0)]
 

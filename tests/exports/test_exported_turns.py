@@ -12,9 +12,9 @@ import pytest
 from numpy.random import SeedSequence
 
 from exported_plans import EXPORTS, Flown, metres_apart, seconds_apart, settings_named
+from pareto_ltl.planning.turns import BankedTurns
 from pareto_ltl_apps.exports.exported import exported_plan
 from pareto_ltl_apps.exports.formats import write_exports
-from pareto_ltl.planning.turns import BankedTurns
 
 AIRSHIP = BankedTurns(math.radians(2.0), 60.0)  # slow enough for turns that show in legs of half an hour
 

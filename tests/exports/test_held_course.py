@@ -7,9 +7,9 @@ from dataclasses import replace
 from numpy.random import SeedSequence
 
 from exported_plans import Flown
-from pareto_ltl_apps.exports.exported import held_course_rate
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl_apps.exports.exported import held_course_rate
 
 
 def test_the_rate_is_that_of_a_robot_with_feedback(flown: Flown) -> None:

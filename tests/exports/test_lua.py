@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from exported_plans import Flown
-from pareto_ltl_apps.exports.formats import MAKERS
 from pareto_ltl.support.errors import DataError
+from pareto_ltl_apps.exports.formats import MAKERS
 
 LUA = shutil.which("lua5.3") or shutil.which("lua5.4") or shutil.which("lua")
 AUTOPILOT = Path(__file__).parent / "autopilot.lua"

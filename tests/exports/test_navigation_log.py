@@ -6,8 +6,8 @@ import numpy as np
 from pyproj import Geod
 
 from exported_plans import Flown
-from pareto_ltl_apps.exports.navigation_log import expected_winds, navigation_log
 from pareto_ltl.world.projection import meridian_convergence
+from pareto_ltl_apps.exports.navigation_log import expected_winds, navigation_log
 
 PARTS = 60  # of a leg that is flown with one heading in one wind: a straight line of a map with true angles
 

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from exported_plans import Flown
+from pareto_ltl.settings.heights import Height
 from pareto_ltl_apps.exports.exported import FIXED_WING, GENERIC, MULTIROTOR, SUBMARINE, Vehicle
 from pareto_ltl_apps.exports.formats import MAKERS
-from pareto_ltl.settings.heights import Height
 
 NUMBER, LATITUDE = {"type": "number"}, {"type": "number", "minimum": -90, "maximum": 90}
 LONGITUDE = {"type": "number", "minimum": -180, "maximum": 180}

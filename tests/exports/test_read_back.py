@@ -29,9 +29,6 @@ from pymavlink.dialects.v20 import all as mavlink
 from uas_standards.astm.f3548.v21.api import OperationalIntentDetails, Volume4D
 
 from exported_plans import Flown, metres_apart, seconds_apart
-from pareto_ltl_apps.exports.exported import vehicle_of
-from pareto_ltl_apps.exports.formats import MAKERS
-from pareto_ltl_apps.exports.xml_files import short_text
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.settings.building import section_of
@@ -39,6 +36,9 @@ from pareto_ltl.settings.heights import Height, level_height
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.world.projection import to_geographic, to_plane
+from pareto_ltl_apps.exports.exported import vehicle_of
+from pareto_ltl_apps.exports.formats import MAKERS
+from pareto_ltl_apps.exports.xml_files import short_text
 
 
 def test_the_table_has_a_row_for_each_leg_and_one_for_the_arrival(flown: Flown) -> None:

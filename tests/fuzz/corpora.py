@@ -17,7 +17,6 @@ from pareto_ltl.planning.rates import FailureRate, Promise
 from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.simulation.records import Deployment, write_deployments
-from pareto_ltl_apps.studies.sweeps import SweepManifest, SweepPoint
 from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.named_laws import first_law
 from pareto_ltl.wind.netcdf import write_netcdf
@@ -26,6 +25,7 @@ from pareto_ltl.world.cells import decompose
 from pareto_ltl.world.projection import navigate
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import write_cells, write_scene
+from pareto_ltl_apps.studies.sweeps import SweepManifest, SweepPoint
 
 FORMULAS = (
     *("F(a & F b & F c)", "!a U b", "F(a & F(b & F c)) | F(a & F(d & F c))", "true", "X X a", "a M b"),

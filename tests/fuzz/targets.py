@@ -228,9 +228,9 @@ def netcdf_winds(place: Path) -> Fuzz:
 
 def results(place: Path) -> Fuzz:
     """One file of a results directory is changed; everything that reads this file is called."""
-    from pareto_ltl_apps.cli.rerun_command import _finished_record
     from pareto_ltl.planning.plan_files import read_extra_paths
     from pareto_ltl.run.plan_run import Run
+    from pareto_ltl_apps.cli.rerun_command import _finished_record
     from pareto_ltl_apps.studies.jobs import RunJob
 
     run = place / "run"

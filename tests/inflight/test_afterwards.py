@@ -10,12 +10,12 @@ import pytest
 from numpy.random import SeedSequence
 
 from levels import AT_NIGHT
+from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.support.errors import DataError
 from pareto_ltl_apps.flight.afterwards import fix_ranks, true_distances, truth_summary
 from pareto_ltl_apps.flight.rules import Event
 from pareto_ltl_apps.flight.telemetry import Reading
 from pareto_ltl_apps.flight.watch import Watch, WatchSettings
-from pareto_ltl.simulation.flights import simulate_flights
-from pareto_ltl.support.errors import DataError
 from watched import DT, PATH, PLAN, PROBLEM, heading_of
 
 TRUTHS = 60 if AT_NIGHT else 12

@@ -15,10 +15,10 @@ import pytest
 import shapely
 
 import pareto_ltl
+from pareto_ltl.world.projection import to_geographic, true_heading
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.flight.journal import read_journal
 from pareto_ltl_apps.flight.telemetry import read_log
-from pareto_ltl.world.projection import to_geographic, true_heading
 from patience import wait_until
 from quick_wind import QUICK_WIND
 

@@ -23,6 +23,7 @@ os.environ["MAVLINK20"] = "1"  # read when pymavlink is imported
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as mavlink2
 
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl_apps.exports.mavlink import prologue
 from pareto_ltl_apps.flight import link as links
 from pareto_ltl_apps.flight.clocks import VehicleClock
@@ -33,7 +34,6 @@ from pareto_ltl_apps.flight.sends import Sender
 from pareto_ltl_apps.flight.telemetry import Typed
 from pareto_ltl_apps.flight.vehicle import Vehicle as Known
 from pareto_ltl_apps.flight.watch import Watch, WatchSettings
-from pareto_ltl.support.errors import ConfigError, DataError
 from watched import PATH, PLAN, PROBLEM, heading_of
 
 FORBIDDEN = {176, 400, 21, 22}  # DO_SET_MODE, COMPONENT_ARM_DISARM, LAND, TAKEOFF

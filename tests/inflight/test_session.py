@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 
 import pareto_ltl
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_apps.flight import replans as module
 from pareto_ltl_apps.flight.following import Session, follow
 from pareto_ltl_apps.flight.journal import read_journal
@@ -22,8 +24,6 @@ from pareto_ltl_apps.flight.replans import Forecasts, Replans, ReplanSettings
 from pareto_ltl_apps.flight.rules import Event
 from pareto_ltl_apps.flight.telemetry import Reading
 from pareto_ltl_apps.flight.watch import WatchSettings
-from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.world.projection import to_geographic
 from quick_wind import QUICK_WIND
 
 SMALL: dict[str, Any] = {

@@ -15,16 +15,16 @@ from numpy.random import SeedSequence
 
 from coherent import coherent_problem
 from levels import AT_NIGHT
-from pareto_ltl_apps.flight.journal import SCHEMA, Journal, read_journal
-from pareto_ltl_apps.flight.lines import event_line
-from pareto_ltl_apps.flight.rules import Event
-from pareto_ltl_apps.flight.telemetry import Reading, Sieve
-from pareto_ltl_apps.flight.watch import Watch, WatchSettings
 from pareto_ltl.planning.power import Body, EnergyModel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.medium import WATER
+from pareto_ltl_apps.flight.journal import SCHEMA, Journal, read_journal
+from pareto_ltl_apps.flight.lines import event_line
+from pareto_ltl_apps.flight.rules import Event
+from pareto_ltl_apps.flight.telemetry import Reading, Sieve
+from pareto_ltl_apps.flight.watch import Watch, WatchSettings
 from watched import DT, FLIGHT_TIME, PATH, PLAN, PROBLEM, heading_of
 
 BEGIN: Event = {

@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.logic import FormulaError, hoa, parse_formula, patterns, translate
-from pareto_ltl_apps.view import automaton_picture as draw
 from pareto_ltl.logic.formula import Formula
 from pareto_ltl.settings import MissionConfig
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.view import automaton_picture as draw
 
 ATOMS = ("a", "b", "c")
 LETTERS = [frozenset(s) for n in range(4) for s in itertools.combinations(ATOMS, n)]

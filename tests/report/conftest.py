@@ -8,8 +8,8 @@ import pytest
 
 import pareto_ltl
 from exported_plans import SMALL
-from pareto_ltl_apps.view.records import ShownRun
 from pareto_ltl.run.results import load_results
+from pareto_ltl_apps.view.records import ShownRun
 from pareto_ltl_apps.view.showing import shown_results
 
 PAGE_ONLY = {"figures": False, "page": True}

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pareto_ltl_apps.cli.commands import run_command_line
-from pareto_ltl_apps.cli.output import Answer, Output, answered, output_of
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.cli.output import Answer, Output, answered, output_of
 
 WORDS = {
     "front": ["front", "DIR"],

@@ -14,10 +14,10 @@ from drawn_world import front_of, plan_of, scene_of
 from figure_texts import texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.rates import Promise, counted_rate
 from pareto_ltl.planning.records import Front, Plan
+from pareto_ltl.settings import preset
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.front import flown_front_figure, order_looks, rate_ends
 from pareto_ltl_apps.view.records import DrawnRun
-from pareto_ltl.settings import preset
 
 COUNTS, ORDERS = (40, 80, 160, 320), ("a>b>c", "a>b>c", "a>d>c", "b>a>c")
 

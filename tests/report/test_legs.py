@@ -11,8 +11,11 @@ import pytest
 
 import pareto_ltl
 from drawn_world import path_of, scene_of
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.run.plan_run import Run
+from pareto_ltl.support.medium import AIR, WATER
+from pareto_ltl.world.windows import Window
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.view.legs import (
     Clearance,
     Leg,
@@ -21,9 +24,6 @@ from pareto_ltl_apps.view.legs import (
     closest_barriers,
     of_one_heading,
 )
-from pareto_ltl.run.plan_run import Run
-from pareto_ltl.support.medium import AIR, WATER
-from pareto_ltl.world.windows import Window
 from problems import along, box, make_problem, make_scene
 
 BOX = np.array([[40.0, 10.0], [60.0, 10.0], [60.0, 30.0], [40.0, 30.0]])

@@ -15,17 +15,17 @@ import numpy as np
 import pytest
 
 import pareto_ltl
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.logic.automaton import translate
+from pareto_ltl.run.plan_run import Run
+from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.world.projection import to_geographic, to_plane
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.view.components import MODULES, bundled, component
 from pareto_ltl_apps.view.page.content import SCRIPTS, Content, json_for_script, page_bytes, page_content
 from pareto_ltl_apps.view.page.ground import MOST_CORNERS, rounded, shown_map, shown_wind
 from pareto_ltl_apps.view.page.machine import told_clocks
 from pareto_ltl_apps.view.page.points import MOST_LEGS, told_points
 from pareto_ltl_apps.view.records import Origin, ShownRun
-from pareto_ltl.run.plan_run import Run
-from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.world.projection import to_geographic, to_plane
 
 HOSTILE = "</script><img src=x onerror=alert(1)>&\"'\u2028"
 MILLION = 1_000_000

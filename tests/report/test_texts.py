@@ -26,6 +26,15 @@ from drawn_world import (
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.evaluate import Forecast
 from pareto_ltl.planning.rates import Promise, counted_rate
+from pareto_ltl.settings import (
+    AblationConfig,
+    CompareConfig,
+    ConvergenceConfig,
+    EvaluationConfig,
+    ReportConfig,
+    preset,
+)
+from pareto_ltl_apps.studies import compare, convergence, sweep_summary
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import rate_tick_text, rate_ticks
 from pareto_ltl_apps.view.figures import draw_record
@@ -49,15 +58,6 @@ from pareto_ltl_apps.view.study_planners import (
 )
 from pareto_ltl_apps.view.sweep_figures import axis_label
 from pareto_ltl_apps.view.wind import wind_figure
-from pareto_ltl.settings import (
-    AblationConfig,
-    CompareConfig,
-    ConvergenceConfig,
-    EvaluationConfig,
-    ReportConfig,
-    preset,
-)
-from pareto_ltl_apps.studies import compare, convergence, sweep_summary
 
 LAWS = ("independent", "coherent")
 BOUNDS = np.array([[0.0, 0.0], [10.0, 10.0]])

@@ -11,11 +11,10 @@ import pytest
 
 import pareto_ltl
 from pareto_ltl.run.directory import BOOKKEEPING, RECORD_FILES, RUN_LOCK, claimed_directory
-from pareto_ltl.run.pipeline import check_pipeline, files_of, run_pipeline
+from pareto_ltl.run.pipeline import check_pipeline, files_of, known_stages, run_pipeline
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl_apps.studies.stages import APPLICATION_STAGES
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.locks import hold_lock
 
@@ -106,7 +105,7 @@ def test_a_file_in_the_place_of_a_directory_is_refused(tmp_path: Path) -> None:
 
 
 def test_every_file_of_a_stage_is_among_those_that_are_cleared() -> None:
-    declared = set(files_of(APPLICATION_STAGES))
+    declared = set(files_of(known_stages()))
     assert declared <= {*RECORD_FILES, *BOOKKEEPING}
 
 
@@ -121,7 +120,7 @@ def test_a_run_writes_what_its_stages_declare_and_nothing_else(tmp_path: Path) -
         | {"report": {"dpi": 30, "formats": ["png", "svg", "pdf"]}}
         | {"exports": {"formats": list(EXPORT_FILES), "altitude_lower": 100.0, "altitude_upper": 200.0}}
     )
-    pipeline = check_pipeline(settings, APPLICATION_STAGES)
+    pipeline = check_pipeline(settings)
     run_pipeline(pipeline, tmp_path)
     declared = {name for stage in pipeline.stages for name in (*stage.writes, *stage.shows)}
     found = {path for pattern in (*declared, *BOOKKEEPING) for path in tmp_path.glob(pattern)}

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.resources import choices
 from pareto_ltl.support.schemas import SCHEMA_NAMES, read_document
+from pareto_ltl_apps.cli.commands import run_command_line
 
 SMALL = ("planner.trees=2", "planner.n_max=800", "deployment.runs=20", "report=none")
 COMPILED_ALONE = {"phi1_feedback", "phi1_landmarks"}  # kernels that no other test needs: half a minute each

@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 
 import pareto_ltl
 from exported_plans import SMALL
-from pareto_ltl_apps.cli.arguments import read_formats, read_metres
-from pareto_ltl_apps.cli.commands import run_command_line
-from pareto_ltl_apps.exports.formats import MAKERS
 from pareto_ltl.settings import ExportsConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import write_json
+from pareto_ltl_apps.cli.arguments import read_formats, read_metres
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.exports.formats import MAKERS
 
 DEFAULT = [name for name in EXPORT_FILES if name not in ON_REQUEST]
 QUICK = {"planner": {"trees": 1, "n_max": 300}, "deployment": {"runs": 5}, "wind": "calm", "report": "none"}

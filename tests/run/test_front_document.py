@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl_apps.cli.arguments import read_length, read_number, read_share
 from pareto_ltl.planning.costs import COSTS
 from pareto_ltl.planning.plan_files import FRONT_HEADER
 from pareto_ltl.settings.planner import SELECTION_RULES
 from pareto_ltl.support.resources import choices
+from pareto_ltl_apps.cli.arguments import read_length, read_number, read_share
 
 TEXT = (Path(__file__).parents[2] / "docs" / "front.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"^    pareto-ltl choose ([^#\n]*)", TEXT, re.MULTILINE)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import pareto_ltl
-from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl.run.interface import VEHICLE
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import MissionConfig, SceneConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.yaml_files import read_yaml
+from pareto_ltl_apps.cli import hydra_app as app
 from problems import box, make_scene
 
 SMALL = {

@@ -15,7 +15,6 @@ from numpy.random import SeedSequence
 
 import pareto_ltl
 from lies.editing import Lie, both, edited, in_json, in_metrics, in_plan
-from pareto_ltl_apps.cli.summary import limit_rows, plan_paragraphs
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.power import EnergyModel, Wing
 from pareto_ltl.planning.problem import Problem
@@ -26,6 +25,7 @@ from pareto_ltl.run.plan_run import Run
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.reading import read_json
+from pareto_ltl_apps.cli.summary import limit_rows, plan_paragraphs
 from pareto_ltl_verify.judge import verify
 from quick_wind import QUICK_WIND
 

@@ -22,8 +22,6 @@ import pytest
 import pareto_ltl
 from documents import ROOT
 from map_files import GOAL, KML, START, WALL
-from pareto_ltl_apps.cli.command_table import DIR, TOOL_COMMANDS
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.provenance import file_hashes
 from pareto_ltl.run.received import GRANTED, allowed_settings
 from pareto_ltl.settings import Settings
@@ -33,6 +31,8 @@ from pareto_ltl.support.locks import hold_lock
 from pareto_ltl.support.netcdf4 import refuse_other_files
 from pareto_ltl.wind.netcdf import read_netcdf
 from pareto_ltl.world.projection import to_geographic
+from pareto_ltl_apps.cli.command_table import DIR, TOOL_COMMANDS
+from pareto_ltl_apps.cli.commands import run_command_line
 from received import (
     COMMANDS,
     TELEMETRY,

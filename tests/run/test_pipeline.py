@@ -15,7 +15,7 @@ import yaml
 import small_study
 from pareto_ltl.planning.records import Forest
 from pareto_ltl.run import front_stage
-from pareto_ltl.run.pipeline import Pipeline, check_pipeline, make_all, run_pipeline
+from pareto_ltl.run.pipeline import Pipeline, check_pipeline, known_stages, make_all, run_pipeline
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import BaseRun, Record, record, stage_seeds
 from pareto_ltl.settings import (
@@ -27,7 +27,6 @@ from pareto_ltl.settings import (
     WindConfig,
     preset,
 )
-from pareto_ltl_apps.studies.stages import APPLICATION_STAGES
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choice_file
 
@@ -159,7 +158,7 @@ def test_each_wind_file_is_opened_once(tmp_path: Path, monkeypatch: pytest.Monke
     assert len(opened) == 1
 
 
-@pytest.mark.parametrize("stage", APPLICATION_STAGES, ids=lambda stage: stage.stage)
+@pytest.mark.parametrize("stage", known_stages(), ids=lambda stage: stage.stage)
 def test_a_stage_says_what_it_makes(stage: Record[Any]) -> None:
     assert stage.__doc__
 

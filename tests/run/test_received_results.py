@@ -11,11 +11,11 @@ import pytest
 
 import pareto_ltl
 from pareto_ltl import Run
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.locks import hold_lock
 from pareto_ltl.support.run_status import RUN_LOCK, ending_text
+from pareto_ltl_apps.cli.commands import run_command_line
 
 SMALL = {"planner": {"trees": 2, "n_max": 300}, "refine": {"points": 3}, "deployment": {"runs": 50}}
 

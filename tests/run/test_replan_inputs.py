@@ -13,14 +13,14 @@ import pytest
 
 import pareto_ltl
 from coherent import SCENE
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl_apps.flight.replanning import comparison_lines
-from pareto_ltl_apps.flight.rest_of_flight import warn_of_use
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.projection import to_geographic
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.flight.replanning import comparison_lines
+from pareto_ltl_apps.flight.rest_of_flight import warn_of_use
 from pareto_ltl_verify.claims.replan import CLAIMS
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.judge import findings, verify

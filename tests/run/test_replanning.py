@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 import pareto_ltl
-from pareto_ltl_apps.cli.arguments import read_fix
-from pareto_ltl_apps.cli.commands import run_command_line
-from pareto_ltl_apps.cli.result_commands import default_place
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl_apps.flight.replanning import comparison_lines
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.projection import to_geographic
+from pareto_ltl_apps.cli.arguments import read_fix
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.cli.result_commands import default_place
+from pareto_ltl_apps.flight.replanning import comparison_lines
 from pareto_ltl_verify.judge import verify
 from quick_wind import QUICK_WIND
 

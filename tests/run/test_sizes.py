@@ -6,18 +6,24 @@ from typing import Any
 
 import pytest
 
-from pareto_ltl.run.pipeline import STUDIES, check_sizes
+from pareto_ltl.extend import Record
+from pareto_ltl.run.pipeline import check_sizes, known_stages
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.support import machine
 from pareto_ltl.support.errors import ConfigError
 
+STUDIES = [stage.stage for stage in known_stages() if stage.study]
 PLAN = ("forest", "front", "plan", "deployment")
 
 
 @pytest.fixture(autouse=True)
 def _two_gigabytes_free(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "available_memory", lambda: 2e9)
+
+
+def listed(names: tuple[str, ...]) -> list[Record[Any]]:
+    return [stage for stage in known_stages() if stage.name in names or stage.stage in names]
 
 
 @pytest.mark.parametrize(
@@ -41,7 +47,7 @@ def test_a_size_that_cannot_fit_is_refused(
     sections: dict[str, Any], stages: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
     with pytest.raises(ConfigError) as caught:
-        check_sizes(build_settings(sections), stages)
+        check_sizes(build_settings(sections), listed(stages))
     assert not [word for word in words if word not in str(caught.value)], str(caught.value)
 
 
@@ -50,8 +56,8 @@ def test_a_size_that_cannot_fit_is_refused(
     [PLAN, *((name,) for name in STUDIES)],
 )
 def test_the_defaults_fit(stages: tuple[str, ...]) -> None:
-    check_sizes(Settings(), stages)
+    check_sizes(Settings(), listed(stages))
 
 
 def test_a_setting_that_no_stage_uses_is_not_looked_at() -> None:
-    check_sizes(build_settings({"planner": {"n_max": 10**8}}), ("readings", "table"))
+    check_sizes(build_settings({"planner": {"n_max": 10**8}}), listed(("readings", "table")))

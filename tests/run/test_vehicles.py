@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import pareto_ltl
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import Settings, WindConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.levels import level_mismatch
 from pareto_ltl.support.resources import choices
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.judge import verify
 from quick_wind import QUICK_WIND
 

@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.kernels import code_cache
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.pack_logic import LIVE
 from pareto_ltl.run import second_process
-from pareto_ltl_apps.cli import warmup
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.support import compiling
 from pareto_ltl.support.budget import Budget
+from pareto_ltl_apps.cli import warmup
+from pareto_ltl_apps.cli.commands import run_command_line
 
 
 def test_each_preset_has_a_kind_and_one_for_every_model_changed() -> None:

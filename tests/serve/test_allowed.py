@@ -15,15 +15,15 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from desk import SMALL, DirectClient
+from pareto_ltl.settings import Settings
+from pareto_ltl.settings.checks import Declaration
+from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl_apps.cli.desk_worker import run_at_desk
 from pareto_ltl_apps.cli.hydra_app import run_accepted
 from pareto_ltl_apps.desk.allowed import PATHS, SECTIONS, TEXTS, Leaf, check_composed, leaves, quoted
 from pareto_ltl_apps.desk.app import desk_app
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.desk.missions import COMMANDS, EXAMPLES, command_words
-from pareto_ltl.settings import Settings
-from pareto_ltl.settings.checks import Declaration
-from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 
 CANARY = "canary line: 7f3a9c"
 TOKEN, PORT = "a-token-of-this-test", 8123

@@ -20,8 +20,8 @@ import psutil
 import pytest
 
 from desk import HOP, MOST, SMALL, RunningDesk, running_desk
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.plan_run import Run
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.desk import views
 from pareto_ltl_apps.desk.app import ROUTES
 from pareto_ltl_apps.desk.folder import DeskFolder

@@ -13,8 +13,8 @@ from PIL import Image
 from pyproj import Transformer
 
 from geotiffs import UTM, WGS84, geotiff
-from pareto_ltl_apps.desk.geotiff import shown_image
 from pareto_ltl.support.errors import DataError
+from pareto_ltl_apps.desk.geotiff import shown_image
 
 
 def shown(tmp_path: Path, content: bytes) -> tuple[Any, list[float]]:

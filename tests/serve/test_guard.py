@@ -10,10 +10,10 @@ import httpx
 import pytest
 
 from desk import DirectClient
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl_apps.desk.app import ROUTES, Operation, desk_app
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.desk.server import SINGLE
-from pareto_ltl.support.errors import ConfigError, DataError
 
 TOKEN, PORT = "a-token-of-this-test", 8123
 HERE = f"http://127.0.0.1:{PORT}"

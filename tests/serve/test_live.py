@@ -13,9 +13,9 @@ from playwright.sync_api import Browser
 
 from chromium import launched, needs_chromium, opened_page
 from desk import DirectClient
+from pareto_ltl_apps.desk.live import LivePage, live_app
 from pareto_ltl_apps.flight.telemetry import Reading
 from pareto_ltl_apps.flight.watch import Watch, WatchSettings
-from pareto_ltl_apps.desk.live import LivePage, live_app
 from watched import DT, PATH, PLAN, PROBLEM, heading_of
 
 TOKEN, PORT = "a-token-of-this-test", 8123

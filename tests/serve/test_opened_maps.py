@@ -10,9 +10,9 @@ import pytest
 
 from map_files import DRAWN, GOAL, KML, START, collection, feature
 from map_samples import AREA, ED269, OPENAIR, box
+from pareto_ltl.support.errors import DataError
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.desk.missions import read_map
-from pareto_ltl.support.errors import DataError
 
 OVER_A = [box(10.5, 60, 10.7, 60.3)]
 

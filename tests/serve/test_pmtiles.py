@@ -17,9 +17,9 @@ from PIL import Image
 from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import Writer
 
+from pareto_ltl.support.errors import DataError
 from pareto_ltl_apps.desk.backdrop import LARGEST_TILE, backdrop, shown_tiles
 from pareto_ltl_apps.desk.folder import MAPS, DeskFolder
-from pareto_ltl.support.errors import DataError
 
 EXTENT = 4096
 Place = tuple[int, int, int]  # zoom, column, row

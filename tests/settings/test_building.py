@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from hydra.types import RunMode
 
-from pareto_ltl_apps.cli import composition
-from pareto_ltl_apps.cli.setting_keys import settings_from
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import PRESETS, PlannerConfig, Settings, preset
 from pareto_ltl.settings.building import build_settings, read_settings_file, section_of
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import choices
+from pareto_ltl_apps.cli import composition
+from pareto_ltl_apps.cli.setting_keys import settings_from
 
 NEEDS_A_FILE = {"csv", "currents", "ensemble", "grib", "netcdf", "stations"}
 

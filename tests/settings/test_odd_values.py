@@ -18,11 +18,11 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from levels import AT_NIGHT
-from pareto_ltl_apps.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, settings_from
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.settings.checks import check_folder_name, check_time, field_kinds, fits_kind, kind_problem
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl_apps.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, settings_from
 
 LONGEST_LINE = 400
 NUMBERS = [

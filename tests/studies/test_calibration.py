@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl_apps.studies import calibration
 from pareto_ltl.support.counts import clopper_pearson
+from pareto_ltl_apps.studies import calibration
 
 
 def plan(mission: int, promised: float, failure: float) -> dict[str, float | str]:

@@ -12,10 +12,14 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pytest
 
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import DepartureConfig, Settings
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.schemas import read_document
+from pareto_ltl.wind.readings import CALM, Readings, iso, seconds
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.studies.departure import candidate_starts, repeat_seed
 from pareto_ltl_apps.studies.departure_fronts import Comparison, compare_fronts, flown_front
 from pareto_ltl_apps.studies.departure_table import (
@@ -29,10 +33,6 @@ from pareto_ltl_apps.studies.departure_table import (
     recommendation_text,
     start_rows,
 )
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.schemas import read_document
-from pareto_ltl.wind.readings import CALM, Readings, iso, seconds
 from pareto_ltl_verify.judge import verify
 from quick_wind import wind_words
 

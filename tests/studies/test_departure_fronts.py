@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.random import Generator
 
+from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl_apps.studies.departure_fronts import (
     LEAST_VARIANCE,
     FlownFront,
@@ -26,7 +27,6 @@ from pareto_ltl_apps.studies.departure_fronts import (
     seed_spread,
     starts_to_repeat,
 )
-from pareto_ltl.support.arrays import BoolArray, FloatArray
 
 LENGTHS = np.array([100.0, 110.0, 125.0, 150.0])
 RATES = np.array([0.3, 0.12, 0.05, 0.02])

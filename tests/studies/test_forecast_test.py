@@ -13,16 +13,16 @@ from matplotlib.figure import Figure
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from forecast_winds import AREA, HOUR, NODES, calm, context_of, settings, snapshots
 from noaa import NOAA, needs_noaa
-from pareto_ltl_apps.cli import hydra_app as app
-from pareto_ltl_apps.view import style
-from pareto_ltl_apps.view.records import Study
-from pareto_ltl_apps.view.study_forecast_test import forecast_test_figure
-from pareto_ltl_apps.studies import forecast_test as study
-from pareto_ltl_apps.studies.known_winds import DepartureWinds
-from pareto_ltl_apps.studies.random_missions import Mission, mission
+from pareto_ltl.extend import Study
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.wind.readings import seconds
 from pareto_ltl.world import projection
+from pareto_ltl_apps.cli import hydra_app as app
+from pareto_ltl_apps.studies import forecast_test as study
+from pareto_ltl_apps.studies.known_winds import DepartureWinds
+from pareto_ltl_apps.studies.random_missions import Mission, mission
+from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.study_forecast_test import forecast_test_figure
 
 
 def study_of(told: list[dict[str, object]], **changes: object) -> Study:

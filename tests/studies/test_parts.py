@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.settings import EvaluationConfig, PlannerConfig, ReportConfig, Settings, WindConfig
-from pareto_ltl_apps.studies import parts
-from pareto_ltl_apps.studies.parts import Part
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import remove_dead_drafts
+from pareto_ltl_apps.studies import parts
+from pareto_ltl_apps.studies.parts import Part
 from small_study import files
 
 ONE = EvaluationConfig(jobs=1)
@@ -208,7 +208,8 @@ def test_a_part_at_work_elsewhere_is_waited_for_and_taken_over(tmp_path: Path) -
     (part,) = some(1)
     place = parts.parts_folder(ONE, tmp_path)
     code = (
-        "import sys, time\nfrom pathlib import Path\nfrom pareto_ltl_apps.studies.parts import Part, PartJob\n"
+        "import sys, time\nfrom pathlib import Path\n"
+        "from pareto_ltl_apps.studies.parts import Part, PartJob\n"
         "def slow():\n    print('held', flush=True)\n    time.sleep(0.5)\n    return {'value': 7.0}\n"
         "PartJob(Path(sys.argv[1]), Part(sys.argv[2], (), sys.argv[3])).keep_result(slow)\n"
     )

@@ -12,13 +12,13 @@ import pytest
 from matplotlib.figure import Figure
 
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
-from pareto_ltl_apps.cli.commands import run_command_line
-from pareto_ltl_apps.view import style
-from pareto_ltl_apps.view.study_forecast_test import promises_figure
-from pareto_ltl_apps.studies import calibration
-from pareto_ltl_apps.studies import promises as study
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.studies import calibration
+from pareto_ltl_apps.studies import promises as study
+from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.study_forecast_test import promises_figure
 
 Table = list[dict[str, object]]
 

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import small_study
+from pareto_ltl.extend import Study
 from pareto_ltl.planning import growth
 from pareto_ltl.planning.evaluate import forecast
-from pareto_ltl_apps.view.records import Study
-from pareto_ltl_apps.view.study_planners import FACTOR_LABELS
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import (
@@ -27,9 +26,10 @@ from pareto_ltl.settings import (
     preset,
 )
 from pareto_ltl.settings.studies import METHODS, MODEL_FACTORS
+from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_apps.studies import compare, convergence, planning, tables
 from pareto_ltl_apps.studies.planning import fly_seeded, still, unsmoothed
-from pareto_ltl.support.errors import ConfigError
+from pareto_ltl_apps.view.study_planners import FACTOR_LABELS
 
 DEFAULT_MODELS = (("parents", "mixed"), ("collision_bound", "path"), ("refine", "none"))
 

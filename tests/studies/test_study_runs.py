@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl_apps.cli import composition
-from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices
+from pareto_ltl_apps.cli import composition
+from pareto_ltl_apps.cli import hydra_app as app
 from patience import wait_until
 from quick_wind import wind_words
 from unmeasured import untraced

@@ -20,20 +20,20 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from pareto_ltl_apps.cli import composition
-from pareto_ltl_apps.cli import hydra_app as app
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.fidelity import LAWS
-from pareto_ltl_apps.studies import jobs, sweeps
-from pareto_ltl_apps.studies import sweep_summary as summary
-from pareto_ltl_apps.studies.jobs import JobQueue, JobState, RunJob
-from pareto_ltl_apps.studies.sweeps import FigureChoice, SweepManifest, SweepPoint
 from pareto_ltl.support import locks
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json
 from pareto_ltl.support.resources import choices
+from pareto_ltl_apps.cli import composition
+from pareto_ltl_apps.cli import hydra_app as app
+from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.studies import jobs, sweeps
+from pareto_ltl_apps.studies import sweep_summary as summary
+from pareto_ltl_apps.studies.jobs import JobQueue, JobState, RunJob
+from pareto_ltl_apps.studies.sweeps import FigureChoice, SweepManifest, SweepPoint
 from patience import PATIENCE, wait_until
 from unmeasured import untraced
 

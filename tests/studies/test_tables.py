@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl_apps.studies import tables
 from pareto_ltl_apps.studies.compare import _points
-from pareto_ltl.support.counts import clopper_pearson
 
 
 @given(st.lists(st.booleans()))

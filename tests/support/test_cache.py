@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.support import cache
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.machine import GIVEN, cores
+from pareto_ltl_apps.cli.commands import run_command_line
 from patience import PATIENCE
 
 FIT = """

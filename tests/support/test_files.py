@@ -90,21 +90,22 @@ def test_the_order_of_keys_is_no_part_of_a_fingerprint() -> None:
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A package of three modules in place of this one."""
-    for name in ("wind/gp.py", "wind/field.py", "cli/main.py"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(name)
-    monkeypatch.setattr(fingerprints, "PACKAGE", tmp_path)
+    package = tmp_path / "pareto_ltl"
+    for name in ("wind/gp.py", "wind/field.py", "cli/main.py", "__init__.py"):
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
+        (package / name).write_text(name)
+    monkeypatch.setattr(fingerprints, "SOURCES", tmp_path)
     code_fingerprint.cache_clear()
-    return tmp_path
+    return package
 
 
 def prints() -> dict[str, str]:
     code_fingerprint.cache_clear()
     return {
         "all": code_fingerprint(),
-        "wind": code_fingerprint("wind"),
-        "wind.gp": code_fingerprint("wind.gp"),
-        "without cli": code_fingerprint(without=("cli",)),
+        "wind": code_fingerprint("pareto_ltl.wind"),
+        "wind.gp": code_fingerprint("pareto_ltl.wind.gp"),
+        "without cli": code_fingerprint(without=("pareto_ltl.cli",)),
     }
 
 
@@ -128,9 +129,11 @@ def test_a_code_fingerprint_changes_with_the_modules_it_names(
 
 
 def test_a_module_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"no module or package 'wind\.elsewhere'"):
-        code_fingerprint("wind.elsewhere")
-    assert code_fingerprint("support", "wind.gp") != code_fingerprint("support")
+    with pytest.raises(ValueError, match=r"no module or package 'pareto_ltl\.wind\.elsewhere'"):
+        code_fingerprint("pareto_ltl.wind.elsewhere")
+    assert code_fingerprint("pareto_ltl.support", "pareto_ltl.wind.gp") != code_fingerprint(
+        "pareto_ltl.support"
+    )
     assert (PACKAGE / "support" / "fingerprints.py").is_file()
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from pareto_ltl_apps.flight.telemetry import read_log
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError
@@ -18,6 +17,7 @@ from pareto_ltl.support.reading import read_bounded, refuse_special
 from pareto_ltl.wind.sources import data_files
 from pareto_ltl.wind.sources.magic import first_bytes
 from pareto_ltl.world.scene_files import scene_from_dict, sketch_file
+from pareto_ltl_apps.flight.telemetry import read_log
 
 READERS: dict[str, Callable[[Path], Any]] = {
     "text": read_bounded, "arrays": read_npz, "fingerprint": file_fingerprint, "wind": first_bytes,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import forecast_history as history
-from pareto_ltl_apps.wind_errors.matched_fields import Resampling, analysis_error
 from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.snapshots import Snapshot
+from pareto_ltl_apps.wind_errors.matched_fields import Resampling, analysis_error
 
 ERROR, NOISE = 0.9, 1.7
 TIMES = 30

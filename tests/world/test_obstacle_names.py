@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pareto_ltl_apps.view.page.ground import shown_map
 from pareto_ltl.settings.mission import SceneConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
+from pareto_ltl_apps.view.page.ground import shown_map
 
 NAMES = ("EFKU CTR", "Päijänne", "Озеро", "湖", '<b>"x"</b>')
 

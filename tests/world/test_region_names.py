@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pareto_ltl
-from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl.logic import hoa
 from pareto_ltl.logic.automaton import translate
 from pareto_ltl.logic.formula import Formula, parse_formula
@@ -18,6 +17,7 @@ from pareto_ltl.settings.mission import SceneConfig
 from pareto_ltl.support.errors import DataError, FormulaError
 from pareto_ltl.support.names import joined_names, name_fault, quoted_name, split_names
 from pareto_ltl.world.scene_settings import scene_from_settings
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.formula import read_formula
 from problems import box, make_scene
 

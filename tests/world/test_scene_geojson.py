@@ -13,7 +13,6 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl_apps.exports.geojson import true_fix
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.settings.heights import level_height
 from pareto_ltl.support.errors import DataError
@@ -26,6 +25,7 @@ from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl.world.scene_sketch import MissionUse
 from pareto_ltl.world.windows import Window
+from pareto_ltl_apps.exports.geojson import true_fix
 from pareto_ltl_verify import laws
 
 

@@ -58,9 +58,9 @@ class PointsSweeper(BasicSweeper):
 
     def _points(self, arguments: list[str]) -> tuple[SweepManifest, dict[str, list[str]], bool]:
         """The points of the grid, the words that Hydra composes each from, and whether to keep answers."""
+        from pareto_ltl.run.provenance import config_hash
         from pareto_ltl_apps.cli.composition import check_settings
         from pareto_ltl_apps.cli.setting_keys import settings_from
-        from pareto_ltl.run.provenance import config_hash
         from pareto_ltl_apps.studies.jobs import KEY_DIGITS
         from pareto_ltl_apps.studies.sweep_summary import check_figure
         from pareto_ltl_apps.studies.sweeps import FigureChoice, SweepManifest, SweepPoint

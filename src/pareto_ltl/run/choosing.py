@@ -6,15 +6,14 @@ with another selection. Their files are identical to the files of a whole run wi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.pipeline import STUDIES, carry_out, files_of, stages_by_name
-from pareto_ltl.run.plan_run import PLAN_STAGES, Run
-from pareto_ltl.run.record import Record
+from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
+from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.results import Planned, place_of, planned_run
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.settings.building import section_of
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 
 KEPT = ("scene", "cells", "automaton", "wind", "forest", "front")
 RAW = ("readings", "observations")  # from which the wind was made
-OUTWARD = ("table", *STUDIES)  # stages with files elsewhere
 
 
 def choose(
@@ -181,16 +179,8 @@ def require_choice(choice: Choice, front: Front, where: str) -> None:
 # --- the run with another plan ------------------------------------------------------------------
 
 
-def chosen_run(
-    planned: Planned, choice: Choice, place: Path | None = None,
-    stages: Iterable[Record[Any]] = PLAN_STAGES, argv: Sequence[str] = (),
-) -> Run:  # fmt: skip
+def chosen_run(planned: Planned, choice: Choice, place: Path | None = None, argv: Sequence[str] = ()) -> Run:
     """The run of ``planned`` with the plan of ``choice``; with ``place``, all its later stages write there.
-
-    Parameters
-    ----------
-    stages : iterable of Record
-        The stages that the run may have had.
 
     Raises
     ------
@@ -209,9 +199,9 @@ def chosen_run(
         other.records["problem"] = run.problem
         other.make("plan")
         return other
-    table = stages_by_name(settings, stages)
+    table = stages_by_name(settings)
     left = [table[name] for name in settings.pipelines.stages if table[name].name not in (*KEPT, *RAW)]
-    if elsewhere := [stage.stage for stage in left if stage.stage in OUTWARD]:
+    if elsewhere := [stage.stage for stage in left if stage.study or stage.name == "table"]:
         raise DataError(
             f"{source}: the stages after its plan read or write files elsewhere ({', '.join(elsewhere)}), "
             "which the settings of a directory may not; run the whole pipeline with another selection.rule"

@@ -1,4 +1,4 @@
-"""The Python interface: ``pareto_ltl.plan``, ``simulate``, ``export`` and ``steer``.
+"""The Python interface: ``pareto_ltl.plan``, ``simulate`` and ``steer``.
 
 They go through the runner of the command line: the same settings and seed give the same plan.
 """
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Pipeline, carry_out, check_pipeline
 from pareto_ltl.run.plan_run import Run
@@ -21,7 +20,7 @@ from pareto_ltl.run.results import Planned, planned_run
 from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, WindConfig
 from pareto_ltl.settings.building import build_settings, choice_values, section_of
 from pareto_ltl.support.display import distance_text
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choices
 from pareto_ltl.world.scene import Scene
@@ -223,55 +222,6 @@ def simulate(
         deployment=DeploymentConfig(runs=runs, laws=[law]),
     )
     return Run(settings, run.make("problem", "plan")).deployments[law]
-
-
-def export(
-    planned: Planned,
-    folder: str | Path,
-    formats: Sequence[str] | None = None,
-    *,
-    point: int | None = None,
-    **settings: Any,
-) -> tuple[Path, ...]:
-    """Write a plan into ``folder``; return the paths of the files.
-
-    Parameters
-    ----------
-    planned : Run or path
-        What :func:`pareto_ltl.plan` returned, or a results directory.
-    formats : sequence of str, optional
-        Some of the formats of ``exports.formats``; default the formats of the run.
-    point : int, optional
-        The path of that number in ``front.csv``; default the plan.
-    settings
-        Other settings of the section ``exports``: ``altitude_lower=300.0, altitude_upper=400.0``.
-
-    Raises
-    ------
-    ConfigError
-        If a setting is wrong.
-    DataError
-        If there is no plan, or a format of ``formats`` cannot be written for it.
-    InfeasibleError
-        If the front has no such path.
-    """
-    from pareto_ltl_apps.exports.exported import exported_plan
-    from pareto_ltl_apps.exports.formats import writable_formats, write_exports
-
-    run = planned_run(planned)
-    cfg = replace(
-        run.settings.exports,
-        formats=run.settings.exports.formats if formats is None else list(formats),
-        **settings,
-    )
-    if point is not None:
-        run = choose(planned, point=point)
-    problem, plan = run.problem, run.plan
-    written, reason = writable_formats(cfg.formats, problem.scene, plan.path.t)
-    if reason and (formats is not None or not written):
-        raise DataError(reason)
-    exported = exported_plan(replace(run.settings, exports=cfg), problem, plan, run.seeds("export"))
-    return write_exports(exported, written, Path(folder))
 
 
 def steer(

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl_apps.view.records import Study
+from pareto_ltl.run.study import Study
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.evaluate import Forecast

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,13 @@ from pareto_ltl.run.record import BaseRun, Record
 from pareto_ltl.run.required import require_formula, require_map
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
-from pareto_ltl.support.extensions import STAGE_GROUP, extension_names, load_extension
+from pareto_ltl.support.extensions import (
+    STAGE_GROUP,
+    STAGE_TABLE_GROUP,
+    extension_names,
+    load_all,
+    load_extension,
+)
 from pareto_ltl.support.machine import cores, require_memory
 from pareto_ltl.support.messages import shown_value
 
@@ -26,10 +33,6 @@ VERTEX_BYTES = 150  # of a vertex, with fidelity=paper and one obstacle
 POSITION_BYTES = 16
 WRITTEN = 2.0  # copies of the positions while deployments.npz is packed
 FIGURES = "_figures"  # end of the names of stages that draw a study
-STUDIES = (  # in several processes
-    "comparison", "convergence", "ablation", "hindcast", "forecast_test", "departure", "replanning",
-    "replan_test",
-)  # fmt: skip
 
 
 # --- checks before anything is made ------------------------------------------------------------
@@ -50,15 +53,21 @@ class Pipeline:
     files: tuple[str, ...] = ()
 
 
-def stages_by_name(settings: Settings, stages: Iterable[Record[Any]] = PLAN_STAGES) -> dict[str, Record[Any]]:
-    """``stages`` by their names, with those that other packages add and ``settings`` list.
+@lru_cache
+def known_stages() -> tuple[Record[Any], ...]:
+    """The stages of a plan, and those of the applications (entry points in ``pareto_ltl.stage_tables``)."""
+    return (*PLAN_STAGES, *(stage for table in load_all(STAGE_TABLE_GROUP) for stage in table))
+
+
+def stages_by_name(settings: Settings) -> dict[str, Record[Any]]:
+    """The known stages by their names, with those that other packages add and ``settings`` list.
 
     Raises
     ------
     ConfigError
-        If an added stage has the name of one of ``stages``, does not load, or is no :class:`Record`.
+        If an added stage has the name of a known one, does not load, or is no :class:`Record`.
     """
-    table = {stage.stage: stage for stage in stages}
+    table = {stage.stage: stage for stage in known_stages()}
     added = extension_names(STAGE_GROUP, (*table, *Run.rows()))
     for name in dict.fromkeys(settings.pipelines.stages):
         if name in added:
@@ -76,9 +85,7 @@ def files_of(stages: Iterable[Record[Any]]) -> tuple[str, ...]:
     return tuple(name for stage in stages for name in (*stage.writes, *stage.shows))
 
 
-def check_pipeline(
-    settings: Settings, stages: Iterable[Record[Any]] = PLAN_STAGES, given: Collection[str] = ()
-) -> Pipeline:
+def check_pipeline(settings: Settings, given: Collection[str] = ()) -> Pipeline:
     """The stages that ``settings.pipelines.stages`` lists, without the stages of the records ``given``.
 
     Raises
@@ -86,7 +93,7 @@ def check_pipeline(
     ConfigError, FormulaError
         If the list cannot run, or the settings lack the map or the formula that it needs.
     """
-    table, listed = stages_by_name(settings, stages), settings.pipelines.stages
+    table, listed = stages_by_name(settings), settings.pipelines.stages
     names = dict.fromkeys((*table, *extension_names(STAGE_GROUP)))
     known = ", ".join(name for name in names if not name.endswith(FIGURES))
     known = f"{known}, and the {FIGURES} of studies"
@@ -106,7 +113,7 @@ def check_pipeline(
     if "automaton" in made:
         require_formula(settings.mission)
     _check_selection(settings, made)
-    check_sizes(settings, listed)
+    check_sizes(settings, [table[name] for name in listed])
     return Pipeline(settings, chosen, files_of(table.values()))
 
 
@@ -130,14 +137,15 @@ def _check_selection(settings: Settings, made: Sequence[str]) -> None:
     )
 
 
-def check_sizes(settings: Settings, stages: Collection[str]) -> None:
+def check_sizes(settings: Settings, listed: Collection[Record[Any]]) -> None:
     """Raise ConfigError if the trees or the flights of ``settings`` can never fit into memory.
 
     ``planning/growth.py`` and ``simulation/flights.py`` check again when map and wind are known and the need
     is exact.
     """
     planner, flights = settings.planner, settings.deployment
-    if any(stage in stages for stage in ("forest", *STUDIES)):
+    stages = [stage.stage for stage in listed]
+    if "forest" in stages or any(stage.study for stage in listed):
         jobs = (settings.evaluation.jobs or cores()) if "forest" not in stages else 1
         busy = f" in each of {jobs} processes (evaluation.jobs)" if jobs > 1 else ""
         trees = f"{planner.trees} trees{busy}"
@@ -162,7 +170,9 @@ def make_all(run: BaseRun, stages: Iterable[Record[Any]]) -> None:
     how far the trees came); then the error is raised.
     """
     infeasible: InfeasibleError | None = None
-    for stage in stages:
+    wanted = tuple(stages)
+    for number, stage in enumerate(wanted):
+        run.later = wanted[number + 1 :]
         try:
             run.made(stage)
         except InfeasibleError as error:

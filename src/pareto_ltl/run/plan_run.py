@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Self
@@ -18,10 +17,9 @@ from typing import TYPE_CHECKING, Any, Self
 from pareto_ltl.run import provenance
 from pareto_ltl.run.record import BaseRun, Record, record
 from pareto_ltl.run.required import require_formula, require_map
-from pareto_ltl.settings import ReportConfig, RobotConfig, WindConfig
+from pareto_ltl.settings import RobotConfig, WindConfig
 from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.settings.heights import Height, flight_height
-from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.messages import shown_text
@@ -33,7 +31,6 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.records import Forest, Front, Plan
-    from pareto_ltl_apps.view.figures import Drawing
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.wind.readings import Readings
     from pareto_ltl.wind.records import WindField, WindObservations
@@ -41,7 +38,6 @@ if TYPE_CHECKING:
     from pareto_ltl.world.scene import Scene
 
 LOG = logging.getLogger(__name__)
-FIGURE_FILES = tuple(f"figures/*.{kind}" for kind in FIGURE_FORMATS)
 MAP_FILES, PLAN_FILES = "pareto_ltl.world.scene_files", "pareto_ltl.planning.plan_files"
 
 
@@ -178,7 +174,7 @@ class Run(BaseRun):
         from pareto_ltl.run.second_process import compiling_in_two
 
         settings, problem = self.settings, self.problem
-        importing = Thread(target=_import_report, args=(settings.report,), daemon=True)
+        importing = Thread(target=_prepare, args=(self.later, self), daemon=True)
 
         def progress(*news: Any) -> None:
             if not importing.ident:  # machine code is loaded: an interrupted import would block later ones
@@ -235,45 +231,6 @@ class Run(BaseRun):
         from pareto_ltl.simulation.flights import deploy_plan
 
         return deploy_plan(self.settings.deployment, self.problem, plan, self.seeds("deployment"))
-
-    @record(*EXPORT_FILES.values(), stage="export")
-    def exports(self) -> tuple[Path, ...]:
-        """Files of the plan, in the formats of ``exports.formats`` that the map and its departure allow."""
-        settings, plan, problem = self.settings, self.plan, self.problem
-        if not settings.exports.files:
-            return ()
-        from pareto_ltl_apps.exports.exported import exported_plan
-        from pareto_ltl_apps.exports.formats import writable_formats, write_exports
-
-        formats, reason = writable_formats(settings.exports.formats, problem.scene, plan.path.t)
-        if reason:
-            LOG.info("%s", reason)
-        if not formats:
-            return ()
-        return write_exports(
-            exported_plan(settings, problem, plan, self.seeds("export")), formats, self.place
-        )
-
-    @record(shows=FIGURE_FILES, stage="report")
-    def figures(self) -> tuple[Path, ...]:
-        """Figures of the records that exist; without a plan the map shows how far the trees came."""
-        if not self.settings.report.figures:
-            return ()
-        from pareto_ltl_apps.view.figures import draw_run_figures
-        from pareto_ltl_apps.view.records import DrawnRun
-        from pareto_ltl_apps.view.page_stage import drawn_records
-
-        drawn = DrawnRun(decomposition=self.cells, **drawn_records(self))
-        return draw_run_figures(self.place / "figures", self.settings.report, drawn)
-
-    @record(shows=(PAGE_FILE,))
-    def page(self) -> tuple[Path, ...]:
-        """``report.html`` from the records that exist; without a plan the page states the reason."""
-        if not self.settings.report.page:
-            return ()
-        from pareto_ltl_apps.view.page_stage import make_page
-
-        return (make_page(self),)
 
     @record()
     def table(self) -> Path:
@@ -359,14 +316,6 @@ class Run(BaseRun):
             facts["front"] = f"{len(self.front.paths)} paths"
         return facts | where
 
-    def plot(self, **options: Any) -> Drawing:
-        """The map with trees and plan, and the simulated flights of a run in memory."""
-        from pareto_ltl_apps.view.figures import mission_drawing
-
-        if self.stored is None:
-            options = {"deployments": self.records.get("deployments")} | options
-        return mission_drawing(self.scene, self.cells, self.wind, self.forest, self.plan, **options)
-
 
 class UnpricedRun(Run):
     """For studies, which read no price: pricing is more than half of a small plan's time."""
@@ -402,10 +351,9 @@ def _check_level(height: Height, wind: WindField) -> None:
         )
 
 
-def _import_report(cfg: ReportConfig) -> None:
-    """Import what the last stages need, while the trees grow outside the interpreter: 0.7 s less a run."""
-    with suppress(Exception):  # an error appears again in its stage
-        if cfg.figures:
-            import_module("pareto_ltl_apps.view.figures")
-        if cfg.page:
-            import_module("pareto_ltl_apps.view.page.content").page_template()
+def _prepare(stages: Iterable[Record[Any]], run: Run) -> None:
+    """Load what ``stages`` need, while the trees grow outside the interpreter: 0.7 s less a run."""
+    for stage in stages:
+        if stage.prepare is not None:
+            with suppress(Exception):  # an error appears again in its stage
+                stage.prepare(run)

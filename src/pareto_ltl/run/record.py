@@ -40,7 +40,7 @@ class Record(Generic[T]):
     stage : str
         Its name in ``pipelines/*.yaml``, in the log and in the metrics.
     name : str
-        Its name as an attribute of the run; ``stage`` outside a class.
+        Its name as an attribute of the run; outside a class by default ``stage``.
     writes : tuple of str
         Files of the record in the results directory: the same settings give the same bytes, except in columns
         of seconds. ``*`` is a wildcard.
@@ -50,14 +50,20 @@ class Record(Generic[T]):
         ``module:NAME``: functions ``write_NAME(directory, record)`` and ``read_NAME(place)`` of the module
         write the record into a directory and read it back, from the directory or from its only file. Empty if
         ``make`` writes the files itself, or there are none.
+    study : bool
+        It plans many missions, in ``evaluation.jobs`` processes, and may read and write files elsewhere.
+    prepare : callable or None
+        Function of the run that loads what ``make`` needs, called while the trees grow.
     """
 
     def __init__(
         self, make: Callable[[Any], T], stage: str = "", writes: tuple[str, ...] = (),
-        shows: tuple[str, ...] = (), codec: str = "",
+        shows: tuple[str, ...] = (), codec: str = "", *, name: str = "", study: bool = False,
+        prepare: Callable[[Any], None] | None = None,
     ) -> None:  # fmt: skip
         self.make, self.writes, self.shows, self.codec = make, writes, shows, codec
-        self.stage = self.name = stage or make.__name__
+        self.stage = stage or make.__name__
+        self.name, self.study, self.prepare = name or self.stage, study, prepare
         self.__doc__ = make.__doc__
 
     def __set_name__(self, kind: type, name: str) -> None:
@@ -119,6 +125,8 @@ class BaseRun(Displayed):
         Why the mission is infeasible; empty if it is not, or not known to be.
     budget : Budget
         Time limit of growth and refinement together (``planner.budget_seconds``).
+    later : tuple of Record
+        The stages of the pipeline that are still to be made.
     """
 
     settings: Settings
@@ -130,6 +138,7 @@ class BaseRun(Displayed):
     stored: frozenset[str] | None = None
     failure: str = field(default="", init=False)
     budget: Budget = field(init=False)
+    later: tuple[Record[Any], ...] = field(default=(), init=False)
     _infeasible: dict[str, InfeasibleError] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -196,9 +205,11 @@ class BaseRun(Displayed):
         names = list(self.rows())
         if unknown := [name for name in records if name not in names]:
             raise TypeError(f"a run has no record {unknown[0]!r}; it has {', '.join(names)}")
-        after = set(names[min(map(names.index, records), default=len(names)) :])
+        first = min(map(names.index, records), default=len(names))
+        before, after = set(names[:first]), set(names[first:])
         other = self.with_settings(self.settings)
-        other.records = {name: found for name, found in self.records.items() if name not in after} | records
+        if records:  # those of other stages may follow from any
+            other.records = {name: made for name, made in self.records.items() if name in before} | records
         other.stored = None if self.stored is None else self.stored - after
         return other
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from html import escape
-from typing import Any, ClassVar
+from typing import Any
+
+from pareto_ltl.support.extensions import INTERFACE_GROUP, installed_object
 
 SLOW = 3.0  # [m/s] speeds of what is never faster have two decimals
 
@@ -13,12 +15,10 @@ SLOW = 3.0  # [m/s] speeds of what is never faster have two decimals
 class Displayed:
     """Base of the records that users see. A subclass lists its key facts in :meth:`facts`.
 
-    :attr:`drawn` is set to a function from a record and options to its drawing where the package is put
-    together (``pareto_ltl/__init__.py``), so that no record depends on matplotlib.
+    No record depends on matplotlib: the application that draws is an entry point of ``pareto_ltl.interface``.
     """
 
     __slots__ = ()
-    drawn: ClassVar[Callable[..., Any]]
 
     def facts(self) -> Mapping[str, str]:
         """The facts to show: name to text."""
@@ -40,7 +40,7 @@ class Displayed:
 
         Its method ``save`` writes a file; its attribute ``figure`` is the matplotlib figure.
         """
-        return self.drawn(**options)
+        return installed_object(INTERFACE_GROUP, "draw")(self, **options)
 
 
 NEGLIGIBLE = 1e-9  # smaller probabilities are below the accuracy of any wind model

@@ -1,6 +1,9 @@
 """Extensions by other packages: Python entry points in the groups below.
 
 ``pareto_ltl.stages``           a ``Record`` that pipelines can list (``run/record.py``)
+``pareto_ltl.stage_tables``     a tuple of such records, which every pipeline knows: those of the applications
+``pareto_ltl.interface``        a function or class that ``pareto_ltl`` gives under that name
+``pareto_ltl.commands``         the command line, ``pareto-ltl``
 ``pareto_ltl.wind_sources``     a ``WindSource`` (``wind/sources``)
 ``pareto_ltl.patterns``         a function from ``MissionConfig`` to a formula (``logic/patterns.py``)
 ``pareto_ltl.selection_rules``  a function that picks a path of a front (``planning/selection_rules.py``)
@@ -26,6 +29,9 @@ if TYPE_CHECKING:
 Kind = TypeVar("Kind")
 
 STAGE_GROUP = "pareto_ltl.stages"
+STAGE_TABLE_GROUP = "pareto_ltl.stage_tables"
+INTERFACE_GROUP = "pareto_ltl.interface"
+COMMAND_GROUP = "pareto_ltl.commands"
 WIND_SOURCE_GROUP = "pareto_ltl.wind_sources"
 PATTERN_GROUP = "pareto_ltl.patterns"
 SELECTION_RULE_GROUP = "pareto_ltl.selection_rules"
@@ -92,6 +98,18 @@ def load_extension(group: str, name: str, expected: Callable[[Any], bool]) -> An
             "examples/extension"
         )
     return loaded
+
+
+def load_all(group: str) -> list[Any]:
+    """The objects of all entry points of ``group``, by name; ConfigError if one does not load."""
+    return [load_extension(group, name, lambda _: True) for name in sorted(installed_entries(group))]
+
+
+def installed_object(group: str, name: str) -> Any:
+    """The object of entry point ``name``; ConfigError if no package has it."""
+    if name not in installed_entries(group):
+        raise ConfigError(f"no installed package has {name!r} in {group}: reinstall pareto-ltl")
+    return load_extension(group, name, lambda _: True)
 
 
 def extension_folders() -> tuple[Path, ...]:

@@ -16,6 +16,7 @@ from typing import Any
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.support.resources import PACKAGE
 
+SOURCES = PACKAGE.parent  # of the installed packages
 FRESH = 2.0  # [s] a file that was changed less than this ago may change again without a new date
 
 
@@ -50,12 +51,12 @@ def _file_fingerprint(path: str, _changed: int, _size: int) -> str:
 
 @lru_cache
 def code_fingerprint(*names: str, without: tuple[str, ...] = ()) -> str:
-    """Fingerprint of the package's source: all of it, or the modules and packages called ``names``.
+    """Fingerprint of the source of planner, applications and checker, or of the modules called ``names``.
 
     Parameters
     ----------
     names : str
-        Names such as ``"kernels"`` (a package with all its modules) or ``"wind.gp"`` (a module).
+        Names such as ``"pareto_ltl.kernels"`` (a package with all its modules) or ``"pareto_ltl.wind.gp"``.
     without : tuple of str
         Modules and packages to leave out, named in the same way.
 
@@ -65,18 +66,19 @@ def code_fingerprint(*names: str, without: tuple[str, ...] = ()) -> str:
         If there is no module or package of such a name.
     """
     left_out = {source for name in without for source in _source_files(name)}
-    sources = {source for name in names or ("",) for source in _source_files(name)} - left_out
+    wanted = names or sorted(place.parent.name for place in SOURCES.glob("pareto_ltl*/__init__.py"))
+    sources = {source for name in wanted for source in _source_files(name)} - left_out
     digest = hashlib.sha256()
     for source in sorted(sources):
-        digest.update(f"{source.relative_to(PACKAGE).as_posix()}\0".encode() + source.read_bytes() + b"\0")
+        digest.update(f"{source.relative_to(SOURCES).as_posix()}\0".encode() + source.read_bytes() + b"\0")
     return digest.hexdigest()
 
 
 def _source_files(name: str) -> list[Path]:
     """The source files of a module, or of a package with its subpackages."""
-    place = PACKAGE.joinpath(*name.split("."))
+    place = SOURCES.joinpath(*name.split("."))
     module = place.with_name(f"{place.name}.py")
     sources = list(place.rglob("*.py")) if place.is_dir() else [module] if module.is_file() else []
     if not sources:
-        raise ValueError(f"pareto_ltl has no module or package {name!r}")
+        raise ValueError(f"there is no module or package {name!r}")
     return sources

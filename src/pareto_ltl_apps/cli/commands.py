@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 
 from pareto_ltl import __version__
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl_apps.cli.arguments import ToolArguments
 from pareto_ltl_apps.cli.command_table import Argument, Command, PipelineCommand, ToolCommand, command_named
 from pareto_ltl_apps.cli.output import (
@@ -22,7 +23,6 @@ from pareto_ltl_apps.cli.output import (
     printed_warnings,
     run_reported,
 )
-from pareto_ltl.support.errors import ConfigError, DataError
 
 VALUE_FLAGS = (
     *("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn"),

@@ -34,19 +34,18 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from pareto_ltl import Settings, __version__
-from pareto_ltl_apps.cli.arguments import CommandArguments
-from pareto_ltl_apps.cli.setting_keys import refuse_unknown_key, settings_from
-from pareto_ltl_apps.cli.wind_words import unread_wind_source, wind_file_words
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
 from pareto_ltl.run.provenance import one_line
-from pareto_ltl_apps.studies.stages import APPLICATION_STAGES
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl.support.extras import install_command
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import Advice
 from pareto_ltl.support.resources import resource_folder
 from pareto_ltl.support.yaml_files import read_yaml
+from pareto_ltl_apps.cli.arguments import CommandArguments
+from pareto_ltl_apps.cli.setting_keys import refuse_unknown_key, settings_from
+from pareto_ltl_apps.cli.wind_words import unread_wind_source, wind_file_words
 
 VERSION_BASE = "1.3"
 MOST_POINTS = 100_000  # of a sweep
@@ -256,7 +255,7 @@ def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> Prepared:
 
 def check_settings(settings: Settings) -> Pipeline:
     """The pipeline of ``settings``, checked across sections; each section was checked when it was made."""
-    return check_pipeline(settings, APPLICATION_STAGES)
+    return check_pipeline(settings)
 
 
 def _prepare_sweep(

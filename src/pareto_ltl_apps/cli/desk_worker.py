@@ -1,4 +1,4 @@
-"""The worker of a desk: ``python -m pareto_ltl_apps.cli.desk_worker`` runs the command lines that it reads."""
+"""The worker of a desk: ``python -m pareto_ltl_apps.cli.desk_worker`` runs the command lines it reads."""
 
 from __future__ import annotations
 

@@ -10,9 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl_apps.cli.output import Output
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extras import require_extra
+from pareto_ltl_apps.cli.output import Output
 
 if TYPE_CHECKING:
     from pareto_ltl import Run
@@ -27,12 +27,12 @@ ASSESSED = 60.0  # [s] at most between two statuses, from which alarms follow
 def follow(options: Namespace, output: Output) -> int:
     """Print what a watch says about a flight, and write its journal; return 0."""
     from pareto_ltl import load_results
+    from pareto_ltl.support.files import write_json
     from pareto_ltl_apps.flight.afterwards import draw_watch, truth_summary, write_search_area
     from pareto_ltl_apps.flight.following import FOLDER, Session
     from pareto_ltl_apps.flight.replans import ReplanSettings
     from pareto_ltl_apps.flight.telemetry import Typed
     from pareto_ltl_apps.flight.watch import WatchSettings
-    from pareto_ltl.support.files import write_json
 
     _check(options)
     results = load_results(options.directory)

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl import Settings
-from pareto_ltl_apps.cli.command_table import COMMANDS, PipelineCommand
 from pareto_ltl.settings import declarations
 from pareto_ltl.settings.checks import Declaration
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import added_folders, resource_folder
+from pareto_ltl_apps.cli.command_table import COMMANDS, PipelineCommand
 
 Groups = Mapping[str, list[str]]
 

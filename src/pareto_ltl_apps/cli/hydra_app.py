@@ -16,6 +16,12 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from pareto_ltl.run.directory import discard_try
+from pareto_ltl.run.pipeline import Pipeline, run_claimed
+from pareto_ltl.run.progress import ProgressBar
+from pareto_ltl.run.provenance import one_line
+from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, InfeasibleError
+from pareto_ltl.support.stopping import ends_process
 from pareto_ltl_apps.cli.command_table import COMMANDS, PIPELINE_COMMANDS, PipelineCommand, command_named
 from pareto_ltl_apps.cli.composition import (
     ComposedHydra,
@@ -26,14 +32,15 @@ from pareto_ltl_apps.cli.composition import (
     parse_flags,
     prepare,
 )
-from pareto_ltl_apps.cli.output import Answer, Output, answered, collected_warnings, print_problem, run_reported
+from pareto_ltl_apps.cli.output import (
+    Answer,
+    Output,
+    answered,
+    collected_warnings,
+    print_problem,
+    run_reported,
+)
 from pareto_ltl_apps.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, settings_from
-from pareto_ltl.run.directory import discard_try
-from pareto_ltl.run.pipeline import Pipeline, run_claimed
-from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.run.provenance import one_line
-from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, InfeasibleError
-from pareto_ltl.support.stopping import ends_process
 
 if TYPE_CHECKING:
     from pareto_ltl import Settings

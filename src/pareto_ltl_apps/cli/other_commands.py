@@ -11,18 +11,18 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl_apps.cli.output import Answer, Output, print_answer, print_problem, shown_table
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError, FormulaError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.messages import shown_text, shown_value
+from pareto_ltl_apps.cli.output import Answer, Output, print_answer, print_problem, shown_table
 
 if TYPE_CHECKING:
     from pareto_ltl.logic.automaton import Automaton
     from pareto_ltl.logic.formula import Formula
-    from pareto_ltl_apps.view.records import Compared
     from pareto_ltl_apps.studies.promises import Promises
+    from pareto_ltl_apps.view.records import Compared
 
 
 def sweep(options: Namespace) -> Answer:
@@ -205,8 +205,8 @@ def scores(options: Namespace) -> Answer:
     """Diagrams and scores of one forecast test, or of two."""
     if options.names and not options.other:
         raise ConfigError("--names names two tests; give OTHER too")
-    from pareto_ltl_apps.view.study_forecast_test import draw_promises
     from pareto_ltl_apps.studies import promises
+    from pareto_ltl_apps.view.study_forecast_test import draw_promises
 
     require_extra("scores", "scores")
     for folder in filter(None, (options.folder, options.other)):

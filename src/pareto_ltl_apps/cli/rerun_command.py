@@ -12,11 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl_apps.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.run_status import ending_text
+from pareto_ltl_apps.cli.output import Answer
 
 if TYPE_CHECKING:
     from pareto_ltl import Settings
@@ -58,7 +58,6 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
     """
     from pareto_ltl.run import pipeline, provenance
     from pareto_ltl.run.received import allowed_settings
-    from pareto_ltl_apps.studies.stages import APPLICATION_STAGES
 
     refuse_links_out(directory)
     before = _finished_record(directory)
@@ -74,7 +73,7 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
         told = differences or [f"the same, byte for byte: {', '.join(compared)}"]
         return Answer(document, [*(f"note: {note}" for note in notes), *told], code=0 if same else 1)
 
-    checked = pipeline.check_pipeline(settings, APPLICATION_STAGES)
+    checked = pipeline.check_pipeline(settings)
     try:
         pipeline.run_pipeline(checked, place, before["argv"], before["overrides"])
     except InfeasibleError as error:

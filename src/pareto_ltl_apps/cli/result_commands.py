@@ -9,11 +9,11 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl_apps.cli.output import COLUMNS, Answer, collected_warnings, shown_table
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.run_status import ending_text
+from pareto_ltl_apps.cli.output import COLUMNS, Answer, collected_warnings, shown_table
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Front
@@ -81,9 +81,8 @@ def _risk_text(point: dict[str, Any]) -> str:
 def choose(options: Namespace) -> Answer:
     """Write the plan of another path."""
     from pareto_ltl import Run
-    from pareto_ltl_apps.cli.summary import run_answer
     from pareto_ltl.run.choosing import Choice, chosen_run, default_place
-    from pareto_ltl_apps.studies.stages import APPLICATION_STAGES
+    from pareto_ltl_apps.cli.summary import run_answer
 
     choice = Choice(
         failure=options.failure, energy=options.energy, length=options.length, knee=options.knee,
@@ -93,7 +92,7 @@ def choose(options: Namespace) -> Answer:
     place = options.out or default_place(source.place, choice)
     with collected_warnings() as warnings:
         words = ("pareto-ltl", "choose", *options.words)
-        run = chosen_run(source, choice, place, APPLICATION_STAGES, words)
+        run = chosen_run(source, choice, place, words)
     return run_answer(run.settings, place, run.metrics, warnings)
 
 
@@ -169,8 +168,8 @@ def _in_columns(line: str) -> list[str]:
 
 def beacons(options: Namespace) -> Answer:
     """The best places for beacons; writes table and figure."""
-    from pareto_ltl_apps.flight import beacons
     from pareto_ltl.run.results import planned_run
+    from pareto_ltl_apps.flight import beacons
 
     run = planned_run(options.directory)
     found = beacons.beacons(run, radius=options.radius, number=options.number, flights=options.flights)

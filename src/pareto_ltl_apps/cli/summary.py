@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl import Settings
-from pareto_ltl_apps.cli.output import Answer, shown_table
 from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.support.medium import AIR, Medium
+from pareto_ltl_apps.cli.output import Answer, shown_table
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -8,18 +8,18 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl_apps.cli.output import Answer
-from pareto_ltl_apps.cli.wind_table_command import check_table, estimate_from_table
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.readings import HOUR
+from pareto_ltl_apps.cli.output import Answer
+from pareto_ltl_apps.cli.wind_table_command import check_table, estimate_from_table
 
 if TYPE_CHECKING:
     from pareto_ltl.wind.area import GeoBox
-    from pareto_ltl_apps.wind_errors.error_estimate import ErrorEstimate, ErrorTable
     from pareto_ltl.wind.forecast_error import ForecastError
-    from pareto_ltl_apps.wind_errors.matched_fields import Interval, Resampling
     from pareto_ltl.wind.snapshots import Snapshot
+    from pareto_ltl_apps.wind_errors.error_estimate import ErrorEstimate, ErrorTable
+    from pareto_ltl_apps.wind_errors.matched_fields import Interval, Resampling
 
 EVERYWHERE = "all"
 LONGEST_NAME = 200  # as the schema has it
@@ -42,13 +42,13 @@ def wind_error(options: Namespace) -> Answer:
     import numpy as np
 
     from pareto_ltl.extend import first_law
-    from pareto_ltl_apps.view.wind_error import draw_wind_error
     from pareto_ltl.settings import WindConfig
     from pareto_ltl.support.files import write_json
     from pareto_ltl.wind.area import box_of
+    from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
+    from pareto_ltl_apps.view.wind_error import draw_wind_error
     from pareto_ltl_apps.wind_errors.error_estimate import error_document, estimate_errors, estimated_law
     from pareto_ltl_apps.wind_errors.matched_fields import Resampling
-    from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 
     box = None if area is None else box_of(np.array(area, float))
     snapshots = grib_snapshots_apart(files, WindConfig().max_speed, options.level, box).winds
@@ -123,8 +123,8 @@ def _told_by_stations(
     if not files:
         return "not estimated: no station reports were given (--stations)"
     from pareto_ltl.settings import WindConfig
-    from pareto_ltl_apps.wind_errors.matched_fields import analysis_error
     from pareto_ltl.wind.sources.station_files import read_station_files
+    from pareto_ltl_apps.wind_errors.matched_fields import analysis_error
 
     return analysis_error(snapshots, read_station_files(tuple(files), WindConfig().max_speed, box), draws)
 

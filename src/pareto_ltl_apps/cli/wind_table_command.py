@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl_apps.cli.output import Answer
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import parse_level
+from pareto_ltl_apps.cli.output import Answer
 
 if TYPE_CHECKING:
     from pareto_ltl.extend import LawOfParts
@@ -88,10 +88,10 @@ def estimate_from_table(options: Namespace) -> Answer:
         raise ConfigError(
             "--stations is for folders of GRIB files; give observations as columns of the table"
         )
-    from pareto_ltl_apps.cli.wind_error_command import LONGEST_NAME, check_out
-    from pareto_ltl_apps.view.wind_law import write_law_page
     from pareto_ltl.support.files import write_json
     from pareto_ltl.support.fingerprints import file_fingerprint
+    from pareto_ltl_apps.cli.wind_error_command import LONGEST_NAME, check_out
+    from pareto_ltl_apps.view.wind_law import write_law_page
     from pareto_ltl_apps.wind_errors.law_estimate import estimate_law
     from pareto_ltl_apps.wind_errors.point_tables import read_point_table
 

@@ -18,7 +18,6 @@ from types import NoneType, UnionType
 from typing import Any
 
 from pareto_ltl import Settings
-from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl.settings.checks import (
     DECLARED,
     Declaration,
@@ -32,6 +31,7 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.support.resources import choices
+from pareto_ltl_apps.desk.folder import DeskFolder
 
 GROUPS = (
     "experiment", "scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment",

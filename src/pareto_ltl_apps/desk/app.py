@@ -20,15 +20,15 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from pareto_ltl import __version__
-from pareto_ltl_apps.view.components import FOLDER
 from pareto_ltl.run.provenance import one_line
+from pareto_ltl.support.errors import ConfigError, NotFoundError, ParetoLtlError
+from pareto_ltl.support.reading import Advice, parse_json, read_json, shown_json
 from pareto_ltl_apps.desk import backdrop, missions, views
 from pareto_ltl_apps.desk.explaining import Explainer
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.desk.plans import Job, Plans
 from pareto_ltl_apps.desk.server import Guard, LoopbackServer, loopback_server
-from pareto_ltl.support.errors import ConfigError, NotFoundError, ParetoLtlError
-from pareto_ltl.support.reading import Advice, parse_json, read_json, shown_json
+from pareto_ltl_apps.view.components import FOLDER
 
 MOST_TIME = 1e8  # [s] after departure
 JSON_TYPE = "application/json"

@@ -1,7 +1,7 @@
 """Formulas in words and as drawings, made in a second process, since an automaton can take seconds.
 
-``python -m pareto_ltl_apps.desk.explaining`` answers each line of JSON with one. The newest request is answered
-first. If the client of the present one goes, the process ends, and a new one answers the next.
+``python -m pareto_ltl_apps.desk.explaining`` answers each line of JSON with one. The newest request is
+answered first. If the client of the present one goes, the process ends, and a new one answers the next.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from typing import Any
 
 from pareto_ltl.logic.automaton import translate
 from pareto_ltl.logic.formula import disputed_reading, parse_formula
-from pareto_ltl_apps.view.in_words import mission_in_words
 from pareto_ltl.logic.patterns import formula_of
-from pareto_ltl_apps.view.page.machine import shown_automaton
 from pareto_ltl.settings import MissionConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.errors import ParetoLtlError
+from pareto_ltl_apps.view.in_words import mission_in_words
+from pareto_ltl_apps.view.page.machine import shown_automaton
 
 PROCESS = (sys.executable, "-m", "pareto_ltl_apps.desk.explaining")
 MOST_TIME = 20.0  # [s] for one formula

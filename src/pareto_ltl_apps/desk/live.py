@@ -17,13 +17,13 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from pareto_ltl import Scene
+from pareto_ltl_apps.desk.app import page_routes
+from pareto_ltl_apps.desk.server import Guard, loopback_server
 from pareto_ltl_apps.flight.lines import event_line
 from pareto_ltl_apps.flight.rules import Event
 from pareto_ltl_apps.flight.watch import Watch
 from pareto_ltl_apps.view.page.ground import map_places, north_turn, shown_map
 from pareto_ltl_apps.view.page.points import plan_spread
-from pareto_ltl_apps.desk.app import page_routes
-from pareto_ltl_apps.desk.server import Guard, loopback_server
 
 if TYPE_CHECKING:
     from pareto_ltl import Run

@@ -8,9 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl_apps.view.page.ground import shown_map
-from pareto_ltl_apps.desk.allowed import parted, setting_words
-from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.errors import ConfigError, DataError, NotFoundError
 from pareto_ltl.support.messages import shown_value
@@ -18,6 +15,9 @@ from pareto_ltl.support.reading import shown_json
 from pareto_ltl.support.resources import choice_file, choices
 from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene_settings import opened_features, scene_from_settings
+from pareto_ltl_apps.desk.allowed import parted, setting_words
+from pareto_ltl_apps.desk.folder import DeskFolder
+from pareto_ltl_apps.view.page.ground import shown_map
 
 COMMANDS = ("plan", "departure", "wind")
 EXAMPLES = ("hop", "phi1", "phi2")

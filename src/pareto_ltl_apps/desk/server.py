@@ -18,9 +18,9 @@ import uvicorn
 from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_apps.desk.limits import Limits, bounded
 from pareto_ltl_apps.desk.sessions import MISSING, RefusedError, Sessions
-from pareto_ltl.support.errors import ConfigError
 
 LOG = logging.getLogger("uvicorn.error")  # on the standard error of the server
 

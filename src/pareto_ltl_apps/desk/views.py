@@ -14,15 +14,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pareto_ltl import choose, export, load_results
-from pareto_ltl_apps.exports.degrees import lonlat
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import Front
-from pareto_ltl_apps.view.limits import PlanLimits, chosen_number
-from pareto_ltl_apps.view.page.ground import map_places, rounded, shown_wind
-from pareto_ltl_apps.view.page.points import flown_path, shown_flights, shown_path, shown_points
-from pareto_ltl_apps.view.records import ShownRun
-from pareto_ltl_apps.flight.rest_of_flight import issued
-from pareto_ltl_apps.view.showing import shown_results
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.support.errors import DataError, InfeasibleError, NotFoundError
@@ -30,6 +23,13 @@ from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
 from pareto_ltl.world.projection import utc_times
+from pareto_ltl_apps.exports.degrees import lonlat
+from pareto_ltl_apps.flight.rest_of_flight import issued
+from pareto_ltl_apps.view.limits import PlanLimits, chosen_number
+from pareto_ltl_apps.view.page.ground import map_places, rounded, shown_wind
+from pareto_ltl_apps.view.page.points import flown_path, shown_flights, shown_path, shown_points
+from pareto_ltl_apps.view.records import ShownRun
+from pareto_ltl_apps.view.showing import shown_results
 
 KEPT_RUNS = 3  # results in memory
 FLIGHTS = 60  # that are shown of a point

@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl_apps.exports.ellipses import ellipse_outlines
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_apps.exports.ellipses import ellipse_outlines
 
 SHARES = (0.5, 0.9, 0.95, 0.99)
 FINEST = 1.0  # [m] added (as a variance) so that a position known exactly has an ellipse too

@@ -10,8 +10,6 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl import Scene, Settings
-from pareto_ltl_apps.exports.corridor import Corridor, flown_corridor
-from pareto_ltl_apps.exports.navigation_log import NavigationLog, navigation_log
 from pareto_ltl.extend import FailureRate
 from pareto_ltl.kernels.pilots import Autopilot, Pilot
 from pareto_ltl.planning.pack import with_feedback
@@ -24,6 +22,8 @@ from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl.support.medium import Medium
+from pareto_ltl_apps.exports.corridor import Corridor, flown_corridor
+from pareto_ltl_apps.exports.navigation_log import NavigationLog, navigation_log
 
 GENERIC, FIXED_WING, MULTIROTOR, SUBMARINE = 0, 1, 2, 12  # MAV_TYPE
 HELD_TIME = 60.0  # robot.feedback_time of an autopilot that holds positions [s]

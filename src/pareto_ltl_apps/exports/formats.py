@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl import Scene
+from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import write_bytes
+from pareto_ltl.world.projection import to_plane, utc_times
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import corridor_geojson, operational_intent, plan_geojson
 from pareto_ltl_apps.exports.mavlink import mavlink_script, plan_lua
 from pareto_ltl_apps.exports.qgc import mission_plan
 from pareto_ltl_apps.exports.tables import dead_reckoning_csv, flight_card, trajectory_netcdf
 from pareto_ltl_apps.exports.xml_files import plan_fpl, plan_gpx, plan_kml
-from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_bytes
-from pareto_ltl.world.projection import to_plane, utc_times
 
 MAKERS: dict[str, Callable[[ExportedPlan], bytes]] = {
     "dead_reckoning": dead_reckoning_csv,

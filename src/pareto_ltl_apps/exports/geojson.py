@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene
-from pareto_ltl_apps.exports.corridor import Corridor
-from pareto_ltl_apps.exports.degrees import line_degrees, line_parts, lonlat, outline_degrees, polygon_parts
-from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.polygons import united_rings
 from pareto_ltl.world.projection import meridian_convergence, to_geographic
 from pareto_ltl.world.scene import fix_document
+from pareto_ltl_apps.exports.corridor import Corridor
+from pareto_ltl_apps.exports.degrees import line_degrees, line_parts, lonlat, outline_degrees, polygon_parts
+from pareto_ltl_apps.exports.exported import ExportedPlan
 
 Feature = dict[str, Any]
 

@@ -12,10 +12,10 @@ import math
 from importlib.resources import files
 from typing import Any
 
-from pareto_ltl_apps.exports.exported import ExportedPlan
-from pareto_ltl_apps.exports.geojson import listed_json
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data
+from pareto_ltl_apps.exports.exported import ExportedPlan
+from pareto_ltl_apps.exports.geojson import listed_json
 
 SCHEMA = "pareto_ltl.mavlink_script/1"
 CHANGE_SPEED, CHANGE_HEADING, POSITION_ESTIMATE, WIND_ESTIMATE = 43000, 43002, 43003, 43004

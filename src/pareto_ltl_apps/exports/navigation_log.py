@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pareto_ltl_apps.exports.ellipses import axes_of, circle_radius
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.settings.heights import FlownAir
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, true_heading, utc_times
+from pareto_ltl_apps.exports.ellipses import axes_of, circle_radius
 
 SHARE = 0.95  # of the positions that lie within the radius
 LEG_COLUMNS = {  # names in files of the numbers of a leg

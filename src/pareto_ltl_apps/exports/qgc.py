@@ -13,12 +13,12 @@ import json
 from dataclasses import asdict
 from typing import Any
 
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.files import plain_data
 from pareto_ltl_apps.exports.degrees import closes, crosses, outline_degrees, polygon_parts
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import border_corners
 from pareto_ltl_apps.exports.mavlink import AIRSPEED, GROUND_SPEED, POSITION_FRAMES
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.files import plain_data
 
 WAYPOINT, CHANGE_SPEED = 16, 178  # MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEED
 HOVER, TAKE_OFF = 17, 22  # MAV_CMD_NAV_LOITER_UNLIM, MAV_CMD_NAV_TAKEOFF

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl_apps.exports.exported import ExportedPlan
-from pareto_ltl_apps.exports.navigation_log import LEG_COLUMNS, SPREAD_COLUMNS
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import speed_digits
 from pareto_ltl.support.files import csv_text
+from pareto_ltl_apps.exports.exported import ExportedPlan
+from pareto_ltl_apps.exports.navigation_log import LEG_COLUMNS, SPREAD_COLUMNS
 
 TABLE_COLUMNS = (
     "leg", "time_utc", "t_s", *LEG_COLUMNS, "lat_deg", "lon_deg", *SPREAD_COLUMNS, "fix", "wind_law",

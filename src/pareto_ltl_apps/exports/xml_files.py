@@ -13,13 +13,13 @@ from xml.etree import ElementTree as Xml
 
 import numpy as np
 
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.names import joined_names
+from pareto_ltl.world.polygons import united_rings
 from pareto_ltl_apps.exports.degrees import line_degrees, outline_degrees
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import named_outlines, tube_rings
 from pareto_ltl_apps.exports.navigation_log import LEG_COLUMNS
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.names import joined_names
-from pareto_ltl.world.polygons import united_rings
 
 FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # in XML 1.0, even escaped
 

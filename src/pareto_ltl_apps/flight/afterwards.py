@@ -21,21 +21,28 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Scene
-from pareto_ltl_apps.exports.corridor import FINEST
-from pareto_ltl_apps.exports.degrees import outline_degrees
-from pareto_ltl_apps.exports.ellipses import ellipse_outlines, ellipse_scale
-from pareto_ltl_apps.exports.geojson import feature
-from pareto_ltl_apps.exports.xml_files import boundary, coordinates_text, element, kml_bytes, placemark, style_of
-from pareto_ltl_apps.flight.journal import NAME, read_journal
-from pareto_ltl_apps.flight.lines import flows_of
-from pareto_ltl_apps.flight.rules import Event
-from pareto_ltl_apps.flight.telemetry import read_places
-from pareto_ltl_apps.flight.watch import ELLIPSE
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.world.projection import to_plane, utc_times
+from pareto_ltl_apps.exports.corridor import FINEST
+from pareto_ltl_apps.exports.degrees import outline_degrees
+from pareto_ltl_apps.exports.ellipses import ellipse_outlines, ellipse_scale
+from pareto_ltl_apps.exports.geojson import feature
+from pareto_ltl_apps.exports.xml_files import (
+    boundary,
+    coordinates_text,
+    element,
+    kml_bytes,
+    placemark,
+    style_of,
+)
+from pareto_ltl_apps.flight.journal import NAME, read_journal
+from pareto_ltl_apps.flight.lines import flows_of
+from pareto_ltl_apps.flight.rules import Event
+from pareto_ltl_apps.flight.telemetry import read_places
+from pareto_ltl_apps.flight.watch import ELLIPSE
 
 SHARES = (0.5, 0.9, 0.99)  # probabilities of ellipses and areas
 BINS = 10

@@ -12,16 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl import Scene, Settings
-from pareto_ltl_apps.flight.airspeeds import airspeeds_of
-from pareto_ltl_apps.flight.journal import NAME, SCHEMA, Journal, read_journal, require_place
-from pareto_ltl_apps.flight.replans import Replans, ReplanSettings
-from pareto_ltl_apps.flight.rules import Event, alarm, event_of
-from pareto_ltl_apps.flight.telemetry import Reading, Typed, read_log
-from pareto_ltl_apps.flight.watch import Watch, WatchSettings
-from pareto_ltl_apps.flight.rest_of_flight import issued
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.settings.heights import FlownAir
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl_apps.flight.airspeeds import airspeeds_of
+from pareto_ltl_apps.flight.journal import NAME, SCHEMA, Journal, read_journal, require_place
+from pareto_ltl_apps.flight.replans import Replans, ReplanSettings
+from pareto_ltl_apps.flight.rest_of_flight import issued
+from pareto_ltl_apps.flight.rules import Event, alarm, event_of
+from pareto_ltl_apps.flight.telemetry import Reading, Typed, read_log
+from pareto_ltl_apps.flight.watch import Watch, WatchSettings
 
 if TYPE_CHECKING:
     from pareto_ltl import Run

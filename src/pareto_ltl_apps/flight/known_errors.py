@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.planning.conditioning import Learnt
-from pareto_ltl_apps.flight.position_fixes import FAR
 from pareto_ltl.settings import RobotConfig
+from pareto_ltl_apps.flight.position_fixes import FAR
 
 NAMES = ("airspeed", "heading", "clock")
 UNITS = np.array([1.0, -180.0 / math.pi, 1.0])  # of settings: headings in degrees, clockwise

@@ -6,11 +6,11 @@ import math
 from collections import Counter
 from collections.abc import Callable
 
+from pareto_ltl.support.display import distance_text, in_kilometres, probability_text
+from pareto_ltl.support.medium import AIR, MEDIA
 from pareto_ltl_apps.flight.goals import BELIEVED
 from pareto_ltl_apps.flight.rules import Event
 from pareto_ltl_apps.flight.telemetry import refused_text
-from pareto_ltl.support.display import distance_text, in_kilometres, probability_text
-from pareto_ltl.support.medium import AIR, MEDIA
 
 
 def event_line(event: Event) -> str:

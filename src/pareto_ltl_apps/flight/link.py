@@ -19,6 +19,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.reading import refuse_special
+from pareto_ltl.world.windows import utc_moment
 from pareto_ltl_apps.exports.mavlink import NAMES
 from pareto_ltl_apps.flight.airspeeds import Airspeeds
 from pareto_ltl_apps.flight.clocks import StampClock, SteadyClock, VehicleClock
@@ -38,10 +42,6 @@ from pareto_ltl_apps.flight.sends import (
 from pareto_ltl_apps.flight.telemetry import Reading, Typed
 from pareto_ltl_apps.flight.vehicle import OURS, Vehicle
 from pareto_ltl_apps.flight.watch import Watch
-from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.extras import require_extra
-from pareto_ltl.support.reading import refuse_special
-from pareto_ltl.world.windows import utc_moment
 
 STALE = 5.0  # [s] after its last heartbeat the mode of a vehicle is not known any longer
 BEAT = 1.0  # [s] between two heartbeats, and the longest wait for a message

@@ -29,7 +29,7 @@ from pareto_ltl.support.reading import Advice, read_text
 from pareto_ltl.world.projection import to_geographic, to_plane
 from pareto_ltl.world.windows import duration_seconds, seconds_after
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.flight.position_fixes")
 UNLIKELY = 1e-4  # probability under the law below which a fix or a field is an alarm
 FAR = math.sqrt(-2.0 * math.log(UNLIKELY))  # the same as a distance of two components [sd]
 NEAR = 2.0  # standard deviations within which another time or place explains a fix

@@ -25,13 +25,10 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import FailureRate, counted_rate
 from pareto_ltl.planning.records import NO_PROMISE, Front, Plan, PlannedPath
 from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl_apps.flight.known_errors import errors_text, settings_of_errors
 from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl_apps.flight.position_fixes import Situation, fixes_from, planned_step, situation_at
 from pareto_ltl.run.provenance import file_hashes
 from pareto_ltl.run.record import stage_seeds
-from pareto_ltl_apps.flight.rest_of_flight import AUTOMATON_FILE, NewWind, remaining_path, run_of_the_rest, scene_from
 from pareto_ltl.run.results import Planned, place_of, planned_run
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
@@ -40,11 +37,20 @@ from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.projection import navigate
+from pareto_ltl_apps.flight.known_errors import errors_text, settings_of_errors
+from pareto_ltl_apps.flight.position_fixes import Situation, fixes_from, planned_step, situation_at
+from pareto_ltl_apps.flight.rest_of_flight import (
+    AUTOMATON_FILE,
+    NewWind,
+    remaining_path,
+    run_of_the_rest,
+    scene_from,
+)
 
 if TYPE_CHECKING:
     from pareto_ltl_apps.view.figures import Drawing
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.flight.replanning")
 STREAM = "replan"  # stream of the compared flights
 # Stages that are left out after an alarm: their files are probabilities, or are flown.
 NOT_ALARMED = ("front", "forecasts", "deployment", "export")

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.support.counts import paired_difference
+from pareto_ltl.support.files import write_csv
 from pareto_ltl_apps.flight.rules import Event, alarm, event_of
 from pareto_ltl_apps.flight.telemetry import Typed
 from pareto_ltl_apps.flight.watch import Watch
-from pareto_ltl.support.counts import paired_difference
-from pareto_ltl.support.files import write_csv
 
 LONGEST = 120.0  # [s] to wait for a new plan when the telemetry has ended
 TWICE = 2.0  # times the least failure rate that is known, above which a new plan is made

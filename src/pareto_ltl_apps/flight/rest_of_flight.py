@@ -22,9 +22,7 @@ from pareto_ltl.planning.costs import path_costs
 from pareto_ltl.planning.evaluate import completing_path, propagate_controls, square_matrices
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl_apps.flight.known_errors import robot_given
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl_apps.flight.position_fixes import FAR, Situation, chance
 from pareto_ltl.run.provenance import file_hashes, wanted_wind
 from pareto_ltl.run.received import KnownFiles, law_file
 from pareto_ltl.settings import MissionConfig, PowerConfig, SelectionConfig, Settings, WindConfig
@@ -42,8 +40,10 @@ from pareto_ltl.wind.sources import read_readings, wind_source
 from pareto_ltl.wind.sources.content import source_of_path
 from pareto_ltl.world.projection import utc_times
 from pareto_ltl.world.scene import Scene
+from pareto_ltl_apps.flight.known_errors import robot_given
+from pareto_ltl_apps.flight.position_fixes import FAR, Situation, chance
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.flight.rest_of_flight")
 HOUR = 3600.0
 NewWind = Any  # a path, the keys of section wind, Readings or a WindField
 STAGES = ("problem", "forest", "front", "plan", "forecasts", "deployment", "export", "report", "page")

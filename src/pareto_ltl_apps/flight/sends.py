@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene
+from pareto_ltl.planning.records import Plan
+from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_apps.exports import mavlink
 from pareto_ltl_apps.flight.rules import Event
 from pareto_ltl_apps.flight.vehicle import AGE, ARDUPILOT, PX4, Vehicle
 from pareto_ltl_apps.flight.watch import ELLIPSE, Watch
-from pareto_ltl.planning.records import Plan
-from pareto_ltl.world.projection import to_geographic
 
 KINDS = ("wind", "heading", "speed", "position", "prologue")
 ACCEPTED, UNDER_WAY = 0, 5  # MAV_RESULT_ACCEPTED, MAV_RESULT_IN_PROGRESS

@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
-from pareto_ltl_apps.flight.belief import LAW, Belief, Estimate
-from pareto_ltl_apps.flight.goals import BELIEVED, Goal, completed, planned_goals, reached
-from pareto_ltl_apps.flight.rules import ADVICE, Event, Rules, alarm, event_of
-from pareto_ltl_apps.flight.telemetry import MICROSECONDS, Reading, Sieve
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
-from pareto_ltl_apps.flight.position_fixes import causes, chance, in_plane, on_map
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl.world.projection import meridian_convergence, to_geographic
+from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
+from pareto_ltl_apps.flight.belief import LAW, Belief, Estimate
+from pareto_ltl_apps.flight.goals import BELIEVED, Goal, completed, planned_goals, reached
+from pareto_ltl_apps.flight.position_fixes import causes, chance, in_plane, on_map
+from pareto_ltl_apps.flight.rules import ADVICE, Event, Rules, alarm, event_of
+from pareto_ltl_apps.flight.telemetry import MICROSECONDS, Reading, Sieve
 
 TICK = 1.0  # [s] at least, between two lines of what was flown
 SURPRISE = 4.0  # standard deviations above which a fix is an alarm and not used

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.settings import preset
-from pareto_ltl_apps.studies.tables import Columns, markdown_table, mean_chance_columns, rate_cell
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import interval_text, probability_text
+from pareto_ltl_apps.studies.tables import Columns, markdown_table, mean_chance_columns, rate_cell
 
 KEYS = ("fidelity", "kind")  # rows of a group agree in these
 FRONT, CHOSEN = "front", "chosen"

@@ -42,16 +42,24 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings
-from pareto_ltl_apps.view.records import Study
+from pareto_ltl.extend import Study
 from pareto_ltl.settings import preset
 from pareto_ltl.settings.studies import FACTOR_SECTIONS, FACTOR_TITLES
-from pareto_ltl_apps.studies import planning, tables
-from pareto_ltl_apps.studies.parts import Progress, part_key
-from pareto_ltl_apps.studies.planning import FlownPlanners, Planner, Result, Results, bound, flags, pooled_flags
-from pareto_ltl_apps.studies.tables import Columns, quartile_columns, quartiles_cell, rate_cell, rate_columns
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world.time_step import step_of
+from pareto_ltl_apps.studies import planning, tables
+from pareto_ltl_apps.studies.parts import Progress, part_key
+from pareto_ltl_apps.studies.planning import (
+    FlownPlanners,
+    Planner,
+    Result,
+    Results,
+    bound,
+    flags,
+    pooled_flags,
+)
+from pareto_ltl_apps.studies.tables import Columns, quartile_columns, quartiles_cell, rate_cell, rate_columns
 
 TITLES = {
     "paper": "proposed (paper)",

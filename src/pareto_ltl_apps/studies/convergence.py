@@ -20,17 +20,23 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings
+from pareto_ltl.extend import Study
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Tree
-from pareto_ltl_apps.view.records import Study
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import FidelityConfig
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl_apps.studies import planning, tables
 from pareto_ltl_apps.studies.parts import Part, Progress, part_key, work_parts
 from pareto_ltl_apps.studies.planning import flags
-from pareto_ltl_apps.studies.tables import Columns, number_or_nan, quartile_columns, quartiles_cell, rate_columns
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl_apps.studies.tables import (
+    Columns,
+    number_or_nan,
+    quartile_columns,
+    quartiles_cell,
+    rate_columns,
+)
 
 FEWEST = 1e-9  # smaller mission risks count as equal: no wind model is so accurate
 FAR = 2.0  # the reference of the hypervolume, in lengths of the shortest path of all seeds

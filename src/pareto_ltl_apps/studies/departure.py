@@ -20,30 +20,35 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings
-from pareto_ltl_apps.exports.navigation_log import expected_winds
+from pareto_ltl.extend import Study
 from pareto_ltl.planning.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.selection_rules import within_capacity
-from pareto_ltl_apps.view.records import Study
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.metrics import run_metrics
-from pareto_ltl.run.pipeline import carry_out, files_of
-from pareto_ltl.run.plan_run import PLAN_STAGES, UnpricedRun
+from pareto_ltl.run.pipeline import carry_out, check_pipeline
+from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.record import named_child, stage_seeds
-from pareto_ltl_apps.flight.rest_of_flight import quick_settings
 from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.simulation.judging import which_fail_each
-from pareto_ltl_apps.studies import departure_table as tables
-from pareto_ltl_apps.studies.departure_fronts import compare_fronts, flown_front, pooled_front, starts_to_repeat
-from pareto_ltl_apps.studies.departure_table import Found, folder_name
-from pareto_ltl_apps.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
-from pareto_ltl_apps.studies.tables import Columns, flags_to_text
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import plain_data, write_json
 from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.world.scene_files import scene_to_dict
+from pareto_ltl_apps.exports.navigation_log import expected_winds
+from pareto_ltl_apps.flight.rest_of_flight import quick_settings
+from pareto_ltl_apps.studies import departure_table as tables
+from pareto_ltl_apps.studies.departure_fronts import (
+    compare_fronts,
+    flown_front,
+    pooled_front,
+    starts_to_repeat,
+)
+from pareto_ltl_apps.studies.departure_table import Found, folder_name
+from pareto_ltl_apps.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
+from pareto_ltl_apps.studies.tables import Columns, flags_to_text
 
 STREAM = "departure"  # random stream of the flights that compare starts
 STARTS, RECOMMENDED = "starts", "recommended"  # folders
@@ -285,11 +290,11 @@ def plan_in_full(settings: Settings, world: Run, time: float, place: Path, extra
 def _make_rest(run: Run, place: Path, extra: Sequence[ExtraPath] = ()) -> Run:
     """Make what is left of ``run`` in the results directory ``place``, and return the run of all stages."""
     mine = Run(run.settings, dict(run.records), place, ProgressBar(False), dict(run.seconds))
-    listed = [stage for stage in PLAN_STAGES if stage.stage in run.settings.pipelines.stages]
-    with claimed_directory(place, files_of(PLAN_STAGES)):
+    checked = check_pipeline(run.settings)
+    with claimed_directory(place, checked.files):
         if extra:
             write_extra_paths(place / EXTRA_FILE, extra)
-        carry_out(mine, [stage for stage in listed if stage.name not in run.records])
+        carry_out(mine, [stage for stage in checked.stages if stage.name not in run.records])
     return mine
 
 

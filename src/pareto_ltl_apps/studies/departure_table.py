@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Settings
+from pareto_ltl.extend import Study
 from pareto_ltl.planning.plan_files import ExtraPath
 from pareto_ltl.planning.records import Plan
-from pareto_ltl_apps.view.records import Study
 from pareto_ltl.settings import DepartureConfig
-from pareto_ltl_apps.studies import departure_fronts, tables
-from pareto_ltl_apps.studies.departure_fronts import NEARLY, Comparison, FlownFront, SeedSpread, rates_at
-from pareto_ltl_apps.studies.tables import Columns, interval_columns, length_cell, markdown_table, rate_cell
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.wind.readings import HOUR, iso, seconds
+from pareto_ltl_apps.studies import departure_fronts, tables
+from pareto_ltl_apps.studies.departure_fronts import NEARLY, Comparison, FlownFront, SeedSpread, rates_at
+from pareto_ltl_apps.studies.tables import Columns, interval_columns, length_cell, markdown_table, rate_cell
 
 Found = dict[float, list[Columns]]  # results of each seed by time of departure [s since 1970]
 SCHEMA = "pareto_ltl.departures/2"

@@ -21,18 +21,11 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings
+from pareto_ltl.extend import Study
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath
-from pareto_ltl_apps.view.records import Study
 from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, preset
 from pareto_ltl.settings.fidelity import FidelityConfig
-from pareto_ltl_apps.studies import calibration, random_missions
-from pareto_ltl_apps.studies.calibration import CHOSEN
-from pareto_ltl_apps.studies.known_winds import KNOWN_WINDS, KnownWinds
-from pareto_ltl_apps.studies.parts import Part, PartWork, Progress, part_key, work_parts
-from pareto_ltl_apps.studies.planning import fly_seeded
-from pareto_ltl_apps.studies.random_missions import Mission
-from pareto_ltl_apps.studies.tables import Columns
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.area import GeoBox, box_of
@@ -40,6 +33,13 @@ from pareto_ltl.wind.ingest import common_nodes
 from pareto_ltl.wind.observations import FIT_RADIUS
 from pareto_ltl.wind.snapshots import Snapshot, latest_readings
 from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
+from pareto_ltl_apps.studies import calibration, random_missions
+from pareto_ltl_apps.studies.calibration import CHOSEN
+from pareto_ltl_apps.studies.known_winds import KNOWN_WINDS, KnownWinds
+from pareto_ltl_apps.studies.parts import Part, PartWork, Progress, part_key, work_parts
+from pareto_ltl_apps.studies.planning import fly_seeded
+from pareto_ltl_apps.studies.random_missions import Mission
+from pareto_ltl_apps.studies.tables import Columns
 
 # Of the contiguous United States, with their eastern ends [deg].
 REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}

@@ -32,7 +32,7 @@ from pareto_ltl.support.locks import has_note, hold_lock, is_held, process_note
 from pareto_ltl.support.run_status import RUN_LOCK
 from pareto_ltl.support.schemas import read_document
 
-JOB_LOG = logging.getLogger(__name__)
+JOB_LOG = logging.getLogger("pareto_ltl.studies.jobs")
 
 KILLED = "ended without a result: killed, out of memory, or disk full"
 TRIES_ALONE = 2  # after so many kills in launches alone, a job is given up

@@ -14,15 +14,15 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings import ForecastTestConfig, preset
-from pareto_ltl_apps.studies.planning import fly_seeded
-from pareto_ltl_apps.studies.random_missions import Mission, Spell, at_times
-from pareto_ltl_apps.studies.tables import Columns
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.files import write_text
 from pareto_ltl.wind.ingest import winds_at
 from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.snapshots import Snapshot, known_at, latest_readings
+from pareto_ltl_apps.studies.planning import fly_seeded
+from pareto_ltl_apps.studies.random_missions import Mission, Spell, at_times
+from pareto_ltl_apps.studies.tables import Columns
 
 NORMAL_90 = 1.6448536269514722  # P(|z| <= this) = 0.9 for a standard normal z
 

@@ -18,21 +18,22 @@ from typing import Any
 from pareto_ltl import Settings
 from pareto_ltl.run.provenance import input_files
 from pareto_ltl.settings import EvaluationConfig
-from pareto_ltl_apps.studies import cluster
-from pareto_ltl_apps.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data, remove_dead_drafts, write_json
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
 from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.machine import cores
 from pareto_ltl.support.reading import read_json
+from pareto_ltl_apps.studies import cluster
+from pareto_ltl_apps.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 
 PARTS_FOLDER = "parts"
 OTHER_SECTIONS = (  # sections that parts do not depend on, or that a study adds to its keys itself
     "name", "report", "pipelines", "ingest", "evaluation", "compare", "convergence", "ablation", "hindcast",
     "forecast_test", "departure", "replanning", "sitl",
 )  # fmt: skip
-OTHER_CODE = ("report", "cli", "__main__")  # code that parts do not depend on
+# Code that parts do not depend on.
+OTHER_CODE = ("pareto_ltl_verify", "pareto_ltl_apps.view", "pareto_ltl_apps.cli", "pareto_ltl.__main__")
 
 Progress = Callable[[int, int], None] | None  # called with the number of parts that are done, and of all
 PartWork = Callable[..., Mapping[str, Any]]

@@ -23,11 +23,11 @@ from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import preset
 from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl_apps.studies import tables
 from pareto_ltl_apps.studies.parts import Part, Progress, part_key, work_parts
 from pareto_ltl_apps.studies.tables import Columns
-from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.errors import InfeasibleError
 
 OF_THE_LATTICE = ("origin", "spacing", "times", "until", "ends", "leads", "level", "score", "source")
 FLAGS = ("accepted", "collided", "off_map", "failed")

@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl_apps.view.records import Compared, PromiseDiagrams
 from pareto_ltl.settings import PRESETS, preset
-from pareto_ltl_apps.studies import calibration
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import Advice, read_text
+from pareto_ltl_apps.studies import calibration
+from pareto_ltl_apps.view.records import Compared, PromiseDiagrams
 
 if TYPE_CHECKING:
     import xarray

@@ -21,31 +21,30 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl import Run, Settings, WindField
-from pareto_ltl_apps.exports.exported import held_problem
-from pareto_ltl.extend import LawPart
+from pareto_ltl.extend import LawPart, Study
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl_apps.view.records import Study
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.run.record import stage_seeds
-from pareto_ltl_apps.flight.replanning import replanned
-from pareto_ltl_apps.flight.rest_of_flight import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES, NewWind
 from pareto_ltl.settings import ReplanningConfig
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
-from pareto_ltl_apps.studies import forecast_test
-from pareto_ltl_apps.studies.known_winds import DepartureWinds
-from pareto_ltl_apps.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
-from pareto_ltl_apps.studies.random_missions import Mission, mission
-from pareto_ltl_apps.studies.tables import Columns, interval_columns, markdown_table, rate_cell, rate_columns
 from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.wind.conditioned import field_from, lattice_values
 from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.records import FORECAST_PARTS, forecast_parts
+from pareto_ltl_apps.exports.exported import held_problem
+from pareto_ltl_apps.flight.replanning import replanned
+from pareto_ltl_apps.flight.rest_of_flight import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES, NewWind
+from pareto_ltl_apps.studies import forecast_test
+from pareto_ltl_apps.studies.known_winds import DepartureWinds
+from pareto_ltl_apps.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
+from pareto_ltl_apps.studies.random_missions import Mission, mission
+from pareto_ltl_apps.studies.tables import Columns, interval_columns, markdown_table, rate_cell, rate_columns
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.studies.replanning")
 STREAM, FIXES, FORECASTS = "replanning", "replanning fixes", "replanning forecasts"
 TEST_STREAM, LATER = "replan test", "later"  # of flights in later fields: random stream, name of the winds
 AS_PLANNED, HELD = "as planned", "position always known"

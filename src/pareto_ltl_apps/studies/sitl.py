@@ -15,26 +15,26 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl import Run, Settings
+from pareto_ltl.extend import Study
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
-from pareto_ltl_apps.view.records import Study
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import SitlConfig
 from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl_apps.studies import aircraft as jsbsim
 from pareto_ltl.simulation import flights
-from pareto_ltl_apps.studies.aircraft import Air, Orders, Track
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.simulation.robot_errors import own_errors
-from pareto_ltl_apps.studies.parts import Progress
-from pareto_ltl_apps.studies.tables import mcnemar_test, rate_columns
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, to_plane
+from pareto_ltl_apps.studies import aircraft as jsbsim
+from pareto_ltl_apps.studies.aircraft import Air, Orders, Track
+from pareto_ltl_apps.studies.parts import Progress
+from pareto_ltl_apps.studies.tables import mcnemar_test, rate_columns
 
 COLUMNS = {"cas": "airspeed_cas_m_s", "tas": "airspeed_tas_m_s"}
 TABLE = EXPORT_FILES["dead_reckoning"]
@@ -62,7 +62,7 @@ class SitlFlights:
         return np.asarray(np.linalg.norm(self.aircraft.x - self.steps.x, axis=2)[:, 1:], float)
 
 
-def run_sitl(settings: Settings, world: Run, _: Path, progress: Progress = None) -> Study:
+def run_sitl(settings: Settings, world: Run, place: Path, progress: Progress = None) -> Study:
     """The study: ``sitl.csv`` with a row for each flight, and the numbers that compare both aircraft.
 
     Raises
@@ -74,8 +74,8 @@ def run_sitl(settings: Settings, world: Run, _: Path, progress: Progress = None)
     """
     cfg, problem, plan = settings.sitl, world.problem, world.plan
     require_extra("sim", "a flight in JSBSim")
-    table = next((path for path in world.exports if path.name == TABLE), None)
-    if table is None:
+    table = place / TABLE
+    if not table.is_file():
         raise DataError(
             f"the plan was not exported as {TABLE}, which the aircraft needs: add dead_reckoning to "
             "exports.formats, and give the map a place on Earth (scene.centre)"

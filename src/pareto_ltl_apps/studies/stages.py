@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 from pareto_ltl import Run
 from pareto_ltl.extend import Record
 from pareto_ltl.run.pipeline import FIGURES
-from pareto_ltl.run.plan_run import FIGURE_FILES, PLAN_STAGES, UnpricedRun
+from pareto_ltl.run.plan_run import UnpricedRun
+from pareto_ltl.settings.outputs import FIGURE_FORMATS
 
 if TYPE_CHECKING:
-    from pareto_ltl_apps.view.records import Study
+    from pareto_ltl.extend import Study
 
-STUDY_FILES = "pareto_ltl_apps.view.records:study"
+FIGURE_FILES = tuple(f"figures/*.{kind}" for kind in FIGURE_FORMATS)
+STUDY_FILES = "pareto_ltl.run.study:study"
 MAP = ("scene", "cells")  # records of figures with a map
 WORLD = ("observations", "cells", "automaton", "scene")  # for plans
 
@@ -35,6 +37,8 @@ class StudyKind:
         ``drawn_on``, and returns the functions that draw the figures, by name.
     tables : tuple of str
         The files of the study.
+    many_missions : bool
+        It plans in several processes.
     """
 
     name: str
@@ -43,6 +47,7 @@ class StudyKind:
     tables: tuple[str, ...]
     needs: tuple[str, ...] = WORLD
     drawn_on: tuple[str, ...] = ()
+    many_missions: bool = True
 
     def make(self, run: Run) -> Study:
         """The tables, numbers and text of the study."""
@@ -64,7 +69,9 @@ class StudyKind:
 
     def stages(self) -> Iterator[Record[Any]]:
         """The stages of the study."""
-        study = Record(self.make, self.name, self.tables, shows=("tables.md",), codec=STUDY_FILES)
+        study = Record(
+            self.make, self.name, self.tables, ("tables.md",), STUDY_FILES, study=self.many_missions
+        )  # fmt: skip
         yield study
 
         def draw(run: Run) -> tuple[Path, ...]:
@@ -102,8 +109,7 @@ STUDIES = (
     StudyKind("replan_test", "replanning", "study_planners", FLIGHT_TABLES, needs=()),
     StudyKind(
         "sitl", "sitl", "study_planners", ("sitl.csv",),
-        needs=("problem", "plan", "exports"), drawn_on=MAP,
+        needs=("problem", "plan"), drawn_on=MAP, many_missions=False,
     ),
 )  # fmt: skip
 STUDY_STAGES = tuple(stage for study in STUDIES for stage in study.stages())
-APPLICATION_STAGES = (*PLAN_STAGES, *STUDY_STAGES)

@@ -15,15 +15,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from pareto_ltl_apps.view.components import page_environment
-from pareto_ltl_apps.view.metric_names import is_probability, metric_label
 from pareto_ltl.settings.fidelity import LAWS
-from pareto_ltl_apps.studies import sweeps
-from pareto_ltl_apps.studies.sweeps import FigureChoice, SeedGroup, SweepManifest, SweepRow, column_names, is_seed
 from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import write_csv, write_json, write_text
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl_apps.studies import sweeps
+from pareto_ltl_apps.studies.sweeps import (
+    FigureChoice,
+    SeedGroup,
+    SweepManifest,
+    SweepRow,
+    column_names,
+    is_seed,
+)
+from pareto_ltl_apps.view.components import page_environment
+from pareto_ltl_apps.view.metric_names import is_probability, metric_label
 
 if TYPE_CHECKING:
     from markupsafe import Markup

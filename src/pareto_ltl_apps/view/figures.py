@@ -19,12 +19,19 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from pareto_ltl import Scene, WindField
+from pareto_ltl import Run, Scene, WindField
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl_apps.view.automaton_picture import automaton_figure
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Front, Plan, PlannedPath, Tree
+from pareto_ltl.settings import ReportConfig
+from pareto_ltl.settings.outputs import FIGURE_FORMATS
+from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import distance_text
+from pareto_ltl.world.cells import Decomposition
+from pareto_ltl.world.windows import hours_text, seconds_after
 from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.automaton_picture import automaton_figure
 from pareto_ltl_apps.view.axes import Figures, save_figures
 from pareto_ltl_apps.view.front import front_figure
 from pareto_ltl_apps.view.lattice import lattice_nodes
@@ -33,13 +40,6 @@ from pareto_ltl_apps.view.map_layers import draw_mean_path
 from pareto_ltl_apps.view.plan_maps import frames_figure, limits_figure
 from pareto_ltl_apps.view.records import DrawnRun
 from pareto_ltl_apps.view.wind import utc_text, wind_figure, wind_panels
-from pareto_ltl.settings import ReportConfig
-from pareto_ltl.settings.outputs import FIGURE_FORMATS
-from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text
-from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.windows import hours_text, seconds_after
 
 NOTEBOOK_DPI = 160
 MARGIN = 0.06  # around a record without a map, as a share of its size
@@ -109,12 +109,21 @@ def draw_record(record: Any, scene: Scene | None = None, **options: Any) -> Draw
     TypeError
         If there is no figure of this type of record, or none with such an option.
     """
+    if isinstance(record, Run):
+        return _run_drawing(record, **options)
     for kind, make in FIGURES.items():
         if isinstance(record, kind):
             with style.report_style():
                 return Drawing(make(record, scene, **options))
     kinds = ", ".join(kind.__name__ for kind in FIGURES)
     raise TypeError(f"there is no figure of a {type(record).__name__}; expected one of {kinds}")
+
+
+def _run_drawing(run: Run, **options: Any) -> Drawing:
+    """The map with trees and plan, and the simulated flights of a run in memory."""
+    if run.stored is None:
+        options = {"deployments": run.records.get("deployments")} | options
+    return mission_drawing(run.scene, run.cells, run.wind, run.forest, run.plan, **options)
 
 
 def mission_drawing(

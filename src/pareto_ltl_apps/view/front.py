@@ -15,11 +15,11 @@ from matplotlib.ticker import MaxNLocator
 from pareto_ltl.extend import FailureRate
 from pareto_ltl.planning.records import Front, Objectives, Plan
 from pareto_ltl.planning.selection import accepted_rows
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import hide_frame, scale_rate_axis, set_rate_ticks
 from pareto_ltl_apps.view.map_layers import length_unit
 from pareto_ltl_apps.view.records import DrawnRun
-from pareto_ltl.support.arrays import FloatArray
 
 FRONT_HEIGHT = 2.75  # height of the figure of risks [in]
 RING: dict[str, Any] = {

@@ -10,12 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from pareto_ltl import Scene
-from pareto_ltl_apps.exports.exported import height_sentence
-from pareto_ltl_apps.exports.geojson import border_corners
-from pareto_ltl_apps.exports.navigation_log import expected_winds, navigation_log
 from pareto_ltl.extend import FailureRate
 from pareto_ltl.logic.automaton import show_letter
-from pareto_ltl_apps.view.in_words import mission_in_words
 from pareto_ltl.logic.timed import places_of
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
@@ -26,6 +22,10 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
 from pareto_ltl.support.medium import Medium
 from pareto_ltl.world.projection import utc_times
+from pareto_ltl_apps.exports.exported import height_sentence
+from pareto_ltl_apps.exports.geojson import border_corners
+from pareto_ltl_apps.exports.navigation_log import expected_winds, navigation_log
+from pareto_ltl_apps.view.in_words import mission_in_words
 
 FAR = 99.0  # standard deviations; larger clearances are shown as "over 99 sd"
 ONE_HEADING = 3.0  # degrees; legs of a group have headings that differ less from the first one's

@@ -15,9 +15,9 @@ import numpy as np
 from pareto_ltl import Scene
 from pareto_ltl.planning.limits import PRICE_KINDS, Price
 from pareto_ltl.planning.records import Front, Plan
-from pareto_ltl_apps.view.legs import step_times
 from pareto_ltl.support.display import SLOW, distance_text, probability_text
 from pareto_ltl.support.medium import AIR, Medium
+from pareto_ltl_apps.view.legs import step_times
 
 MOST = 5  # segments and prices that are listed
 FINE = 2e-3  # largest change of an outline that a price is given for, as a share of the map's size

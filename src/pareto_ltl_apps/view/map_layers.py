@@ -15,15 +15,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from pareto_ltl import Scene
-from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl.planning.records import Forest, Plan
-from pareto_ltl_apps.view import style
-from pareto_ltl_apps.view.lattice import oldest_edges
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import in_kilometres
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.windows import Window, hours_text
+from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
+from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.lattice import oldest_edges
 
 DRAWN_VERTICES = 12_000  # tree vertices drawn, at most: a second for 50,000, which merge into one grey area
 NAME_SIZE, TIME_SIZE = 8.5, 6.0  # font sizes of a region's name, and of its times [pt]

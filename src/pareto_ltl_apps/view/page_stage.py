@@ -18,7 +18,7 @@ from pareto_ltl.support.reading import read_json, read_text
 if TYPE_CHECKING:
     from pareto_ltl_apps.view.records import Origin, ShownRun
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.view.page_stage")
 MOST_RUNS = 500  # flights of each point of the front
 SHOWN_FACTS = ("seed", "fidelity", "version", "code_hash", "config_hash", "python")
 

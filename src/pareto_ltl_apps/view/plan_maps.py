@@ -18,6 +18,12 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from pareto_ltl import Scene
 from pareto_ltl.planning.limits import SegmentLimits
 from pareto_ltl.planning.records import Plan
+from pareto_ltl.simulation.beacons import BeaconMap
+from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import distance_text, probability_text
+from pareto_ltl.support.medium import AIR, Medium
+from pareto_ltl.world.windows import hours_text
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.axes import hide_frame, scale_rate_axis
 from pareto_ltl_apps.view.limits import PlanLimits, PriceRow, points_text, priced_obstacles
@@ -34,12 +40,6 @@ from pareto_ltl_apps.view.map import (
 )
 from pareto_ltl_apps.view.map_layers import draw_lines, draw_text, inches_per_metre
 from pareto_ltl_apps.view.records import DrawnRun
-from pareto_ltl.simulation.beacons import BeaconMap
-from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, probability_text
-from pareto_ltl.support.medium import AIR, Medium
-from pareto_ltl.world.windows import hours_text
 
 BARS = 6  # prices that are shown, at most
 DECADES = 3  # of collision probability below epsilon that colours distinguish

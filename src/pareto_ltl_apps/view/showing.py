@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl_apps.view import page_stage
 from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.interface import simulate
 from pareto_ltl.run.plan_run import Run
@@ -19,6 +18,7 @@ from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl.world.windows import clock_windows
+from pareto_ltl_apps.view import page_stage
 
 if TYPE_CHECKING:
     from pareto_ltl_apps.view.records import ShownRun

@@ -16,6 +16,9 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import NullLocator
 
 from pareto_ltl import Scene, Settings
+from pareto_ltl.extend import Study
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.world.cells import Decomposition
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.axes import (
     GRID_COLOUR,
@@ -26,9 +29,6 @@ from pareto_ltl_apps.view.axes import (
     hide_frame,
     set_rate_ticks,
 )
-from pareto_ltl_apps.view.records import Study
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.cells import Decomposition
 
 LEFT, BASE = 0.52, 0.62  # [in] of both figures
 PANEL, MAP, GAP = 2.85, 2.75, 0.62  # [in] across

@@ -12,6 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pareto_ltl import Settings
+from pareto_ltl.extend import Study
+from pareto_ltl.settings import preset
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import (
     BOUND_COLOUR,
@@ -24,9 +27,7 @@ from pareto_ltl_apps.view.axes import (
     scale_rate_axis,
     set_percent_axis,
 )
-from pareto_ltl_apps.view.records import PromiseDiagrams, Study
-from pareto_ltl.settings import preset
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_apps.view.records import PromiseDiagrams
 
 TICKS = (0.0, 0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 1.0)
 EDGES = np.array([0.0, 0.01, 0.025, 0.05, 0.1, 0.175, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0])

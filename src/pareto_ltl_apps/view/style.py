@@ -34,7 +34,7 @@ from matplotlib.textpath import TextPath
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_bytes
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.view.style")
 FIRST_FONT = "DejaVu Sans"  # comes with matplotlib: the same letters on every machine
 OTHER_FONTS = (  # of Linux, macOS and Windows, for letters that the first font does not have
     "Noto Sans CJK JP", "Noto Sans CJK SC", "Noto Sans CJK KR", "Noto Sans JP", "Noto Sans SC",

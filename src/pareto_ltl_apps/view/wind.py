@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 
 from pareto_ltl import Scene, WindField
-from pareto_ltl_apps.exports.geojson import border_corners
 from pareto_ltl.planning.records import Plan
-from pareto_ltl_apps.view import lattice, map_layers, style
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.medium import medium_of
+from pareto_ltl_apps.exports.geojson import border_corners
+from pareto_ltl_apps.view import lattice, map_layers, style
 
 LONGEST = 0.95  # longest arrow, as a share of the distance between two arrows
 ARROWS: dict[str, Any] = {

@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pareto_ltl_apps.view import style
-from pareto_ltl_apps.view.axes import panel_row
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl_apps.wind_errors.error_estimate import ASYMMETRY, MIXED, ErrorEstimate, ErrorTable, LengthFit
 from pareto_ltl.wind.forecast_error import ForecastError
 from pareto_ltl.wind.gp import CORRELATIONS
 from pareto_ltl.wind.readings import HOUR
+from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.axes import panel_row
+from pareto_ltl_apps.wind_errors.error_estimate import ASYMMETRY, MIXED, ErrorEstimate, ErrorTable, LengthFit
 
 ERROR_COLOUR, CHANGE_COLOUR = style.VERMILLION, style.BLUE
 DPI = 300

@@ -14,8 +14,14 @@ import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.wind.law_of_parts import OWN
-from pareto_ltl_apps.wind_errors.point_forecasts import PointForecasts, Verified, Window, displacements, window
 from pareto_ltl.wind.readings import HOUR, on_sphere
+from pareto_ltl_apps.wind_errors.point_forecasts import (
+    PointForecasts,
+    Verified,
+    Window,
+    displacements,
+    window,
+)
 
 EARTH_RADIUS = 6_371_000.0  # [m]
 TARGET_LEADS = (3, 6, 9, 12, 15, 18, 24, 30, 36, 48, 60, 72, 96, 120)  # [h] of variances

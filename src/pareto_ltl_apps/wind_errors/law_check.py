@@ -16,6 +16,8 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind.law_of_parts import OWN, LawOfParts
+from pareto_ltl.wind.readings import HOUR
+from pareto_ltl.wind.scale_mixture import quantiles
 from pareto_ltl_apps.wind_errors.point_forecasts import (
     PointForecasts,
     Verified,
@@ -24,8 +26,6 @@ from pareto_ltl_apps.wind_errors.point_forecasts import (
     first_window,
     verified,
 )
-from pareto_ltl.wind.readings import HOUR
-from pareto_ltl.wind.scale_mixture import quantiles
 
 LEVELS = (0.5, 0.9, 0.99, 0.999)
 LEVEL_NAMES = ("cover50", "cover90", "cover99", "cover999")

@@ -42,7 +42,7 @@ FINE = (
 DEGREES = 0.2  # [m] of a place that is rounded to six digits of a degree
 MOST_SHAPES = 20_000  # corners of all areas, of which the page leaves out some if there are more
 INVISIBLE = ("script", "style")
-PACKAGE = Path(pareto_ltl.__file__).parent / "report"
+PACKAGE = Path(pareto_ltl.__file__).parents[1] / "pareto_ltl_apps" / "view"
 STYLES = ("components/components.css", "page/page.css")
 SCRIPTS = (
     *(f"components/{name}.js" for name in (

@@ -15,21 +15,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl_apps.exports.exported import absent_sentence, height_sentence, vehicle_of
 from pareto_ltl.extend import FailureRate
-from pareto_ltl_apps.view.in_words import mission_in_words
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import NO_PROMISE, Front, Plan
+from pareto_ltl.simulation.flights import CAUSES
+from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.support.display import distance_text, interval_text, probability_text
+from pareto_ltl.world.projection import utc_times
+from pareto_ltl_apps.exports.exported import absent_sentence, height_sentence, vehicle_of
 from pareto_ltl_apps.view.components import MODULES, STYLE, bundled, component, page_environment
+from pareto_ltl_apps.view.in_words import mission_in_words
 from pareto_ltl_apps.view.limits import PlanLimits, chosen_number, priced_obstacles
 from pareto_ltl_apps.view.page import points
 from pareto_ltl_apps.view.page.ground import map_places, shown_map, shown_trees, shown_wind
 from pareto_ltl_apps.view.page.machine import shown_automaton
 from pareto_ltl_apps.view.records import ShownRun
-from pareto_ltl.simulation.flights import CAUSES
-from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.support.display import distance_text, interval_text, probability_text
-from pareto_ltl.world.projection import utc_times
 
 if TYPE_CHECKING:
     from jinja2 import Template

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene, WindField
+from pareto_ltl.planning.records import Forest
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.world.projection import meridian_convergence, to_geographic, utc_times
 from pareto_ltl_apps.exports.degrees import crosses, lonlat, outline_degrees
 from pareto_ltl_apps.exports.formats import holds_pole
 from pareto_ltl_apps.exports.geojson import titled_outlines
-from pareto_ltl.planning.records import Forest
 from pareto_ltl_apps.view import lattice
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.projection import meridian_convergence, to_geographic, utc_times
 
 MOST_TIMES = 25  # times at which the wind is shown, at most
 MOST_CORNERS = 20_000  # corners of all polygons, at most; more are thinned out

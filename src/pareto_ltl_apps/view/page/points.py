@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene
-from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
-from pareto_ltl_apps.exports.navigation_log import SHARE, navigation_log
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
-from pareto_ltl_apps.view.page.ground import DEGREES, map_places, metre_digits, north_turn, rounded
-from pareto_ltl_apps.view.records import ShownRun
 from pareto_ltl.simulation.flights import CAUSES, DRAWS, failure_times, simulate_flights, unspawned
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.projection import utc_times
+from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
+from pareto_ltl_apps.exports.navigation_log import SHARE, navigation_log
+from pareto_ltl_apps.view.page.ground import DEGREES, map_places, metre_digits, north_turn, rounded
+from pareto_ltl_apps.view.records import ShownRun
 
 MOST_LEGS = 3000  # legs of all complete paths, at most: 200 bytes each
 MOST_PLAIN_LEGS = 40_000  # legs of all paths, with or without a navigation log: 40 bytes each

@@ -1,0 +1,73 @@
+"""The stages that applications add to every pipeline: files of the plan, figures, the page, the studies."""
+
+from __future__ import annotations
+
+import logging
+from importlib import import_module
+from pathlib import Path
+
+from pareto_ltl import Run
+from pareto_ltl.extend import Record
+from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
+from pareto_ltl_apps.studies.stages import STUDY_STAGES
+
+LOG = logging.getLogger("pareto_ltl.stages")
+
+
+def write_plan_files(run: Run) -> tuple[Path, ...]:
+    """Files of the plan, in the formats of ``exports.formats`` that the map and its departure allow."""
+    settings, plan, problem = run.settings, run.plan, run.problem
+    if not settings.exports.files:
+        return ()
+    from pareto_ltl_apps.exports.exported import exported_plan
+    from pareto_ltl_apps.exports.formats import writable_formats, write_exports
+
+    formats, reason = writable_formats(settings.exports.formats, problem.scene, plan.path.t)
+    if reason:
+        LOG.info("%s", reason)
+    if not formats:
+        return ()
+    return write_exports(exported_plan(settings, problem, plan, run.seeds("export")), formats, run.place)
+
+
+def draw_figures(run: Run) -> tuple[Path, ...]:
+    """Figures of the records that exist; without a plan the map shows how far the trees came."""
+    if not run.settings.report.figures:
+        return ()
+    from pareto_ltl_apps.view.figures import draw_run_figures
+    from pareto_ltl_apps.view.page_stage import drawn_records
+    from pareto_ltl_apps.view.records import DrawnRun
+
+    drawn = DrawnRun(decomposition=run.cells, **drawn_records(run))
+    return draw_run_figures(run.place / "figures", run.settings.report, drawn)
+
+
+def write_page(run: Run) -> tuple[Path, ...]:
+    """``report.html`` from the records that exist; without a plan the page states the reason."""
+    if not run.settings.report.page:
+        return ()
+    from pareto_ltl_apps.view.page_stage import make_page
+
+    return (make_page(run),)
+
+
+def _import_figures(run: Run) -> None:
+    if run.settings.report.figures:
+        import_module("pareto_ltl_apps.view.figures")
+
+
+def _import_page(run: Run) -> None:
+    if run.settings.report.page:
+        import_module("pareto_ltl_apps.view.page.content").page_template()
+
+
+EXPORT = Record(write_plan_files, "export", tuple(EXPORT_FILES.values()), name="exports")
+FIGURES = Record(
+    draw_figures,
+    "report",
+    shows=tuple(f"figures/*.{kind}" for kind in FIGURE_FORMATS),
+    name="figures",
+    prepare=_import_figures,
+)
+PAGE = Record(write_page, "page", shows=(PAGE_FILE,), prepare=_import_page)
+STAGES = (EXPORT, FIGURES, PAGE, *STUDY_STAGES)
