@@ -47,11 +47,8 @@ SAMPLES = 16  # instants at which a variance is averaged over time
 LOG = logging.getLogger(__name__)
 FIT_SETTINGS = ("kernel", "noise_min", "holdout", "energy", "modes_max")  # that a table depends on
 LENGTH, NOISE = 2, 3  # columns of the hyperparameters of a table
-TABLE_CODE = (
-    "pareto_ltl.wind.field",
-    "pareto_ltl.wind.gp",
-    "pareto_ltl.wind.modes",
-)  # the code that a table depends on
+# The code that a table depends on.
+TABLE_CODE = ("pareto_ltl.wind.field", "pareto_ltl.wind.gp", "pareto_ltl.wind.modes")
 TABLE_PACKAGES = ("numpy", "scipy", "scikit-learn")  # other versions round differently
 
 
