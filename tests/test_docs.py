@@ -39,6 +39,7 @@ from mkdocs.__main__ import cli
 cli(["build", "--strict", "--quiet", "--site-dir", sys.argv[1]])
 """
 CHROMIUM = shutil.which("chromium")
+APPLICATIONS = PACKAGE.with_name("pareto_ltl_apps")
 JOURNEY = re.compile(r"^ *(?P<names>\w[\w.*>, -]*?) {2,}(?P<file>[\w/]+\.py)", re.MULTILINE)
 
 
@@ -240,7 +241,8 @@ def test_the_journey_of_a_run_names_functions_where_they_are() -> None:
     steps = [(found["names"], found["file"]) for found in JOURNEY.finditer(text)]
     assert len(steps) > 40
     for names, file in steps:
-        code = (PACKAGE / file).read_text(encoding="utf-8")
+        place = APPLICATIONS / file.removeprefix("apps/") if file.startswith("apps/") else PACKAGE / file
+        code = place.read_text(encoding="utf-8")
         for name in re.findall(r"[\w.*]+", re.split(r"->|  +", names)[-1]):
             pattern = name.rpartition(".")[2].replace("*", r"\w+")
             assert re.search(rf"\b(def|class) {pattern}\b", code), (name, file)
@@ -251,7 +253,9 @@ def test_the_files_that_a_page_about_the_code_names_are_there(name: str) -> None
     text = (ROOT / "docs" / name).read_text(encoding="utf-8")
     files = re.findall(r"`([\w-]+/[\w/]+\.(?:py|yaml))`", text)
     assert len(files) > 10
-    missing = [file for file in files if not any((at / file).is_file() for at in (ROOT, PACKAGE))]
+    missing = [
+        file for file in files if not any((at / file).is_file() for at in (ROOT, PACKAGE, APPLICATIONS))
+    ]
     assert {file for file in missing if "NAME" not in file and "harbour" not in file} == set()
 
 

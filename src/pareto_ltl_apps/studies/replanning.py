@@ -1,7 +1,7 @@
 """The benefit of replanning: one plan in many true winds, with and without new plans on the way.
 
 A flight meets one wind, drawn from the law of the plan. It follows the plan to the step of a fix, measures
-its position there, replans (``run/replanning.py``) and takes the new plan, unless the rest of the old one
+its position there, replans (``flight/replanning.py``) and takes the new plan, unless the rest of the old one
 fails less in flights of the conditioned law. For comparison, the plan is flown to its end in the same wind.
 Further ways also get newer forecasts of this wind at regular times (:func:`newer_forecast`). The same ways in
 the winds of later analyses, a mission being one trial, are ``replan_test``.

@@ -33,7 +33,7 @@ class StudyKind:
         The module of ``studies`` with ``run_name``, which takes the settings, the records of ``needs``, the
         results directory and a function for the progress, and returns the :class:`Study`.
     drawing : str
-        The module of ``report`` with ``name_figures``, which takes the settings, the study and the records of
+        The module of ``view`` with ``name_figures``, which takes the settings, the study and the records of
         ``drawn_on``, and returns the functions that draw the figures, by name.
     tables : tuple of str
         The files of the study.
