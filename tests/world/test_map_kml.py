@@ -26,8 +26,8 @@ from map_files import (
     written,
 )
 from pareto_ltl.settings import SceneConfig
-from pareto_ltl.world.map_formats import linked_files
 from pareto_ltl.world.scene_settings import scene_from_settings
+from pareto_ltl_apps.formats.map_formats import linked_files
 
 
 def link(href, name="zones"):

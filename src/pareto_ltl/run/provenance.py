@@ -152,11 +152,11 @@ def input_hashes(settings: Settings) -> dict[str, str]:
 def input_files(settings: Settings) -> list[Path]:
     """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
     from pareto_ltl.wind.sources import wind_source
-    from pareto_ltl.world.map_formats import linked_files
+    from pareto_ltl.world.map_file import map_formats
 
     drawn = [settings.scene.file, *map(str, settings.scene.zones)] if settings.scene.file else []
     shown = [Path(name).expanduser() for name in drawn]
-    named = [*shown, *(other for path in shown if path.is_file() for other in linked_files(path))]
+    named = [*shown, *(other for path in shown if path.is_file() for other in map_formats().linked(path))]
     if settings.mission.automaton:
         named.append(Path(settings.mission.automaton).expanduser())
     if settings.wind.forecast_error not in LAW_WORDS:

@@ -27,7 +27,7 @@ from pareto_ltl.support.links import is_below
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.wind.sources import wind_source
-from pareto_ltl.world.map_formats import linked_files
+from pareto_ltl.world.map_file import map_formats
 
 GRANTED = (  # settings that a user may write after the directory
     "evaluation.cluster", "evaluation.resume", "wind.source", "wind.base_url", "wind.offline", "wind.path",
@@ -194,7 +194,7 @@ class KnownFiles:
             return self.knows(str(path))
 
         maps = [Path(name).expanduser() for name in names if self.knows(name)]
-        links = (link for path in maps for link in linked_files(path, may_read))
+        links = (link for path in maps for link in map_formats().linked(path, may_read))
         return next((link for link in links if not may_read(link)), None)
 
     def knows_wind(self, settings: Settings) -> bool:

@@ -1,16 +1,24 @@
-"""What a map file holds as plain data: GeoJSON features, and a list of everything that was not read."""
+"""What a map file holds as plain data: GeoJSON features, and a list of everything that was not read.
+
+The formats are read by an application, which is an entry point of ``pareto_ltl.formats``.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
 
+from pareto_ltl.support.extensions import FORMAT_GROUP, installed_object
 from pareto_ltl.support.messages import LONGEST_LINE, shown_text
+from pareto_ltl.support.reading import Advice
 
 LOG = logging.getLogger(__name__)
+SCENE_FILES = Advice("check scene.file", "correct the map: GeoJSON, KML or a run's scene.json")
 LISTED = 100  # characters of one entry
 
 
@@ -97,3 +105,52 @@ class MapFile:
     unread: Unread = field(default_factory=Unread)
     faults: tuple[str, ...] = ()
     members: Mapping[str, Any] = field(default_factory=dict)
+
+
+class MapFormats(NamedTuple):
+    """The reader of map files.
+
+    Attributes
+    ----------
+    read : callable
+        The features of a map file, or the document of a run's ``scene.json``; DataError if it cannot be read.
+    linked : callable
+        The files to which the links of a map lead, of those that the second argument allows.
+    with_limits : callable
+        A feature with ``floor`` and ``ceiling`` if it is airspace.
+    """
+
+    read: Callable[[Path, Advice], MapFile | Mapping[str, Any]]
+    linked: Callable[..., tuple[Path, ...]]
+    with_limits: Callable[[str, str, Mapping[str, Any]], dict[str, Any]]
+
+
+@lru_cache
+def map_formats() -> MapFormats:
+    """The installed reader of map files."""
+    found: MapFormats = installed_object(FORMAT_GROUP, "maps")
+    return found
+
+
+def read_map_file(path: Path, advice: Advice = SCENE_FILES) -> MapFile | Mapping[str, Any]:
+    """The features of a map file, or the document of a run's ``scene.json``; DataError as from the reader."""
+    return map_formats().read(path, advice)
+
+
+def needs_a_map(found: MapFile) -> str:
+    """Why a file of airspace or of a fence is no whole map, and the way out; empty for other files."""
+    if found.kind in ("GeoJSON", "KML") or any(_role_of(feature) == "start" for feature in found.features):
+        return ""
+    return (
+        f"{found.where} is {_article(found.kind)}: it has no start and no regions; draw these as GeoJSON or "
+        f"KML, and name this file in scene.zones, as in scene.zones=[{shown_text(Path(found.where).name)}]"
+    )
+
+
+def _article(kind: str) -> str:
+    return kind if kind.startswith("a ") else f"a file of airspace in the format {kind}"
+
+
+def _role_of(feature: Any) -> Any:
+    properties = feature.get("properties") if isinstance(feature, dict) else None
+    return properties.get("role") if isinstance(properties, dict) else None

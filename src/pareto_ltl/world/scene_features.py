@@ -20,8 +20,7 @@ from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
-from pareto_ltl.world.map_airspace import with_limits
-from pareto_ltl.world.map_file import MapFile, Unread
+from pareto_ltl.world.map_file import MapFile, Unread, map_formats
 from pareto_ltl.world.map_lengths import HIGHEST, LOWEST, height, length_in_metres
 from pareto_ltl.world.scene import read_fix
 from pareto_ltl.world.scene_edges import straight_in_crs
@@ -72,7 +71,7 @@ class FeatureReader:
         where, self.total = self.where, self.total + 1
         what = _title(number, feature)
         _member(where, what, feature, "properties")
-        feature = with_limits(where, what, feature)
+        feature = map_formats().with_limits(where, what, feature)
         properties = {
             str(key).strip().lower(): value for key, value in (feature.get("properties") or {}).items()
         }

@@ -20,8 +20,7 @@ from pareto_ltl.support.reading import Advice
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.map_file import MapFile
-from pareto_ltl.world.map_formats import SCENE_FILES, needs_a_map, read_map_file
+from pareto_ltl.world.map_file import SCENE_FILES, MapFile, needs_a_map, read_map_file
 from pareto_ltl.world.scene import AbsentPlace, Scene, fix_document, read_fix
 from pareto_ltl.world.scene_features import FeatureReader
 from pareto_ltl.world.scene_geojson import sketch_features

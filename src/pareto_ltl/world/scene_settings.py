@@ -21,8 +21,7 @@ from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
-from pareto_ltl.world.map_file import MapFile
-from pareto_ltl.world.map_formats import read_map_file
+from pareto_ltl.world.map_file import MapFile, read_map_file
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_checks import LARGE_ERROR, check_parts, checked_scene
 from pareto_ltl.world.scene_features import FeatureReader, in_degrees

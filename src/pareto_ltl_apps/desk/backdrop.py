@@ -20,9 +20,9 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError, NotFoundError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.world.map_file import MapFile
-from pareto_ltl.world.map_formats import SUFFIXES, read_map_file
 from pareto_ltl_apps.desk import geotiff
 from pareto_ltl_apps.desk.folder import MAPS, DeskFolder
+from pareto_ltl_apps.formats.map_formats import SUFFIXES, read_map_file
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

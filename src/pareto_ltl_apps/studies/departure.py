@@ -3,10 +3,10 @@
 A start is a time of departure. Readings, cells and automaton do not depend on it and are made once. For each
 start the wind is fitted from its departure on, and trees, front and plan are made as in a run with that
 ``mission.start_time``; with ``departure.quick`` by a coarser refinement (``flight/rest_of_flight.py``).
-Starts that may be the best are planned with further seeds. The paths of all fronts are compared by fresh flights
-that planning has not used; flights of the same number have the same draws at every start. The recommended
-start is then planned in full, with all files of a run; its compared paths are judged with the paths of the
-full plan.
+Starts that may be the best are planned with further seeds. The paths of all fronts are compared by fresh
+flights that planning has not used; flights of the same number have the same draws at every start. The
+recommended start is then planned in full, with all files of a run; its compared paths are judged with the
+paths of the full plan.
 """
 
 from __future__ import annotations

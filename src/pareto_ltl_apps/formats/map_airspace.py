@@ -18,7 +18,7 @@ from pareto_ltl.support.levels import FOOT
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.world.map_file import MapFile, Unread
 from pareto_ltl.world.map_lengths import Height
-from pareto_ltl.world.map_openair import limit_text
+from pareto_ltl_apps.formats.map_openair import limit_text
 
 Value = TypeVar("Value")
 OPENAIP_UNITS = {0: 1.0, 1: FOOT, 6: 100.0 * FOOT}  # metre, foot, flight level

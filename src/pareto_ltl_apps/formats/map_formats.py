@@ -10,16 +10,14 @@ from typing import Any
 
 from pareto_ltl.support import reading
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import Advice, read_bounded, refuse_many_features, shown_json
-from pareto_ltl.world import map_airspace as airspace
-from pareto_ltl.world import map_fences as fences
-from pareto_ltl.world.map_archive import KmlSources, any_file, is_archive
-from pareto_ltl.world.map_file import MapFile
-from pareto_ltl.world.map_kml import read_kml
-from pareto_ltl.world.map_openair import is_openair, read_openair
+from pareto_ltl.world.map_file import SCENE_FILES, MapFile, MapFormats
+from pareto_ltl_apps.formats import map_airspace as airspace
+from pareto_ltl_apps.formats import map_fences as fences
+from pareto_ltl_apps.formats.map_archive import KmlSources, any_file, is_archive
+from pareto_ltl_apps.formats.map_kml import read_kml
+from pareto_ltl_apps.formats.map_openair import is_openair, read_openair
 
-SCENE_FILES = Advice("check scene.file", "correct the map: GeoJSON, KML or a run's scene.json")
 SUFFIXES = (".kml", ".kmz")
 SHAPES = (
     "Point",
@@ -213,20 +211,4 @@ def crs_name(where: str, member: Any) -> str | None:
     return None if name.upper().endswith(("CRS84", "EPSG::4326", "EPSG:4326")) else name
 
 
-def needs_a_map(found: MapFile) -> str:
-    """Why a file of airspace or of a fence is no whole map, and the way out; empty for other files."""
-    if found.kind in ("GeoJSON", "KML") or any(_role_of(feature) == "start" for feature in found.features):
-        return ""
-    return (
-        f"{found.where} is {_article(found.kind)}: it has no start and no regions; draw these as GeoJSON or "
-        f"KML, and name this file in scene.zones, as in scene.zones=[{shown_text(Path(found.where).name)}]"
-    )
-
-
-def _article(kind: str) -> str:
-    return kind if kind.startswith("a ") else f"a file of airspace in the format {kind}"
-
-
-def _role_of(feature: Any) -> Any:
-    properties = feature.get("properties") if isinstance(feature, dict) else None
-    return properties.get("role") if isinstance(properties, dict) else None
+FORMATS = MapFormats(read_map_file, linked_files, airspace.with_limits)

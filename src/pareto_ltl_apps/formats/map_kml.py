@@ -17,9 +17,9 @@ from xml.etree.ElementTree import Element
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import MAX_FEATURES, Advice, refuse_many_features
-from pareto_ltl.world.map_archive import KmlSources, linked_name
 from pareto_ltl.world.map_file import MapFile, Unread
-from pareto_ltl.world.map_xml import parsed_xml, text_of
+from pareto_ltl_apps.formats.map_archive import KmlSources, linked_name
+from pareto_ltl_apps.formats.map_xml import parsed_xml, text_of
 
 MOST_LINKS = 100  # files that one map may link to
 FOLDERS = {  # names of folders in lower case, without a plural s

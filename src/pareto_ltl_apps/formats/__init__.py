@@ -1,0 +1,1 @@
+"""Files of others: maps and winds in the formats that people have."""
