@@ -65,7 +65,7 @@ def test_read_a_field_of_hrrr_size_around_the_scene(benchmark, tmp_path):
     code = (
         "import resource, sys, time; from pathlib import Path; import eccodes, pyproj\n"
         "from pareto_ltl.wind.area import GeoBox\n"
-        "from pareto_ltl.wind.sources.grib_files import grib_snapshots\n"
+        "from pareto_ltl_apps.formats.grib_files import grib_snapshots\n"
         "used = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3\n"
         "before, start = used(), time.perf_counter()\n"
         "grib_snapshots((Path(sys.argv[1]),), 75.0, area=GeoBox(-112.1, 23.4, 40.2, 50.5, 1e6))\n"

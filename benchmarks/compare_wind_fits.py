@@ -26,8 +26,8 @@ from pareto_ltl.wind.observations import project_readings
 from pareto_ltl.wind.readings import farthest_points, on_sphere
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.snapshots import latest_readings
-from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
 from pareto_ltl.world import projection
+from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
 
 AREA = Path(__file__).parents[1] / "conf" / "ingest" / "conus.yaml"
 KERNELS = ("matern32", "matern12", "rbf")

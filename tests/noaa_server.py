@@ -16,7 +16,7 @@ import pytest
 
 from pareto_ltl.support import download
 from pareto_ltl.wind.readings import seconds
-from pareto_ltl.wind.sources import live
+from pareto_ltl_apps.formats import live
 
 
 @dataclass

@@ -169,7 +169,7 @@ def csv_winds(place: Path) -> Fuzz:
 
 
 def winds_by_content(place: Path) -> Fuzz:
-    from pareto_ltl.wind.sources.content import source_of_file
+    from pareto_ltl_apps.formats.content import source_of_file
 
     seeds = [*corpora.CSV, *corpora.STATIONS, *(seed for _, seed in sorted(wind_seeds(place).items()))]
     return Fuzz(mutants(seeds), from_file(place / "wind", source_of_file))
@@ -186,7 +186,7 @@ def position_fixes(place: Path) -> Fuzz:
 
 def inventories(place: Path) -> Fuzz:
     from pareto_ltl.support.levels import parse_level
-    from pareto_ltl.wind.sources.inventories import parse_inventory, wind_parts
+    from pareto_ltl_apps.formats.inventories import parse_inventory, wind_parts
 
     def read(case: bytes) -> object:
         where = "a.index" if b"{" in case else "a.idx"

@@ -238,19 +238,19 @@ def test_a_choice_with_the_name_of_another_is_refused(
 
 def test_the_names_in_the_settings_are_those_of_the_tables() -> None:
     from pareto_ltl.planning.selection_rules import RULES
-    from pareto_ltl.wind.sources import SOURCES
+    from pareto_ltl.wind.sources import sources
 
-    assert tuple(SOURCES) == tuple(SOURCE_NAMES)
+    assert tuple(sources()) == tuple(SOURCE_NAMES)
     assert tuple(RULES) == RULE_NAMES
-    assert Settings().wind.source in SOURCES
+    assert Settings().wind.source in sources()
 
 
 def test_verify_knows_every_wind_source_and_its_usual_law() -> None:
-    from pareto_ltl.wind.sources.live_models import MODELS
+    from pareto_ltl_apps.formats.live_models import MODELS
     from pareto_ltl_verify import wind_tables
 
-    assert wind_tables.SOURCES.keys() == SOURCE_NAMES.keys()
-    for name, known in wind_tables.SOURCES.items():
+    assert wind_tables.sources().keys() == SOURCE_NAMES.keys()
+    for name, known in wind_tables.sources().items():
         of_model = MODELS[name].law if name in MODELS else ""
         assert known.law in (None, of_model or SOURCE_NAMES[name].forecast_error)
         assert known.modelled == SOURCE_NAMES[name].modelled

@@ -153,7 +153,7 @@ def test_what_is_no_ensemble_is_refused_in_one_line(snapshots, message):
 def test_lagged_analyses_of_the_shared_cycles_say_how_far_the_wind_will_change():
     """Each analysis carried forward by 6 and 12 h stands for a forecast: with the newest three at each time
     the members' spread and the law of 24 h changes bracket what the next analysis shows."""
-    from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
+    from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
 
     cycles = tuple(sorted((NOAA / "gfs_1p00_10m").iterdir()))
     analyses = sorted(

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.sources.grib_files import grib_snapshots
-from pareto_ltl.wind.sources.grib_frames import check_frames
+from pareto_ltl_apps.formats.grib_files import grib_snapshots
+from pareto_ltl_apps.formats.grib_frames import check_frames
 
 SECTION_3, SECTION_5, SECTION_7 = 16 + 21, 16 + 21 + 72 + 34, 16 + 21 + 72 + 34 + 21 + 6
 

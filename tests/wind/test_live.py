@@ -17,9 +17,10 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.wind.area import ALL_WIND, GeoBox, Wanted
 from pareto_ltl.wind.readings import iso, seconds
-from pareto_ltl.wind.sources import download_cache, live, read_readings
-from pareto_ltl.wind.sources.inventories import parse_inventory, wind_parts
-from pareto_ltl.wind.sources.live_models import MODELS
+from pareto_ltl.wind.sources import read_readings
+from pareto_ltl_apps.formats import download_cache, live
+from pareto_ltl_apps.formats.inventories import parse_inventory, wind_parts
+from pareto_ltl_apps.formats.live_models import MODELS
 
 CYCLE = seconds("2018-10-09T06:00:00Z")
 START = Wanted(start="2018-10-09T06:30:00Z")

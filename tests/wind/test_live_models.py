@@ -19,9 +19,10 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.wind.area import GeoBox, Wanted
 from pareto_ltl.wind.readings import seconds
-from pareto_ltl.wind.sources import live, read_readings
-from pareto_ltl.wind.sources.grib_frames import parameters
-from pareto_ltl.wind.sources.inventories import parse_inventory, wind_parts
+from pareto_ltl.wind.sources import read_readings
+from pareto_ltl_apps.formats import live
+from pareto_ltl_apps.formats.grib_frames import parameters
+from pareto_ltl_apps.formats.inventories import parse_inventory, wind_parts
 
 CYCLE = "2026060106"
 BEGAN = seconds("2026-06-01T06:00:00Z")

@@ -15,7 +15,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import netcdf
 from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 from pareto_ltl.wind.records import WindField
-from pareto_ltl.wind.sources.netcdf_files import WINDS, netcdf_snapshots
+from pareto_ltl_apps.formats.netcdf_files import WINDS, netcdf_snapshots
 
 
 def written(tmp_path: Path) -> Path:

@@ -23,9 +23,9 @@ from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.wind.snapshots import latest_readings
 from pareto_ltl.wind.sources import tables
-from pareto_ltl.wind.sources.grib_files import grib_snapshots, grib_snapshots_apart
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
+from pareto_ltl_apps.formats.grib_files import grib_snapshots, grib_snapshots_apart
 
 HOURS = ("2018-10-09T00:00:00Z", "2018-10-09T03:00:00Z", "2018-10-09T06:00:00Z")
 

@@ -119,7 +119,7 @@ def _given_wind(sections: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, 
     """The records that section ``wind`` gives, and all sections with the settings that describe them."""
     from pareto_ltl.wind.readings import CALM, Readings, check_all_readings
     from pareto_ltl.wind.records import WindField
-    from pareto_ltl.wind.sources.content import source_of_path
+    from pareto_ltl.wind.sources import source_of_path
 
     section = sections.get("wind")
     others = dict(section) if isinstance(section, Mapping) else {}

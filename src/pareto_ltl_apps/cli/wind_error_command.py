@@ -45,7 +45,7 @@ def wind_error(options: Namespace) -> Answer:
     from pareto_ltl.settings import WindConfig
     from pareto_ltl.support.files import write_json
     from pareto_ltl.wind.area import box_of
-    from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
+    from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
     from pareto_ltl_apps.view.wind_error import draw_wind_error
     from pareto_ltl_apps.wind_errors.error_estimate import error_document, estimate_errors, estimated_law
     from pareto_ltl_apps.wind_errors.matched_fields import Resampling
@@ -106,7 +106,7 @@ def check_out(out: Path, read: Path) -> None:
 
 
 def _files_in(folder: Path) -> tuple[Path, ...]:
-    from pareto_ltl.wind.sources.content import is_data_file
+    from pareto_ltl.wind.sources.magic import is_data_file
 
     if not folder.is_dir():
         raise ConfigError(f"{folder}: there is no such folder; name one with GRIB files of past forecasts")
@@ -123,7 +123,7 @@ def _told_by_stations(
     if not files:
         return "not estimated: no station reports were given (--stations)"
     from pareto_ltl.settings import WindConfig
-    from pareto_ltl.wind.sources.station_files import read_station_files
+    from pareto_ltl_apps.formats.station_files import read_station_files
     from pareto_ltl_apps.wind_errors.matched_fields import analysis_error
 
     return analysis_error(snapshots, read_station_files(tuple(files), WindConfig().max_speed, box), draws)

@@ -47,6 +47,6 @@ def _is_place(place: str) -> bool:
 
 
 def _source(place: str) -> str:
-    from pareto_ltl.wind.sources.content import source_of_path  # takes 0.3 s, and few command lines need it
+    from pareto_ltl.wind.sources import source_of_path  # takes 0.3 s, and few command lines need it
 
     return source_of_path(place)

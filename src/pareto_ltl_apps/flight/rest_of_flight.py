@@ -36,8 +36,7 @@ from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import Readings, check_all_readings
 from pareto_ltl.wind.records import WindField
-from pareto_ltl.wind.sources import read_readings, wind_source
-from pareto_ltl.wind.sources.content import source_of_path
+from pareto_ltl.wind.sources import read_readings, source_of_path, wind_source
 from pareto_ltl.world.projection import utc_times
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.flight.known_errors import robot_given

@@ -32,7 +32,7 @@ from pareto_ltl.wind.area import GeoBox, box_of
 from pareto_ltl.wind.ingest import common_nodes
 from pareto_ltl.wind.observations import FIT_RADIUS
 from pareto_ltl.wind.snapshots import Snapshot, latest_readings
-from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
+from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
 from pareto_ltl_apps.studies import calibration, random_missions
 from pareto_ltl_apps.studies.calibration import CHOSEN
 from pareto_ltl_apps.studies.known_winds import KNOWN_WINDS, KnownWinds

@@ -1,34 +1,29 @@
-"""Sources of wind readings: one module for each file format; all return :class:`Readings`.
+"""Sources of wind readings, which all return :class:`Readings`: tables here, other formats by entry points.
 
-``SOURCES`` is the table of the values of ``wind.source``; other packages can add values by entry points.
+:func:`sources` is the table of the values of ``wind.source``; other packages can add values by entry points.
 """
 
 from __future__ import annotations
 
 import glob
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.wind import WIND_SOURCES, usual_level
 from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.extensions import known_kind
+from pareto_ltl.support.extensions import FORMAT_GROUP, installed_object, known_kind
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, table_level
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.readings import CALM, Readings
-from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
-from pareto_ltl.wind.sources.content import is_data_file, source_of_path
 from pareto_ltl.wind.sources.csv_files import read_csv_files
-from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
-from pareto_ltl.wind.sources.live import live_files, read_live
-from pareto_ltl.wind.sources.magic import first_bytes, format_of
-from pareto_ltl.wind.sources.netcdf_files import netcdf_snapshots
-from pareto_ltl.wind.sources.quantities import CURRENTS, WINDS
-from pareto_ltl.wind.sources.station_files import read_station_files
+from pareto_ltl.wind.sources.magic import is_data_file
 
 SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
 
@@ -95,11 +90,6 @@ def _read_csv(cfg: WindConfig, _wanted: Wanted) -> Readings:
     return at_stated_level(read_csv_files(data_files(cfg), cfg.max_speed, current), level)
 
 
-def _read_stations(cfg: WindConfig, wanted: Wanted) -> Readings:
-    level = table_level(cfg.level, (HEIGHT,), "stations report winds near the ground")
-    return at_stated_level(read_station_files(data_files(cfg), cfg.max_speed, wanted.area), level)
-
-
 def at_stated_level(readings: Readings, level: Level) -> Readings:
     """``readings`` of a table that does not state its level, with the level that ``wind.level`` states."""
     if level.text == readings.level:
@@ -110,59 +100,6 @@ def at_stated_level(readings: Readings, level: Level) -> Readings:
     return replace(readings, level=level.text, notes=(*readings.notes, note), airs=airs)
 
 
-def _read_grib(cfg: WindConfig, wanted: Wanted) -> Readings:
-    return latest_readings(*grib_snapshots_apart(data_files(cfg), cfg.max_speed, cfg.level, wanted.area))
-
-
-def _read_netcdf(cfg: WindConfig, wanted: Wanted) -> Readings:
-    return latest_readings(*netcdf_snapshots(data_files(cfg), WINDS, cfg.level, cfg.max_speed, wanted.area))
-
-
-def _read_currents(cfg: WindConfig, wanted: Wanted) -> Readings:
-    """Currents of GRIB or NetCDF files, all of one format."""
-    files = data_files(cfg)
-    if all(format_of(first_bytes(file)) == "GRIB" for file in files):
-        read = grib_snapshots_apart(files, cfg.max_speed, cfg.level, wanted.area, CURRENTS)
-        return latest_readings(*read._replace(law=""))
-    return latest_readings(*netcdf_snapshots(files, CURRENTS, cfg.level, cfg.max_speed, wanted.area))
-
-
-def _ensemble_files(cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
-    """Like :func:`data_files`, including the files in subfolders, one for each member."""
-    path = Path(str(cfg.path)).expanduser()
-    below = [file for file in path.glob("*/*") if file.is_file() and is_data_file(file)]
-    if not below:
-        return data_files(cfg)
-    own = [file for file in path.iterdir() if file.is_file() and is_data_file(file)]
-    return tuple(sorted([*own, *below]))
-
-
-def _read_ensemble(cfg: WindConfig, wanted: Wanted) -> Readings:
-    """Mean and deviations of the members in GRIB files, of which each folder may be one, and NetCDF files."""
-    files = _ensemble_files(cfg, wanted)
-    grib: dict[Path, tuple[Path, ...]] = {}
-    netcdf: tuple[Path, ...] = ()
-    for file in files:
-        kind = format_of(first_bytes(file)) or "of an unknown format"
-        if kind == "GRIB":
-            grib[file.parent] = (*grib.get(file.parent, ()), file)
-        elif kind == "NetCDF":
-            netcdf = (*netcdf, file)
-        else:
-            raise DataError(f"wind file {file} is {kind}; expected GRIB or NetCDF files of the members")
-    found = [
-        (folder.name, grib_snapshots_apart(together, cfg.max_speed, cfg.level, wanted.area))
-        for folder, together in grib.items()
-    ]
-    if netcdf:
-        found.append(("NetCDF", netcdf_snapshots(netcdf, WINDS, cfg.level, cfg.max_speed, wanted.area)))
-    snapshots = [snap for _, one in found for snap in one.winds]
-    several = len(found) > 1
-    notes = [f"{name}: {note}" if several else note for name, one in found for note in one.notes]
-    laws = {one.law for _, one in found}
-    return ensemble_readings(snapshots, files, cfg, tuple(notes), laws.pop() if len(laws) == 1 else "")
-
-
 def _read_given(_cfg: WindConfig, _wanted: Wanted) -> Readings:
     raise ConfigError(
         "wind.source=given: the wind is an object in Python, pareto_ltl.plan(..., wind=readings); expected "
@@ -170,27 +107,61 @@ def _read_given(_cfg: WindConfig, _wanted: Wanted) -> Readings:
     )
 
 
-_READERS: dict[str, tuple[Reader, Files]] = {
+_OWN: dict[str, tuple[Reader, Files]] = {
     "sample": (lambda cfg, _: read_csv_files((SAMPLE_FILE,), cfg.max_speed), lambda *_: (SAMPLE_FILE,)),
     "csv": (_read_csv, data_files),
-    "grib": (_read_grib, data_files),
-    "netcdf": (_read_netcdf, data_files),
-    "stations": (_read_stations, data_files),
-    "currents": (_read_currents, data_files),
-    "ensemble": (_read_ensemble, _ensemble_files),
     "given": (_read_given, lambda *_: ()),
     "calm": (lambda *_: CALM, lambda *_: ()),
-} | {name: (read_live, live_files) for name, kind in WIND_SOURCES.items() if kind.live}
-SOURCES = {
-    name: WindSource(*_READERS[name], kind.forecast_error, kind.modelled)
-    for name, kind in WIND_SOURCES.items()
 }
 
 
+class WindFormats(NamedTuple):
+    """The readers of files of others: the object ``winds`` of the entry points ``pareto_ltl.formats``.
+
+    Attributes
+    ----------
+    readers : mapping of str to (Reader, Files)
+        Functions that read, and that name the files, for values of ``wind.source``.
+    source_of_path : callable
+        The value of ``wind.source`` for a file, a folder or a pattern; DataError if there is none.
+    """
+
+    readers: Mapping[str, tuple[Reader, Files]]
+    source_of_path: Callable[[str | Path], str]
+
+
+@lru_cache
+def wind_formats() -> WindFormats:
+    """The installed readers of wind files."""
+    found: WindFormats = installed_object(FORMAT_GROUP, "winds")
+    return found
+
+
+def source_of_path(path: str | Path) -> str:
+    """The value of ``wind.source`` for a file, all files of a folder, or the matches of a pattern.
+
+    Raises
+    ------
+    DataError
+        If there is no such file, or the files need several sources.
+    """
+    return wind_formats().source_of_path(path)
+
+
+@lru_cache
+def sources() -> dict[str, WindSource]:
+    """The values of ``wind.source`` with their readers."""
+    readers = _OWN | dict(wind_formats().readers)
+    return {
+        name: WindSource(*readers[name], kind.forecast_error, kind.modelled)
+        for name, kind in WIND_SOURCES.items()
+    }
+
+
 def wind_source(cfg: WindConfig) -> WindSource:
-    """The source ``wind.source``: one of ``SOURCES``, or one of another package; KeyError if unknown."""
+    """The source ``wind.source``: one of :func:`sources`, or of another package; KeyError if unknown."""
     group = extensions.WIND_SOURCE_GROUP
-    return known_kind(group, SOURCES, cfg.source, lambda loaded: isinstance(loaded, WindSource))
+    return known_kind(group, sources(), cfg.source, lambda loaded: isinstance(loaded, WindSource))
 
 
 def read_readings(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> Readings:

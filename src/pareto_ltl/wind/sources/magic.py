@@ -29,6 +29,11 @@ CURES = {
 }
 
 
+def is_data_file(file: Path) -> bool:
+    """Whether ``file`` may contain readings: False for hidden files, indices, texts and JSON."""
+    return not file.name.startswith(".") and file.suffix.lower() not in (".idx", ".md", ".txt", ".json")
+
+
 def format_of(head: bytes) -> str | None:
     """The format of a file that begins with ``head``: a key of ``CURES``; None if it is not known."""
     if head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<":

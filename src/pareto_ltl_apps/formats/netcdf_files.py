@@ -23,10 +23,6 @@ from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import GridWind, Snapshots, earth_relative, same_values
-from pareto_ltl.wind.sources.cf_air import AirArray, surface_pressure_of, temperature_of
-from pareto_ltl.wind.sources.cf_directions import with_projection
-from pareto_ltl.wind.sources.cf_grid import levels_of, member_dimension, nodes_of, text
-from pareto_ltl.wind.sources.clocks import clock_of, with_text_clocks
 from pareto_ltl.wind.sources.magic import HDF5, format_of, wind_file
 from pareto_ltl.wind.sources.quantities import (
     COUNTERPARTS,
@@ -50,6 +46,10 @@ from pareto_ltl.wind.sources.quantities import (
     winds_of,
 )
 from pareto_ltl.wind.sources.speed_units import speed_factor
+from pareto_ltl_apps.formats.cf_air import AirArray, surface_pressure_of, temperature_of
+from pareto_ltl_apps.formats.cf_directions import with_projection
+from pareto_ltl_apps.formats.cf_grid import levels_of, member_dimension, nodes_of, text
+from pareto_ltl_apps.formats.clocks import clock_of, with_text_clocks
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pareto_ltl.support.levels import HEIGHT, PRESSURES, Level
 from pareto_ltl.wind.air import nearest_level, temperature_scale
-from pareto_ltl.wind.sources.cf_grid import levels_of, text
+from pareto_ltl_apps.formats.cf_grid import levels_of, text
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,8 +13,8 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.levels import DEPTH, LENGTHS, PRESSURE, PRESSURES, Level
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.snapshots import Nodes, crop
-from pareto_ltl.wind.sources.cf_directions import GridMapping, grid_mapping, twist_of_array
-from pareto_ltl.wind.sources.grid_directions import axes_are_east_and_north
+from pareto_ltl_apps.formats.cf_directions import GridMapping, grid_mapping, twist_of_array
+from pareto_ltl_apps.formats.grid_directions import axes_are_east_and_north
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -23,11 +23,11 @@ from pareto_ltl.support.levels import parse_level
 from pareto_ltl.wind.area import Wanted
 from pareto_ltl.wind.readings import HOUR, Readings, iso, seconds
 from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
-from pareto_ltl.wind.sources.download_cache import DownloadCache
-from pareto_ltl.wind.sources.grib_files import grib_snapshots_apart
-from pareto_ltl.wind.sources.grib_frames import BrokenFrameError, messages_with
-from pareto_ltl.wind.sources.inventories import parse_inventory, wind_parts
-from pareto_ltl.wind.sources.live_models import MODELS, Download, LiveModel
+from pareto_ltl_apps.formats.download_cache import DownloadCache
+from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
+from pareto_ltl_apps.formats.grib_frames import BrokenFrameError, messages_with
+from pareto_ltl_apps.formats.inventories import parse_inventory, wind_parts
+from pareto_ltl_apps.formats.live_models import MODELS, Download, LiveModel
 
 LOG = logging.getLogger(__name__)
 MOST_INVENTORY, MOST_MESSAGES, MOST_FILE = 4 * 2**20, 128 * 2**20, 512 * 2**20  # [bytes]

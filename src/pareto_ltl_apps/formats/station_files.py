@@ -26,8 +26,8 @@ from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
 from pareto_ltl.wind.readings import HOUR, Readings, wrap_longitude
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
 from pareto_ltl.wind.sources.quantities import FROM, polar_winds
-from pareto_ltl.wind.sources.station_tables import LOCAL, UTC, RawReports, read_reports
 from pareto_ltl.wind.sources.tables import seconds_of
+from pareto_ltl_apps.formats.station_tables import LOCAL, UTC, RawReports, read_reports
 
 LOG = logging.getLogger(__name__)
 DROPPED = {

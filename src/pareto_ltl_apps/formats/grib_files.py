@@ -4,7 +4,7 @@ The messages of cfgrib are used one by one. Its datasets are not: a dataset fill
 in a truncated file with NaN, and of two messages for one time it keeps one.
 
 Since ecCodes can end its process on a damaged message, files are decoded in another process:
-``python -m pareto_ltl.wind.sources.grib_files TASK ANSWER`` gets the arguments of :func:`grib_snapshots` as
+``python -m pareto_ltl_apps.formats.grib_files TASK ANSWER`` gets the arguments of :func:`grib_snapshots` as
 JSON. It prints each file before it is opened, and writes one archive of arrays, which holds no code. If the
 process ends without it, the caller raises a DataError on the file that was open.
 
@@ -36,8 +36,6 @@ from pareto_ltl.wind.air import NodeAir, nearest_level, temperature_scale
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import Nodes, Snapshot, Snapshots, crop, earth_relative, same_values
-from pareto_ltl.wind.sources.grib_frames import check_frames
-from pareto_ltl.wind.sources.grid_directions import twist_of_grib
 from pareto_ltl.wind.sources.magic import wind_file
 from pareto_ltl.wind.sources.quantities import (
     CURRENTS,
@@ -56,6 +54,8 @@ from pareto_ltl.wind.sources.quantities import (
     wanted_level,
     winds_of,
 )
+from pareto_ltl_apps.formats.grib_frames import check_frames
+from pareto_ltl_apps.formats.grid_directions import twist_of_grib
 
 UNITS = ("m s**-1", "m s-1", "m/s", "Degree true", "degrees", "unknown")  # of the parameters of the WMO
 AIR_NUMBERS = {(0, 3, 0): SURFACE_PRESSURE, (0, 0, 0): TEMPERATURE, (11,): TEMPERATURE}  # as in Quantity

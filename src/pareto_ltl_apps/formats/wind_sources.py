@@ -1,0 +1,88 @@
+"""Readings of GRIB, NetCDF, station and ensemble files, and of downloads: values of ``wind.source``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pareto_ltl import DataError, Readings
+from pareto_ltl.settings import WindConfig
+from pareto_ltl.settings.wind import WIND_SOURCES
+from pareto_ltl.support.levels import HEIGHT, table_level
+from pareto_ltl.wind.area import Wanted
+from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
+from pareto_ltl.wind.sources import WindFormats, at_stated_level, data_files
+from pareto_ltl.wind.sources.magic import first_bytes, format_of, is_data_file
+from pareto_ltl.wind.sources.quantities import CURRENTS, WINDS
+from pareto_ltl_apps.formats.content import source_of_path
+from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
+from pareto_ltl_apps.formats.live import live_files, read_live
+from pareto_ltl_apps.formats.netcdf_files import netcdf_snapshots
+from pareto_ltl_apps.formats.station_files import read_station_files
+
+
+def _read_stations(cfg: WindConfig, wanted: Wanted) -> Readings:
+    level = table_level(cfg.level, (HEIGHT,), "stations report winds near the ground")
+    return at_stated_level(read_station_files(data_files(cfg), cfg.max_speed, wanted.area), level)
+
+
+def _read_grib(cfg: WindConfig, wanted: Wanted) -> Readings:
+    return latest_readings(*grib_snapshots_apart(data_files(cfg), cfg.max_speed, cfg.level, wanted.area))
+
+
+def _read_netcdf(cfg: WindConfig, wanted: Wanted) -> Readings:
+    return latest_readings(*netcdf_snapshots(data_files(cfg), WINDS, cfg.level, cfg.max_speed, wanted.area))
+
+
+def _read_currents(cfg: WindConfig, wanted: Wanted) -> Readings:
+    """Currents of GRIB or NetCDF files, all of one format."""
+    files = data_files(cfg)
+    if all(format_of(first_bytes(file)) == "GRIB" for file in files):
+        read = grib_snapshots_apart(files, cfg.max_speed, cfg.level, wanted.area, CURRENTS)
+        return latest_readings(*read._replace(law=""))
+    return latest_readings(*netcdf_snapshots(files, CURRENTS, cfg.level, cfg.max_speed, wanted.area))
+
+
+def _ensemble_files(cfg: WindConfig, _wanted: Wanted) -> tuple[Path, ...]:
+    """Like :func:`data_files`, including the files in subfolders, one for each member."""
+    path = Path(str(cfg.path)).expanduser()
+    below = [file for file in path.glob("*/*") if file.is_file() and is_data_file(file)]
+    if not below:
+        return data_files(cfg)
+    own = [file for file in path.iterdir() if file.is_file() and is_data_file(file)]
+    return tuple(sorted([*own, *below]))
+
+
+def _read_ensemble(cfg: WindConfig, wanted: Wanted) -> Readings:
+    """Mean and deviations of the members in GRIB files, of which each folder may be one, and NetCDF files."""
+    files = _ensemble_files(cfg, wanted)
+    grib: dict[Path, tuple[Path, ...]] = {}
+    netcdf: tuple[Path, ...] = ()
+    for file in files:
+        kind = format_of(first_bytes(file)) or "of an unknown format"
+        if kind == "GRIB":
+            grib[file.parent] = (*grib.get(file.parent, ()), file)
+        elif kind == "NetCDF":
+            netcdf = (*netcdf, file)
+        else:
+            raise DataError(f"wind file {file} is {kind}; expected GRIB or NetCDF files of the members")
+    found = [
+        (folder.name, grib_snapshots_apart(together, cfg.max_speed, cfg.level, wanted.area))
+        for folder, together in grib.items()
+    ]
+    if netcdf:
+        found.append(("NetCDF", netcdf_snapshots(netcdf, WINDS, cfg.level, cfg.max_speed, wanted.area)))
+    snapshots = [snap for _, one in found for snap in one.winds]
+    several = len(found) > 1
+    notes = [f"{name}: {note}" if several else note for name, one in found for note in one.notes]
+    laws = {one.law for _, one in found}
+    return ensemble_readings(snapshots, files, cfg, tuple(notes), laws.pop() if len(laws) == 1 else "")
+
+
+READERS = {
+    "grib": (_read_grib, data_files),
+    "netcdf": (_read_netcdf, data_files),
+    "stations": (_read_stations, data_files),
+    "currents": (_read_currents, data_files),
+    "ensemble": (_read_ensemble, _ensemble_files),
+} | {name: (read_live, live_files) for name, kind in WIND_SOURCES.items() if kind.live}
+FORMATS = WindFormats(READERS, source_of_path)
