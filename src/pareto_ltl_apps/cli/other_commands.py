@@ -19,7 +19,7 @@ from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl_apps.cli.output import Answer, Output, print_answer, print_problem, shown_table
 
 if TYPE_CHECKING:
-    from pareto_ltl.logic.automaton import Automaton
+    from pareto_ltl.extend import Automaton
     from pareto_ltl.logic.formula import Formula
     from pareto_ltl_apps.studies.promises import Promises
     from pareto_ltl_apps.view.records import Compared

@@ -16,7 +16,7 @@ from pareto_ltl.support.run_status import ending_text
 from pareto_ltl_apps.cli.output import COLUMNS, Answer, collected_warnings, shown_table
 
 if TYPE_CHECKING:
-    from pareto_ltl.planning.records import Front
+    from pareto_ltl.extend import Front
     from pareto_ltl_verify.judge import Finding
 
 LEG_NUMBER = "  12-14  "  # at the begin of a line on legs

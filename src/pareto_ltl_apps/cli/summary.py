@@ -16,7 +16,7 @@ from pareto_ltl_apps.cli.output import Answer, shown_table
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from pareto_ltl.planning.records import Plan
+    from pareto_ltl.extend import Plan
     from pareto_ltl_apps.studies.sweep_summary import SweepSummary
 
 MOST_WARNINGS = 5  # warnings that are printed, at most

@@ -30,8 +30,7 @@ from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
 
 if TYPE_CHECKING:
-    from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.planning.records import Forest
+    from pareto_ltl.extend import Forest, Problem
 
 Sections = dict[str, Any]
 Told = Callable[[int, int, str], None]
@@ -165,7 +164,7 @@ def small_sections(kind: Kind) -> Sections:
 
 
 def _plan(kind: Kind, folder: Path) -> None:
-    from pareto_ltl.run.interface import plan
+    from pareto_ltl import plan
     from pareto_ltl_apps.flight.replanning import replan
 
     sections = small_sections(kind)
@@ -176,8 +175,8 @@ def _plan(kind: Kind, folder: Path) -> None:
 
 def _plan_given_path(kind: Kind, folder: Path) -> None:
     """Plan ``F a``, with a tree that is one path."""
+    from pareto_ltl import Run
     from pareto_ltl.run.pipeline import carry_out, check_pipeline
-    from pareto_ltl.run.plan_run import Run
     from pareto_ltl.settings.building import build_settings
 
     settings = build_settings({"pipelines": "plan", "mission": {"formula": "F a"}, **small_sections(kind)})
@@ -189,8 +188,8 @@ def _plan_given_path(kind: Kind, folder: Path) -> None:
 
 def path_forest(problem: Problem) -> Forest:
     """A tree of one branch along :data:`WAY`, with the start of ``problem`` as its root."""
+    from pareto_ltl.extend import Forest, Tree
     from pareto_ltl.planning.growth import mission_columns
-    from pareto_ltl.planning.records import Forest, Tree
 
     corners = UNIT * (np.array(WAY) - WAY[0]) + problem.scene.start
     x = np.concatenate([np.linspace(a, b, 4)[:-1] for a, b in pairwise(corners)] + [corners[-1:]])

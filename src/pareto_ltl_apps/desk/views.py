@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pareto_ltl import choose, export, load_results
+from pareto_ltl.extend import Front
 from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.planning.records import Front
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.support.errors import DataError, InfeasibleError, NotFoundError

@@ -22,7 +22,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.extend import PlannedPath
 from pareto_ltl.run.progress import Found, Watcher, watched_by
 from pareto_ltl.support.arrays import FloatArray
 

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl import Scene, Settings
-from pareto_ltl.extend import FailureRate
+from pareto_ltl.extend import FailureRate, Plan, PlannedPath, Problem
 from pareto_ltl.kernels.pilots import Autopilot, Pilot
 from pareto_ltl.planning.pack import with_feedback
 from pareto_ltl.planning.power import Rotor
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import NO_PROMISE, Plan, PlannedPath
+from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
 from pareto_ltl.simulation.flights import fly_pilot, unspawned
 from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.run.plan_run import Run
+from pareto_ltl import Run, Scene
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.run.results import Planned, planned_run
 from pareto_ltl.simulation.beacons import BeaconMap, BeaconPlaces, beacon_map
@@ -16,7 +16,6 @@ from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import write_csv, write_text
 from pareto_ltl.world.projection import to_geographic
-from pareto_ltl.world.scene import Scene
 
 STREAM = "beacons"
 RADIUS = 0.02  # of the map's size: default radius

@@ -25,8 +25,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
+from pareto_ltl.extend import Problem
 from pareto_ltl.kernels.data import CoherentLaw, IndependentLaw, LandmarkLaw, Modes, Wind
-from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.wind_lookup import bilinear_value, interpolate, interpolate_time, lattice_corners
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 

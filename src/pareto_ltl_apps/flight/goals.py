@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.extend import PlannedPath, Problem
 from pareto_ltl.simulation.flights import judge_flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.flight.belief import LAW, Belief

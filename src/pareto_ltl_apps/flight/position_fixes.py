@@ -16,10 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Run
+from pareto_ltl.extend import Plan, PlannedPath, Problem
 from pareto_ltl.planning.conditioning import Fix, Learnt, expected_at, learn_at, likely_histories
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Plan, PlannedPath
-from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text

@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pareto_ltl import Readings, Run, WindField
+from pareto_ltl.extend import FailureRate, Front, Plan, PlannedPath, Problem
 from pareto_ltl.planning.conditioning import Fix
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.rates import FailureRate, counted_rate
-from pareto_ltl.planning.records import NO_PROMISE, Front, Plan, PlannedPath
+from pareto_ltl.planning.rates import counted_rate
+from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
-from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.provenance import file_hashes
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.run.results import Planned, place_of, planned_run
@@ -34,8 +34,6 @@ from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import Displayed, distance_text, probability_text
 from pareto_ltl.support.files import write_json
-from pareto_ltl.wind.readings import Readings
-from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.projection import navigate
 from pareto_ltl_apps.flight.known_errors import errors_text, settings_of_errors
 from pareto_ltl_apps.flight.position_fixes import Situation, fixes_from, planned_step, situation_at

@@ -15,17 +15,17 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl import Readings, Run, Scene, Settings, WindField
+from pareto_ltl.extend import PlannedPath, Problem
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.timed import later_windows, remaining_automaton
 from pareto_ltl.planning.conditioning import Learnt
 from pareto_ltl.planning.costs import path_costs
 from pareto_ltl.planning.evaluate import completing_path, propagate_controls, square_matrices
-from pareto_ltl.planning.problem import Problem, unaided
-from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.run.plan_run import Run
+from pareto_ltl.planning.problem import unaided
 from pareto_ltl.run.provenance import file_hashes, wanted_wind
 from pareto_ltl.run.received import KnownFiles, law_file
-from pareto_ltl.settings import MissionConfig, PowerConfig, SelectionConfig, Settings, WindConfig
+from pareto_ltl.settings import MissionConfig, PowerConfig, SelectionConfig, WindConfig
 from pareto_ltl.settings.wind import STATED, WIND_SOURCES, usual_level
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
@@ -34,11 +34,9 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.wind.conditioned import conditioned_field, field_from
 from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.observations import place_readings
-from pareto_ltl.wind.readings import Readings, check_all_readings
-from pareto_ltl.wind.records import WindField
+from pareto_ltl.wind.readings import check_all_readings
 from pareto_ltl.wind.sources import read_readings, source_of_path, wind_source
 from pareto_ltl.world.projection import utc_times
-from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.flight.known_errors import robot_given
 from pareto_ltl_apps.flight.position_fixes import FAR, Situation, chance
 

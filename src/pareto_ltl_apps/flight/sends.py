@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene
-from pareto_ltl.planning.records import Plan
+from pareto_ltl.extend import Plan
 from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_apps.exports import mavlink
 from pareto_ltl_apps.flight.rules import Event

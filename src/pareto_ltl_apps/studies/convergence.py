@@ -20,9 +20,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings
-from pareto_ltl.extend import Study
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Forest, Tree
+from pareto_ltl.extend import Forest, Problem, Study, Tree
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.support.arrays import FloatArray

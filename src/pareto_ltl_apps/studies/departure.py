@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings
-from pareto_ltl.extend import Study
+from pareto_ltl.extend import PlannedPath, Study
 from pareto_ltl.planning.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
-from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.selection_rules import within_capacity
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.metrics import run_metrics

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Settings
-from pareto_ltl.extend import Study
+from pareto_ltl.extend import Plan, Study
 from pareto_ltl.planning.plan_files import ExtraPath
-from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text, rate_text

@@ -21,9 +21,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings
-from pareto_ltl.extend import Study
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Front, PlannedPath
+from pareto_ltl.extend import Front, PlannedPath, Problem, Study
 from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, preset
 from pareto_ltl.settings.fidelity import FidelityConfig
 from pareto_ltl.support.errors import DataError, InfeasibleError

@@ -17,12 +17,10 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings, WindField
+from pareto_ltl.extend import Deployment, Plan, Problem
 from pareto_ltl.planning.evaluate import forecast
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import preset
-from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl_apps.studies import tables

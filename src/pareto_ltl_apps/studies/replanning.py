@@ -21,10 +21,9 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl import Run, Settings, WindField
-from pareto_ltl.extend import LawPart, Study
+from pareto_ltl.extend import LawPart, PlannedPath, Study
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.conditioning import Fix
-from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import ReplanningConfig

@@ -15,16 +15,13 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl import Run, Settings
-from pareto_ltl.extend import Study
+from pareto_ltl.extend import Deployment, Plan, Problem, Study
 from pareto_ltl.kernels import flight as kernel
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import SitlConfig
 from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation import flights
-from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.simulation.robot_errors import own_errors
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text

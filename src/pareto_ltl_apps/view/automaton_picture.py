@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pareto_ltl.extend import Automaton
 from pareto_ltl.logic import labels
-from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.support.arrays import FloatArray
 
 if TYPE_CHECKING:

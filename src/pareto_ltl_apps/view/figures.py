@@ -20,15 +20,21 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pareto_ltl import Run, Scene, WindField
-from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Forest, Front, Plan, PlannedPath, Tree
+from pareto_ltl.extend import (
+    Automaton,
+    Decomposition,
+    Deployment,
+    Forest,
+    Front,
+    Plan,
+    PlannedPath,
+    Problem,
+    Tree,
+)
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.settings.outputs import FIGURE_FORMATS
-from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
-from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.windows import hours_text, seconds_after
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.automaton_picture import automaton_figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pareto_ltl import WindField
-from pareto_ltl.planning.records import Forest
+from pareto_ltl.extend import Forest
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
 ARROWS_ALONG = 13  # wind arrows along the longer side of the map

@@ -10,14 +10,12 @@ from itertools import pairwise
 import numpy as np
 
 from pareto_ltl import Scene
-from pareto_ltl.extend import FailureRate
+from pareto_ltl.extend import Deployment, FailureRate, Plan, PlannedPath, Problem
 from pareto_ltl.logic.automaton import show_letter
 from pareto_ltl.logic.timed import places_of
 from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import NO_PROMISE, Plan, PlannedPath
+from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.simulation.flights import failure_times
-from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
 from pareto_ltl.support.medium import Medium

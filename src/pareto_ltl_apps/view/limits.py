@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene
-from pareto_ltl.planning.limits import PRICE_KINDS, Price
-from pareto_ltl.planning.records import Front, Plan
+from pareto_ltl.extend import Front, Plan, Price
+from pareto_ltl.planning.limits import PRICE_KINDS
 from pareto_ltl.support.display import SLOW, distance_text, probability_text
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.view.legs import step_times

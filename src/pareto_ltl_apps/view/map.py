@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pareto_ltl import Scene
-from pareto_ltl.extend import Promise
-from pareto_ltl.planning.records import NO_PROMISE, Forest, Plan
+from pareto_ltl.extend import Forest, Plan, Promise
+from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text

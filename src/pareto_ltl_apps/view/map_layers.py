@@ -15,11 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from pareto_ltl import Scene
-from pareto_ltl.planning.records import Forest, Plan
-from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.extend import Decomposition, Deployment, Forest, Plan
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import in_kilometres
-from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.windows import Window, hours_text
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.view import style

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl import Settings
 from pareto_ltl.run import provenance
 from pareto_ltl.run.record import BaseRun
-from pareto_ltl.settings import Settings
 from pareto_ltl.settings.heights import flight_air, flight_height
 from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.files import write_bytes

@@ -12,14 +12,9 @@ if TYPE_CHECKING:
     from numpy.random import SeedSequence
 
     from pareto_ltl import Scene, WindField
-    from pareto_ltl.logic import Automaton
-    from pareto_ltl.planning.evaluate import Forecast
-    from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.planning.records import Forest, Front, Plan
+    from pareto_ltl.extend import Automaton, Decomposition, Deployment, Forecast, Forest, Front, Plan, Problem
     from pareto_ltl.settings.heights import FlownAir, Height
-    from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.support.arrays import FloatArray
-    from pareto_ltl.world.cells import Decomposition
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.run.choosing import choose
-from pareto_ltl.run.interface import simulate
-from pareto_ltl.run.plan_run import Run
-from pareto_ltl.run.results import Planned, load_results, place_of, planned_run
+from pareto_ltl import Run, choose, load_results, simulate
+from pareto_ltl.run.results import Planned, place_of, planned_run
 from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.medium import medium_of

@@ -16,9 +16,8 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import NullLocator
 
 from pareto_ltl import Scene, Settings
-from pareto_ltl.extend import Study
+from pareto_ltl.extend import Decomposition, Study
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.cells import Decomposition
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.axes import (
     GRID_COLOUR,

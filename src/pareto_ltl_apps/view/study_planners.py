@@ -20,11 +20,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
 from pareto_ltl import Scene, Settings
-from pareto_ltl.extend import Study
+from pareto_ltl.extend import Decomposition, Study
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.settings.studies import FACTOR_TITLES
 from pareto_ltl.support.display import distance_text, probability_text
-from pareto_ltl.world.cells import Decomposition
 from pareto_ltl_apps.view import axes as shared
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.axes import GRID_COLOUR, FigureRow, Figures, column_values, scale_rate_axis

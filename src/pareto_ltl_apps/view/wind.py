@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 
 from pareto_ltl import Scene, WindField
-from pareto_ltl.planning.records import Plan
+from pareto_ltl.extend import Plan
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl_apps.exports.geojson import border_corners

@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
+from pareto_ltl.extend import LawPart
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.error_law import GROWING, LOCAL, SLOW, LawPart
+from pareto_ltl.wind.error_law import GROWING, LOCAL, SLOW
 from pareto_ltl.wind.gp import CORRELATIONS
 from pareto_ltl.wind.readings import HOUR
 from pareto_ltl_apps.wind_errors.error_moments import ErrorMoments, Targets, targets

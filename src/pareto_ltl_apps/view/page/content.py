@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.extend import FailureRate
+from pareto_ltl.extend import Deployment, FailureRate, Front, Plan
 from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.planning.records import NO_PROMISE, Front, Plan
+from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.simulation.flights import CAUSES
-from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
 from pareto_ltl.world.projection import utc_times
 from pareto_ltl_apps.exports.exported import absent_sentence, height_sentence, vehicle_of

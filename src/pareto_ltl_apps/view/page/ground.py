@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene, WindField
-from pareto_ltl.planning.records import Forest
+from pareto_ltl.extend import Forest
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.projection import meridian_convergence, to_geographic, utc_times
 from pareto_ltl_apps.exports.degrees import crosses, lonlat, outline_degrees

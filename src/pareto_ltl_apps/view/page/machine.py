@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.logic.automaton import Automaton
+from pareto_ltl.extend import Automaton
 from pareto_ltl.logic.labels import edge_labels
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.windows import clock_windows, hours_text

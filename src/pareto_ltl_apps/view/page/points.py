@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene
+from pareto_ltl.extend import Deployment, Front, Objectives, PlannedPath, Problem
 from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.simulation.flights import CAUSES, DRAWS, failure_times, simulate_flights, unspawned
-from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.projection import utc_times
