@@ -27,6 +27,7 @@ THROTTLE_SECONDS = 0.2  # interval at which the throttle is updated [s]
 PROPORTIONAL, INTEGRAL = 0.06, 0.003  # gains of the throttle [1/(m/s)], [1/(m/s s)]
 SETTLED = 90.0  # time before departure in which heading, height and airspeed settle [s]
 CRUISE = 0.7  # initial throttle, of 1
+LONGITUDINAL = 0  # the mode of JSBSim that trims angle of attack, elevator and throttle
 GROUND = -1000.0  # [m] height of the ground above the sea, so that winds of 10 m are flown at 10 m
 LOST = 0.1  # relative error of the mean airspeed above which the flight is not valid
 
@@ -135,12 +136,12 @@ class Cessna:
             self.plane[name] = float(value)
         if not self.plane.run_ic():
             raise DataError(f"JSBSim cannot begin a flight with {MODEL} at {orders.airspeed[0]:g} m/s")
-        cruise = {
-            "propulsion/set-running": -1, "propulsion/fuel_freeze": 1, "fcs/mixture-cmd-norm": 0.87,
+        self.trim(float(orders.airspeed[0]))
+        hold = {
             "ap/attitude_hold": 0, "ap/altitude_hold": 1, "ap/heading_hold": 1,
             "ap/altitude_setpoint": (height - GROUND) / FOOT,  # it is above the ground
         }  # fmt: skip
-        for name, value in cruise.items():
+        for name, value in hold.items():
             self.plane[name] = value
         self.turn_to(float(orders.heading[0]))
         rounds = round(SETTLED / self.tick)
@@ -148,6 +149,23 @@ class Cessna:
             share = min(2.0 * k / rounds, 1.0)  # a sudden wind would change the airspeed by as much
             self.meet((share * wind[0], share * wind[1]))
             self.fly_on(float(orders.airspeed[0]))
+
+    def trim(self, airspeed: float) -> None:
+        """Trim elevator and throttle for level flight at ``airspeed`` [m/s].
+
+        The autopilot alone finds the elevator in a quarter of an hour, and climbs by up to 800 m until then.
+        """
+        cruise = {
+            "propulsion/set-running": -1, "propulsion/fuel_freeze": 1, "fcs/mixture-cmd-norm": 0.87,
+            "fcs/throttle-cmd-norm": CRUISE,
+        }  # fmt: skip
+        for name, value in cruise.items():
+            self.plane[name] = value
+        try:
+            self.plane.do_trim(LONGITUDINAL)
+        except Exception as error:  # the class is not exported by every version of JSBSim
+            raise DataError(f"JSBSim cannot trim {MODEL} for level flight at {airspeed:g} m/s") from error
+        self.whole = self.plane["fcs/throttle-cmd-norm"] - CRUISE
 
     @property
     def place(self) -> tuple[float, float]:
