@@ -36,26 +36,24 @@ from pareto_ltl.wind.air import NodeAir, nearest_level, temperature_scale
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import Nodes, Snapshot, Snapshots, crop, earth_relative, same_values
+from pareto_ltl.wind.sources.components import SPEED, TEMPERATURE, U
 from pareto_ltl.wind.sources.magic import wind_file
-from pareto_ltl.wind.sources.quantities import (
+from pareto_ltl_apps.formats.grib_frames import check_frames
+from pareto_ltl_apps.formats.grid_directions import twist_of_grib
+from pareto_ltl_apps.formats.quantities import (
     CURRENTS,
     OF_AIR,
-    SPEED,
     SURFACE_PRESSURE,
-    TEMPERATURE,
     WINDS,
     Component,
     Fields,
     Key,
     Quantity,
-    U,
     level_gap,
     other_quantity,
     wanted_level,
     winds_of,
 )
-from pareto_ltl_apps.formats.grib_frames import check_frames
-from pareto_ltl_apps.formats.grid_directions import twist_of_grib
 
 UNITS = ("m s**-1", "m s-1", "m/s", "Degree true", "degrees", "unknown")  # of the parameters of the WMO
 AIR_NUMBERS = {(0, 3, 0): SURFACE_PRESSURE, (0, 0, 0): TEMPERATURE, (11,): TEMPERATURE}  # as in Quantity

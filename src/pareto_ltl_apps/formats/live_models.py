@@ -17,7 +17,7 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import HEIGHT, Level
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import HOUR
-from pareto_ltl.wind.sources.quantities import CURRENTS, WINDS, Quantity, level_gap, wanted_level
+from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS, Quantity, level_gap, wanted_level
 
 OLDEST_CYCLE = 48  # [h] older cycles are not searched for
 Ladder = tuple[tuple[int, int], ...]

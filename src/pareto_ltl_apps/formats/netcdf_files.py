@@ -23,33 +23,28 @@ from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import GridWind, Snapshots, earth_relative, same_values
+from pareto_ltl.wind.sources.components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V
 from pareto_ltl.wind.sources.magic import HDF5, format_of, wind_file
-from pareto_ltl.wind.sources.quantities import (
-    COUNTERPARTS,
-    CURRENTS,
-    EARTH,
-    FROM,
-    SPEED,
-    SURFACE_PRESSURE,
-    TEMPERATURE,
-    TOWARDS,
-    UNSTATED,
-    WINDS,
-    Component,
-    Fields,
-    Quantity,
-    U,
-    V,
-    level_gap,
-    other_quantity,
-    wanted_level,
-    winds_of,
-)
 from pareto_ltl.wind.sources.speed_units import speed_factor
 from pareto_ltl_apps.formats.cf_air import AirArray, surface_pressure_of, temperature_of
 from pareto_ltl_apps.formats.cf_directions import with_projection
 from pareto_ltl_apps.formats.cf_grid import levels_of, member_dimension, nodes_of, text
 from pareto_ltl_apps.formats.clocks import clock_of, with_text_clocks
+from pareto_ltl_apps.formats.quantities import (
+    COUNTERPARTS,
+    CURRENTS,
+    EARTH,
+    SURFACE_PRESSURE,
+    UNSTATED,
+    WINDS,
+    Component,
+    Fields,
+    Quantity,
+    level_gap,
+    other_quantity,
+    wanted_level,
+    winds_of,
+)
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -26,7 +26,7 @@ from pareto_ltl.support.messages import shown_value
 from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
 from pareto_ltl.wind.readings import HOUR, wrap_longitude
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
-from pareto_ltl.wind.sources.quantities import FROM, polar_winds
+from pareto_ltl.wind.sources.components import FROM, polar_winds
 from pareto_ltl.wind.sources.tables import seconds_of
 from pareto_ltl_apps.formats.station_tables import LOCAL, UTC, RawReports, read_reports
 

@@ -1,10 +1,6 @@
 """Winds and currents: the names of their components in files, and pairs of components as vectors.
 
-Files have u and v, or the speed s and the direction d [deg clockwise from true north]. A wind has the
-direction from which it blows, a current the direction towards which it flows (WMO Manual on Codes)::
-
-    u = -s sin(d),   v = -s cos(d)      direction from
-    u =  s sin(d),   v =  s cos(d)      direction towards
+Files have u and v, or speed and direction (``pareto_ltl.wind.sources.components``).
 """
 
 from __future__ import annotations
@@ -24,9 +20,9 @@ from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, parse_leve
 from pareto_ltl.wind.air import NodeAir
 from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import GridWind, Nodes, Snapshot
+from pareto_ltl.wind.sources.components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V, polar_winds
 
-U, V, SPEED, FROM, TOWARDS, SURFACE_PRESSURE = "u", "v", "speed", "direction from", "direction towards", "sp"
-TEMPERATURE = "temperature"
+SURFACE_PRESSURE = "sp"
 OF_AIR = {SURFACE_PRESSURE, TEMPERATURE}
 COUNTERPARTS = {U: (V,), V: (U,), SPEED: (FROM, TOWARDS), FROM: (SPEED,), TOWARDS: (SPEED,)}
 EARTH, GRID, UNSTATED = "earth", "grid", "unstated"  # what the components follow: east and north, or the axes
@@ -251,16 +247,6 @@ def air_of(parts: dict[str, Component]) -> NodeAir | None:
     known = pressure is not None and np.array_equal(pressure.nodes.lonlat, points)
     there = pressure.values if pressure is not None and known else np.full(len(points), np.nan)
     return NodeAir(points, warmth.values, warmth.level, there)
-
-
-def polar_winds(speed: FloatArray, direction: FloatArray, meaning: str) -> FloatArray:
-    """u and v (N, 2) of ``speed`` (N,) and ``direction`` (N,) [deg], which is ``FROM`` or ``TOWARDS``.
-
-    The direction of no wind does not matter; it may be missing.
-    """
-    angle = np.deg2rad(np.where(speed == 0.0, 0.0, direction))
-    sign = -1.0 if meaning == FROM else 1.0
-    return np.asarray(sign * speed[:, None] * np.column_stack([np.sin(angle), np.cos(angle)]) + 0.0, float)
 
 
 def _lacks_counterpart(time: float, parts: dict[str, Component], there: set[str], level: Level) -> DataError:
