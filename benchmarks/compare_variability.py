@@ -20,9 +20,10 @@ import numpy as np
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.times import HOUR, iso
 from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.observations import place_readings
-from pareto_ltl.wind.readings import HOUR, Readings, iso
+from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene

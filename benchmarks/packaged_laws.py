@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.support.files import write_json
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import LASTING
 from pareto_ltl.wind.law_of_parts import LawOfParts
 from pareto_ltl.wind.named_laws import PARTS_FOLDER
-from pareto_ltl.wind.readings import HOUR
 from pareto_ltl_apps.wind_errors.law_estimate import LawEstimate, estimate_law
 from pareto_ltl_apps.wind_errors.point_tables import read_point_table
 

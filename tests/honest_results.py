@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pareto_ltl
 from pareto_ltl.support.files import write_csv, write_json
+from pareto_ltl.support.times import seconds
 from pareto_ltl.wind.named_laws import law_of_parts_named
-from pareto_ltl.wind.readings import seconds
 from pareto_ltl.wind.sources import SAMPLE_FILE
 from quick_wind import QUICK_WIND
 

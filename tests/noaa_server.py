@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from pareto_ltl.support import download
-from pareto_ltl.wind.readings import seconds
+from pareto_ltl.support.times import seconds
 from pareto_ltl_apps.formats import live
 
 

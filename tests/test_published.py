@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.readings import seconds
+from pareto_ltl.support.times import seconds
 from published import score
 from published.dataset import FOLDER, missions, true_problem
 from published.plans import controls, read_orders

@@ -20,8 +20,8 @@ from pareto_ltl.settings import (
     WindConfig,
     preset,
 )
+from pareto_ltl.support.times import HOUR, seconds
 from pareto_ltl.wind.field import wind_lattice
-from pareto_ltl.wind.readings import HOUR, seconds
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl.world.scene import Scene

@@ -20,7 +20,7 @@ import numpy as np
 
 from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.readings import HOUR, seconds
+from pareto_ltl.support.times import HOUR, seconds
 from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.cli.commands import run_command_line

@@ -16,9 +16,10 @@ from map_files import DRAWN, collection, written
 from pareto_ltl.planning.open_sky import sky_room
 from pareto_ltl.settings import RobotConfig, SceneConfig, WindConfig
 from pareto_ltl.settings.building import build_settings
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.displacement import SPACE_SHARE, displacement_variance
 from pareto_ltl.wind.named_laws import law_named
-from pareto_ltl.wind.readings import CALM, HOUR, Readings
+from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings

@@ -17,8 +17,8 @@ from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.simulation.flights import draw_coherent, simulate_flights
 from pareto_ltl.simulation.importance import weighted_rate
 from pareto_ltl.support.counts import clopper_pearson
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import TailScale
-from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.records import FORECAST, FORECAST_PARTS, WindField
 from point_forecasts_made import made_law
 from problems import QUICK_ERROR, along, box, make_problem, make_scene, smooth_wind

@@ -18,7 +18,8 @@ from pareto_ltl.settings import DepartureConfig, Settings
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.schemas import read_document
-from pareto_ltl.wind.readings import CALM, Readings, iso, seconds
+from pareto_ltl.support.times import iso, seconds
+from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.studies.departure import candidate_starts, repeat_seed
 from pareto_ltl_apps.studies.departure_fronts import Comparison, compare_fronts, flown_front

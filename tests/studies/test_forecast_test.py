@@ -15,7 +15,7 @@ from forecast_winds import AREA, HOUR, NODES, calm, context_of, settings, snapsh
 from noaa import NOAA, needs_noaa
 from pareto_ltl.extend import Study
 from pareto_ltl.support.errors import DataError, InfeasibleError
-from pareto_ltl.wind.readings import seconds
+from pareto_ltl.support.times import seconds
 from pareto_ltl.world import projection
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.studies import forecast_test as study

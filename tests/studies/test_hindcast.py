@@ -15,8 +15,9 @@ import small_study
 from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import HindcastConfig, WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.times import iso
 from pareto_ltl.wind.observations import project_readings
-from pareto_ltl.wind.readings import Readings, iso
+from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene

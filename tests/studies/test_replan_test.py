@@ -10,7 +10,7 @@ import pytest
 from forecast_winds import calm, context_of, settings, snapshots
 from pareto_ltl.settings import ReplanningConfig, preset
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.wind.readings import HOUR, seconds
+from pareto_ltl.support.times import HOUR, seconds
 from pareto_ltl_apps.studies import replanning as study
 from pareto_ltl_apps.studies.forecast_test import mission_settings
 from pareto_ltl_apps.studies.random_missions import mission

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import LASTING
 from pareto_ltl.wind.named_laws import law_of_parts_named
-from pareto_ltl.wind.readings import HOUR
 from pareto_ltl_apps.wind_errors.error_moments import error_moments
 from pareto_ltl_apps.wind_errors.law_check import LEVELS, check_document, check_law, displacement_sd
 from pareto_ltl_apps.wind_errors.law_estimate import estimate_law, law_numbers

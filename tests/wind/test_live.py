@@ -15,8 +15,8 @@ from noaa_server import NoaaServer, downloads_at, fake_message, inventory, servi
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level
+from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.area import ALL_WIND, GeoBox, Wanted
-from pareto_ltl.wind.readings import iso, seconds
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl_apps.formats import download_cache, live
 from pareto_ltl_apps.formats.inventories import parse_inventory, wind_parts

@@ -12,7 +12,7 @@ pytest.importorskip("eccodes", reason="the extra `grib` is not installed")
 
 from live_archives import nbm, rtofs
 from noaa_server import NoaaServer, serving
-from pareto_ltl.wind.readings import seconds
+from pareto_ltl.support.times import seconds
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.formats import live
 from quick_wind import wind_words

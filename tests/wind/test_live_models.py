@@ -17,8 +17,8 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.settings.building import build_settings, section_of
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level
+from pareto_ltl.support.times import seconds
 from pareto_ltl.wind.area import GeoBox, Wanted
-from pareto_ltl.wind.readings import seconds
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl_apps.formats import live
 from pareto_ltl_apps.formats.grib_frames import parameters

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from noaa import NOAA, needs_noaa
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.readings import iso, seconds
 from pareto_ltl_apps.formats.station_files import read_station_files
 
 METAR = "raw_text,station_id,observation_time,latitude,longitude,wind_dir_degrees,wind_speed_kt,wind_gust_kt"

@@ -10,9 +10,10 @@ import pytest
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.named_laws import law_named, law_of
 from pareto_ltl.wind.observations import place_readings, variability_of
-from pareto_ltl.wind.readings import HOUR, Readings
+from pareto_ltl.wind.readings import Readings
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 

@@ -16,7 +16,7 @@ import xarray as xr
 import pareto_ltl
 from noaa import NOAA, needs_noaa
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.readings import seconds
+from pareto_ltl.support.times import seconds
 
 SHARED = Path(__file__).parents[3] / "shared" / "cases" / "cases.json"
 LAT, LON = np.arange(34.0, 42.0), np.arange(-98.0, -85.0)

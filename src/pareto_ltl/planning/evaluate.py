@@ -19,7 +19,7 @@ from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.world.windows import hours_text
+from pareto_ltl.support.times import hours_text
 
 if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight

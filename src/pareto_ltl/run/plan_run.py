@@ -68,9 +68,9 @@ class Run(BaseRun):
         """The map; without ``mission.start_time`` the robot departs at the first wind time."""
         from pareto_ltl.logic.mission import region_use
         from pareto_ltl.planning.open_sky import sky_room
+        from pareto_ltl.support.times import lacks_zone
         from pareto_ltl.world.scene_settings import add_random_places, scene_from_settings
         from pareto_ltl.world.scene_sketch import MissionUse
-        from pareto_ltl.world.windows import lacks_zone
 
         settings, mission = self.settings, self.settings.mission
         require_map(settings.scene)

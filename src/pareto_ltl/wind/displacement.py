@@ -8,9 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from pareto_ltl.settings import WindConfig
+from pareto_ltl.support.times import HOUR, seconds
 from pareto_ltl.wind.doubts import assumed_leads
 from pareto_ltl.wind.observations import law_of_wind, of_weather_model
-from pareto_ltl.wind.readings import HOUR, Readings, seconds
+from pareto_ltl.wind.readings import Readings
 
 SPACE_SHARE = 0.11  # error of interpolation in space / spread of the winds: 0.35 of 3.2 m/s on GFS fields
 INSTANTS = 64  # of the integral over the flight

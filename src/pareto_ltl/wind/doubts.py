@@ -8,8 +8,9 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.times import HOUR, iso
 from pareto_ltl.wind.error_law import ErrorLaw
-from pareto_ltl.wind.readings import HOUR, Readings, iso
+from pareto_ltl.wind.readings import Readings
 
 USUAL_DELAY = 4 * HOUR  # from the start of a forecast to its publication: GFS 3.5 to 5 h, ECMWF 6 h, HRRR 1 h
 EDGE_SHARE = 0.02  # of the longer side of the map, that readings may end inside of it without a warning

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
-from pareto_ltl.wind.readings import HOUR
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.scale_mixture import LARGEST_SPREAD
 
 FORECAST = "forecast"  # the only part of a law of version 1

@@ -26,8 +26,8 @@ from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_npz
 from pareto_ltl.support.fingerprints import code_fingerprint
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind import gp, modes
-from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.records import (
     TIME,
     NodeLattice,

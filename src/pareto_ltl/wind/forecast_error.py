@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import (
     FORECAST,
     VARIABILITY_ROWS,
@@ -24,7 +25,6 @@ from pareto_ltl.wind.error_law import (
     variability_of_document,
     written_rows,
 )
-from pareto_ltl.wind.readings import HOUR
 
 FORECAST_ERROR_SCHEMA = "pareto_ltl.forecast_error/1"
 SHORTEST = 1e-3  # [s] memory of errors that do not persist

@@ -34,6 +34,7 @@ from typing import Any, Self
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import (
     LASTING,
     VARIABILITY_ROWS,
@@ -44,7 +45,6 @@ from pareto_ltl.wind.error_law import (
     variability_of_document,
     written_rows,
 )
-from pareto_ltl.wind.readings import HOUR
 
 LAW_OF_PARTS_SCHEMA = "pareto_ltl.forecast_error/2"
 OWN, OBSERVED = "own", "observed"  # what verifies a table: newer runs of the model, or observations

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.faults import Faults
+from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.air import NodeAir
 
-HOUR = 3600.0  # [s]
 KNOT = 1852.0 / 3600.0  # [m/s]
 
 
@@ -141,18 +139,6 @@ class Readings:
     def first_time(self) -> str | None:
         """The first time, ISO 8601 UTC; None if there are no readings."""
         return iso(float(self.times[0])) if len(self.times) else None
-
-
-@lru_cache(maxsize=4096)  # many rows of a table share few times
-def seconds(text: str) -> float:
-    """Seconds since 1970 of an ISO 8601 time; UTC if it has no offset. ValueError if it is not a time."""
-    stamp = datetime.fromisoformat(text.strip())
-    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
-
-
-def iso(time: float) -> str:
-    """ISO 8601 UTC text of ``time`` [s since 1970]."""
-    return datetime.fromtimestamp(time, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
 def lead_text(lead: float) -> str:

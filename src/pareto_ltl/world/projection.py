@@ -22,7 +22,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.projections import refuse_files
-from pareto_ltl.world.windows import utc_moment
+from pareto_ltl.support.times import utc_moment
 
 if TYPE_CHECKING:
     import pyproj

@@ -19,6 +19,7 @@ from pareto_ltl.support.display import distance_text, listed_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.support.times import lacks_zone
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.map_file import MapFile, read_map_file
@@ -30,7 +31,6 @@ from pareto_ltl.world.scene_geojson import LEAST_ROOM, least_room, open_bounds, 
 from pareto_ltl.world.scene_roles import RoleRules
 from pareto_ltl.world.scene_sketch import DrawingRules, MissionUse, SceneSketch, SkyRoom, unknown_use
 from pareto_ltl.world.time_step import tour_of
-from pareto_ltl.world.windows import lacks_zone
 
 LOG = logging.getLogger(__name__)
 PLACEMENT_TRIES = 20_000  # random positions tried for one disc

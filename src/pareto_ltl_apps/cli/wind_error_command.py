@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
-from pareto_ltl.wind.readings import HOUR
+from pareto_ltl.support.times import HOUR
 from pareto_ltl_apps.cli.output import Answer
 from pareto_ltl_apps.cli.wind_table_command import check_table, estimate_from_table
 

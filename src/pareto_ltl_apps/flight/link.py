@@ -22,7 +22,7 @@ from typing import Any
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.reading import refuse_special
-from pareto_ltl.world.windows import utc_moment
+from pareto_ltl.support.times import utc_moment
 from pareto_ltl_apps.exports.mavlink import NAMES
 from pareto_ltl_apps.flight.airspeeds import Airspeeds
 from pareto_ltl_apps.flight.clocks import StampClock, SteadyClock, VehicleClock

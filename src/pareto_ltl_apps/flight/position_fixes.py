@@ -25,8 +25,8 @@ from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import Advice, read_text
+from pareto_ltl.support.times import duration_seconds, seconds_after
 from pareto_ltl.world.projection import to_geographic, to_plane
-from pareto_ltl.world.windows import duration_seconds, seconds_after
 
 LOG = logging.getLogger("pareto_ltl.flight.position_fixes")
 UNLIKELY = 1e-4  # probability under the law below which a fix or a field is an alarm

@@ -23,7 +23,7 @@ from pareto_ltl.support.atmosphere import true_airspeed
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import refuse_special
-from pareto_ltl.world.windows import seconds_after
+from pareto_ltl.support.times import seconds_after
 
 NEEDED = ("time", "heading_true")
 TRUE, CALIBRATED = "airspeed_tas_m_s", "airspeed_cas_m_s"  # columns of the two airspeeds

@@ -18,7 +18,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text, shown_value
-from pareto_ltl.wind.readings import seconds
+from pareto_ltl.support.times import seconds
 
 if TYPE_CHECKING:
     import xarray as xr

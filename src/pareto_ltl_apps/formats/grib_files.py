@@ -32,9 +32,9 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extras import missing_extra
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
+from pareto_ltl.support.times import iso
 from pareto_ltl.wind.air import NodeAir, nearest_level, temperature_scale
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import Nodes, Snapshot, Snapshots, crop, earth_relative, same_values
 from pareto_ltl.wind.sources.components import SPEED, TEMPERATURE, U
 from pareto_ltl.wind.sources.magic import wind_file

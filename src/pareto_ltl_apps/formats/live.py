@@ -21,8 +21,8 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.download import ByteRange, NotThereError, fetch_bytes
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level
+from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl.wind.area import Wanted
-from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
 from pareto_ltl_apps.formats.download_cache import DownloadCache
 from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart

@@ -20,8 +20,8 @@ from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import DEPTH, PRESSURE, Level, level_list
 from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.times import iso
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import GridWind, Snapshots, earth_relative, same_values
 from pareto_ltl.wind.sources.components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V
 from pareto_ltl.wind.sources.magic import HDF5, format_of, wind_file

@@ -17,8 +17,8 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, parse_level
+from pareto_ltl.support.times import iso
 from pareto_ltl.wind.air import NodeAir
-from pareto_ltl.wind.readings import iso
 from pareto_ltl.wind.snapshots import GridWind, Nodes, Snapshot
 from pareto_ltl.wind.sources.components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V, polar_winds
 

@@ -23,8 +23,9 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
-from pareto_ltl.wind.readings import HOUR, wrap_longitude
+from pareto_ltl.wind.readings import wrap_longitude
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
 from pareto_ltl.wind.sources.components import FROM, polar_winds
 from pareto_ltl.wind.sources.tables import seconds_of

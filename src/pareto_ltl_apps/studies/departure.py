@@ -34,7 +34,7 @@ from pareto_ltl.simulation.judging import which_fail_each
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import plain_data, write_json
-from pareto_ltl.wind.readings import HOUR, iso, seconds
+from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl.world.scene_files import scene_to_dict
 from pareto_ltl_apps.exports.navigation_log import expected_winds
 from pareto_ltl_apps.flight.rest_of_flight import quick_settings

@@ -17,7 +17,7 @@ from pareto_ltl.planning.plan_files import ExtraPath
 from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text, rate_text
-from pareto_ltl.wind.readings import HOUR, iso, seconds
+from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.studies import departure_fronts, tables
 from pareto_ltl_apps.studies.departure_fronts import NEARLY, Comparison, FlownFront, SeedSpread, rates_at
 from pareto_ltl_apps.studies.tables import Columns, interval_columns, length_cell, markdown_table, rate_cell

@@ -16,8 +16,8 @@ from pareto_ltl.settings import ForecastTestConfig, preset
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.files import write_text
+from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl.wind.ingest import winds_at
-from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.snapshots import Snapshot, known_at, latest_readings
 from pareto_ltl_apps.studies.planning import fly_seeded
 from pareto_ltl_apps.studies.random_missions import Mission, Spell, at_times

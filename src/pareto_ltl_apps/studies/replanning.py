@@ -31,8 +31,8 @@ from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.conditioned import field_from, lattice_values
-from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.records import FORECAST_PARTS, forecast_parts
 from pareto_ltl_apps.exports.exported import held_problem
 from pareto_ltl_apps.flight.replanning import replanned

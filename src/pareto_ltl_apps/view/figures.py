@@ -35,7 +35,7 @@ from pareto_ltl.settings import ReportConfig
 from pareto_ltl.settings.outputs import FIGURE_FORMATS
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
-from pareto_ltl.world.windows import hours_text, seconds_after
+from pareto_ltl.support.times import hours_text, seconds_after
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.automaton_picture import automaton_figure
 from pareto_ltl_apps.view.axes import Figures, save_figures

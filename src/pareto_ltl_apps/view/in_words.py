@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from pareto_ltl.logic.formula import Formula, parse_formula
 from pareto_ltl.support.errors import FormulaError
-from pareto_ltl.world.windows import hours_text
+from pareto_ltl.support.times import hours_text
 
 LONGEST = 400  # characters; a longer mission is shown only as a formula
 BINARY_WORDS = {

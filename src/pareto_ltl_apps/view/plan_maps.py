@@ -22,7 +22,7 @@ from pareto_ltl.simulation.beacons import BeaconMap
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.medium import AIR, Medium
-from pareto_ltl.world.windows import hours_text
+from pareto_ltl.support.times import hours_text
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.axes import hide_frame, scale_rate_axis
 from pareto_ltl_apps.view.limits import PlanLimits, PriceRow, points_text, priced_obstacles

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.forecast_error import ForecastError
 from pareto_ltl.wind.gp import CORRELATIONS
-from pareto_ltl.wind.readings import HOUR
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import panel_row
 from pareto_ltl_apps.wind_errors.error_estimate import ASYMMETRY, MIXED, ErrorEstimate, ErrorTable, LengthFit

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from pareto_ltl.extend import LawOfParts
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_text
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.law_of_parts import OBSERVED, OWN
-from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.scale_mixture import coverage
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import panel_row

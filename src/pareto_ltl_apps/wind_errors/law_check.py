@@ -16,8 +16,8 @@ import numpy as np
 from pareto_ltl.extend import LawOfParts
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.law_of_parts import OWN
-from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.scale_mixture import quantiles
 from pareto_ltl_apps.wind_errors.point_forecasts import (
     PointForecasts,

@@ -16,9 +16,9 @@ import numpy as np
 from pareto_ltl.extend import LawOfParts, LawPart
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import LASTING, TailScale
 from pareto_ltl.wind.law_of_parts import OBSERVED
-from pareto_ltl.wind.readings import HOUR
 from pareto_ltl_apps.wind_errors.error_moments import error_moments
 from pareto_ltl_apps.wind_errors.law_check import CheckRow, check_rows
 from pareto_ltl_apps.wind_errors.law_fit import Fit, fit_parts

@@ -18,9 +18,9 @@ from scipy.optimize import least_squares
 
 from pareto_ltl.extend import LawPart
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import GROWING, LOCAL, SLOW
 from pareto_ltl.wind.gp import CORRELATIONS
-from pareto_ltl.wind.readings import HOUR
 from pareto_ltl_apps.wind_errors.error_moments import ErrorMoments, Targets, targets
 
 KNOTS = HOUR * np.array([0.0, 6, 12, 24, 48, 72, 96, 120])  # of G(L) [s]

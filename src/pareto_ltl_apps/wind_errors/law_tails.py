@@ -17,8 +17,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import TailScale, averaged
-from pareto_ltl.wind.readings import HOUR
 from pareto_ltl.wind.scale_mixture import log_density
 from pareto_ltl_apps.wind_errors.law_check import CheckRow
 

@@ -20,7 +20,8 @@ from numpy.random import SeedSequence
 from pareto_ltl import Readings
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.readings import iso, node_rows, on_sphere, shared_nodes
+from pareto_ltl.support.times import iso
+from pareto_ltl.wind.readings import node_rows, on_sphere, shared_nodes
 from pareto_ltl.wind.snapshots import Snapshot
 
 EARTH_RADIUS = 6_371_000.0  # [m]

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, require_shape
+from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.law_of_parts import OBSERVED, OWN
-from pareto_ltl.wind.readings import HOUR
 
 NEWEST = 12 * HOUR  # longest lead of a run that stands for the wind [s]
 SITUATION = 48 * HOUR  # [s]

@@ -24,8 +24,9 @@ from pareto_ltl.support.faults import Faults, FaultsError
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.levels import PRESSURES
 from pareto_ltl.support.messages import shown_text, shown_value
+from pareto_ltl.support.times import HOUR, iso
 from pareto_ltl.wind.air import NodeAir, check_air, temperature_scale
-from pareto_ltl.wind.readings import HOUR, KNOT, Readings, check_readings, iso, wrap_longitude
+from pareto_ltl.wind.readings import KNOT, Readings, check_readings, wrap_longitude
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
 from pareto_ltl.wind.sources.components import FROM, SPEED, TEMPERATURE, TOWARDS, polar_winds
 from pareto_ltl.wind.sources.speed_units import EXPECTED, speed_factor

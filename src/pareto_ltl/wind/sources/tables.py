@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.readings import seconds
+from pareto_ltl.support.times import seconds
 from pareto_ltl.wind.sources.magic import format_of, refuse_other_format
 
 MOST_UNPACKED = 2**28  # [bytes] of a table; of a compressed one, when unpacked
