@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import random
@@ -18,7 +17,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import psutil
 import pytest
 
@@ -26,6 +24,7 @@ from pareto_ltl import load_results
 from pareto_ltl_apps.cli.commands import run_command_line
 from patience import PATIENCE, wait_until
 from unmeasured import untraced
+from whole_files import check_whole
 
 KILLS = int(os.environ.get("PARETO_LTL_FAULTS", "2"))
 SMALL = (
@@ -59,27 +58,6 @@ def kill_after(process: subprocess.Popen[str], seconds: float) -> bool:
         process.communicate(timeout=PATIENCE)
         return True
     return False
-
-
-def check_whole(place: Path) -> None:
-    """Every file that has its final name can be read to its end, and the run does not claim too much."""
-    for path in place.rglob("*"):
-        if path.name.startswith(".") or not path.is_file():
-            continue
-        if path.suffix == ".json":
-            assert isinstance(json.loads(path.read_text()), dict), path
-        if path.suffix == ".npz":
-            with np.load(path) as archive:
-                assert all(archive[name].size >= 0 for name in archive.files), path
-        if path.suffix == ".csv":
-            rows = list(csv.reader(path.read_text().splitlines()))
-            assert len({len(row) for row in rows}) == 1, path
-        if path.suffix == ".png":
-            assert path.read_bytes().endswith(b"IEND\xaeB`\x82"), path
-    for record in place.rglob("run.json"):
-        status = json.loads(record.read_text())["status"]
-        assert status in ("running", "ok")
-        assert not (status == "running" and (record.parent / "metrics.json").exists())
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,9 @@
 """Atomic writes of files whose bytes depend only on their content.
 
-A file is written to a draft in the same folder, flushed to the disk and renamed: a reader never sees an
-incomplete file, and a failed write leaves the previous one. Archives carry a fixed date; JSON keeps the
-order of its keys and has the fewest digits that read back as the same number.
+A file is written to a draft in the same folder, flushed to the disk and renamed, and its new name is
+flushed: a reader never sees an incomplete file, and a failed write leaves the previous one. Archives
+carry a fixed date; JSON keeps the order of its keys and has the fewest digits that read back as the same
+number.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 from pareto_ltl.support.errors import DataError
 
 FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
+NO_FLUSH = (errno.EINVAL, errno.ENOTSUP)  # of file systems without names that can be flushed
 ARCHIVE_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date that a zip archive can carry
 
 
@@ -47,6 +49,7 @@ def whole_file(path: Path, size: int = 0) -> Iterator[Path]:
         with draft.open("r+b") as file:
             os.fsync(file.fileno())
         os.replace(draft, path)
+        _flush_folder(path.parent)
     except OSError as error:
         if error.errno in FULL_DISK:
             raise OSError(error.errno, _full_disk_text(error, draft, size), str(path)) from error
@@ -55,6 +58,20 @@ def whole_file(path: Path, size: int = 0) -> Iterator[Path]:
         raise
     finally:
         draft.unlink(missing_ok=True)
+
+
+def _flush_folder(folder: Path) -> None:
+    """Flush the names in ``folder`` to the disk, so that a replaced file survives a loss of power."""
+    if not hasattr(os, "O_DIRECTORY"):  # Windows has no such call
+        return
+    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(number)
+    except OSError as error:
+        if error.errno not in NO_FLUSH:
+            raise
+    finally:
+        os.close(number)
 
 
 def _full_disk_text(error: OSError, draft: Path, size: int) -> str:
