@@ -65,7 +65,7 @@ def test_the_schemas_lie_in_the_package_which_the_wheel_carries_whole() -> None:
 
 
 def test_the_parts_of_the_page_lie_in_the_package_and_are_no_ignored_files() -> None:
-    report = ROOT / "src" / "pareto_ltl" / "report"
+    report = ROOT / "src" / "pareto_ltl_apps" / "view"
     own = (report / "page" / name for name in ("page.html", "page.css", *SCRIPTS))
     for file in (*own, *(report / "components" / name for name in (STYLE, *MODULES))):
         assert file.is_file()
@@ -77,7 +77,7 @@ def test_the_parts_of_the_page_lie_in_the_package_and_are_no_ignored_files() -> 
 def test_help_and_a_wrong_setting_do_not_load_fastjsonschema(tmp_path: Path) -> None:
     for words in (["--help"], ["+experiment=phi1", "seed=-x"], ["rerun", "nowhere"]):
         check = (
-            "import sys; from pareto_ltl.__main__ import main\n"
+            "import sys; from pareto_ltl_apps.cli.console import main\n"
             f"sys.argv[1:] = {words}\ntry: main()\nexcept SystemExit: pass\n"
             "assert 'fastjsonschema' not in sys.modules"
         )
@@ -97,7 +97,7 @@ def test_the_source_archive_holds_all_that_git_does() -> None:
 
 def test_the_console_script_leads_to_the_program() -> None:
     (script,) = (e for e in entry_points(group="console_scripts") if e.name == "pareto-ltl")
-    assert script.value == "pareto_ltl.__main__:main"
+    assert script.value == "pareto_ltl_apps.cli.console:main"
     assert callable(script.load())
 
 

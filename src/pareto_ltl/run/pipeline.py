@@ -55,7 +55,7 @@ class Pipeline:
 
 @lru_cache
 def known_stages() -> tuple[Record[Any], ...]:
-    """The stages of a plan, and those of the applications (entry points in ``pareto_ltl.stage_tables``)."""
+    """The stages of a plan, and stages of applications (entry points in ``pareto_ltl.stage_tables``)."""
     return (*PLAN_STAGES, *(stage for table in load_all(STAGE_TABLE_GROUP) for stage in table))
 
 

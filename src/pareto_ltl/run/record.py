@@ -208,7 +208,7 @@ class BaseRun(Displayed):
         first = min(map(names.index, records), default=len(names))
         before, after = set(names[:first]), set(names[first:])
         other = self.with_settings(self.settings)
-        if records:  # those of other stages may follow from any
+        if records:  # records of other stages may follow from any
             other.records = {name: made for name, made in self.records.items() if name in before} | records
         other.stored = None if self.stored is None else self.stored - after
         return other

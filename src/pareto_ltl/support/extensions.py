@@ -1,7 +1,7 @@
 """Extensions by other packages: Python entry points in the groups below.
 
 ``pareto_ltl.stages``           a ``Record`` that pipelines can list (``run/record.py``)
-``pareto_ltl.stage_tables``     a tuple of such records, which every pipeline knows: those of the applications
+``pareto_ltl.stage_tables``     a tuple of such records, which every pipeline knows: stages of applications
 ``pareto_ltl.interface``        a function or class that ``pareto_ltl`` gives under that name
 ``pareto_ltl.formats``          what reads the files of others: ``maps``, ``winds``
 ``pareto_ltl.commands``         the command line, ``pareto-ltl``
