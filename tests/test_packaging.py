@@ -95,6 +95,14 @@ def test_the_source_archive_holds_all_that_git_does() -> None:
     assert excluded == []
 
 
+@pytest.mark.parametrize("name", ["ci", "night", "release"])
+def test_the_actions_of_a_workflow_are_pinned_by_hash(name: str) -> None:
+    text = (ROOT / ".github" / "workflows" / f"{name}.yml").read_text()
+    used = re.findall(r"uses: (\S+)", text)
+    assert used
+    assert all(re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40}", action) for action in used), used
+
+
 def test_the_console_script_leads_to_the_program() -> None:
     (script,) = (e for e in entry_points(group="console_scripts") if e.name == "pareto-ltl")
     assert script.value == "pareto_ltl_apps.cli.console:main"

@@ -85,6 +85,14 @@ def test_a_straight_flight_ends_where_airspeed_and_wind_lead(
     assert track.climb < 60.0
 
 
+def test_the_aircraft_holds_its_height_from_its_start_and_in_a_turn() -> None:
+    """It begins trimmed; the autopilot alone climbs by hundreds of metres before it finds the elevator."""
+    orders = legs((60.0, 50.8, 120.0), (60.0, 50.8, 120.0), (210.0, 50.8, 120.0), (210.0, 47.0, 120.0))
+    track = fly_orders(orders, lambda t, lat, lon: (0.0, 0.0), 1600.0, 30.0)
+    assert track.climb < 60.0
+    assert track.airspeed[[0, 1, 3]] == pytest.approx(orders.airspeed[[0, 1, 3]], abs=1.0)
+
+
 def test_a_turn_costs_what_a_bank_allows_and_flights_repeat(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
