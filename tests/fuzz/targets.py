@@ -10,6 +10,7 @@ import yaml
 from hypothesis import strategies as st
 
 from fuzz import corpora
+from fuzz.arriving import ARRIVING
 from fuzz.kinds import TOGETHER, from_file, read_map, wind_seeds
 from fuzz.mutations import json_bytes, mutants, tree_mutants, yaml_bytes
 from fuzz.records import Fuzz, Target
@@ -327,4 +328,5 @@ TARGETS = (
     Target("results", results),
     Target("sweeps", sweeps),
     *TOGETHER,
+    *ARRIVING,
 )
