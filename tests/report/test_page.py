@@ -200,7 +200,7 @@ def test_the_page_loads_nothing(text: str) -> None:
     (policy,) = [a["content"] for tag, a in tags if tag == "meta" and a.get("http-equiv")]
     assert policy is not None
     assert policy.startswith("default-src 'none'")
-    folder = Path(pareto_ltl.__file__).parent / "report" / "page"
+    folder = Path(pareto_ltl.__file__).parents[1] / "pareto_ltl_apps" / "view" / "page"
     own = "".join([*map(component, MODULES), *(folder.joinpath(name).read_text() for name in SCRIPTS)])
     for reach in ("fetch(", "XMLHttpRequest", "WebSocket", "import(", "innerHTML", "eval(", "document.write"):
         assert reach not in own
