@@ -28,7 +28,9 @@ def test_the_bar_has_the_counts_of_a_stage_or_its_state(capsys: pytest.CaptureFi
 
 
 def test_the_words_of_the_stages_are_those_of_the_desk() -> None:
-    script = (PACKAGE / "serve" / "page" / "result.js").read_text(encoding="utf-8")
+    script = (PACKAGE.with_name("pareto_ltl_apps") / "desk" / "page" / "result.js").read_text(
+        encoding="utf-8"
+    )
     (table,) = re.findall(r"const STAGES = \{(.*?)\};", script, re.DOTALL)
     assert dict(re.findall(r'(\w+): "(.*?)"', table)) == STAGE_WORDS
     assert {stage.stage for stage in PLAN_STAGES} - {"table"} <= set(STAGE_WORDS)  # that of ingest

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from importlib import metadata
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -151,11 +152,13 @@ def test_the_example_package_does_not_slow_the_start(installed: dict[str, str], 
 
 @pytest.fixture
 def added(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, dict[str, str]]]:
-    """Entry points by group and name, instead of those that are installed."""
+    """Entry points by group and name, beside those of this project."""
     table: dict[str, dict[str, str]] = {}
+    own = list(metadata.distribution("pareto-ltl").entry_points)
 
     def entry_points(group: str) -> list[EntryPoint]:
-        return [EntryPoint(name, value, group) for name, value in table.get(group, {}).items()]
+        others = [EntryPoint(name, value, group) for name, value in table.get(group, {}).items()]
+        return [*(entry for entry in own if entry.group == group), *others]
 
     monkeypatch.setattr("importlib.metadata.entry_points", entry_points)
     extensions.installed_entries.cache_clear()
@@ -196,7 +199,7 @@ def test_an_entry_point_that_does_not_work_is_one_line(
     value: str, reason: str, added: dict[str, dict[str, str]]
 ) -> None:
     added["pareto_ltl.stages"] = {"mine": value}
-    with pytest.raises(ConfigError, match="table, mine, and"):  # known, and not loaded
+    with pytest.raises(ConfigError, match="sitl, mine, and"):  # known, and not loaded
         check_pipeline(listing("other"))
     with pytest.raises(ConfigError) as caught:
         stages_by_name(listing("mine"))
@@ -249,8 +252,8 @@ def test_verify_knows_every_wind_source_and_its_usual_law() -> None:
     from pareto_ltl_apps.formats.live_models import MODELS
     from pareto_ltl_verify import wind_tables
 
-    assert wind_tables.sources().keys() == SOURCE_NAMES.keys()
-    for name, known in wind_tables.sources().items():
+    assert wind_tables.SOURCES.keys() == SOURCE_NAMES.keys()
+    for name, known in wind_tables.SOURCES.items():
         of_model = MODELS[name].law if name in MODELS else ""
         assert known.law in (None, of_model or SOURCE_NAMES[name].forecast_error)
         assert known.modelled == SOURCE_NAMES[name].modelled

@@ -11,9 +11,10 @@ import pytest
 
 from pareto_ltl.support import extras
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.wind.sources import WINDS, netcdf_snapshots
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.flight import link
+from pareto_ltl_apps.formats.netcdf_files import netcdf_snapshots
+from pareto_ltl_apps.formats.quantities import WINDS
 from pareto_ltl_apps.studies import cluster
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -59,15 +59,15 @@ def known_stages() -> tuple[Record[Any], ...]:
     return (*PLAN_STAGES, *(stage for table in load_all(STAGE_TABLE_GROUP) for stage in table))
 
 
-def stages_by_name(settings: Settings) -> dict[str, Record[Any]]:
-    """The known stages by their names, with those that other packages add and ``settings`` list.
+def stages_by_name(settings: Settings, stages: Iterable[Record[Any]] | None = None) -> dict[str, Record[Any]]:
+    """``stages`` (the known ones) by their names, with those that other packages add and ``settings`` list.
 
     Raises
     ------
     ConfigError
         If an added stage has the name of a known one, does not load, or is no :class:`Record`.
     """
-    table = {stage.stage: stage for stage in known_stages()}
+    table = {stage.stage: stage for stage in (known_stages() if stages is None else stages)}
     added = extension_names(STAGE_GROUP, (*table, *Run.rows()))
     for name in dict.fromkeys(settings.pipelines.stages):
         if name in added:
@@ -85,7 +85,9 @@ def files_of(stages: Iterable[Record[Any]]) -> tuple[str, ...]:
     return tuple(name for stage in stages for name in (*stage.writes, *stage.shows))
 
 
-def check_pipeline(settings: Settings, given: Collection[str] = ()) -> Pipeline:
+def check_pipeline(
+    settings: Settings, stages: Iterable[Record[Any]] | None = None, given: Collection[str] = ()
+) -> Pipeline:
     """The stages that ``settings.pipelines.stages`` lists, without the stages of the records ``given``.
 
     Raises
@@ -93,7 +95,7 @@ def check_pipeline(settings: Settings, given: Collection[str] = ()) -> Pipeline:
     ConfigError, FormulaError
         If the list cannot run, or the settings lack the map or the formula that it needs.
     """
-    table, listed = stages_by_name(settings), settings.pipelines.stages
+    table, listed = stages_by_name(settings, stages), settings.pipelines.stages
     names = dict.fromkeys((*table, *extension_names(STAGE_GROUP)))
     known = ", ".join(name for name in names if not name.endswith(FIGURES))
     known = f"{known}, and the {FIGURES} of studies"

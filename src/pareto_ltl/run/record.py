@@ -140,6 +140,7 @@ class BaseRun(Displayed):
     budget: Budget = field(init=False)
     later: tuple[Record[Any], ...] = field(default=(), init=False)
     _infeasible: dict[str, InfeasibleError] = field(default_factory=dict, init=False)
+    _added: set[str] = field(default_factory=set, init=False)  # records that are no attributes of the class
 
     def __post_init__(self) -> None:
         self.budget = Budget(self.settings.planner.budget_seconds)
@@ -172,6 +173,8 @@ class BaseRun(Displayed):
         try:
             with self.progress.stage(row.stage) if self.progress else nullcontext():
                 self.records[row.name] = row.make(self)
+                if row.name not in self.rows():
+                    self._added.add(row.name)
                 if writing:
                     row.save(self.place, self.records[row.name])
                     if self.progress:
@@ -205,11 +208,11 @@ class BaseRun(Displayed):
         names = list(self.rows())
         if unknown := [name for name in records if name not in names]:
             raise TypeError(f"a run has no record {unknown[0]!r}; it has {', '.join(names)}")
-        first = min(map(names.index, records), default=len(names))
-        before, after = set(names[:first]), set(names[first:])
+        after = set(names[min(map(names.index, records), default=len(names)) :])
+        left_out = after | self._added if records else after  # what other stages made may follow from any
         other = self.with_settings(self.settings)
-        if records:  # records of other stages may follow from any
-            other.records = {name: made for name, made in self.records.items() if name in before} | records
+        kept = {name: found for name, found in self.records.items() if name not in left_out}
+        other.records = kept | records
         other.stored = None if self.stored is None else self.stored - after
         return other
 
