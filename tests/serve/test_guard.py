@@ -12,6 +12,7 @@ import pytest
 from desk import DirectClient
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl_apps.desk.app import ROUTES, Operation, desk_app
+from pareto_ltl_apps.desk.backdrop import backdrop
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.desk.server import SINGLE
 
@@ -242,6 +243,21 @@ def test_no_name_of_a_wind_leads_out_of_the_folder(tmp_path: Path, name: str) ->
 def test_paths_outside_of_the_folder_are_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(ConfigError, match="outside of the folder"):
         DeskFolder.opened(tmp_path / "desk").inside(text)
+
+
+def test_a_name_that_no_system_takes_is_one_short_line(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="a name of more than 255 bytes") as caught:
+        DeskFolder.opened(tmp_path / "desk").inside("maps/" + "a" * 100_000)
+    assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize("kind", ["Qoint", "", "Polygon "])
+def test_a_geometry_of_no_kind_is_one_line(tmp_path: Path, kind: str) -> None:
+    folder = DeskFolder.opened(tmp_path / "desk")
+    feature = {"type": "Feature", "properties": {}, "geometry": {"type": kind, "coordinates": [5.0, 60.0]}}
+    content = json.dumps({"type": "FeatureCollection", "features": [feature]}).encode()
+    with pytest.raises(DataError, match="a geometry cannot be read"):
+        backdrop(folder, Path(folder.keep_map(content)).name)
 
 
 def test_only_files_of_the_page_are_served(client: DirectClient) -> None:

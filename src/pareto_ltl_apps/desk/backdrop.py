@@ -66,6 +66,7 @@ def _all_shapes(path: Path, name: str) -> list[dict[str, Any]]:
 
 def _shapes(where: str, feature: Any) -> Iterator[dict[str, Any]]:
     from shapely import get_parts
+    from shapely.errors import ShapelyError
     from shapely.geometry import shape
 
     given = feature.get("geometry") if isinstance(feature, dict) else None
@@ -79,7 +80,7 @@ def _shapes(where: str, feature: Any) -> Iterator[dict[str, Any]]:
             found = [_degrees(line.coords) for line in _outlines(part) if not line.is_empty]
             if found:
                 yield {"name": str(title or "")[:80], "kind": FORMS[part.geom_type], "lines": found}
-    except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+    except (ShapelyError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise DataError(
             f"{where}: a geometry cannot be read ({error}); expected GeoJSON in degrees"
         ) from None

@@ -22,6 +22,7 @@ from pareto_ltl.support.reading import read_json
 MAPS, WINDS, PLANS, DRAFT = "maps", "winds", "plans", "mission.json"
 FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 PLAN_NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9a-f]{4}(_[a-z0-9_.]{1,40})?")
+LONGEST_NAME = 255  # [bytes] of a file, on every system
 OUTSIDE = "lies outside of the folder of the desk; copy it there"
 
 
@@ -47,6 +48,8 @@ class DeskFolder:
 
     def inside(self, text: str) -> Path:
         """The path of ``text``, relative to the folder; ConfigError if it lies elsewhere."""
+        if any(len(part.encode(errors="replace")) > LONGEST_NAME for part in text.split("/")):
+            raise ConfigError(f"{shown_value(text)} has a name of more than {LONGEST_NAME} bytes")
         path = None if "\0" in text else (self.root / text).resolve()
         if path is None or not path.is_relative_to(self.root) or "~" in _first_letters(self.root, path, text):
             raise ConfigError(f"{shown_value(text)} {OUTSIDE}")
