@@ -253,7 +253,13 @@ class HydraJob:
             self.answer = Answer({"error": line})
             return code
         verbose = self.output is Output.VERBOSE
-        self.answer = run_answer(checked.settings, shown, metrics, warnings, verbose=verbose)
+        try:
+            self.answer = run_answer(checked.settings, shown, metrics, warnings, verbose=verbose)
+        except CONFIGURATION_ERRORS as error:  # a disk that fails when the plan is read back
+            line = f"the result in {shown} is whole, but not its summary: {explain_error(error)}"
+            print_problem(line)
+            self.answer = Answer({"error": line})
+            return 2
         return 0
 
     def _sweep_job(self, config: DictConfig) -> int:
