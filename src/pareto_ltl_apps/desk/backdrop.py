@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError, NotFoundError
-from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.world.map_file import MapFile
 from pareto_ltl_apps.desk import geotiff
 from pareto_ltl_apps.desk.folder import MAPS, DeskFolder
@@ -82,7 +82,7 @@ def _shapes(where: str, feature: Any) -> Iterator[dict[str, Any]]:
                 yield {"name": str(title or "")[:80], "kind": FORMS[part.geom_type], "lines": found}
     except (ShapelyError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise DataError(
-            f"{where}: a geometry cannot be read ({error}); expected GeoJSON in degrees"
+            f"{where}: a geometry cannot be read ({shown_text(str(error))}); expected GeoJSON in degrees"
         ) from None
 
 
