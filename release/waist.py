@@ -18,7 +18,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 LIMITS = ROOT / "release" / "waist.json"
 PLANNER = "pareto_ltl"
-APPLICATIONS = ("cli", "exports", "inflight", "report", "serve", "studies")
+APPLICATIONS = ("cli", "exports", "inflight", "preflight", "report", "serve", "studies")
 OPEN = (*APPLICATIONS, "support", "extend")  # not counted, as the names of ``pareto_ltl`` itself
 
 

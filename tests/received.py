@@ -30,6 +30,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "export": (),
     "replan": ("--time", "2h"),
     "beacons": ("--flights", "100"),
+    "contain": ("--flights", "1000"),
     "follow": ("--log", "LOG"),
     "rerun": (),
 }

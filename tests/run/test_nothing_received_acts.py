@@ -354,7 +354,8 @@ def test_the_processes_that_a_command_starts_connect_nowhere(
 ENTRIES = (
     "plan.json", "metrics.json", "run.json", "config_resolved.yaml", "scene.json", "wind.nc", "trees.npz",
     "report.html", "run.log", "run.lock", "figures", "exports", "exports/plan.kml", "exports_point_0",
-    "beacons", "beacons/beacons.csv", "follow", "follow/follow.jsonl", "parts", "replan.json", "notes.txt",
+    "beacons", "beacons/beacons.csv", "containment", "containment/containment.json",
+    "follow", "follow/follow.jsonl", "parts", "replan.json", "notes.txt",
 )  # fmt: skip
 
 
@@ -400,7 +401,10 @@ def test_a_result_that_is_a_link_itself_and_links_inside_it_are_read(
     assert run_command_line(["explain", str(tmp_path / "latest")]) == 0
 
 
-FOLDERS_OUT = {"choose": "--out", "replan": "--out", "export": "--to", "beacons": "--out", "follow": "--out"}
+FOLDERS_OUT = {
+    "choose": "--out", "replan": "--out", "export": "--to", "beacons": "--out", "contain": "--out",
+    "follow": "--out",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("command", FOLDERS_OUT)

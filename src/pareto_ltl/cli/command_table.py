@@ -294,6 +294,27 @@ TOOL_COMMANDS = (
         ),
     ),
     ToolCommand(
+        "contain", "how often a flight leaves its border, and the smallest volumes that hold it",
+        "preflight_commands.contain",
+        "Compute how often flights of the plan of DIR leave the drawn border, corridors and a given volume, "
+        "in all and per flight hour, and the smallest volumes, by leg and time, that they leave with given "
+        "probabilities. Writes containment.json, volumes for maps and containment.png. docs/contain.md says "
+        "more.",
+        (
+            DIR,
+            argument("--corridor", "W", "whole width of a corridor along the route, e.g. 20km; several with "
+                     "spaces", type=partial(read.read_length, flag="--corridor"), nargs="+", default=()),
+            argument("--volume", "FILE", "a volume: GeoJSON areas, or an operational intent (F3548)",
+                     type=Path),
+            argument("--levels", "P", "probabilities of leaving per flight hour (default 1e-2 1e-3 1e-4)",
+                     type=float, nargs="+", default=(1e-2, 1e-3, 1e-4)),
+            argument("--flights", "N", "flights of each sample (default 10000)", type=int, default=10_000),
+            argument("--between", ("LOW", "HIGH"), "heights above the WGS 84 ellipsoid [m], for operational "
+                     "intents", nargs=2, type=partial(read.read_metres, "--between")),
+            argument("--out", "FOLDER", "default: the folder containment in DIR", type=Path),
+        ),
+    ),
+    ToolCommand(
         "rerun", "make a result again and compare it byte by byte", "rerun_command.rerun",
         "Make a result again from its settings and compare both, byte by byte. Nothing is written outside "
         "the second folder. The exit code is 0 if both are the same, 1 if they differ. Settings that connect "
