@@ -67,6 +67,7 @@ NOT_BY_DAY = [
     "inflight/test_mavsdk",
     "inflight/test_session",
     "planning/test_choices",
+    "preflight/test_check",
     "preflight/test_contain_command",
     "planning/test_front_sweep",
     "planning/test_no_path",

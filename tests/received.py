@@ -31,6 +31,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "replan": ("--time", "2h"),
     "beacons": ("--flights", "100"),
     "contain": ("--flights", "1000"),
+    "check": ("--wind", "LOG", "limits.failure=0.5"),
     "follow": ("--log", "LOG"),
     "rerun": (),
 }

@@ -11,6 +11,7 @@
     pareto_ltl.replan(result, "6h", (38.1, -94.2, 500.0))  # the rest of the flight, from a position fix
     pareto_ltl.beacons(result)                   # where a beacon would reduce the failure most
     pareto_ltl.contain(result)                   # how often it leaves its border, and the air that it needs
+    pareto_ltl.check(result, "newer.grib2")      # go or wait: the plan in a newer forecast, by your limits
     pareto_ltl.follow(result, "telemetry.csv")   # a flight watched: position, promise of the rest, alarms
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.read_map("map.kml")               # the checked map; its frame converts longitude and latitude
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from pareto_ltl.inflight.telemetry import Reading
     from pareto_ltl.inflight.watch import WatchSettings
     from pareto_ltl.logic.mission import read_formula
+    from pareto_ltl.preflight.check import check
     from pareto_ltl.preflight.containment import contain
     from pareto_ltl.run.beacons import beacons
     from pareto_ltl.run.choosing import choose
@@ -76,6 +78,7 @@ __all__ = [
     "WindField",
     "__version__",
     "beacons",
+    "check",
     "choose",
     "contain",
     "explain",
@@ -99,6 +102,7 @@ _EXPORTS = {
     "pareto_ltl.inflight.telemetry": ("Reading",),
     "pareto_ltl.inflight.watch": ("WatchSettings",),
     "pareto_ltl.logic.mission": ("read_formula",),
+    "pareto_ltl.preflight.check": ("check",),
     "pareto_ltl.preflight.containment": ("contain",),
     "pareto_ltl.run.beacons": ("beacons",),
     "pareto_ltl.run.choosing": ("choose",),

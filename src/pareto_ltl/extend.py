@@ -1,7 +1,7 @@
 """Names for packages that add kinds, and for what is made of plans (docs/adding.md).
 
 Records of a run, wind sources and costs of a path; failure rates, and samples of flights for other rates;
-laws of wind errors.
+laws of wind errors; a plan in a newer forecast, and other controls for its positions.
 
 They are imported when they are used, as the names of ``pareto_ltl``.
 """
@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.cost import Cost
+    from pareto_ltl.planning.evaluate import completing_path
     from pareto_ltl.planning.rates import FailureRate, Promise
+    from pareto_ltl.run.newer_wind import in_newer_wind
     from pareto_ltl.run.record import Record, record
     from pareto_ltl.simulation.failure_modes import FlightEvent
     from pareto_ltl.simulation.promise import count_agrees
@@ -33,8 +35,10 @@ __all__ = [
     "Promise",
     "Record",
     "WindSource",
+    "completing_path",
     "count_agrees",
     "first_law",
+    "in_newer_wind",
     "law_of_parts_named",
     "packaged_laws",
     "plain_sample",
@@ -52,8 +56,10 @@ _EXPORTS = {
     "Promise": "pareto_ltl.planning.rates",
     "Record": "pareto_ltl.run.record",
     "WindSource": "pareto_ltl.wind.sources",
+    "completing_path": "pareto_ltl.planning.evaluate",
     "count_agrees": "pareto_ltl.simulation.promise",
     "first_law": "pareto_ltl.wind.named_laws",
+    "in_newer_wind": "pareto_ltl.run.newer_wind",
     "law_of_parts_named": "pareto_ltl.wind.named_laws",
     "packaged_laws": "pareto_ltl.wind.named_laws",
     "plain_sample": "pareto_ltl.simulation.samples",

@@ -120,6 +120,10 @@ def test_no_command_connects_reads_or_writes_where_the_settings_of_a_result_say(
     assert contents(elsewhere) == before
     told = capsys.readouterr()
     assert "hush" not in told.out + told.err
+    if command == "check":  # the law of the errors of its forecast would be read there
+        assert code == 2
+        assert "wind.forecast_error=" in told.err
+        return
     if command != "rerun":
         assert code in (0, 3), told.err  # claims about edited settings fail
         return

@@ -315,6 +315,25 @@ TOOL_COMMANDS = (
         ),
     ),
     ToolCommand(
+        "check", "go or wait: a finished plan in a newer forecast, by your own limits",
+        "preflight_commands.check",
+        "Compare the plan of DIR with a newer forecast: failure, containment, energy, the wind against the "
+        "limits of the vehicle, and what changed. The answer is GO or NO-GO with its reasons; the exit code "
+        "is 0 or 3. Writes check.json and check.png. docs/check.md says more.",
+        (
+            DIR,
+            argument("--wind", "PATH", "the newer forecast: a file or folder for the reader of the plan's "
+                     "wind", required=True),
+            argument("settings", "limits.KEY=VALUE", "your limits, where the settings of DIR have others: "
+                     "limits.failure=0.05 limits.containment=1e-3 limits.energy=0.8 limits.takeoff_wind=8 "
+                     "robot.wind_limit=12", nargs="*"),
+            argument("--volume", "FILE", "a volume for limits.containment, as for contain; default: the "
+                     "border", type=Path),
+            argument("--flights", "N", "flights in each forecast (default 10000)", type=int, default=10_000),
+            argument("--out", "FOLDER", "default: the folder check in DIR", type=Path),
+        ),
+    ),
+    ToolCommand(
         "rerun", "make a result again and compare it byte by byte", "rerun_command.rerun",
         "Make a result again from its settings and compare both, byte by byte. Nothing is written outside "
         "the second folder. The exit code is 0 if both are the same, 1 if they differ. Settings that connect "

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Sequence
 from textwrap import wrap
 
 from pareto_ltl.cli.output import COLUMNS, Answer
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_value, wrong_value
+
+NO_GO = 3  # exit code; 1 is for a crash, 2 for an input that cannot be read
 
 
 def contain(options: Namespace) -> Answer:
@@ -33,6 +37,48 @@ def contain(options: Namespace) -> Answer:
     lines = [part for line in containment_lines(found, run.settings.medium.flows) for part in _wrapped(line)]
     document = {"directory": folder, **containment_document(found)}
     return Answer(document, [*lines, f"volumes and figure in {folder}"], [folder])
+
+
+def check(options: Namespace) -> Answer:
+    """GO (exit code 0) or NO-GO (3) for a plan in a newer forecast."""
+    from pareto_ltl.preflight.check import check, check_document, check_lines
+    from pareto_ltl.preflight.check_files import FOLDER, write_check
+    from pareto_ltl.run.results import planned_run
+
+    limits = read_limits(options.settings)
+    wind_limit = limits.pop("robot.wind_limit", None)
+    run = planned_run(options.directory)
+    found = check(
+        run, options.wind, limits={key.removeprefix("limits."): value for key, value in limits.items()},
+        wind_limit=wind_limit, volume=options.volume, flights=options.flights,
+    )  # fmt: skip
+    folder = options.out or options.directory / FOLDER
+    write_check(run, found, folder)
+    lines = [part for line in check_lines(found) for part in _wrapped(line)]
+    document = {"directory": folder, **check_document(found)}
+    return Answer(document, lines, [folder], 0 if found.go else NO_GO)
+
+
+def read_limits(words: Sequence[str]) -> dict[str, float]:
+    """The limits of words ``limits.KEY=VALUE`` and ``robot.wind_limit=VALUE``.
+
+    Raises
+    ------
+    ConfigError
+        If a word is none of these, or its value no number.
+    """
+    found = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not (key.startswith("limits.") or key == "robot.wind_limit"):
+            raise ConfigError(
+                f"{shown_value(word)} is not known; expected limits.KEY=VALUE or robot.wind_limit=VALUE"
+            )
+        try:
+            found[key] = float(value)
+        except ValueError:
+            raise wrong_value(key, "be a number", value) from None
+    return found
 
 
 def _wrapped(line: str) -> list[str]:

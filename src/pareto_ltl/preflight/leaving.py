@@ -114,7 +114,7 @@ def corridor_area(route: FloatArray, width: float) -> Area:
 def leaving_rate(
     problem: Problem, path: PlannedPath, area: Area, flown: FlightSample, seed: SeedSequence
 ) -> FailureRate:
-    """How often flights leave ``area``: by counting flights of ``flown``, or by as many weighted ones if rare.
+    """How often flights leave ``area``: by counting flights of ``flown``, or by weighted ones if it is rare.
 
     The count stands if there is no proposal, if its interval is narrower, or if it contradicts the weighted
     flights.

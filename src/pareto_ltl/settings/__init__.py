@@ -22,6 +22,7 @@ from pareto_ltl.settings.outputs import (
     DeploymentConfig,
     ExportsConfig,
     IngestConfig,
+    LimitsConfig,
     PipelineConfig,
     ReportConfig,
     SweepConfig,
@@ -67,6 +68,7 @@ class Settings(CheckedSettings):
     deployment: DeploymentConfig = field(default_factory=DeploymentConfig)
     exports: ExportsConfig = field(default_factory=ExportsConfig)
     report: ReportConfig = field(default_factory=ReportConfig)
+    limits: LimitsConfig = field(default_factory=LimitsConfig)
     ingest: IngestConfig = field(default_factory=IngestConfig)
     pipelines: PipelineConfig = field(default_factory=PipelineConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
