@@ -88,6 +88,8 @@ PIPELINE_COMMANDS = (
                     ("forecast_test", "evaluation")),
     PipelineCommand("departure", "the mission planned for many departure times, which are compared",
                     ("departure", "evaluation")),
+    PipelineCommand("levels", "the mission planned at each level of the wind files, which are compared",
+                    ("levels", "evaluation")),
     PipelineCommand("replanning", "a plan flown in true winds, with and without replanning at each fix",
                     ("replanning", "evaluation")),
     PipelineCommand("replan_test", "random missions flown through later winds, with and without replanning",

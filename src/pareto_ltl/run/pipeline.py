@@ -27,8 +27,8 @@ POSITION_BYTES = 16
 WRITTEN = 2.0  # copies of the positions while deployments.npz is packed
 FIGURES = "_figures"  # end of the names of stages that draw a study
 STUDIES = (  # in several processes
-    "comparison", "convergence", "ablation", "hindcast", "forecast_test", "departure", "replanning",
-    "replan_test",
+    "comparison", "convergence", "ablation", "hindcast", "forecast_test", "departure", "levels",
+    "replanning", "replan_test",
 )  # fmt: skip
 
 
