@@ -19,6 +19,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import plain_power
 
 HOUR = 3600.0
+LEAST = 0.1  # of its level: smaller rates are drawn here
 COLOURS = ("#5FA3D3", "#A9CCE8", "#DCE9F5")  # of levels, from the largest probability to the least
 EDGE = "#2F6C9C"
 CHART, FOOT, GAP = 1.25, 0.42, 0.62  # height of the chart, below it, and above it to the map [in]
@@ -62,6 +63,8 @@ def _draw_chart(figure: Figure, rows: Rows, floor: float) -> None:
     """Area and time against the rate per flight hour, of volumes and fixed buffers."""
     ax = style.axes_at(figure, WEST, FOOT, style.COLUMN_WIDTH - WEST - 0.14, CHART)
     table = np.array([row[1:] for row in rows])
+    least = LEAST * np.array([row[0] for row in rows])  # a rate of no flight has no logarithm
+    table[:, [0, 2]] = np.maximum(table[:, [0, 2]], least[:, None])
     top = float(table[:, [1, 3]].max())
     unit, name = next((scale, text) for scale, text in UNITS if top >= scale)
     sets = (
