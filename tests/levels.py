@@ -67,6 +67,8 @@ NOT_BY_DAY = [
     "inflight/test_mavsdk",
     "inflight/test_session",
     "planning/test_choices",
+    "preflight/test_check",
+    "preflight/test_contain_command",
     "planning/test_front_sweep",
     "planning/test_no_path",
     "planning/test_power",

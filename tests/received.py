@@ -30,6 +30,8 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "export": (),
     "replan": ("--time", "2h"),
     "beacons": ("--flights", "100"),
+    "contain": ("--flights", "1000"),
+    "check": ("--wind", "LOG", "limits.failure=0.5"),
     "follow": ("--log", "LOG"),
     "rerun": (),
 }

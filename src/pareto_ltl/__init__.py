@@ -10,6 +10,8 @@
     pareto_ltl.show(result)                      # one page with map, front, flights, in a browser
     pareto_ltl.replan(result, "6h", (38.1, -94.2, 500.0))  # the rest of the flight, from a position fix
     pareto_ltl.beacons(result)                   # where a beacon would reduce the failure most
+    pareto_ltl.contain(result)                   # how often it leaves its border, and the air that it needs
+    pareto_ltl.check(result, "newer.grib2")      # go or wait: the plan in a newer forecast, by your limits
     pareto_ltl.follow(result, "telemetry.csv")   # a flight watched: position, promise of the rest, alarms
     pareto_ltl.simulate(result, runs=1000, law="coherent")
     pareto_ltl.read_map("map.kml")               # the checked map; its frame converts longitude and latitude
@@ -53,6 +55,8 @@ if TYPE_CHECKING:
     from pareto_ltl_apps.flight.replanning import replan
     from pareto_ltl_apps.flight.telemetry import Reading
     from pareto_ltl_apps.flight.watch import WatchSettings
+    from pareto_ltl_apps.preflight.check import check
+    from pareto_ltl_apps.preflight.containment import contain
     from pareto_ltl_apps.view.showing import explain, page, show
     from pareto_ltl_verify.judge import verify
 
@@ -73,7 +77,9 @@ __all__ = [
     "WindField",
     "__version__",
     "beacons",
+    "check",
     "choose",
+    "contain",
     "explain",
     "export",
     "follow",

@@ -14,14 +14,17 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pareto_ltl.logic.automaton import Automaton
     from pareto_ltl.planning.cost import Cost
-    from pareto_ltl.planning.evaluate import Forecast
+    from pareto_ltl.planning.evaluate import Forecast, completing_path
     from pareto_ltl.planning.limits import Price
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.rates import FailureRate, Promise
     from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
     from pareto_ltl.run.record import Record, record
     from pareto_ltl.run.study import Study
+    from pareto_ltl.simulation.failure_modes import FlightEvent
+    from pareto_ltl.simulation.promise import count_agrees
     from pareto_ltl.simulation.records import Deployment
+    from pareto_ltl.simulation.samples import FlightSample, plain_sample, weighted_samples
     from pareto_ltl.wind.error_law import LawPart
     from pareto_ltl.wind.law_of_parts import LawOfParts
     from pareto_ltl.wind.named_laws import first_law, law_of_parts_named, packaged_laws
@@ -34,6 +37,8 @@ __all__ = [
     "Decomposition",
     "Deployment",
     "FailureRate",
+    "FlightEvent",
+    "FlightSample",
     "Forecast",
     "Forest",
     "Front",
@@ -49,10 +54,14 @@ __all__ = [
     "Study",
     "Tree",
     "WindSource",
+    "completing_path",
+    "count_agrees",
     "first_law",
     "law_of_parts_named",
     "packaged_laws",
+    "plain_sample",
     "record",
+    "weighted_samples",
 ]
 
 _EXPORTS = {
@@ -64,6 +73,8 @@ _EXPORTS = {
     "Forecast": "pareto_ltl.planning.evaluate",
     "Forest": "pareto_ltl.planning.records",
     "Front": "pareto_ltl.planning.records",
+    "FlightEvent": "pareto_ltl.simulation.failure_modes",
+    "FlightSample": "pareto_ltl.simulation.samples",
     "LawOfParts": "pareto_ltl.wind.law_of_parts",
     "LawPart": "pareto_ltl.wind.error_law",
     "Objectives": "pareto_ltl.planning.records",
@@ -76,10 +87,14 @@ _EXPORTS = {
     "Study": "pareto_ltl.run.study",
     "Tree": "pareto_ltl.planning.records",
     "WindSource": "pareto_ltl.wind.sources",
+    "completing_path": "pareto_ltl.planning.evaluate",
+    "count_agrees": "pareto_ltl.simulation.promise",
     "first_law": "pareto_ltl.wind.named_laws",
     "law_of_parts_named": "pareto_ltl.wind.named_laws",
     "packaged_laws": "pareto_ltl.wind.named_laws",
+    "plain_sample": "pareto_ltl.simulation.samples",
     "record": "pareto_ltl.run.record",
+    "weighted_samples": "pareto_ltl.simulation.samples",
 }
 
 

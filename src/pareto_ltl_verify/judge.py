@@ -14,6 +14,7 @@ from pareto_ltl_verify.claims import (
     Claim,
     Verdict,
     choice,
+    containment,
     exports,
     flights,
     front,
@@ -41,7 +42,7 @@ CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *origin.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS, *plan.CLAIMS,
     *limits.CLAIMS, *search.CLAIMS, *front.CLAIMS, *choice.CLAIMS, *judged.CLAIMS, *flights.CLAIMS,
     *legs.CLAIMS, *exports.CLAIMS, *outlines.CLAIMS, *missions.CLAIMS, *height.CLAIMS, *texts.CLAIMS,
-    *page.CLAIMS, *units.CLAIMS, *replan.CLAIMS,
+    *page.CLAIMS, *units.CLAIMS, *replan.CLAIMS, *containment.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({

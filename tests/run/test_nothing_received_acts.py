@@ -120,6 +120,10 @@ def test_no_command_connects_reads_or_writes_where_the_settings_of_a_result_say(
     assert contents(elsewhere) == before
     told = capsys.readouterr()
     assert "hush" not in told.out + told.err
+    if command == "check":  # the law of the errors of its forecast would be read there
+        assert code == 2
+        assert "wind.forecast_error=" in told.err
+        return
     if command != "rerun":
         assert code in (0, 3), told.err  # claims about edited settings fail
         return
@@ -354,7 +358,8 @@ def test_the_processes_that_a_command_starts_connect_nowhere(
 ENTRIES = (
     "plan.json", "metrics.json", "run.json", "config_resolved.yaml", "scene.json", "wind.nc", "trees.npz",
     "report.html", "run.log", "run.lock", "figures", "exports", "exports/plan.kml", "exports_point_0",
-    "beacons", "beacons/beacons.csv", "follow", "follow/follow.jsonl", "parts", "replan.json", "notes.txt",
+    "beacons", "beacons/beacons.csv", "containment", "containment/containment.json",
+    "follow", "follow/follow.jsonl", "parts", "replan.json", "notes.txt",
 )  # fmt: skip
 
 
@@ -400,7 +405,10 @@ def test_a_result_that_is_a_link_itself_and_links_inside_it_are_read(
     assert run_command_line(["explain", str(tmp_path / "latest")]) == 0
 
 
-FOLDERS_OUT = {"choose": "--out", "replan": "--out", "export": "--to", "beacons": "--out", "follow": "--out"}
+FOLDERS_OUT = {
+    "choose": "--out", "replan": "--out", "export": "--to", "beacons": "--out", "contain": "--out",
+    "follow": "--out",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("command", FOLDERS_OUT)

@@ -243,6 +243,19 @@ def test_a_beacon_is_tried_along_the_plan(desk: RunningDesk, hop: dict[str, Any]
     assert run_command_line(["verify", hop["directory"]]) == 0
 
 
+def test_the_last_check_of_a_plan_is_shown(desk: RunningDesk, hop: dict[str, Any]) -> None:
+    place = f"/api/plans/{hop['id']}/check"
+    missing = desk.client.get(place)
+    assert missing.status_code == 404
+    assert "pareto-ltl check" in missing.json()["error"]
+    folder = Path(hop["directory"]) / "check"
+    folder.mkdir()
+    (folder / "check.json").write_text('{"go": false, "wind": "winds/newer.grib2"}')
+    (folder / "check.txt").write_text("NO-GO\n1. fails 9 %, limit 5 %\n")
+    found = desk.client.get(place).json()
+    assert found == {"go": False, "wind": "newer.grib2", "said": ["NO-GO", "1. fails 9 %, limit 5 %"]}
+
+
 def test_the_wind_is_shown_without_a_plan(desk: RunningDesk) -> None:
     state = desk.planned(command="wind", overrides=["+experiment=hop", "report=none", *wind_words()])
     assert (state["status"], state["made_by"]) == ("done", "wind")

@@ -15,11 +15,10 @@ from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import WindEvidence, WindField
-from pareto_ltl.wind.sources import data_files, read_readings
+from pareto_ltl.wind.sources import data_files, read_readings, source_of_path
 from pareto_ltl.world.projection import local_plane
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import write_scene
-from pareto_ltl_apps.formats.content import source_of_path
 from pareto_ltl_verify.claims import Verdict, readings
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.judge import unchecked_claims

@@ -22,6 +22,7 @@ from pareto_ltl.settings.outputs import (
     DeploymentConfig,
     ExportsConfig,
     IngestConfig,
+    LimitsConfig,
     PipelineConfig,
     ReportConfig,
     SweepConfig,
@@ -41,6 +42,7 @@ from pareto_ltl.settings.studies import (
     EvaluationConfig,
     ForecastTestConfig,
     HindcastConfig,
+    LevelsConfig,
     ReplanningConfig,
     SitlConfig,
 )
@@ -67,6 +69,7 @@ class Settings(CheckedSettings):
     deployment: DeploymentConfig = field(default_factory=DeploymentConfig)
     exports: ExportsConfig = field(default_factory=ExportsConfig)
     report: ReportConfig = field(default_factory=ReportConfig)
+    limits: LimitsConfig = field(default_factory=LimitsConfig)
     ingest: IngestConfig = field(default_factory=IngestConfig)
     pipelines: PipelineConfig = field(default_factory=PipelineConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
@@ -76,6 +79,7 @@ class Settings(CheckedSettings):
     hindcast: HindcastConfig = field(default_factory=HindcastConfig)
     forecast_test: ForecastTestConfig = field(default_factory=ForecastTestConfig)
     departure: DepartureConfig = field(default_factory=DepartureConfig)
+    levels: LevelsConfig = field(default_factory=LevelsConfig)
     replanning: ReplanningConfig = field(default_factory=ReplanningConfig)
     sitl: SitlConfig = field(default_factory=SitlConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
@@ -84,7 +88,9 @@ class Settings(CheckedSettings):
         """Reject a name that cannot be a folder and two heights; replace the level ``auto`` by its value."""
         check_folder_name("name", self.name)
         if self.wind.level == "auto":  # the records of a run hold the level itself
-            self.wind = replace(self.wind, level=usual_level(self.wind.source, self.robot.level))
+            compared = self.levels.levels  # the map of that study is made with the first of them
+            level = compared[0] if compared else usual_level(self.wind.source, self.robot.level)
+            self.wind = replace(self.wind, level=level)
         flight_air(self, flight_height(self))
 
     @property

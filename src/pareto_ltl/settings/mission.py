@@ -215,6 +215,13 @@ class RobotConfig(CheckedSettings, section="robot"):
     turn_delay: float = setting(
         0.0, "time from a command to turn until half of the bank angle is reached", "[0, 600]", unit="s"
     )
+    wind_limit: float | None = setting(
+        None,
+        "largest wind in which the robot may fly; pareto-ltl check compares the wind along the plan with it",
+        "(0, 200]",
+        unit="m/s",
+        remark="null: no limit",
+    )
     level: str | None = setting(
         None,
         "height of the flight: above ground (100m), above mean sea level (300m amsl), a pressure (925hPa) or "

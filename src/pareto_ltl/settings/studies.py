@@ -23,6 +23,7 @@ from pareto_ltl.settings.fidelity import (
 )
 from pareto_ltl.settings.wind import GP_KERNELS
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.messages import shown_value, wrong_value
 
 KEEP = ("all", "recommended")  # starts of a departure study whose directories are written
@@ -255,6 +256,43 @@ class DepartureConfig(CheckedSettings, section="departure"):
             raise ConfigError(
                 "departure.starts lists the starts itself: leave out departure.first, last and every"
             )
+
+
+@dataclass
+class LevelsConfig(CheckedSettings, section="levels"):
+    """Levels that pipelines=levels plans and compares (docs/levels.md)."""
+
+    levels: list[str] = setting([], "levels of the wind files, each the height of a flight: [10m, 925hPa]")
+    starts: list[Any] = setting(
+        [], "departure times, ISO 8601 UTC: each level at each of them; empty: mission.start_time"
+    )
+    flights: int = setting(
+        10_000, "fresh flights of each path of the front of each level, used to compare the levels",
+        "[100, 1e8]",
+    )  # fmt: skip
+    seeds: int = setting(
+        2, "seeds with which a level is planned if it may be the best; 1: the spread between seeds is not "
+        "known", "[1, 10]",
+    )  # fmt: skip
+    quick: bool = setting(True, "whether levels are planned with a coarser refinement")
+    mass: float | None = setting(
+        None, "mass of the robot, for the energy of the climb", "(0, 1e6]", unit="kg"
+    )
+    climb_efficiency: float = setting(
+        0.6, "height energy gained per energy that the climb takes beyond level flight", "(0, 1]"
+    )
+
+    def check_combinations(self) -> None:
+        """Refuse what is no level or no time, and a level that is listed twice."""
+        for level in self.levels:
+            parse_level(str(level), "levels.levels")
+        texts = [parse_level(str(level)).text for level in self.levels]
+        if len(set(texts)) < len(texts):
+            raise ConfigError(f"levels.levels lists a level twice: {', '.join(texts)}")
+        for time in self.starts:
+            if not isinstance(time, str):
+                raise ConfigError(f"levels.starts must be ISO 8601 times, got {shown_value(time)} in it")
+            check_time("levels.starts", time)
 
 
 @dataclass

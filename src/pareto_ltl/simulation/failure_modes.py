@@ -78,11 +78,30 @@ class FailureModes:
 
 
 @dataclass(frozen=True, slots=True)
+class FlightEvent:
+    """What may happen to a flight, other than the failure of its mission: leaving a volume, for example.
+
+    Attributes
+    ----------
+    happens : callable
+        From flights (n, T+1, 2) [m] to whether the event happens to each (n,).
+    normals : callable
+        From flights (n, T+1, 2) [m] to which it happens to directions (n, T+1, 2), of any size: a step in
+        them makes it happen more. They only decide how many draws an estimate needs.
+    """
+
+    happens: Callable[[FloatArray], BoolArray]
+    normals: Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, slots=True)
 class FlownPlan:
     """A plan, and the law linearised about its means.
 
     Attributes
     ----------
+    event : FlightEvent or None
+        What is rare; None for the failure of the mission.
     mean : (T+1, 2) float
         Means about which the law is linearised [m].
     sd : float
@@ -94,9 +113,10 @@ class FlownPlan:
     linear: kernel.LinearLaw
     mean: FloatArray
     sd: float
+    event: FlightEvent | None = None
 
     def fly(self, z: kernel.NormalDraws, theta: Float32Array) -> tuple[FloatArray, BoolArray]:
-        """Positions (n, T+1, 2) [m] of the flights ``z`` in the nonlinear law, and which of them fail.
+        """Positions (n, T+1, 2) [m] of the flights ``z`` in the nonlinear law, and which the event meets.
 
         ``theta`` (E, n, 2, P) is the field whose innovations are in ``z``.
         """
@@ -106,6 +126,8 @@ class FlownPlan:
         x[:, 0] = problem.scene.start + self.linear.start_sd * z.start + z.errors @ own.start.T
         pilot = erring_pilot(Autopilot(path.u, np.ascontiguousarray(path.x)), path.u, own, z.errors)
         sim.fly_draws(problem, _winds(problem, z, theta), pilot, x, problem.energy)
+        if self.event is not None:
+            return x, self.event.happens(x)
         return x, sim.judge_flights(problem, law, x).failed
 
     def fly_along(self, directions: kernel.Directions, row: IntArray, size: FloatArray) -> BoolArray:
@@ -119,14 +141,14 @@ class FlownPlan:
         return self.fly(z, linked_fields(self.linear, z))[1]
 
 
-def flown_plan(problem: Problem, path: PlannedPath) -> FlownPlan:
+def flown_plan(problem: Problem, path: PlannedPath, event: FlightEvent | None = None) -> FlownPlan:
     """The plan, and the law of ``problem.fidelity`` linearised about it."""
     smooth = SMOOTH_LAWS[problem.fidelity.law](problem)
     # With feedback the robot steers towards the planned positions; without it, its controls decide.
     held = problem.motion.gain > 0.0
     flight = propagate(problem, path.x, smooth) if held else propagate_controls(problem, path.u, smooth)
     sd = math.sqrt(float(flight.cov[:, [0, 2]].max()))
-    return FlownPlan(problem, path, linear_law(problem, flight, smooth), flight.x, sd)
+    return FlownPlan(problem, path, linear_law(problem, flight, smooth), flight.x, sd, event)
 
 
 # --- half-spaces ------------------------------------------------------------------------------
@@ -179,6 +201,8 @@ def _first_failures(plan: FlownPlan) -> FloatArray:
 
 def _event_normals(plan: FlownPlan, x: FloatArray) -> FloatArray:
     """Gradients (n, T+1, 2) of the margins of the failed flights ``x`` (n, T+1, 2), of any size."""
+    if plan.event is not None:
+        return plan.event.normals(x)
     model = margin_model(plan.problem)
     normals = np.zeros(x.shape)
     scratch = margin_scratch(model, 1, len(plan.mean))

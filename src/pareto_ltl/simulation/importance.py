@@ -41,6 +41,7 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.failure_modes import (
     FailureModes,
+    FlightEvent,
     FlownPlan,
     directions_of,
     find_failure_modes,
@@ -133,9 +134,13 @@ def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSeq
     weights, failed = weighted_flights(proposal, draws, seed)
     weighted = np.where(failed, weights, 0.0)
     rate = min(float(weighted.mean()), 1.0)
-    heaviest = 1.0 if problem.tail is None else 2.0
-    low, high = weighted_interval(weighted, proposal.ladder.plain / heaviest)
+    low, high = weighted_interval(weighted, least_share(problem, proposal.ladder))
     return FailureRate(law, rate, min(low, rate), max(high, rate), draws, WEIGHTED)
+
+
+def least_share(problem: Problem, ladder: Ladder) -> float:
+    """One over the largest weight that a draw can have: a law with tails doubles it."""
+    return ladder.plain / (1.0 if problem.tail is None else 2.0)
 
 
 def weighted_interval(weights: FloatArray, plain: float, confidence: float = 0.95) -> tuple[float, float]:
@@ -164,9 +169,11 @@ def weighted_interval(weights: FloatArray, plain: float, confidence: float = 0.9
     return min(low, y, 1.0), min(max(high, y), 1.0)
 
 
-def make_proposal(problem: Problem, path: PlannedPath, ladder: Ladder = LADDER) -> Proposal | None:
-    """The mixture for ``path`` by its failures; None if there are none."""
-    plan = flown_plan(problem, path)
+def make_proposal(
+    problem: Problem, path: PlannedPath, ladder: Ladder = LADDER, event: FlightEvent | None = None
+) -> Proposal | None:
+    """The mixture for ``path`` by its failures, or by what else is rare; None if there are none."""
+    plan = flown_plan(problem, path, event)
     modes = find_failure_modes(plan)
     if not len(modes):
         return None
@@ -176,10 +183,13 @@ def make_proposal(problem: Problem, path: PlannedPath, ladder: Ladder = LADDER) 
 # --- weighted flights -------------------------------------------------------------------------
 
 
-def weighted_flights(proposal: Proposal, draws: int, seed: SeedSequence) -> tuple[FloatArray, BoolArray]:
+def weighted_flights(
+    proposal: Proposal, draws: int, seed: SeedSequence, x: FloatArray | None = None
+) -> tuple[FloatArray, BoolArray]:
     """Weights φ/q (n,) of ``draws`` flights from the proposal, and which of them fail (n,).
 
-    The same ``seed`` gives the same flights, whatever the number of threads.
+    Their positions are written to ``x`` (n, T+1, 2) [m], if it is given. The same ``seed`` gives the same
+    flights, whatever the number of threads.
     """
     weights, failed = np.empty(draws), np.empty(draws, bool)
     plan, mixture, choices = proposal.plan, proposal.mixture(), component_choices(proposal)
@@ -197,7 +207,9 @@ def weighted_flights(proposal: Proposal, draws: int, seed: SeedSequence) -> tupl
             scale, weight = weighted_scales(tail, len(theta), n, rng)
             weights[rows] *= weight
             theta = scaled_fields(tail, theta, scale)
-        failed[rows] = plan.fly(z, theta)[1]
+        flown, failed[rows] = plan.fly(z, theta)
+        if x is not None:
+            x[rows] = flown
 
     blocks = sim.block_rows(draws)
     on_all_cores(one, blocks, sim.unspawned(seed).spawn(len(blocks)))

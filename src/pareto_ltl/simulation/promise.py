@@ -99,8 +99,7 @@ def fresh_promise(
     rate = fresh_rate(problem, path, runs, seed)
     bound = min(1.0, path.objectives.mission_risk + path.objectives.collision_risk)
     far = linearity(problem, wind, path.cov)
-    floor = wind.error.floor if wind.error is not None and wind.error.parts else 0.0
-    return Promise(rate, claimed, bound, far, claim_stands(rate, claimed), floor)
+    return Promise(rate, claimed, bound, far, claim_stands(rate, claimed), wind.floor)
 
 
 def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:

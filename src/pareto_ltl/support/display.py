@@ -99,6 +99,18 @@ def promised_text(rate: float, floor: float) -> str:
     return f"below {least} (the law's data cannot say less; {shown} of the simulated flights fail)"
 
 
+def plain_power(value: float) -> str:
+    """A small number as people write it: ``1e-3``, ``9.5e-4``; from 0.1 on without a power.
+
+    >>> plain_power(1e-3), plain_power(0.00095), plain_power(0.12), plain_power(0.0)
+    ('1e-3', '9.5e-4', '0.12', '0')
+    """
+    if value == 0.0 or value >= 0.1:
+        return f"{value:.2g}"
+    digits, power = f"{value:.1e}".split("e")
+    return f"{digits.removesuffix('.0')}e{int(power)}"
+
+
 def energy_text(joules: float) -> str:
     """An energy [J] as text in Wh and, from 1 MJ, also in MJ: ``48.25 Wh``, ``9650 Wh (34.74 MJ)``.
 

@@ -264,6 +264,11 @@ class WindField(Displayed):
         return float(self.times[-1]) if self.until is None else self.until
 
     @property
+    def floor(self) -> float:
+        """The least rate that the data of the law of forecast errors can say; 0 without such a law."""
+        return self.error.floor if self.error is not None and self.error.parts else 0.0
+
+    @property
     def last_field(self) -> float:
         """Time of the last field of the data [s since time_zero]; later wind is that field, held."""
         return float(self.times[-1]) if self.held is None else self.held

@@ -63,12 +63,12 @@ def read_share(text: str, flag: str = "--failure") -> float:
     return value
 
 
-def read_length(text: str) -> float:
+def read_length(text: str, flag: str = "--length") -> float:
     """A length [m] from ``1900km``, ``1.9e6`` or ``1020nmi``; raises ConfigError for anything else."""
     match = LENGTH.fullmatch(text.strip())
     value = float(match[1]) * METRES[match[2]] if match else 0.0
     if not 0.0 < value <= 1e9:
-        raise wrong_value("--length", "be a length in m, km or nmi, e.g. 1900km", text)
+        raise wrong_value(flag, "be a length in m, km or nmi, e.g. 1900km", text)
     return value
 
 

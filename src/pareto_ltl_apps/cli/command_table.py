@@ -88,6 +88,8 @@ PIPELINE_COMMANDS = (
                     ("forecast_test", "evaluation")),
     PipelineCommand("departure", "the mission planned for many departure times, which are compared",
                     ("departure", "evaluation")),
+    PipelineCommand("levels", "the mission planned at each level of the wind files, which are compared",
+                    ("levels", "evaluation")),
     PipelineCommand("replanning", "a plan flown in true winds, with and without replanning at each fix",
                     ("replanning", "evaluation")),
     PipelineCommand("replan_test", "random missions flown through later winds, with and without replanning",
@@ -291,6 +293,46 @@ TOOL_COMMANDS = (
             argument("--number", "N", "beacons to place, 1 to 3", type=int, default=1),
             argument("--flights", "N", "flights that compare places", type=int, default=2000),
             argument("--out", "FOLDER", "default: the folder beacons in DIR", type=Path),
+        ),
+    ),
+    ToolCommand(
+        "contain", "how often a flight leaves its border, and the smallest volumes that hold it",
+        "preflight_commands.contain",
+        "Compute how often flights of the plan of DIR leave the drawn border, corridors and a given volume, "
+        "in all and per flight hour, and the smallest volumes, by leg and time, that they leave with given "
+        "probabilities. Writes containment.json, volumes for maps and containment.png. docs/contain.md says "
+        "more.",
+        (
+            DIR,
+            argument("--corridor", "W", "whole width of a corridor along the route, e.g. 20km; several with "
+                     "spaces", type=partial(read.read_length, flag="--corridor"), nargs="+", default=()),
+            argument("--volume", "FILE", "a volume: GeoJSON areas, or an operational intent (F3548)",
+                     type=Path),
+            argument("--levels", "P", "probabilities of leaving per flight hour (default 1e-2 1e-3 1e-4)",
+                     type=float, nargs="+", default=(1e-2, 1e-3, 1e-4)),
+            argument("--flights", "N", "flights of each sample (default 10000)", type=int, default=10_000),
+            argument("--between", ("LOW", "HIGH"), "heights above the WGS 84 ellipsoid [m], for operational "
+                     "intents", nargs=2, type=partial(read.read_metres, "--between")),
+            argument("--out", "FOLDER", "default: the folder containment in DIR", type=Path),
+        ),
+    ),
+    ToolCommand(
+        "check", "go or wait: a finished plan in a newer forecast, by your own limits",
+        "preflight_commands.check",
+        "Compare the plan of DIR with a newer forecast: failure, containment, energy, the wind against the "
+        "limits of the vehicle, and what changed. The answer is GO or NO-GO with its reasons; the exit code "
+        "is 0 or 3. Writes check.json and check.png. docs/check.md says more.",
+        (
+            DIR,
+            argument("--wind", "PATH", "the newer forecast: a file or folder for the reader of the plan's "
+                     "wind", required=True),
+            argument("settings", "limits.KEY=VALUE", "your limits, where the settings of DIR have others: "
+                     "limits.failure=0.05 limits.containment=1e-3 limits.energy=0.8 limits.takeoff_wind=8 "
+                     "robot.wind_limit=12", nargs="*"),
+            argument("--volume", "FILE", "a volume for limits.containment, as for contain; default: the "
+                     "border", type=Path),
+            argument("--flights", "N", "flights in each forecast (default 10000)", type=int, default=10_000),
+            argument("--out", "FOLDER", "default: the folder check in DIR", type=Path),
         ),
     ),
     ToolCommand(

@@ -40,6 +40,7 @@ GROUPS = (
 SECTIONS = (
     "", "scene", "scene.random", "mission", "robot", "robot.power", "wind", "logic", "planner", "fidelity",
     "smoothing", "refine", "selection", "deployment", "exports", "report", "departure",
+    "limits",
 )  # fmt: skip
 TEXTS = frozenset({
     "scene.name", "scene.bounds", "scene.start", "scene.regions", "scene.obstacles", "scene.windows",

@@ -224,6 +224,12 @@ def plan_beacons(asked: Asked) -> Answer:
     return views.beacons_view(asked.done)
 
 
+@operation("GET", PLAN + "/check")
+def plan_check(asked: Asked) -> Answer:
+    """The last check in a newer forecast: GO or NO-GO, and its lines."""
+    return views.check_view(asked.done)
+
+
 @operation("GET", PLAN + "/departures")
 def plan_departures(asked: Asked) -> Answer:
     """Starts, common lengths [m] and failure of each start at them."""

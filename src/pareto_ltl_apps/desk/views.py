@@ -144,6 +144,22 @@ def beacons_view(directory: Path) -> dict[str, Any]:
     }
 
 
+def check_view(directory: Path) -> dict[str, Any]:
+    """What ``pareto-ltl check`` wrote last: whether it is GO, the newer forecast, and the lines."""
+    folder = directory / "check"
+    if not (folder / "check.txt").is_file():
+        raise NotFoundError(
+            f"there is no check of {directory.name}: pareto-ltl check {directory} --wind FILE "
+            "limits.failure=0.05"
+        )
+    found = read_json(folder / "check.json")
+    return {
+        "go": bool(found["go"]),
+        "wind": Path(str(found["wind"])).name,
+        "said": read_text(folder / "check.txt").splitlines(),
+    }
+
+
 @one_at_a_time
 def export_view(directory: Path, kind: str, number: int | None) -> tuple[str, bytes]:
     """Name and content of an export of the plan, or of the point ``number`` of its front."""

@@ -224,13 +224,14 @@ def departure_part(context: DepartureContext, time: float, repeat: int) -> Colum
         "planned": True,
         "law": problem.fidelity.law,
         "plan": next(k for k, path in enumerate(paths) if np.array_equal(path.x, plan.x)),
-        "paths": [_path_columns(path, failed) for path, failed in zip(paths, flown, strict=True)],
+        "paths": [path_columns(path, failed) for path, failed in zip(paths, flown, strict=True)],
         "metrics": {name: numbers[name] for name in METRICS if name in numbers},
         "conditions": route_conditions(problem, plan),
     }
 
 
-def _path_columns(path: PlannedPath, failed: BoolArray) -> Columns:
+def path_columns(path: PlannedPath, failed: BoolArray) -> Columns:
+    """A path of a front, and which of its flights fail."""
     return {
         "length_m": path.objectives.length,
         "duration_s": float(path.t[-1]),

@@ -88,13 +88,14 @@ def _paths_in_time(cfg: DepartureConfig, time: float, result: Mapping[str, Any])
 def fronts_in_time(cfg: DepartureConfig, found: Found) -> dict[float, list[FlownFront]]:
     """The fronts of each start whose plan arrives in time, one for each seed, of paths that do so too."""
     return {
-        time: [_front_of(_paths_in_time(cfg, time, result), cfg.flights) for result in results]
+        time: [front_of(_paths_in_time(cfg, time, result), cfg.flights) for result in results]
         for time, results in found.items()
         if on_time(time, results, _limit(cfg))
     }
 
 
-def _front_of(paths: Sequence[Mapping[str, Any]], flights: int) -> FlownFront:
+def front_of(paths: Sequence[Mapping[str, Any]], flights: int) -> FlownFront:
+    """The front of paths as parts of a study have them."""
     failed = [tables.text_to_flags(path["failed"]) for path in paths]
     lengths = np.array([path["length_m"] for path in paths])
     return departure_fronts.flown_front(lengths, np.array(failed, bool).reshape(len(paths), flights))
@@ -103,7 +104,7 @@ def _front_of(paths: Sequence[Mapping[str, Any]], flights: int) -> FlownFront:
 def compared_paths(cfg: DepartureConfig, time: float, found: Found) -> list[ExtraPath]:
     """The paths of the front of a start, of all its seeds together, for the full plan."""
     paths = [path for result in found[time] for path in _paths_in_time(cfg, time, result)]
-    lengths = set(_front_of(paths, cfg.flights).length.tolist())
+    lengths = set(front_of(paths, cfg.flights).length.tolist())
     chosen = {path["length_m"]: path for path in reversed(paths) if path["length_m"] in lengths}
     return [
         (f"compared start, {chosen[length]['origin']}", np.array(chosen[length]["x"], float))
@@ -126,14 +127,14 @@ def start_rows(settings: Settings, found: Found, comparison: Comparison) -> list
         row |= {"as_good": time in comparison.alike, "recommended": time == comparison.recommended}
         row |= {"seeds": len(results)}
         row |= {"paths": len(departure_fronts.pooled_front(own).length) if own else 0}
-        rows.append(row | {"rates": _rates_of(own, comparison.limits)})
+        rows.append(row | {"rates": rates_of(own, comparison.limits)})
     best = next(row for row in rows if row["time"] == comparison.best)
     for row in rows:
         row["verdict"] = verdict(row, best, cfg)
     return rows
 
 
-def _rates_of(fronts: Sequence[FlownFront], limits: FloatArray) -> FloatArray:
+def rates_of(fronts: Sequence[FlownFront], limits: FloatArray) -> FloatArray:
     """Failure and its interval (G, 3) at ``limits``, of all seeds together; NaN without a path."""
     if not fronts:
         return np.full((len(limits), 3), NAN)
@@ -173,7 +174,7 @@ def verdict(row: Columns, best: Columns, cfg: DepartureConfig) -> str:
     return "; ".join([text, *_reasons(row, best)])
 
 
-def _ratio_text(ratio: float, low: float, high: float) -> str:
+def ratio_text(ratio: float, low: float, high: float) -> str:
     """A ratio of failures, with its interval."""
     return "{} [{}, {}]".format(
         *(f"{r:.2f}" if r < 10.0 else f"{r:.0f}" if r < 1e4 else "> 10000" for r in (ratio, low, high))
@@ -182,7 +183,7 @@ def _ratio_text(ratio: float, low: float, high: float) -> str:
 
 def _ratio_of(row: Columns) -> str:
     """The ratio of a start to the best one."""
-    return _ratio_text(*(row[f"ratio{end}"] for end in ("", "_low", "_high")))
+    return ratio_text(*(row[f"ratio{end}"] for end in ("", "_low", "_high")))
 
 
 def _reasons(row: Columns, best: Columns) -> list[str]:
@@ -224,7 +225,7 @@ def departure_study(
     ]
     in_time = fronts_in_time(settings.departure, found)
     limits = departure_fronts.map_lengths(in_time)
-    rates = [_rates_of(in_time.get(row["time"], ()), limits) for row in rows]
+    rates = [rates_of(in_time.get(row["time"], ()), limits) for row in rows]
     lengths = [
         {"departure": row["departure"], "length_m": limit} | interval_columns("failure", *ends)
         for row, own in zip(rows, rates, strict=True)
@@ -316,10 +317,10 @@ def departure_text(
             "plan failed": lambda row: rate_cell(row, "failure"),
             "length [km]": length_cell,
             "arrival": lambda row: row["arrival"] or "-",
-            "flight [h]": lambda row: _known(row["duration_s"] / HOUR, ".1f"),
-            "wind [m/s]": lambda row: _known(row["wind_speed"], ".1f"),
-            "tail wind [m/s]": lambda row: _known(row["tail_wind"], "+.1f"),
-            "sd of the wind [m/s]": lambda row: _known(row["wind_sd"], ".2f"),
+            "flight [h]": lambda row: known_text(row["duration_s"] / HOUR, ".1f"),
+            "wind [m/s]": lambda row: known_text(row["wind_speed"], ".1f"),
+            "tail wind [m/s]": lambda row: known_text(row["tail_wind"], "+.1f"),
+            "sd of the wind [m/s]": lambda row: known_text(row["wind_sd"], ".2f"),
         },
         rows,
     )
@@ -391,7 +392,7 @@ def delivered_text(cfg: DepartureConfig, time: float, delivered: Delivered) -> s
             "(pareto-ltl choose)"
         )
     return (
-        f"{said}. At equal length the full front fails {_ratio_text(*delivered.ratio)} times as often as the "
+        f"{said}. At equal length the full front fails {ratio_text(*delivered.ratio)} times as often as the "
         "compared one, whose paths were judged with it."
     )
 
@@ -412,5 +413,6 @@ def _rate_at(k: int, row: Columns) -> str:
     return probability_text(row["rates"][k, 0])
 
 
-def _known(value: float, form: str) -> str:
+def known_text(value: float, form: str) -> str:
+    """``value`` in a format, or a dash for NaN."""
     return format(value, form) if math.isfinite(value) else "-"

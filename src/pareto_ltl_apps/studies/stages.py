@@ -105,6 +105,10 @@ STUDIES = (
         ("departures.csv", "departure_lengths.csv", "departures.json"),
         needs=("readings", *MAP, "automaton"), drawn_on=MAP,
     ),
+    StudyKind(
+        "levels", "levels", "study_levels", ("levels.csv", "level_lengths.csv", "levels.json"),
+        needs=(*MAP, "automaton"), drawn_on=MAP,
+    ),
     StudyKind("replanning", "replanning", "study_planners", FLIGHT_TABLES),
     StudyKind("replan_test", "replanning", "study_planners", FLIGHT_TABLES, needs=()),
     StudyKind(

@@ -35,6 +35,7 @@ HEIGHT, SPACE, TOP = 0.95, 0.3, 0.24  # [in] up
 MOST_TICKS = 7
 RATIO_TICKS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 MARKS = "◆ recommended   ○ no difference beyond the noise   "
+SHORT_MARKS = "◆ recommended   ○ as good   bold: least"
 HOUR = 3600.0
 ROW, HEAT_TOP = 0.17, 0.42  # [in] of the heat map
 BAR, BAR_GAP, RIGHT = 0.1, 0.12, 0.45  # [in]
@@ -196,10 +197,13 @@ def _draw_routes(
 # --- the heat map ----------------------------------------------------------------------------
 
 
-def heat_figure(rows: Sequence[FigureRow], limits: FloatArray, rates: FloatArray) -> Figure:
+def heat_figure(
+    rows: Sequence[FigureRow], limits: FloatArray, rates: FloatArray, names: Sequence[str] | None = None
+) -> Figure:
     """Failure rates (starts, G) of the starts ``rows`` at the lengths ``limits`` (G,) [m].
 
-    A cell without a path is blank. The number of the start that fails least at a length is bold.
+    A cell without a path is blank. The number of the start that fails least at a length is bold. ``names``
+    are the names of the columns, if they are levels instead of starts.
     """
     space = style.PAGE_WIDTH - LEFT - BAR_GAP - BAR - RIGHT
     width = min(space, MOST_COLUMN * len(rows))
@@ -214,7 +218,7 @@ def heat_figure(rows: Sequence[FigureRow], limits: FloatArray, rates: FloatArray
     if width / len(rows) >= LEAST_CELL:
         _write_numbers(ax, limits, rates, norm)
     _mark_starts(ax, rows, edges[1])
-    _name_axes(ax, rows, limits)
+    _name_axes(ax, rows, limits, names)
     bar = figure.colorbar(mesh, cax=style.axes_at(figure, LEFT + width + BAR_GAP, BASE, BAR, height))
     bar.outline.set_visible(False)
     set_rate_ticks(bar.ax.yaxis, low, float(norm.vmax or 1.0), hidden=False)
@@ -282,17 +286,20 @@ def clock_labels(times: Sequence[float]) -> list[str]:
     return labels
 
 
-def _name_axes(ax: Axes, rows: Sequence[FigureRow], limits: FloatArray) -> None:
+def _name_axes(
+    ax: Axes, rows: Sequence[FigureRow], limits: FloatArray, names: Sequence[str] | None = None
+) -> None:
     stride = max(1, math.ceil(0.3 * len(rows) / max(ax.figure.get_figwidth() - 1.2, 1.0)))  # type: ignore[union-attr]
     shown = range(0, len(rows), stride)
-    ax.set_xticks(shown, clock_labels([rows[k]["time"] for k in shown]))
+    labels = clock_labels([rows[k]["time"] for k in shown]) if names is None else [names[k] for k in shown]
+    ax.set_xticks(shown, labels)
     ax.tick_params(length=0)
     ax.set_yticks(limits[::2] / 1e3, [f"{limit / 1e3:,g}" for limit in limits[::2]])
     ax.spines[:].set_visible(False)
-    ax.set_xlabel("departure, UTC")
+    ax.set_xlabel("departure, UTC" if names is None else "level")
     ax.set_ylabel("length [km]")
     ax.text(
         0.0, 1.0 + WORDS / (ROW * len(limits)),
-        f"{MARKS}bold: least at this length",
+        f"{MARKS}bold: least at this length" if names is None else SHORT_MARKS,
         transform=ax.transAxes, fontsize=6.2, va="bottom",
     )  # fmt: skip

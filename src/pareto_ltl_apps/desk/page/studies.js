@@ -15,6 +15,7 @@ export class Studies {
     Object.assign(this, { redraw, failed, departs, request, id, beacons: null, before: new WindLayer(), time: 0, working: null });
     const on = (name, kind, act) => byId(name).addEventListener(kind, event => { Promise.resolve(act.call(this, event)).catch(failed); });
     on("find-beacon", "click", this.findBeacon);
+    on("show-check", "click", this.showCheck);
     on("show-wind", "click", this.showWind);
     on("leave", "input", event => this.moveTo(+event.target.value));
     on("leave", "change", event => departs(new Date(+event.target.value).toISOString().slice(0, 16)));
@@ -25,6 +26,7 @@ export class Studies {
     this.working?.abort();
     Object.assign(this, { beacons: null });
     byId("beacon-said").replaceChildren();
+    byId("check-said").replaceChildren();
     byId("starts").replaceChildren();
     byId("starts-said").textContent = "";
   }
@@ -65,6 +67,15 @@ export class Studies {
       const [cx, cy] = map.at(place);
       return svg("circle", { class: n === best ? "beacon best" : "beacon", cx, cy, r: 2 + 6 * (most - failure[n]) / Math.max(most - least, 1e-9) }, svg("title", {}, `beacon here: ${percent(failure[n])} fail`));
     });
+  }
+
+  // --- go or wait ---------------------------------------------------------------------------------
+
+  async showCheck() {
+    const id = this.id(), { go, wind, said } = await ask("GET", `/api/plans/${id}/check`);
+    if (id !== this.id()) return;
+    const lines = said.slice(1).map(line => html("p", { class: "note" }, line));
+    byId("check-said").replaceChildren(html("p", {}, html("strong", {}, go ? "GO" : "NO-GO"), ` in ${wind}`), ...lines);
   }
 
   // --- the wind before a plan ---------------------------------------------------------------------
