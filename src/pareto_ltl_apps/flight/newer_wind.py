@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pareto_ltl.run.plan_run import Run
+from pareto_ltl import Run
 from pareto_ltl_apps.flight.rest_of_flight import (
     NewWind,
     field_alarms,

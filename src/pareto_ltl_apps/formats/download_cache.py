@@ -13,7 +13,7 @@ from pareto_ltl.support.files import write_bytes, write_json
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.support.reading import read_json
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.formats.download_cache")
 REQUEST_SCHEMA = "pareto_ltl.download/1"
 SHOWN_DIGITS = 16  # digits of the checksum in a file name
 

@@ -30,7 +30,7 @@ from pareto_ltl_apps.formats.grib_frames import BrokenFrameError, messages_with
 from pareto_ltl_apps.formats.inventories import parse_inventory, wind_parts
 from pareto_ltl_apps.formats.live_models import MODELS, Download, LiveModel
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.formats.live")
 MOST_INVENTORY, MOST_MESSAGES, MOST_FILE = 4 * 2**20, 128 * 2**20, 512 * 2**20  # [bytes]
 CONNECTIONS = 4  # simultaneous downloads
 

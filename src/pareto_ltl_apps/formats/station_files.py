@@ -31,7 +31,7 @@ from pareto_ltl.wind.sources.components import FROM, polar_winds
 from pareto_ltl.wind.sources.tables import seconds_of
 from pareto_ltl_apps.formats.station_tables import LOCAL, UTC, RawReports, read_reports
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.formats.station_files")
 DROPPED = {
     "incomplete": "have no direction, speed or place",
     "variable": "have a variable direction",

@@ -35,7 +35,7 @@ from pareto_ltl_apps.preflight.given_volume import given_area
 from pareto_ltl_apps.preflight.leaving import Area, border_area, leaving_rate
 
 if TYPE_CHECKING:
-    from pareto_ltl.planning.problem import Problem
+    from pareto_ltl.extend import Problem
 
 STREAM = "check"  # stream of the flights
 DRAWS = 4000  # of the wind at each step

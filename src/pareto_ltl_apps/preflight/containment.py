@@ -29,8 +29,7 @@ from pareto_ltl_apps.preflight.leaving import Area, border_area, corridor_area, 
 from pareto_ltl_apps.preflight.volumes import Deviations, Shape, Volumes
 
 if TYPE_CHECKING:
-    from pareto_ltl.planning.problem import Problem
-    from pareto_ltl.planning.records import PlannedPath
+    from pareto_ltl.extend import PlannedPath, Problem
 
 LEVELS = (1e-2, 1e-3, 1e-4)  # per flight hour
 STREAM = "contain"  # stream of the flights

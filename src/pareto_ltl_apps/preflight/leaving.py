@@ -10,9 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.extend import FailureRate, FlightEvent, FlightSample, count_agrees, weighted_samples
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.extend import (
+    FailureRate,
+    FlightEvent,
+    FlightSample,
+    PlannedPath,
+    Problem,
+    count_agrees,
+    weighted_samples,
+)
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.display import distance_text
 from pareto_ltl_apps.preflight.volumes import distance_to

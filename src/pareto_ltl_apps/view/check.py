@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pareto_ltl import Scene
-from pareto_ltl.planning.records import Plan
+from pareto_ltl.extend import Plan
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.map import LEFT, TEXT_LINE, column_map, draw_route

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pareto_ltl import Scene
-from pareto_ltl.planning.records import Plan
+from pareto_ltl.extend import Plan
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import plain_power
 from pareto_ltl_apps.view import style

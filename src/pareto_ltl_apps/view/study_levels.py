@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pareto_ltl import Scene, Settings
-from pareto_ltl.extend import Study
-from pareto_ltl.world.cells import Decomposition
+from pareto_ltl.extend import Decomposition, Study
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.axes import Figures
 from pareto_ltl_apps.view.map import LEFT, TEXT_LINE, column_map
