@@ -285,7 +285,12 @@ class Sizing:
     ) -> Level | str:  # fmt: skip
         """The volumes of one level, or why it cannot be shown."""
         sizing, fresh = samples
-        found = shaped.least_volumes(self.about, shape, sizing, in_all)
+        others = (
+            () if sizing.weight is None else shaped.PLAIN_SHAPES
+        )  # the shape is known from common flights
+        tried = [shaped.least_volumes(self.about, one, sizing, in_all) for one in (shape, *others)]
+        usable = [volumes for volumes in tried if volumes is not None]
+        found = min(usable, key=lambda volumes: volumes.volume_time) if usable else None
         radius = shaped.least_size(sizing, apart[0], in_all)
         if found is None or radius is None:
             return (

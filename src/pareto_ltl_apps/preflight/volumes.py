@@ -107,6 +107,7 @@ class Shape(NamedTuple):
         return math.log(self.along), *self[1:]
 
 
+PLAIN_SHAPES = (Shape(1.3, 0.3), Shape(1.0, 1.0, 1.0))  # for rare levels: ellipses, and a fixed buffer
 STARTS = ((0.3, 0.1, 0.1, 0.0, 0.0), (0.2, 0.9, 0.9, 0.0, 0.0))  # of the search: ellipses, and a fixed buffer
 
 
