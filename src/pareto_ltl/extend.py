@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pareto_ltl.run.record import Record, record
     from pareto_ltl.wind.error_law import LawPart
     from pareto_ltl.wind.law_of_parts import LawOfParts
-    from pareto_ltl.wind.named_laws import first_law, law_of_parts_named, packaged_laws
+    from pareto_ltl.wind.named_laws import first_law, law_of_newer_runs, law_of_parts_named, packaged_laws
     from pareto_ltl.wind.sources import WindSource
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "Record",
     "WindSource",
     "first_law",
+    "law_of_newer_runs",
     "law_of_parts_named",
     "packaged_laws",
     "record",
@@ -42,6 +43,7 @@ _EXPORTS = {
     "Record": "pareto_ltl.run.record",
     "WindSource": "pareto_ltl.wind.sources",
     "first_law": "pareto_ltl.wind.named_laws",
+    "law_of_newer_runs": "pareto_ltl.wind.named_laws",
     "law_of_parts_named": "pareto_ltl.wind.named_laws",
     "packaged_laws": "pareto_ltl.wind.named_laws",
     "record": "pareto_ltl.run.record",

@@ -200,6 +200,8 @@ def _named_law(result: Evidence, stated: ErrorLaw) -> str:
     source, named = str(settings["source"]), str(settings["forecast_error"])
     if named != "auto":
         return named
+    if level_of(result.wind.level)[0] == "depth" and source_of(source).law != "none":
+        return "currents"
     if source not in FROM_FILES:
         hourly = source == "noaa" and settings.get("model") == "hrrr"
         return "hourly_fine" if hourly else source_of(source).law or ("gfs" if stated.parts else "none")
