@@ -125,8 +125,8 @@ class PointWinds(DepartureWinds):
             f"Tested: the promise of a plan under its law, wind.forecast_error={law}, without the lasting "
             f"part, at {len(self.places)} places, against the newest runs (at most {newest:g} h old): what "
             "all runs have wrong is not tested. Between the places both promised and real flights draw the "
-            "error of interpolation in space; there the errors of forecasts are smaller than the law says, since "
-            "they are interpolated.\n"
+            "error of interpolation in space; there the errors of forecasts are smaller than the law says, "
+            "since they are interpolated.\n"
         )
 
 
