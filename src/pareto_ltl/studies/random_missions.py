@@ -269,7 +269,7 @@ def random_scene(
 ) -> Scene | None:  # fmt: skip
     """Regions, start and obstacles at a distance from one another; None if there is not enough space.
 
-    ``places`` (n, 2) [m] are those of the start and of the first regions; else they are random.
+    The start and the first regions are at ``places`` (n, 2) [m]; without these, they are random.
     """
     import shapely
 

@@ -68,11 +68,13 @@ def surface_of(longitude: float, latitude: float, side: float) -> str:
 
 
 def level_of(promise: float) -> str:
-    """The level that is nearest to a promise on a logarithmic scale, within a factor of the root of 3."""
-    for level in LEVELS:
-        if level / math.sqrt(3.0) <= promise < level * math.sqrt(3.0):
-            return f"{100 * level:g} %"
-    return f"below {100 * LEVELS[0] / math.sqrt(3.0):.1f} %" if promise < LEVELS[0] else "above 52 %"
+    """The level that is nearest to a promise on a logarithmic scale; of very low and high ones the range."""
+    least, most = LEVELS[0] / math.sqrt(3.0), LEVELS[-1] * math.sqrt(3.0)
+    if promise < least:
+        return f"below {100 * least:.1f} %"
+    if promise >= most:
+        return f"above {100 * most:.0f} %"
+    return f"{100 * min(LEVELS, key=lambda level: abs(math.log(level / promise))):g} %"
 
 
 def level_table(rows: Sequence[Mapping[str, Any]]) -> list[Columns]:

@@ -73,7 +73,7 @@ def full_winds(files: tuple[Path, ...], cfg: WindConfig, area: GeoBox | None) ->
 def table_snapshots(
     table: PointForecasts, places: FloatArray, file: Path, level: str
 ) -> tuple[Snapshot, ...]:
-    """Each forecast of a table as a field at those of its places (P, 2) [deg] that have a value."""
+    """Each forecast of a table as a field at the ``places`` (P, 2) [deg] that have a value."""
     known: BoolArray = np.asarray(np.isfinite(table.winds).all(axis=-1), bool)
     found = []
     for run, lead in np.argwhere(known.any(axis=1)).tolist():
