@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.random import Generator
@@ -30,7 +31,7 @@ from pareto_ltl.studies.random_missions import (
     situation_of,
 )
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.readings import HOUR, iso, seconds
 from pareto_ltl.wind.snapshots import known_at, latest_readings
@@ -40,6 +41,7 @@ AT_PLACES = 3  # the start and the first regions are at places
 EXTENT = (0.3, 0.8)  # least and greatest extent of these, in sides of the map
 CLOSEST = 0.2  # distance between two of them, in sides
 LAW_FILE = "law_of_newer_runs.json"
+OLDER = 24 * HOUR  # a mission is drawn again if its newest known run is older by more than this
 BEFORE = 6 * HOUR  # how long before departure winds are read
 
 
@@ -62,8 +64,14 @@ class PointWinds(DepartureWinds):
     def task(self, number: int) -> Mission:
         """Mission ``number``: its start and the regions a and b are at places."""
         cfg, seed = self.cfg, self.settings.seed
-        rng = generator_of(cfg, seed, number)
+        rng, delay = generator_of(cfg, seed, number), delay_of(cfg, seed, number)
         spell, departure = departure_of(cfg, rng, self.spells)
+        for _ in range(TRIES):
+            if self.foreseen(departure, delay):
+                break
+            spell, departure = departure_of(cfg, rng, self.spells)
+        else:
+            raise DataError(f"{self.truth.name}: no run that old covers a flight; lower {cfg.section}.hours")
         formula, scene, chosen = formula_of(cfg, rng), None, None
         for _ in range(TRIES):
             side = float(rng.uniform(cfg.side[0], cfg.side[1]))
@@ -84,8 +92,20 @@ class PointWinds(DepartureWinds):
         named = replace(cfg, situations="days") if cfg.situations == "auto" else cfg
         return Mission(
             number, replace(scene, border=self.settings.border), formula, spell, lat, lon,
-            situation_of(named, spell, departure, lon, lat), delay_of(cfg, seed, number),
+            situation_of(named, spell, departure, lon, lat), delay,
         )  # fmt: skip
+
+    @cached_property
+    def _cycles(self) -> tuple[FloatArray, FloatArray]:
+        """Start and time of each forecast [s since 1970]."""
+        return np.array([s.cycle for s in self.snapshots]), np.array([s.time for s in self.snapshots])
+
+    def foreseen(self, departure: float, delay: float) -> bool:
+        """Whether a run that begins ``delay`` [h] before departure, or a day earlier, covers a flight."""
+        cycles, times = self._cycles
+        age = departure - HOUR * delay - cycles
+        new = (age >= 0.0) & (age <= OLDER)
+        return bool((new & (times >= departure + HOUR * self.cfg.hours)).any())
 
     def readings(self, task: Mission, after: float = 0.0) -> Readings:
         """The newest forecast of each time that is known ``after`` [s] departure, up to the flight's end."""
