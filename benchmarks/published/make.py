@@ -1,9 +1,9 @@
 """Make the missions of the benchmark again: ``python -m published.make GRIB_FOLDER`` in ``benchmarks``.
 
 GRIB_FOLDER has GFS files of one degree, of the whole Earth: analyses (f000) and forecasts for 3 h (f003) of
-the cycles of 9, 10, 14 and 15 October 2018. Random missions all over the Earth are planned from what was known
-4 h before departure; those that this planner promises to fail in 1 to 20 % of the flights are kept, at most
-two in one situation, until there are ``COUNT``.
+the cycles of 9, 10, 14 and 15 October 2018. Random missions all over the Earth are planned from what was
+known 4 h before departure; those that this planner promises to fail in 1 to 20 % of the flights are kept, at
+most two in one situation, until there are ``COUNT``.
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def _own_promise(row: Mapping[str, Any]) -> str:
 def level_text(cards: Sequence[Columns]) -> str:
     """The table of levels in Markdown."""
     return markdown_table(
-        "All plans by promise; in brackets 95 % intervals with a situation as one trial",
+        "All plans by promise; intervals with a situation as one trial",
         {
             "planner": "fidelity",
             "level": "level",
@@ -152,7 +152,7 @@ def limit_table(rows: Sequence[Mapping[str, Any]]) -> list[Columns]:
 def limit_text(cards: Sequence[Columns]) -> str:
     """The table of conformal limits in Markdown."""
     return markdown_table(
-        "Conformal limits of the distance from the planned end, in standard deviations of a component",
+        "Distance from the planned end in standard deviations: conformal limits",
         {
             "planner": "fidelity",
             "holds the next mission with": lambda card: probability_text(card["share"]),
