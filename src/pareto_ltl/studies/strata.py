@@ -78,11 +78,19 @@ def level_of(promise: float) -> str:
 
 
 def level_table(rows: Sequence[Mapping[str, Any]]) -> list[Columns]:
-    """Promised and realised rates of all plans by the level of their promise."""
-    named = [dict(row) | {"level": level_of(row[_own_promise(row)])} for row in rows]
-    named.sort(key=lambda row: float(row[_own_promise(row)]))
-    cards = calibration.scorecard(named, LEVEL_KEYS)
-    return [card for card in cards if card["promise"] == _own_promise(card)]
+    """Promised and realised rates by the level of a promise; plans of one mission at one level are averaged."""
+    groups: dict[tuple[str, str, int], list[Mapping[str, Any]]] = {}
+    for row in sorted(rows, key=lambda row: float(row[_own_promise(row)])):
+        level = level_of(row[_own_promise(row)])
+        groups.setdefault((row["fidelity"], level, row["mission"]), []).append(row)
+    means = []
+    for (fidelity, level, mission), mine in groups.items():
+        first, name = mine[0], _own_promise(mine[0])
+        mean: Columns = {key: first[key] for key in ("departure", "situation") if key in first}
+        mean |= {"fidelity": fidelity, "level": level, "mission": mission}
+        mean |= {key: float(np.mean([row[key] for row in mine])) for key in (name, "failure")}
+        means.append(mean)
+    return calibration.scorecard(means, LEVEL_KEYS)
 
 
 def _own_promise(row: Mapping[str, Any]) -> str:
@@ -96,7 +104,6 @@ def level_text(cards: Sequence[Columns]) -> str:
         {
             "planner": "fidelity",
             "level": "level",
-            "plans": "plans",
             "missions": "missions",
             "situations": lambda card: str(card.get("situations", "-")),
             "promised, mean": lambda card: probability_text(card["promised"]),
