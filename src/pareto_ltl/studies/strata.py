@@ -78,7 +78,7 @@ def level_of(promise: float) -> str:
 
 
 def level_table(rows: Sequence[Mapping[str, Any]]) -> list[Columns]:
-    """Promised and realised rates by the level of a promise; plans of one mission at one level are averaged."""
+    """Promised and realised rates by level; plans of one mission at one level are averaged."""
     groups: dict[tuple[str, str, int], list[Mapping[str, Any]]] = {}
     for row in sorted(rows, key=lambda row: float(row[_own_promise(row)])):
         level = level_of(row[_own_promise(row)])
