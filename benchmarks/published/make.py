@@ -1,46 +1,55 @@
-"""Make the missions of the benchmark again: ``python -m published.make GRIB_FOLDER`` in ``benchmarks``.
+"""Make the data of the benchmark again: ``python -m published.make GRIB_FOLDER`` in ``benchmarks``.
 
-GRIB_FOLDER has GFS files of one degree, of the whole Earth: analyses (f000) and forecasts for 3 h (f003) of
-the cycles of 9, 10, 14 and 15 October 2018. Random missions all over the Earth are planned from what was
-known 4 h before departure; those that this planner promises to fail in 1 to 20 % of the flights are kept, at
-most two in one situation, until there are ``COUNT``.
+GRIB_FOLDER has GFS files of one degree: analyses (f000) and forecasts for 3 h (f003) of the cycles of 9, 10,
+14 and 15 October 2018, with the date of the cycle at the end of each name, as ``...2018100906f3``.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
-import hashlib
 import json
+import shutil
 import sys
-from dataclasses import asdict
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pareto_ltl import Readings
-from pareto_ltl.settings.building import build_settings
-from pareto_ltl.studies import forecast_test
-from pareto_ltl.studies.known_winds import DepartureWinds
-from pareto_ltl.studies.random_missions import Mission as Drawn
+from pareto_ltl.cli.commands import run_command_line
+from pareto_ltl.settings import ForecastTestConfig
+from pareto_ltl.studies.random_missions import Spell, mission
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import DataError, InfeasibleError
-from pareto_ltl.wind.readings import HOUR, farthest_points, iso, on_sphere, seconds
+from pareto_ltl.wind.readings import HOUR, seconds
 from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene import Scene
 from published.dataset import FOLDER, Mission
-from published.entries import QUICK, ours
 
-SEED, COUNT, MOST_TRIED = 2018, 40, 400
-EACH = 2  # most missions of a situation
-WANTED = (0.01, 0.20)  # promises
-KNOWN_POINTS, KNOWN_REACH, TRUE_REACH = 120, 7.0, 6.0  # places of a time; reach in latitude [deg]
-KNOWN_TIMES = 2  # the last ones
-DT, HOURS, FASTEST, GUSTS = 900.0, 6.0, 50.0, 0.3
-SOURCE = (
-    "US National Oceanic and Atmospheric Administration (NOAA), public domain (17 U.S.C. 105); GFS, a "
-    "selection, not an official NOAA product"
+SEED = 2018
+EACH = 6  # missions of a situation
+KNOWN_POINTS = 120  # readings at each time that a planner gets; of the true fields all nodes
+EVERY_NODE = 100_000
+CENTRES = [[-100.0, 35.5], [-92.0, 35.5], [-92.0, 40.5], [-100.0, 40.5]]  # of the maps [longitude, latitude]
+WINDS = [[-107.5, 28.5], [-84.5, 28.5], [-84.5, 47.5], [-107.5, 47.5]]  # of the tables
+
+
+@dataclass(frozen=True)
+class Situation:
+    """A departure, and the last cycle that is at least 4 h old then."""
+
+    name: str
+    departure: str
+    last_cycle: str
+    first_cycle: str
+    last_time: str
+    hours: float
+
+
+SITUATIONS = (
+    Situation("october_9", "2018-10-09T18:00:00Z", "2018100912", "2018100900", "2018-10-10T15:00:00Z", 15.0),
+    Situation("october_14", "2018-10-14T18:00:00Z", "2018101412", "2018101412", "2018-10-15T09:00:00Z", 15.0),
 )
 
 
@@ -52,89 +61,64 @@ def main(argv: list[str] | None = None) -> int:
     asked = parser.parse_args(argv)
     for name in ("maps", "winds"):
         (asked.out / name).mkdir(parents=True, exist_ok=True)
-    known = known_winds(asked.folder)
-    rows: list[Mission] = []
-    for number in range(MOST_TRIED):
-        task = known.task(number)
-        if sum(row.situation == task.situation for row in rows) < EACH:
-            row = written(known, task, f"m{len(rows):02d}", asked.out)
-            rate = promise_of(row, asked.out)
-            print(number, task.situation, rate, flush=True)
-            if rate is not None and WANTED[0] <= rate <= WANTED[1]:
-                rows.append(row)
-        if len(rows) == COUNT:
-            break
-    for path in asked.out.glob(f"*/m{len(rows):02d}*"):  # of the last one, if it was not kept
-        path.unlink()
+    rows = []
+    for number, situation in enumerate(SITUATIONS):
+        write_winds(situation, asked.folder, asked.out / "winds")
+        rows += [one_mission(situation, number * EACH + k, asked.out) for k in range(EACH)]
     content = {"seed": SEED, "missions": [asdict(row) for row in rows]}
     (asked.out / "missions.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    digests = {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in known.truth.files}
-    origin = {"source": SOURCE, "files": digests}
-    (asked.out / "winds" / "origin.json").write_text(json.dumps(origin, indent=1) + "\n", encoding="utf-8")
     return 0
 
 
-def known_winds(folder: Path) -> DepartureWinds:
-    """All winds of the Earth, and what is known 4 h before a departure."""
-    area = [[-180.0, -66.0], [180.0, -66.0], [180.0, 66.0], [-180.0, 66.0]]
-    test = {
-        "truth": str(folder), "area": area, "side": [250e3, 400e3], "obstacles": [2, 5], "hours": HOURS,
-        "points": None, "situations": "boxes", "delay": 4.0,
-    }  # fmt: skip
-    settings = build_settings({**QUICK, "seed": SEED, "forecast_test": test})
-    found = forecast_test.known_of_files(settings, settings.forecast_test, Path())
-    assert isinstance(found, DepartureWinds)
-    return found
-
-
-def promise_of(row: Mission, folder: Path) -> float | None:
-    """The rate that this planner promises; None without a plan."""
-    try:
-        return ours(row, folder).promised
-    except (InfeasibleError, DataError):
-        return None
-
-
-def written(known: DepartureWinds, task: Drawn, name: str, out: Path) -> Mission:
-    """Write the map and the winds of a mission."""
-    departure = seconds(str(task.scene.time_zero))
-    text = json.dumps(map_document(task.scene), indent=None)
-    (out / "maps" / f"{name}.geojson").write_text(
-        text.replace('{"type": "Feature"', '\n{"type": "Feature"') + "\n"
+def write_winds(situation: Situation, folder: Path, out: Path) -> None:
+    """The tables of a situation: what is known 4 h before departure, and the newest winds of each time."""
+    s = situation
+    ingest(
+        folder,
+        lambda cycle: s.first_cycle <= cycle <= s.last_cycle,
+        out / f"{s.name}_known.csv",
+        KNOWN_POINTS,
     )
-    before = known.readings(task)
-    times = range(max(0, len(before.times) - KNOWN_TIMES), len(before.times))
-    write_winds(out / "winds" / f"{name}_known.csv", before, times, task, KNOWN_REACH, KNOWN_POINTS)
-    later = known.truth
-    first = int(np.searchsorted(later.times, departure, side="right")) - 1
-    last = int(np.searchsorted(later.times, departure + HOUR * HOURS))
-    write_winds(out / "winds" / f"{name}_true.csv", later, range(first, last + 1), task, TRUE_REACH, None)
-    return Mission(
-        name=name, situation=task.situation, formula=task.formula, departure=str(task.scene.time_zero),
-        map=f"maps/{name}.geojson", known=f"winds/{name}_known.csv", truth=f"winds/{name}_true.csv",
-        dt=DT, hours=HOURS, u_min=0.0, u_max=FASTEST, gust_sd=GUSTS,
+    ingest(
+        folder, lambda cycle: s.first_cycle <= cycle, out / f"{s.name}_true.csv", EVERY_NODE,
+        f"ingest.first={s.departure}", f"ingest.last={s.last_time}",
     )  # fmt: skip
 
 
-def write_winds(
-    path: Path, readings: Readings, times: range, task: Drawn, reach: float, most: int | None
-) -> None:
-    """The winds of some times within ``reach`` [deg] of latitude, at most at ``most`` places."""
-    rows = []
-    for k in times:
-        points = readings.points[k]
-        east = (points[:, 0] - task.longitude + 180.0) % 360.0 - 180.0
-        wide = reach / np.cos(np.deg2rad(task.latitude))
-        near = np.flatnonzero((np.abs(points[:, 1] - task.latitude) <= reach) & (np.abs(east) <= wide))
-        if most is not None:
-            near = near[np.sort(farthest_points(on_sphere(points[near]), most, len(near) // 2))]
-        for (lon, lat), (u, v) in zip(points[near], readings.winds[k][near], strict=True):
-            lead = f"{readings.leads[k] / HOUR:g}"
-            rows.append([iso(float(readings.times[k])), f"{lat:g}", f"{lon:g}", f"{u:.2f}", f"{v:.2f}", lead])
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["time", "lat", "lon", "u", "v", "lead_hours"])
-        table.writerows(rows)
+def ingest(folder: Path, wanted: Callable[[str], bool], out: Path, points: int, *words: str) -> None:
+    """``pareto-ltl ingest`` of the files of some cycles."""
+    with tempfile.TemporaryDirectory() as place:
+        for file in folder.iterdir():
+            cycle = file.name.rpartition(".")[2].removesuffix("f3")
+            if file.is_file() and cycle.isdigit() and wanted(cycle):
+                shutil.copy(file, place)
+        area = json.dumps(WINDS, separators=(",", ":"))
+        code = run_command_line([
+            "ingest", "wind=grib", f"wind.path={place}", f"ingest.out={out.resolve()}",
+            f"ingest.points={points}",
+            f"ingest.area={area}", *words, f"hydra.run.dir={place}/run", "--quiet",
+        ])  # fmt: skip
+    if code:
+        raise SystemExit(code)
+
+
+def one_mission(situation: Situation, number: int, out: Path) -> Mission:
+    """Draw a random mission of the situation and write its map."""
+    cfg = ForecastTestConfig(area=CENTRES, hours=situation.hours)
+    departure = seconds(situation.departure)
+    spell = Spell(0, 0, departure - HOUR * cfg.wait, departure + HOUR * cfg.hours)  # of one departure
+    drawn = mission(cfg, SEED, number, [spell])
+    name = f"{situation.name}_{number % EACH}"
+    text = json.dumps(map_document(drawn.scene), indent=None)
+    (out / "maps" / f"{name}.geojson").write_text(
+        text.replace('{"type": "Feature"', '\n{"type": "Feature"') + "\n"
+    )
+    return Mission(
+        name=name, situation=situation.name, formula=drawn.formula, departure=situation.departure,
+        map=f"maps/{name}.geojson", known=f"winds/{situation.name}_known.csv",
+        truth=f"winds/{situation.name}_true.csv", dt=1800.0, hours=situation.hours, u_min=0.0, u_max=30.0,
+        gust_sd=0.3,
+    )  # fmt: skip
 
 
 def map_document(scene: Scene) -> dict[str, Any]:
@@ -160,8 +144,7 @@ def feature(role: str, name: str, kind: str, coordinates: Any) -> dict[str, Any]
 
 def lonlat(scene: Scene, points: FloatArray) -> list[list[float]]:
     """Longitude and latitude [deg] of ``points`` (N, 2) [m], to about a metre."""
-    places: list[list[float]] = np.round(np.column_stack(to_geographic(str(scene.crs), points)), 5).tolist()
-    return places
+    return np.round(np.column_stack(to_geographic(str(scene.crs), points)), 5).tolist()
 
 
 if __name__ == "__main__":

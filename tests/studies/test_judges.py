@@ -204,6 +204,7 @@ def test_missions_are_on_land_on_sea_or_at_the_coast() -> None:
 def test_regions_are_longitudes_in_america_and_latitudes_elsewhere() -> None:
     cfg = ForecastTestConfig()
     assert strata.region_of(cfg, -100.0, 40.0) == "105 to 90 W"
+    assert strata.region_of(cfg, 15.0, 60.0) == "50 to 90 degrees"  # a table of places elsewhere
     world = replace(cfg, area=[[-180, -60], [180, -60], [180, 60], [-180, 60]])
     assert strata.region_of(world, -100.0, -40.0) == "25 to 50 degrees"
     assert strata.region_order("105 to 90 W") < strata.region_order("25 to 50 degrees")

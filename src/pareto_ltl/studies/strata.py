@@ -32,7 +32,8 @@ LIMITS = (0.5, 0.8, 0.9, 0.95, 0.99)
 def region_of(cfg: ForecastTestConfig, longitude: float, latitude: float) -> str:
     """The region of a mission: a part of the United States, or a range of latitudes."""
     corners = np.array(cfg.area, float)
-    if corners[:, 0].min() >= AMERICA[0] and corners[:, 0].max() <= AMERICA[1]:
+    least, most = min(longitude, corners[:, 0].min()), max(longitude, corners[:, 0].max())
+    if AMERICA[0] <= least and most <= AMERICA[1]:
         return next(name for name, end in LONGITUDES.items() if longitude < end)
     return next(name for name, end in LATITUDES.items() if abs(latitude) <= end)
 
