@@ -11,7 +11,7 @@ it is the mean from 30 to 48 h.
 *Forecasts*: no table of forecasts of currents with leads is at hand. Tidal lines come first: at each node a
 mean, M2 and a day cycle are fitted to the 43 h up to an hour t; ahead of t the current is these lines and the
 difference that remains at t. The error of that after a time L stands for the error of a forecast of lead L:
-an ocean model that knows no more than the tide would have it. The variance does not fall with the lead. Its
+an ocean model that knows only the tide would have it. The variance does not fall with the lead. Its
 two parts differ in length (fitted to the correlations over distance); their memory is the one whose
 displacements after 6, 12 and 24 h are closest to the measured ones; the tails are from the kurtosis.
 
@@ -47,7 +47,7 @@ ORIGIN = (
     "NorKyst-800 of MET Norway (CC BY), hourly surface currents of 67 h from 16 November 2015 off western "
     "Norway, every third node (sdist of opendrift 1.14.12): one situation. Held currents: their mean square "
     "change. Forecasts: the error of M2 and a day cycle, fitted to 43 h, with the last difference held, "
-    "which stands for a model that knows no more than the tide; no forecasts of currents with leads are in "
+    "which stands for a model that knows only the tide; no forecasts of currents with leads are in "
     "it, and no error that lasts"
 )
 
