@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pareto_ltl.simulation.samples import FlightSample, plain_sample, weighted_samples
     from pareto_ltl.wind.error_law import LawPart
     from pareto_ltl.wind.law_of_parts import LawOfParts
-    from pareto_ltl.wind.named_laws import first_law, law_of_parts_named, packaged_laws
+    from pareto_ltl.wind.named_laws import first_law, law_of_newer_runs, law_of_parts_named, packaged_laws
     from pareto_ltl.wind.sources import WindSource
     from pareto_ltl.world.cells import Decomposition
 
@@ -57,6 +57,7 @@ __all__ = [
     "completing_path",
     "count_agrees",
     "first_law",
+    "law_of_newer_runs",
     "law_of_parts_named",
     "packaged_laws",
     "plain_sample",
@@ -90,6 +91,7 @@ _EXPORTS = {
     "completing_path": "pareto_ltl.planning.evaluate",
     "count_agrees": "pareto_ltl.simulation.promise",
     "first_law": "pareto_ltl.wind.named_laws",
+    "law_of_newer_runs": "pareto_ltl.wind.named_laws",
     "law_of_parts_named": "pareto_ltl.wind.named_laws",
     "packaged_laws": "pareto_ltl.wind.named_laws",
     "plain_sample": "pareto_ltl.simulation.samples",

@@ -59,7 +59,7 @@ SOURCES = {
     **dict.fromkeys(("noaa", "aigfs", "aigefs"), Source("gfs", ensemble=True, level=True)),
     **dict.fromkeys(("ifs", "aifs"), Source("ecmwf_class", ensemble=True, level=True)),
     "nbm": Source("hourly_fine", ensemble=True, level=True),
-    **dict.fromkeys(CURRENTS, Source("none", ensemble=False, level=False)),
+    **dict.fromkeys(CURRENTS, Source("currents", ensemble=False, level=False)),
     "ensemble": Source("gfs", ensemble=True, level=True),
     "given": Source(None, ensemble=True, level=True),
     "calm": Source(None, ensemble=False, level=False),

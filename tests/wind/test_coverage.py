@@ -144,10 +144,10 @@ def test_a_single_time_without_a_lead_is_as_old_as_a_forecast_just_published():
         ({"forecast_error": "none"}, {"hours": [0, 3]}),
         ({"source": "stations"}, {"hours": [0, 3]}),
         ({"source": "sample", "path": None, "forecast_error": "gfs"}, {"hours": [0, 3]}),
-        ({}, {"hours": [0, 3], "level": "0m depth"}),
+        ({"forecast_error": "none"}, {"hours": [0, 3], "level": "0m depth"}),
     ],
 )
-def test_analyses_observations_and_currents_imply_no_lead(settings, made, caplog):
+def test_analyses_observations_and_currents_without_a_law_imply_no_lead(settings, made, caplog):
     seen = place_readings(cfg(**settings), readings(leads=np.nan, **made), SCENE)
     assert np.isnan(seen.leads).all()
     assert "how old" not in caplog.text

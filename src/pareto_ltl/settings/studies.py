@@ -139,7 +139,10 @@ class ForecastTestConfig(CheckedSettings, section="forecast_test"):
         choices=("departure", "all"),
     )
     truth: str | None = setting(
-        None, "folder of GRIB2 files with the full fields; null: the NOAA files beside the checkout"
+        None,
+        "folder of GRIB2 files with the full fields, a table of fields (.npz with uv by time, lat, lon), or "
+        "a table of forecasts by run, place and lead (.npz, .nc, .csv); null: the NOAA files beside the "
+        "checkout",
     )
     missions: int = setting(100, "number of random missions", "[1, 1e6]")
     area: list[Any] = setting(
@@ -165,6 +168,21 @@ class ForecastTestConfig(CheckedSettings, section="forecast_test"):
     delay: float = setting(
         4.0, "age at departure of the newest forecast that the planner may use", "[0, 1e5]", unit="h"
     )
+    delay_most: float | None = setting(
+        None,
+        "largest age of that forecast: each mission draws it between delay and this; null: delay",
+        "[0, 1e5]",
+        unit="h",
+    )
+    same_map: bool = setting(
+        False, "one map and formula for all missions, moved over the area (the same kilometres)"
+    )
+    situations: str = setting(
+        "auto",
+        "what shares its weather: a period of fields, a span of two days, or a box of 12 x 24 degrees in "
+        "such a span; auto: days for a table of forecasts at places, else period",
+        choices=("auto", "period", "days", "boxes"),
+    )
     points: int | None = setting(
         120,
         "readings at each time that the planner gets, spread over the area; null: every grid node",
@@ -182,7 +200,7 @@ class ForecastTestConfig(CheckedSettings, section="forecast_test"):
     @property
     def wait(self) -> float:
         """Hours from the first field of a period to the earliest departure whose winds can be known."""
-        return self.delay if self.known == "departure" else 0.0
+        return max(self.delay, self.delay_most or 0.0) if self.known == "departure" else 0.0
 
     def check_combinations(self) -> None:
         """Refuse ranges out of order, an area with fewer than three corners and an empty list of formulas."""
@@ -191,6 +209,10 @@ class ForecastTestConfig(CheckedSettings, section="forecast_test"):
                 raise wrong_value(f"{self.section}.{key}", "be [least, most]", pair)
         if self.side[0] == 0:
             raise wrong_value(f"{self.section}.side", "be positive [m]", self.side[0])
+        if self.delay_most is not None and self.delay_most < self.delay:
+            raise wrong_value(
+                f"{self.section}.delay_most", f"be at least delay = {self.delay:g}", self.delay_most
+            )
         check_outline(f"{self.section}.area", self.area)
         if len(self.area) < 3:
             raise ConfigError(f"{self.section}.area must be at least three corners [longitude, latitude]")

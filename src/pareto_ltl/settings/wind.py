@@ -52,13 +52,13 @@ WIND_SOURCES = {
         ("noaa", "nbm", "aigfs", "aigefs", "ifs", "aifs"),
         SourceKind(reads_path=False, forecast_error="gfs", live=True),
     ),
-    "rtofs": SourceKind(reads_path=False, forecast_error="none", current=True, live=True),
-    "currents": SourceKind(reads_path=True, forecast_error="none", current=True),
+    "rtofs": SourceKind(reads_path=False, forecast_error="currents", current=True, live=True),
+    "currents": SourceKind(reads_path=True, forecast_error="currents", current=True),
     "ensemble": SourceKind(reads_path=True, forecast_error="gfs"),
     "given": SourceKind(reads_path=False, forecast_error="gfs"),
     "calm": SourceKind(reads_path=False, forecast_error="none"),
 }  # wind/sources has the reader of each, pareto_ltl_verify/wind_tables.py what verify knows
-LAW_WORDS = ("auto", "none", "gfs", "icon_eu", "ecmwf_class", "hourly_fine", "gfs_one_part")
+LAW_WORDS = ("auto", "none", "gfs", "icon_eu", "ecmwf_class", "hourly_fine", "currents", "gfs_one_part")
 NOAA_MODELS = ("gfs", "hrrr", "gefs")
 GP_KERNELS = ("matern12", "matern32", "rbf")
 
@@ -85,9 +85,10 @@ class WindConfig(CheckedSettings, section="wind"):
     )
     forecast_error: str = setting(
         "auto",
-        "law of forecast errors: none, gfs, icon_eu, ecmwf_class, hourly_fine (HRRR, NBM), gfs_one_part (the "
-        "law of versions before 1.0) or a file of `pareto-ltl wind-error`; auto: the law of the model of the "
-        "forecast where it is known, else gfs; none for the packaged sample, stations and currents",
+        "law of forecast errors: none, gfs, icon_eu, ecmwf_class, hourly_fine (HRRR, NBM), currents, "
+        "gfs_one_part (the law of versions before 1.0) or a file of `pareto-ltl wind-error`; auto: the law "
+        "of the model of the forecast where it is known, else gfs; currents for currents of the sea; none "
+        "for the packaged sample and stations",
     )
     ensemble_prior: float = setting(
         10.0,

@@ -157,9 +157,8 @@ def _tail_text(law: ErrorLaw) -> str:
     if law.situations is None:
         return ""
     tails = "" if law.tail is None else " with heavy tails"
-    return (
-        f"{tails} ({law.situations} situations, which cannot tell rates below {probability_text(law.floor)})"
-    )
+    count = f"{law.situations} situation{'s' * (law.situations != 1)}"
+    return f"{tails} ({count}, which cannot tell rates below {probability_text(law.floor)})"
 
 
 def _time_part(field: WindField, time_zero: str | None, covered: list[str], left: list[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,11 @@ from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.wind.error_law import ErrorLaw
 from pareto_ltl.wind.forecast_error import FORECAST_ERROR_SCHEMA, ForecastError, forecast_error_of
-from pareto_ltl.wind.law_of_parts import LAW_OF_PARTS_SCHEMA, LawOfParts, law_of_parts_of
+from pareto_ltl.wind.law_of_parts import LAW_OF_PARTS_SCHEMA, OWN, LawOfParts, law_of_parts_of
 
 LAWS_FOLDER = PACKAGE / "support" / "data" / "forecast_errors"
 PARTS_FOLDER = LAWS_FOLDER / "parts"
-AUTO, NONE, ONE_PART = "auto", "none", "gfs_one_part"
+AUTO, NONE, ONE_PART, CURRENTS = "auto", "none", "gfs_one_part", "currents"
 LAW_FILE = Advice(
     damaged="expected a file of `pareto-ltl wind-error`", missing="name a file of `pareto-ltl wind-error`"
 )
@@ -62,6 +63,15 @@ def law_of_parts_named(name: str) -> LawOfParts:
             f"table; expected one of {', '.join(packaged_laws())}, or a file of `pareto-ltl wind-error TABLE`"
         )
     return law
+
+
+def law_of_newer_runs(name: str) -> ErrorLaw:
+    """The law of a value of ``wind.forecast_error`` without what winds of newer runs cannot show.
+
+    ``auto`` is ``gfs``.
+    """
+    law = law_named("gfs" if name == AUTO else name)
+    return replace(law, parts=law.seen_by(OWN)) if isinstance(law, LawOfParts) else law
 
 
 def first_law() -> ForecastError:

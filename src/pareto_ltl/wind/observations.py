@@ -10,6 +10,7 @@ import numpy as np
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import DEPTH, parse_level
 from pareto_ltl.support.times import HOUR, iso, seconds
@@ -18,7 +19,7 @@ from pareto_ltl.wind.area import swap_question
 from pareto_ltl.wind.doubts import assumed_leads, edge_warning, refuse_small_extent, spread_warning
 from pareto_ltl.wind.error_law import ErrorLaw, Variability
 from pareto_ltl.wind.gp import CORRELATIONS, pairwise_distances
-from pareto_ltl.wind.named_laws import AUTO, law_named
+from pareto_ltl.wind.named_laws import AUTO, CURRENTS, NONE, law_named
 from pareto_ltl.wind.readings import Readings, farthest_points, on_sphere
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import wind_source
@@ -33,6 +34,7 @@ OLDEST_ANALYSIS = 48 * HOUR  # before departure, of those that show how variable
 LAW_WEIGHT = 10.0  # degrees of freedom of the law; before data, the factor of D has the sd 0.5
 LEAST_FACTOR, MOST_FACTOR = 0.25, 4.0  # of D
 OLDEST_HELD = 48.0  # [h] longest time for which a message advises to hold the last field
+FEW_SITUATIONS = 10  # a law of fewer is used with a warning
 LOG = logging.getLogger(__name__)
 
 
@@ -127,15 +129,24 @@ def law_of_wind(cfg: WindConfig, readings: Readings) -> ErrorLaw:
     name = cfg.forecast_error
     if name == AUTO:
         name = readings.law or wind_source(cfg).forecast_error
-    return law_named(name)
+        if name != NONE and parse_level(readings.level).kind == DEPTH:
+            name = CURRENTS
+    law = law_named(name)
+    if law.situations is not None and law.situations < FEW_SITUATIONS:
+        LOG.warning(
+            "%s: the law of errors %s rests on %d situation%s: no promise below %s can be claimed; estimate "
+            "a law of your own forecasts (pareto-ltl wind-error) for lower ones", readings.name, law.name,
+            law.situations, "s" * (law.situations > 1), probability_text(law.floor),
+        )  # fmt: skip
+    return law
 
 
 def _implied_leads(cfg: WindConfig, readings: Readings) -> FloatArray:
     """The leads (K,) [s], assumed where the files do not state them; a warning says so.
 
-    The packaged sample, currents and observations are no forecasts.
+    The packaged sample and observations are no forecasts.
     """
-    if not of_weather_model(cfg, readings):
+    if not wind_source(cfg).modelled:
         return readings.leads
     leads, message = assumed_leads(readings)
     if message:

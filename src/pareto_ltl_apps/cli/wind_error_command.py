@@ -45,13 +45,13 @@ def wind_error(options: Namespace) -> Answer:
     from pareto_ltl.settings import WindConfig
     from pareto_ltl.support.files import write_json
     from pareto_ltl.wind.area import box_of
-    from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
     from pareto_ltl_apps.view.wind_error import draw_wind_error
     from pareto_ltl_apps.wind_errors.error_estimate import error_document, estimate_errors, estimated_law
+    from pareto_ltl_apps.wind_errors.full_winds import full_winds
     from pareto_ltl_apps.wind_errors.matched_fields import Resampling
 
     box = None if area is None else box_of(np.array(area, float))
-    snapshots = grib_snapshots_apart(files, WindConfig().max_speed, options.level, box).winds
+    snapshots = full_winds(files, WindConfig(level=options.level), box).winds
     draws = Resampling(options.seed, options.block)
     estimate = estimate_errors(snapshots, area, draws, HOUR * options.max_lag)
     usual = first_law()

@@ -17,6 +17,7 @@ import numpy as np
 
 from pareto_ltl.settings import preset
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl_apps.studies.tables import Columns, markdown_table, mean_chance_columns, rate_cell
 
@@ -178,6 +179,12 @@ def situation_columns(realised: FloatArray, situations: Sequence[str]) -> Column
     floor: the next situation is the worst of n + 1 with that probability.
     """
     n, low, high = mean_interval(realised, situations)
+    # Rates that are all near 0 or 1 have no spread from which an interval follows: the exact one of n trials.
+    events = float(realised.mean()) * n
+    if events < 1.0:
+        high = max(high, clopper_pearson(math.ceil(events), n)[1])
+    if events > n - 1.0:
+        low = min(low, clopper_pearson(math.floor(events), n)[0])
     ends = {"by_situation_low": max(0.0, low), "by_situation_high": min(1.0, high)}
     return {"situations": n} | ends | {"floor": 1.0 / (n + 1)}
 

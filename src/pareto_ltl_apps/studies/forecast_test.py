@@ -21,38 +21,38 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings
-from pareto_ltl.extend import Front, PlannedPath, Problem, Study
+from pareto_ltl.extend import Front, PlannedPath, Study
 from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, preset
 from pareto_ltl.settings.fidelity import FidelityConfig
-from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.area import GeoBox, box_of
 from pareto_ltl.wind.ingest import common_nodes
 from pareto_ltl.wind.observations import FIT_RADIUS
 from pareto_ltl.wind.snapshots import Snapshot, latest_readings
-from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
-from pareto_ltl_apps.studies import calibration, random_missions
+from pareto_ltl_apps.studies import calibration, random_missions, strata
 from pareto_ltl_apps.studies.calibration import CHOSEN
 from pareto_ltl_apps.studies.known_winds import KNOWN_WINDS, KnownWinds
 from pareto_ltl_apps.studies.parts import Part, PartWork, Progress, part_key, work_parts
 from pareto_ltl_apps.studies.planning import fly_seeded
+from pareto_ltl_apps.studies.point_winds import PointWinds
 from pareto_ltl_apps.studies.random_missions import Mission
 from pareto_ltl_apps.studies.tables import Columns
+from pareto_ltl_apps.wind_errors.full_winds import full_winds
 
-# Of the contiguous United States, with their eastern ends [deg].
-REGIONS = {"west of 105 W": -105.0, "105 to 90 W": -90.0, "east of 90 W": 180.0}
-REGION_KEYS = ("fidelity", "region")
+REGION_KEYS, SURFACE_KEYS = ("fidelity", "region"), ("fidelity", "surface")
 LEAD_KEYS = ("fidelity", "season", "lead")
 SEASONS = ("Dec to Feb", "Mar to May", "Jun to Aug", "Sep to Nov")
 LEADS = (6.0, 12.0, 24.0, 48.0)  # ends of the groups by lead [h]
 HELD = "held field"
 ENOUGH = 20  # least number of missions of a bin that counts in the numbers
 RIM = 4.0  # [deg] around the area of the missions in which readings are used, for scenes at its edge
+WHOLE_EARTH = 300.0  # [deg] of longitude
 HALF_HOUR = 1800.0  # time step of robot.dt=auto here [s]
 UNIMPORTANT = ("truth", "missions", "bins")  # settings that do not change a single mission
 PLACE = ("formula", "departure", "situation", "latitude", "longitude")  # of a mission, in the table of plans
 KNOWN = ("known_hours", "cycle_hours")
-OUTCOMES = ("failure", "missed", "collided", "off_map", "miss_m", "sd_m")
+OUTCOMES = ("failure", "missed", "collided", "off_map", "miss_m", "sd_m", "spread_m")
 ENDS = ("", "_low", "_high")
 
 
@@ -85,13 +85,23 @@ def work_missions(known: KnownWinds, work: PartWork, more: Any, progress: Progre
 
 def known_of_files(settings: Settings, cfg: ForecastTestConfig, directory: Path) -> KnownWinds:
     """The winds of all missions, from the full fields that ``cfg`` names."""
-    files, wind = random_missions.full_fields(cfg), settings.wind
-    fields = grib_snapshots_apart(files, wind.max_speed, wind.level, needed_area(settings, cfg))
-    return known_winds(settings, cfg, directory, fields.winds, files)
+    full = full_winds(random_missions.full_fields(cfg), settings.wind, needed_area(settings, cfg))
+    if full.places is None:
+        return known_winds(settings, cfg, directory, full.winds, full.files)
+    if cfg.known != "departure":
+        raise ConfigError(
+            f"{cfg.section}.truth={cfg.truth} is a table of forecasts at places, which tests forecasts only: "
+            f"set {cfg.section}.known=departure, or name a folder of fields"
+        )
+    truth = full.truth()
+    spells = tuple(random_missions.spells(truth, cfg))
+    return PointWinds(settings, cfg, directory, full.winds, truth, spells, {}, full.places)
 
 
 def needed_area(settings: Settings, cfg: ForecastTestConfig) -> GeoBox:
     """The part of the fields that missions can need: for the lattice of a scene at the edge, and readings."""
+    if np.ptp(np.array(cfg.area)[:, 0]) >= WHOLE_EARTH:
+        return GeoBox(-180.0, -90.0, 360.0, 90.0)
     margin = cfg.side[1] / 2 + settings.wind.padding + FIT_RADIUS
     return box_of(np.array(_rim_outline(cfg))).widened(margin)
 
@@ -125,11 +135,11 @@ def known_winds(
 def mission_part(known: KnownWinds, k: int) -> Columns:
     """A mission, its plans with each fidelity, and the outcomes of their flights."""
     settings, cfg = known.settings, known.cfg
-    task = random_missions.mission(cfg, settings.seed, k, known.spells, settings.border)
+    task = known.task(k)
     row: Columns = {
         "formula": task.formula,
         "departure": task.scene.time_zero,
-        "situation": task.spell.name,
+        "situation": task.situation,
         "latitude": task.latitude,
         "longitude": task.longitude,
         "side": float(np.ptp(task.scene.bounds[:, 0])),
@@ -177,10 +187,10 @@ def _flown_plans(
     known: KnownWinds, run: Run, paths: Sequence[tuple[str, PlannedPath]], seed: int
 ) -> Iterator[Columns]:
     """Each path with its promises and the outcomes of its flights in the real wind."""
-    runs, real = (known.settings.deployment.runs if known.cfg.gusts > 0 else 1), reality(known, run)
+    runs, real = (known.settings.deployment.runs if known.cfg.gusts > 0 else 1), known.reality(run)
     promises = known.promised(run, [path for _, path in paths], seed)
     for (kind, path), promised in zip(paths, promises, strict=True):
-        flights = fly_seeded(real, path.u, runs, "independent", seed, path.x)
+        flights = fly_seeded(real, path.u, runs, known.law_of_reality, seed, path.x)
         yield {
             "kind": kind,
             "origin": path.origin,
@@ -194,16 +204,8 @@ def _flown_plans(
             "off_map": float(flights.off_map.mean()),
             "miss_m": float(np.linalg.norm(flights.x[:, -1].mean(axis=0) - path.x[-1])),
             "sd_m": float(np.sqrt(np.trace(path.cov[-1]) / 2)),
+            "spread_m": float(np.sqrt(flights.x[:, -1].var(axis=0).mean())),
         }
-
-
-def reality(known: KnownWinds, run: Run) -> Problem:
-    """The problem of ``run`` with the real wind."""
-    real = random_missions.real_wind(known.cfg, run.settings.wind, known.truth, run.scene, run.wind)
-    world = run.make("scene", "cells", "automaton")  # they do not depend on the fidelity
-    # Without modes: the field is known, and gusts are independent at each step.
-    models = replace(preset("paper"), collision_bound=run.settings.fidelity.collision_bound)
-    return Run(replace(run.settings, fidelity=models), world | {"wind": real}).problem
 
 
 # --- all missions ----------------------------------------------------------------------------
@@ -232,17 +234,19 @@ def plan_rows(cfg: ForecastTestConfig, results: Sequence[Mapping[str, Any]]) -> 
     unknown = dict.fromkeys(sorted({n for r in results for p in r["plans"] for n in p["promised"]}), math.nan)
     rows = []
     for k, result in enumerate(results):
-        region = next(name for name, end in REGIONS.items() if result["longitude"] < end)
+        place = result["longitude"], result["latitude"]
+        region, surface = strata.region_of(cfg, *place), strata.surface_of(*place, result.get("side", 0.0))
         for plan in result["plans"]:
             row: Columns = {"mission": k, "readings": "every node" if cfg.points is None else cfg.points}
             row |= {name: result.get(name, "") for name in PLACE} | {"region": region}
+            row |= {"surface": surface}
             row |= {name: plan[name] for name in ("kind", "fidelity")}
             row |= {name: result[name] for name in KNOWN if name in result} | {"steps": plan["steps"]}
             if cfg.known == "departure":
                 row |= {"season": season_of(result["departure"])}
                 row |= {"lead": lead_of(plan["hours"], *(result[name] for name in KNOWN))}
             row |= {"length_m": plan["objectives"]["length"]} | unknown | plan["promised"]
-            rows.append(row | {name: plan[name] for name in OUTCOMES})
+            rows.append(row | {name: plan.get(name, 0.0) for name in OUTCOMES})
     return rows
 
 
@@ -255,7 +259,7 @@ def missions_study(known: KnownWinds, results: Sequence[Mapping[str, Any]]) -> S
             f"planner.n_max or robot.u_max, or lower {cfg.section}.side"
         )
     rows = plan_rows(cfg, results)
-    chosen = sorted(filter(_is_chosen, rows), key=lambda row: list(REGIONS).index(row["region"]))
+    chosen = sorted(filter(_is_chosen, rows), key=lambda row: strata.region_order(row["region"]))
     tables = {
         cfg.section: rows,
         "reliability": calibration.reliability(rows, cfg.bins),
@@ -264,6 +268,9 @@ def missions_study(known: KnownWinds, results: Sequence[Mapping[str, Any]]) -> S
     }
     if cfg.known == "departure":
         tables["leads"] = calibration.scorecard(chosen, LEAD_KEYS)
+        tables["surfaces"] = calibration.scorecard(chosen, SURFACE_KEYS)
+        tables["levels"] = strata.level_table(list(filter(_of_own_law, rows)))
+        tables["limits"] = strata.limit_table(chosen)
     reasons = {k: _reason_of(result) for k, result in enumerate(results) if not planned[k]}
     tables["no_plan"] = [{"mission": k, "reason": reason} for k, reason in reasons.items()]
     numbers = {"missions": float(len(results)), "missions_planned": float(sum(planned))}
@@ -303,6 +310,11 @@ def _is_own(entry: Mapping[str, Any]) -> bool:
     return bool(entry["promise"] == f"simulated_{preset(entry['fidelity']).law}")
 
 
+def _of_own_law(row: Mapping[str, Any]) -> bool:
+    """Whether the row has the promise of its plan under the law it was planned in."""
+    return math.isfinite(row.get(f"simulated_{preset(row['fidelity']).law}", math.nan))
+
+
 def _is_chosen(entry: Mapping[str, Any]) -> bool:
     return bool(entry["kind"] == CHOSEN)
 
@@ -329,6 +341,8 @@ def _test_text(
         parts.append(
             calibration.score_table("By season, and lead at the end of the flight", leads, LEAD_KEYS)
         )
+        parts.append(calibration.score_table("By land and sea", own["surfaces"], SURFACE_KEYS))
+        parts += [strata.level_text(tables["levels"]), strata.limit_text(tables["limits"])]
     parts += dict.fromkeys(filter(None, map(calibration.situations_text, own["scorecard"])))
     return "\n".join([*parts, f"{_verdict(known.cfg, numbers)} {known.explanation(numbers)}"])
 

@@ -19,6 +19,7 @@ from pareto_ltl.support.files import write_text
 from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl.wind.ingest import winds_at
 from pareto_ltl.wind.snapshots import Snapshot, known_at, latest_readings
+from pareto_ltl_apps.studies import random_missions
 from pareto_ltl_apps.studies.planning import fly_seeded
 from pareto_ltl_apps.studies.random_missions import Mission, Spell, at_times
 from pareto_ltl_apps.studies.tables import Columns
@@ -52,6 +53,25 @@ class KnownWinds:
 
     def prepare(self) -> None:
         """Write the files that all missions read."""
+
+    @property
+    def law_of_reality(self) -> str:
+        """The wind law of flights in :meth:`reality`."""
+        return "independent"
+
+    def task(self, number: int) -> Mission:
+        """Mission ``number``."""
+        return random_missions.mission(
+            self.cfg, self.settings.seed, number, self.spells, self.settings.border
+        )
+
+    def reality(self, run: Run) -> Problem:
+        """The problem of ``run`` with the real wind."""
+        wind = random_missions.real_wind(self.cfg, run.settings.wind, self.truth, run.scene, run.wind)
+        world = run.make("scene", "cells", "automaton")  # they do not depend on the fidelity
+        # Without modes: the field is known, and gusts are independent at each step.
+        models = replace(preset("paper"), collision_bound=run.settings.fidelity.collision_bound)
+        return Run(replace(run.settings, fidelity=models), world | {"wind": wind}).problem
 
     def run_of(self, task: Mission, mine: Settings) -> Run:
         """The run of the planner with the settings ``mine``, which knows only some winds."""
@@ -96,7 +116,7 @@ class DepartureWinds(KnownWinds):
     def readings(self, task: Mission, after: float = 0.0) -> Readings:
         """The readings known ``after`` [s] departure: in its period, the newest of each time, thinned."""
         moment = seconds(str(task.scene.time_zero)) + after
-        known = known_at(self.snapshots, moment, HOUR * self.cfg.delay)
+        known = known_at(self.snapshots, moment, HOUR * task.delay)
         mine = [snap for snap in known if snap.time >= task.spell.start]
         readings = latest_readings(mine, self.truth.files)
         pairs = [self.thinned(readings, k, task.spell) for k in range(len(readings.times))]
@@ -136,9 +156,13 @@ class DepartureWinds(KnownWinds):
         return (
             f"A forecast test: the chosen plans of {numbers['missions_planned']:.0f} of "
             f"{numbers['missions']:.0f} random missions, planned from {seen} of cycles at least "
-            f"{self.cfg.delay:g} h old and flown through the later fields; a mission is one trial for the "
+            f"{self._delay_text()} h old and flown through the later fields; a mission is one trial for the "
             "95 % interval"
         )
+
+    def _delay_text(self) -> str:
+        most = self.cfg.delay_most
+        return f"{self.cfg.delay:g}" if most is None else f"{self.cfg.delay:g} to {most:g}"
 
     def explanation(self, numbers: Mapping[str, float]) -> str:
         """Errors that the later fields show, and those that they do not."""

@@ -26,6 +26,12 @@ from pareto_ltl.wind.sources.magic import is_data_file
 from pareto_ltl.world import projection
 
 REGIONS = ("a", "b", "c")
+TABLES = (".npz", ".nc", ".csv")
+SPAN = 48 * 3600.0  # [s] errors of days further apart hardly correlate
+SAME_MAP, DELAY_DRAW = 2**31, 1  # of the generators of the one map, and of a mission's delay
+# A box of latitude and longitude [deg] whose held fields have errors that hardly correlate with the next one:
+# 0.31 within 1,500 km, 0.06 to 2,500 km (GFS and ERA5).
+BOX = (12.0, 24.0)
 REGION, OBSTACLE = (0.06, 0.11), (0.05, 0.13)  # radii in sides of the map
 APART, ASIDE = 0.05, 0.02  # free space around regions and the start, and between obstacles, in sides
 TRIES = 2000  # places tried for a polygon before a new map is begun
@@ -51,7 +57,7 @@ class Spell:
 
 
 def full_fields(cfg: ForecastTestConfig) -> tuple[Path, ...]:
-    """The GRIB2 files of the full fields: of the folder in the settings, or beside the checkout.
+    """The GRIB2 files of the full fields, of the folder in the settings or beside the checkout; or the table.
 
     Raises
     ------
@@ -63,12 +69,15 @@ def full_fields(cfg: ForecastTestConfig) -> tuple[Path, ...]:
     root = checkout()
     beside = None if root is None else root.parent / BESIDE_CHECKOUT
     folder = beside if cfg.truth is None else Path(cfg.truth).expanduser()
+    if folder is not None and folder.is_file() and folder.suffix in TABLES:
+        return (folder,)
     if folder is None or not folder.is_dir():
         raise ConfigError(
             f"{cfg.section}.truth is missing: name a folder of GRIB2 files with 10 m winds every few hours, "
             f"e.g. GFS 1-degree analyses ({cfg.section}.truth=DIR)"
             if cfg.truth is None
-            else f"{cfg.section}.truth={cfg.truth}: there is no such folder; name one with GRIB2 files"
+            else f"{cfg.section}.truth={cfg.truth}: there is no such folder; name one with GRIB2 files, or a "
+            f"table ({', '.join(TABLES)})"
         )
     files = tuple(sorted(f for f in folder.iterdir() if f.is_file() and is_data_file(f)))
     if not files:
@@ -182,24 +191,58 @@ class Mission:
     spell: Spell
     latitude: float
     longitude: float
+    situation: str = ""  # the weather that it shares with others
+    delay: float = 0.0  # age at departure of the newest forecast that planning may use [h]
 
 
 def mission(
     cfg: ForecastTestConfig, seed: int, number: int, spells: Sequence[Spell], border: str = "open"
 ) -> Mission:
     """Mission ``number`` of seed ``seed`` on a map with the given ``border``."""
-    rng = np.random.default_rng(SeedSequence(seed, spawn_key=(crc32(cfg.section.encode()), number)))
-    spell, departure = _departure(cfg, rng, spells)
+    rng = generator_of(cfg, seed, number)
+    spell, departure = departure_of(cfg, rng, spells)
     lon, lat = _place(cfg, rng)
-    formula = str(cfg.formulas[int(rng.integers(len(cfg.formulas)))])
+    if cfg.same_map:
+        rng = generator_of(cfg, seed, SAME_MAP)
+    formula = formula_of(cfg, rng)
     side = float(rng.uniform(cfg.side[0], cfg.side[1]))
     scene = None
     while scene is None:
-        scene = _scene(cfg, rng, side, projection.local_plane(lat, lon), iso(departure))
-    return Mission(number, replace(scene, border=border), formula, spell, lat, lon)
+        scene = random_scene(cfg, rng, side, projection.local_plane(lat, lon), iso(departure))
+    situation = situation_of(cfg, spell, departure, lon, lat)
+    delay = delay_of(cfg, seed, number)
+    return Mission(number, replace(scene, border=border), formula, spell, lat, lon, situation, delay)
 
 
-def _departure(cfg: ForecastTestConfig, rng: Generator, spells: Sequence[Spell]) -> tuple[Spell, float]:
+def generator_of(cfg: ForecastTestConfig, seed: int, *numbers: int) -> Generator:
+    """The random generator of a mission, or of one of its draws."""
+    return np.random.default_rng(SeedSequence(seed, spawn_key=(crc32(cfg.section.encode()), *numbers)))
+
+
+def formula_of(cfg: ForecastTestConfig, rng: Generator) -> str:
+    """A random one of the formulas."""
+    return str(cfg.formulas[int(rng.integers(len(cfg.formulas)))])
+
+
+def delay_of(cfg: ForecastTestConfig, seed: int, number: int) -> float:
+    """Age of the newest known forecast at the departure of mission ``number`` [h]."""
+    if cfg.delay_most is None:
+        return cfg.delay
+    return float(generator_of(cfg, seed, number, DELAY_DRAW).uniform(cfg.delay, cfg.delay_most))
+
+
+def situation_of(cfg: ForecastTestConfig, spell: Spell, departure: float, lon: float, lat: float) -> str:
+    """The name of the weather that a mission shares with others, by ``cfg.situations``."""
+    if cfg.situations in ("auto", "period"):
+        return spell.name
+    span = iso(departure // SPAN * SPAN)[:10]
+    if cfg.situations == "days":
+        return span
+    south, west = BOX[0] * np.floor(lat / BOX[0]), BOX[1] * np.floor(lon / BOX[1])
+    return f"{span} {south:+.0f} {west:+.0f}"
+
+
+def departure_of(cfg: ForecastTestConfig, rng: Generator, spells: Sequence[Spell]) -> tuple[Spell, float]:
     """A random full hour after ``wait`` with wind for ``hours`` from then on; all are equally likely."""
     counts = np.array([int((s.end - s.start) / 3600 - cfg.wait - cfg.hours) + 1 for s in spells])
     pick = int(rng.integers(counts.sum()))
@@ -221,27 +264,34 @@ def _place(cfg: ForecastTestConfig, rng: Generator) -> tuple[float, float]:
             return lon, lat
 
 
-def _scene(cfg: ForecastTestConfig, rng: Generator, side: float, crs: str, time_zero: str) -> Scene | None:
-    """Regions, start and obstacles at a distance from one another; None if there is not enough space."""
+def random_scene(
+    cfg: ForecastTestConfig, rng: Generator, side: float, crs: str, time_zero: str,
+    places: FloatArray | None = None,
+) -> Scene | None:  # fmt: skip
+    """Regions, start and obstacles at a distance from one another; None if there is not enough space.
+
+    The start and the first regions are at ``places`` (n, 2) [m]; without these, they are random.
+    """
     import shapely
 
     bounds = side / 2 * np.array([[-1.0, -1.0], [1.0, 1.0]])
     room = shapely.box(*(bounds * (1 - 2 * ASIDE)).ravel())
     taken: list[shapely.Geometry] = []
 
-    def put(radius: tuple[float, float]) -> FloatArray | None:
-        for _ in range(TRIES):
+    def put(radius: tuple[float, float], middle: FloatArray | None = None) -> FloatArray | None:
+        for _ in range(TRIES if middle is None else TRIES // 100):
             outline = polygon(rng, side * rng.uniform(*radius))
-            corners: FloatArray = outline + rng.uniform(bounds[0], bounds[1])
+            corners: FloatArray = outline + (rng.uniform(bounds[0], bounds[1]) if middle is None else middle)
             shape = shapely.Polygon(corners)
             if room.contains(shape) and all(shape.distance(other) >= APART * side for other in taken):
                 taken.append(shape)
                 return corners
         return None
 
-    start = rng.uniform(0.9 * bounds[0], 0.9 * bounds[1])
+    start = rng.uniform(0.9 * bounds[0], 0.9 * bounds[1]) if places is None else places[0]
     taken.append(shapely.Point(start))
-    shapes = [put(REGION) for _ in REGIONS]
+    middles = [None] * len(REGIONS) if places is None else [*places[1:], *[None] * (4 - len(places))]
+    shapes = [put(REGION, middle) for middle in middles]
     shapes += [put(OBSTACLE) for _ in range(int(rng.integers(cfg.obstacles[0], cfg.obstacles[1] + 1)))]
     placed = [shape for shape in shapes if shape is not None]
     if len(placed) < len(shapes):

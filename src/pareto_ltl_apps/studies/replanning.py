@@ -40,7 +40,7 @@ from pareto_ltl_apps.flight.rest_of_flight import PROMPT_FLIGHTS, PROMPT_POINTS,
 from pareto_ltl_apps.studies import forecast_test
 from pareto_ltl_apps.studies.known_winds import DepartureWinds
 from pareto_ltl_apps.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
-from pareto_ltl_apps.studies.random_missions import Mission, mission
+from pareto_ltl_apps.studies.random_missions import Mission
 from pareto_ltl_apps.studies.tables import Columns, interval_columns, markdown_table, rate_cell, rate_columns
 
 LOG = logging.getLogger("pareto_ltl.studies.replanning")
@@ -368,18 +368,18 @@ def run_replan_test(settings: Settings, _: Run, directory: Path, progress: Progr
 def mission_part(known: DepartureWinds, k: int) -> Columns:
     """Mission ``k`` flown once in each way; the reason if it has no plan."""
     settings, cfg = known.settings, known.cfg
-    task = mission(cfg, settings.seed, k, known.spells, settings.border)
+    task = known.task(k)
     run = known.run_of(task, forecast_test.mission_settings(settings, cfg, task, settings.fidelity))
     try:
         run.make("plan")
     except (InfeasibleError, DataError) as error:
         return {"reason": str(error), "flown": {}}
     stream = stage_seeds(settings.seed + k, TEST_STREAM)
-    winds = draw_flights(forecast_test.reality(known, run), "independent", 1, stream)
+    winds = draw_flights(known.reality(run), known.law_of_reality, 1, stream)
     ways = ways_of(settings.replanning, run)
     context = ReplanningContext(run, winds, ways, partial(field_cycle, known, task))
     about = {"mission": k, "formula": task.formula, "departure": task.scene.time_zero}
-    about |= {"situation": task.spell.name}
+    about |= {"situation": task.situation}
     flown = {way.name: about | fly_way(context, way, 0) for way in ways}
     return {"reason": "", "flown": flown}
 

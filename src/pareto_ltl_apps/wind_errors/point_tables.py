@@ -111,21 +111,21 @@ def _table(
 
 
 def _read_npz(file: Path) -> PointForecasts:
-    arrays = _npz_arrays(file)
-    run, lead = (_first(arrays, names) for names in (RUNS, LEADS))
+    arrays = npz_arrays(file)
+    run, lead = (first_named(arrays, names) for names in (RUNS, LEADS))
     if lead is None or run is None:
         what = NO_LEADS if lead is None else f"has no times of runs ({RUNS[0]})"
         raise DataError(f"{file}: {what}; it has {', '.join(sorted(arrays))}")
     if "u" in arrays and "v" in arrays:
-        winds = np.stack([_scaled(arrays, "u"), _scaled(arrays, "v")], axis=-1)
+        winds = np.stack([unpacked_winds(arrays, "u"), unpacked_winds(arrays, "v")], axis=-1)
     else:
         names = [name for name in WINDS if name in arrays or f"{name}_int16" in arrays]
         if not names:
             raise DataError(f"{file}: has no winds (uv, or u and v); it has {', '.join(sorted(arrays))}")
-        winds = _scaled(arrays, names[0])
+        winds = unpacked_winds(arrays, names[0])
     places = None
     if "latlon" in arrays:
-        latlon = _numbers(arrays["latlon"], "latlon")
+        latlon = numbers_of(arrays["latlon"], "latlon")
         if latlon.shape != (winds.shape[1], 2) or np.abs(latlon[:, 0]).max() > 90:
             raise DataError(
                 f"{file}: latlon has the shape {latlon.shape}; expected ({winds.shape[1]}, 2), degrees"
@@ -133,14 +133,14 @@ def _read_npz(file: Path) -> PointForecasts:
         places = latlon[:, ::-1]
     observed = None
     if "obs_int16" in arrays or "obs" in arrays:
-        seen = _scaled(arrays, "obs")
-        first = float(_numbers(arrays["obs_first_hour"], "obs_first_hour"))
+        seen = unpacked_winds(arrays, "obs")
+        first = float(numbers_of(arrays["obs_first_hour"], "obs_first_hour"))
         observed = (HOUR * (first + np.arange(len(seen), dtype=float)), seen)
-    starts, ahead = (HOUR * _numbers(each, "runs and leads").ravel() for each in (run, lead))
+    starts, ahead = (HOUR * numbers_of(each, "runs and leads").ravel() for each in (run, lead))
     return _table(file, starts, ahead, winds, places=places, observed=observed)
 
 
-def _npz_arrays(file: Path) -> dict[str, NDArray[Any]]:
+def npz_arrays(file: Path) -> dict[str, NDArray[Any]]:
     """The arrays of an npz file; DataError if it is damaged, holds objects or unpacks to too much."""
     try:
         with zipfile.ZipFile(file) as archive:
@@ -152,24 +152,26 @@ def _npz_arrays(file: Path) -> dict[str, NDArray[Any]]:
         raise DataError(f"{file}: is damaged, or not an npz file of plain arrays ({error})") from None
 
 
-def _first(arrays: Mapping[str, NDArray[Any]], names: Sequence[str]) -> NDArray[Any] | None:
+def first_named(arrays: Mapping[str, NDArray[Any]], names: Sequence[str]) -> NDArray[Any] | None:
+    """The first array that has one of ``names``; None if there is none."""
     return next((arrays[name] for name in names if name in arrays), None)
 
 
-def _numbers(array: NDArray[Any], name: str) -> FloatArray:
+def numbers_of(array: NDArray[Any], name: str) -> FloatArray:
+    """The array as floats; DataError if it does not hold numbers."""
     if array.dtype.kind not in "biuf":
         raise DataError(f"{name} holds {array.dtype}; expected numbers")
     return np.asarray(array, float)
 
 
-def _scaled(arrays: Mapping[str, NDArray[Any]], name: str) -> FloatArray:
+def unpacked_winds(arrays: Mapping[str, NDArray[Any]], name: str) -> FloatArray:
     """The winds ``name`` [m/s], with NaN for gaps."""
     packed = f"{name}_int16"
     if packed not in arrays:
-        return _numbers(arrays[name], name)
-    values = _numbers(arrays[packed], packed)
-    missing = float(_numbers(arrays.get("missing", np.array(-32768)), "missing"))
-    scale = float(_numbers(arrays.get("scale", np.array(1.0)), "scale"))
+        return numbers_of(arrays[name], name)
+    values = numbers_of(arrays[packed], packed)
+    missing = float(numbers_of(arrays.get("missing", np.array(-32768)), "missing"))
+    scale = float(numbers_of(arrays.get("scale", np.array(1.0)), "scale"))
     return np.where(values == missing, np.nan, values * scale)
 
 
@@ -365,7 +367,7 @@ def _from_netcdf(file: Path, content: Any) -> PointForecasts:
 
 def _unpacked(variable: Any) -> FloatArray:
     raw = np.asarray(variable[...])
-    values = _numbers(raw, variable.name)
+    values = numbers_of(raw, variable.name)
     for name in ("_FillValue", "missing_value"):
         if name in variable.attrs:
             values = np.where(raw == np.ravel(variable.attrs[name])[0], np.nan, values)

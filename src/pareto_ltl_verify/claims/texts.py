@@ -242,7 +242,8 @@ def _tails(law: ErrorLaw) -> str:
     """What the text says of the tails and the data of a law of forecast errors."""
     if law.floor is None:
         return ""
-    least = f"{law.facts['n']} situations, which cannot tell rates below {probability_text(law.floor)}"
+    word = "situation" if law.facts["n"] == 1 else "situations"
+    least = f"{law.facts['n']} {word}, which cannot tell rates below {probability_text(law.floor)}"
     return f"{' with heavy tails' if law.tail else ''} ({least})"
 
 

@@ -148,7 +148,7 @@ def known_until(result: Evidence) -> Verdict:
 def level_and_leads(result: Evidence) -> Verdict:
     """The level agrees with the settings, or is 10 m for the sample; no lead time is negative.
 
-    Where forecasts have errors, each of several fields has a lead, except in the sample and in currents.
+    Where forecasts have errors, each of several fields has a lead, except in the sample.
     """
     wind, settings = result.wind, result.settings["wind"]
     source = settings["source"]
@@ -158,7 +158,7 @@ def level_and_leads(result: Evidence) -> Verdict:
         tables_of_before = source in ("csv", "stations") and wind.level == "10m"
         if tables_of_before and named == result.settings["robot"].get("level"):
             named = "10m"  # versions before 1.0 set wind.level to robot.level and read such tables as 10 m
-    known, several = np.isfinite(wind.leads), len(wind.times) > 1 and not wind.level.endswith("depth")
+    known, several = np.isfinite(wind.leads), len(wind.times) > 1
     forecasts = wind.error is not None and wind.error.parts and source != "sample"
     faults = {
         f"level {named}": level_of(wind.level) != level_of(named),
@@ -200,6 +200,8 @@ def _named_law(result: Evidence, stated: ErrorLaw) -> str:
     source, named = str(settings["source"]), str(settings["forecast_error"])
     if named != "auto":
         return named
+    if level_of(result.wind.level)[0] == "depth" and source_of(source).law != "none":
+        return "currents"
     if source not in FROM_FILES:
         hourly = source == "noaa" and settings.get("model") == "hrrr"
         return "hourly_fine" if hourly else source_of(source).law or ("gfs" if stated.parts else "none")
