@@ -40,6 +40,8 @@ def words_before(command: ToolCommand, option: Argument, folder: Path) -> list[s
         if isinstance(row, Argument):
             if not row.name.startswith("--") and row.options.get("nargs") not in ("?", "*"):
                 words.append(str(folder))
+            elif row is not option and row.options.get("required"):
+                words += [row.name, str(folder)]
         elif option not in row:
             words += [row[0].name, "0.5"]
     return words

@@ -10,8 +10,9 @@ from pareto_ltl.settings.wind import WIND_SOURCES
 from pareto_ltl.support.levels import HEIGHT, table_level
 from pareto_ltl.wind.area import Wanted
 from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
-from pareto_ltl.wind.sources import WindFormats, at_stated_level, data_files, source_of_path
+from pareto_ltl.wind.sources import WindFormats, at_stated_level, data_files
 from pareto_ltl.wind.sources.magic import first_bytes, format_of, is_data_file
+from pareto_ltl_apps.formats.content import source_of_path
 from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
 from pareto_ltl_apps.formats.live import live_files, read_live
 from pareto_ltl_apps.formats.netcdf_files import netcdf_snapshots
