@@ -325,7 +325,7 @@ TOOL_COMMANDS = (
         (
             DIR,
             argument("--wind", "PATH", "the newer forecast: a file or folder for the reader of the plan's "
-                     "wind", required=True),
+                     "wind"),
             argument("settings", "limits.KEY=VALUE", "your limits, where the settings of DIR have others: "
                      "limits.failure=0.05 limits.containment=1e-3 limits.energy=0.8 limits.takeoff_wind=8 "
                      "robot.wind_limit=12", nargs="*"),

@@ -45,6 +45,8 @@ def check(options: Namespace) -> Answer:
     from pareto_ltl_apps.preflight.check import check, check_document, check_lines
     from pareto_ltl_apps.preflight.check_files import FOLDER, write_check
 
+    if options.wind is None:
+        raise ConfigError("check needs the newer forecast: --wind FILE, e.g. --wind newer.grib2")
     limits = read_limits(options.settings)
     wind_limit = limits.pop("robot.wind_limit", None)
     run = planned_run(options.directory)
