@@ -37,6 +37,4 @@ def in_newer_wind(run: Run, wind: NewWind) -> tuple[Run, list[str]]:
     records = {"scene": run.scene, "cells": run.cells, "automaton": run.automaton, "wind": field}
     read = None if run.read is None else {**run.read, **wind_hashes(settings, cfg)}
     newer = Run(replace(settings, wind=cfg), records, read=read)
-    if problem.motion.gain > 0.0:  # a robot that returns to its path says little about the wind
-        return newer, []
     return newer, field_alarms(problem, newer.problem, path)

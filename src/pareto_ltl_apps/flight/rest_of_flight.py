@@ -325,7 +325,10 @@ def field_alarms(old: Problem, new: Problem, rest: PlannedPath) -> list[str]:
 
     The controls of the rest of the old plan are flown in both winds, from the same start. Half-way and at the
     end, the difference of the two places is Gaussian under the law, with at most the sum of both covariances.
+    None for a robot with position feedback: it returns to its path, and says little about the wind.
     """
+    if old.motion.gain > 0.0:
+        return []
     flown = min(len(rest.u), len(old.wind.slot), len(new.wind.slot))
     u = np.ascontiguousarray(rest.u[:flown])
     known = [replace(problem, start_variance=0.0) for problem in (old, new)]  # both start at one place
