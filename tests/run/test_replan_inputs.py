@@ -13,14 +13,16 @@ import pytest
 
 import pareto_ltl
 from coherent import SCENE
+from pareto_ltl.planning.pack import with_feedback
 from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.flight.newer_wind import in_newer_wind
 from pareto_ltl_apps.flight.replanning import comparison_lines
-from pareto_ltl_apps.flight.rest_of_flight import warn_of_use
+from pareto_ltl_apps.flight.rest_of_flight import field_alarms, warn_of_use
 from pareto_ltl_verify.claims.replan import CLAIMS
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.judge import findings, verify
@@ -278,6 +280,16 @@ def test_a_forecast_that_is_far_from_the_old_one_is_an_alarm(made: Path, tmp_pat
     (alarm,) = done.situation.alarms
     assert "the newer forecast moves the robot" in alarm
     assert done.plan.promise is None
+
+
+def test_a_robot_that_returns_to_its_path_raises_no_alarm(made: Path, tmp_path: Path) -> None:
+    run = Run.open(made)
+    newer, (alarm,) = in_newer_wind(run, forecast(tmp_path, first=0, add=12.0))
+    assert "the newer forecast moves the robot" in alarm
+    law = run.problem.world.law
+    law = law._replace(motion=with_feedback(law.motion, 3600.0))
+    returning = replace(run.problem, world=run.problem.world._replace(law=law))
+    assert field_alarms(returning, newer.problem, run.plan.path) == []
 
 
 @pytest.mark.parametrize(
