@@ -61,10 +61,16 @@ def degrees(angle: float) -> str:
     return f"{angle:,.0f}°"
 
 
+def air(amount: float) -> str:
+    """An area times a time [km² h]."""
+    return f"{amount:,.0f} km² h" if amount >= 100.0 else f"{amount:.3g} km² h"
+
+
 COSTS = {
     "energy": (energy_text, "for the airspeeds"),
     "duration": (hours, "until arrival"),
     "turns": (degrees, "sum of all turns"),
+    "containment": (air, "area and time that hold it"),
 }  # the text of each cost of this package besides the length, and what is said of it
 
 

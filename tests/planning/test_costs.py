@@ -7,16 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 from pareto_ltl.planning.costs import COSTS, costs_with, path_costs
+from pareto_ltl.planning.evaluate import propagate, square_matrices
 from pareto_ltl.planning.plan_files import read_front, write_front
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.planning.selection import box_above, build_front
 from pareto_ltl.planning.selection_rules import choose_path
 from pareto_ltl.run.front_stage import equal_costs
-from pareto_ltl.settings import SelectionConfig
+from pareto_ltl.settings import SelectionConfig, preset
 from pareto_ltl.support.errors import ConfigError
-from problems import box, make_problem, make_scene
+from problems import box, make_problem, make_scene, smooth_wind
 
 
 def further_problem(*names: str):
@@ -43,6 +45,25 @@ def test_duration_is_the_number_of_steps_times_the_step() -> None:
 def test_turns_add_up_the_changes_of_course_of_either_sign_and_skip_rests() -> None:
     x = 100.0 * np.array([[0, 0], [1, 0], [1, 1], [1, 1], [2, 1], [3, 2]])
     assert path_costs(further_problem("turns"), x, x[1:])["turns"] == pytest.approx(90 + 90 + 45)
+
+
+@pytest.mark.parametrize("law", ["independent", "coherent"])
+def test_held_air_is_the_hull_of_the_ellipses_of_each_step(law: str) -> None:
+    """Another road: the convex hull of two polygons of 720 corners, by shapely."""
+    scene, models = make_scene({"a": box(8, 8, 10, 10)}), replace(preset("full"), law=law)
+    problem = make_problem("F a", scene, smooth_wind(scene), fidelity=models)
+    x = 1e5 * np.array([[0.5, 0.5], [1.0, 0.7], [1.0, 0.7], [1.2, 1.5]])
+    cov = square_matrices(propagate(problem, x).cov)
+    angles = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    circle, total = 3.0 * np.column_stack([np.cos(angles), np.sin(angles)]), 0.0
+    for here, there, one, other in zip(x[:-1], x[1:], cov[:-1], cov[1:], strict=True):
+        ring = circle @ np.linalg.cholesky(0.5 * (one + other)).T
+        total += shapely.MultiPoint([*(here + ring), *(there + ring)]).convex_hull.area
+    assert total > 0.0
+    wanted = total * 1e-6 * problem.motion.dt / 3600.0
+    assert path_costs(replace(problem, costs=costs_with(["containment"])), x, x[1:])["containment"] == (
+        pytest.approx(wanted, rel=1e-4)
+    )
 
 
 def front_of_three() -> Front:

@@ -17,8 +17,9 @@ KEYS = {"plan.json": ("objectives", "turns"), "metrics.json": ("turns_deg",)}
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("costs") / "hop"
-    words = ["plan", "+experiment=hop", *SMALL, "selection.costs=[duration,turns]", "selection=least"]
-    words += ["selection.least=turns", "selection.alpha=0.9", "exports=none", f"hydra.run.dir={place}"]
+    words = ["plan", "+experiment=hop", *SMALL, "selection.costs=[duration,turns,containment]"]
+    words += ["selection=least", "selection.least=turns", "selection.alpha=0.9", "exports=none"]
+    words.append(f"hydra.run.dir={place}")
     assert run_command_line(words) == 0
     return place
 

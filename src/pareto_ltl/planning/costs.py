@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pareto_ltl.planning.cost import Cost
+from pareto_ltl.planning.held_air import air_text, held_air
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, energy_text
 from pareto_ltl.support.extensions import COST_GROUP, extension_names, known_kind
@@ -64,6 +65,7 @@ COSTS = {
         Cost("energy", "energy_j", path_energy, energy_text, "for the airspeeds", "energy [MJ]", 1e-6),
         Cost("duration", "arrival_s", flight_time, hours_text, "until arrival", "duration [h]", 1 / 3600),
         Cost("turns", "turns_deg", turned_angle, degrees_text, "sum of all turns", "turns [deg]"),
+        Cost("containment", "air_km2_h", held_air, air_text, "area and time that hold it", "air [km² h]"),
     )
 }
 ALWAYS = (COSTS["length"], COSTS["energy"])

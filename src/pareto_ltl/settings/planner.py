@@ -11,7 +11,7 @@ from pareto_ltl.support.extensions import COST_GROUP, SELECTION_RULE_GROUP
 from pareto_ltl.support.messages import shown_value, wrong_value
 
 SELECTION_RULES = ("worth", "priority", "weighted", "threshold", "energy", "least", "knee", "length", "point")
-FURTHER_COSTS = ("duration", "turns")
+FURTHER_COSTS = ("duration", "turns", "containment")
 
 
 @dataclass

@@ -26,7 +26,7 @@ BOUNDS = ("mission_risk", "collision_risk")
 INTERVAL = ("failure", "failure_low", "failure_high")
 
 
-def _turned_angle(_result: Evidence, x: FloatArray) -> float:
+def _turned_angle(_result: Evidence, x: FloatArray, _cov: FloatArray) -> float:
     """Sum of the changes of course [deg]."""
     steps = np.diff(x, axis=0)
     steps = steps[np.linalg.norm(steps, axis=1) > STILL]
@@ -35,10 +35,27 @@ def _turned_angle(_result: Evidence, x: FloatArray) -> float:
     return math.degrees(math.fsum(abs(math.atan2(c, a)) for c, a in zip(cross, along, strict=True)))
 
 
-FURTHER_COSTS: dict[str, tuple[str, Callable[[Evidence, FloatArray], float]]] = {
-    "duration": ("arrival_s", lambda result, x: (len(x) - 1) * result.robot.dt),
+def _held_air(result: Evidence, x: FloatArray, cov: FloatArray) -> float:
+    """Ellipses of three standard deviations swept along the steps, times their time [km² h].
+
+    A swept ellipse is a rectangle between two halves of the ellipse, as wide as the ellipse across the step.
+    """
+    total = 0.0
+    for here, there, one, other in zip(x[:-1], x[1:], cov[:-1], cov[1:], strict=True):
+        variances, axes = np.linalg.eigh(0.5 * (one + other))
+        half = 3.0 * np.sqrt(np.maximum(variances, 0.0))
+        course = there - here
+        length = math.hypot(*course)
+        normal = np.array([-course[1], course[0]]) / (length or 1.0)
+        total += math.pi * half[0] * half[1] + 2.0 * length * math.hypot(*(half * (axes.T @ normal)))
+    return total * 1e-6 * result.robot.dt / 3600.0
+
+
+FURTHER_COSTS: dict[str, tuple[str, Callable[[Evidence, FloatArray, FloatArray], float]]] = {
+    "duration": ("arrival_s", lambda result, x, _: (len(x) - 1) * result.robot.dt),
     "turns": ("turns_deg", _turned_angle),
-}  # column, and function from the result and positions (T+1, 2) [m] to the cost
+    "containment": ("air_km2_h", _held_air),
+}  # column, and function from the result, positions (T+1, 2) [m] and covariances (T+1, 2, 2) [m²] to the cost
 COLUMNS = {"length": "length_m", "energy": "energy_j"} | {k: v[0] for k, v in FURTHER_COSTS.items()}
 
 
@@ -149,7 +166,8 @@ def _path_faults(result: Evidence, row: Mapping[str, str], k: int) -> Iterator[s
     if robot.power is not None:
         costs["energy_j"] = math.fsum(robot.spent(result.front_u(k)))
     asked = result.settings["selection"].get("costs", ())
-    costs |= {column: of(result, x) for name, (column, of) in FURTHER_COSTS.items() if name in asked}
+    cov = np.asarray(result.front_arrays[f"path_{k:03d}/cov"], float)
+    costs |= {column: of(result, x, cov) for name, (column, of) in FURTHER_COSTS.items() if name in asked}
     yield from far_apart(row, costs, 1e-9)
     orders = result.orders(x)
     faults = {
