@@ -16,6 +16,7 @@ from pareto_ltl.wind.named_laws import LAWS_FOLDER, read_law
 from pareto_ltl_apps.cli import wind_error_command as command
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.formats import grib_files
+from pareto_ltl_apps.wind_errors import full_winds
 
 
 @pytest.fixture
@@ -32,7 +33,7 @@ def past(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "made.grib2").write_bytes(b"winds")
     (folder / "notes.txt").write_text("not a wind file")
     made = grib_files.Snapshots(history.direct_history(4, cycles=20), {}, ())
-    monkeypatch.setattr(grib_files, "grib_snapshots_apart", lambda *_: made)
+    monkeypatch.setattr(full_winds, "grib_snapshots_apart", lambda *_: made)
     return folder
 
 
