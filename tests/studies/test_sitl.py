@@ -6,7 +6,6 @@ import csv
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -160,25 +159,23 @@ def test_what_cannot_be_flown_is_one_line(
     problem, plan = planned
     table = flown / "dead_reckoning.csv"
 
-    def refused(kind: type[Exception], text: str, files: tuple[Path, ...], world: Any = problem) -> None:
-        given = {"problem": world, "plan": plan, "exports": files}
-        settings = Settings(sitl=SitlConfig(flights=1))
+    def refused(kind: type[Exception], text: str) -> None:
+        run = Run(Settings(sitl=SitlConfig(flights=1)), {"problem": problem, "plan": plan})
         with pytest.raises(kind, match=text) as caught:
-            sitl.run_sitl(settings, Run(settings, given), tmp_path)
+            sitl.run_sitl(run.settings, run, tmp_path)
         assert "\n" not in str(caught.value)
 
-    refused(DataError, "was not exported as dead_reckoning.csv", ())
+    refused(DataError, "was not exported as dead_reckoning.csv")
     bad = tmp_path / "dead_reckoning.csv"
     for content in ("", "leg,lat_deg\n0,37\n", table.read_text().splitlines()[0] + "\n"):
         bad.write_text(content)
-        refused(DataError, "is not a dead-reckoning table", (bad,))
+        refused(DataError, "is not a dead-reckoning table")
     slow = table.read_text().splitlines()
     column = slow[0].split(",").index("airspeed_cas_m_s")
     cells = slow[1].split(",")
     cells[column] = "9.0"  # far below its stall
     bad.write_text("\n".join([slow[0], ",".join(cells), slow[-1]]) + "\n")
-    refused(
-        DataError, r"the table require 9\.0 m/s: plan for its airspeeds, e\.g\. robot=light_aircraft", (bad,)
-    )
+    refused(DataError, r"level flight at 9 m/s: plan for its airspeeds, e\.g\. robot=light_aircraft")
+    bad.write_bytes(table.read_bytes())
     monkeypatch.setitem(sys.modules, "jsbsim", None)
-    refused(ConfigError, r'needs jsbsim: .*pip install "pareto-ltl\[sim\]"', (table,))
+    refused(ConfigError, r'needs jsbsim: .*pip install "pareto-ltl\[sim\]"')

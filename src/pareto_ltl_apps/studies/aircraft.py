@@ -164,7 +164,10 @@ class Cessna:
         try:
             self.plane.do_trim(LONGITUDINAL)
         except Exception as error:  # the class is not exported by every version of JSBSim
-            raise DataError(f"JSBSim cannot trim {MODEL} for level flight at {airspeed:g} m/s") from error
+            raise DataError(
+                f"JSBSim cannot trim {MODEL} for level flight at {airspeed:g} m/s: plan for its airspeeds, "
+                "e.g. robot=light_aircraft"
+            ) from error
         self.whole = self.plane["fcs/throttle-cmd-norm"] - CRUISE
 
     @property
