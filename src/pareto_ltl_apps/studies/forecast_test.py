@@ -269,8 +269,8 @@ def missions_study(known: KnownWinds, results: Sequence[Mapping[str, Any]]) -> S
     if cfg.known == "departure":
         tables["leads"] = calibration.scorecard(chosen, LEAD_KEYS)
         tables["surfaces"] = calibration.scorecard(chosen, SURFACE_KEYS)
-        tables["levels"] = strata.level_table(list(filter(_of_own_law, rows)))
-        tables["limits"] = strata.limit_table(chosen)
+        tables["promise_levels"] = strata.level_table(list(filter(_of_own_law, rows)))
+        tables["conformal_limits"] = strata.limit_table(chosen)
     reasons = {k: _reason_of(result) for k, result in enumerate(results) if not planned[k]}
     tables["no_plan"] = [{"mission": k, "reason": reason} for k, reason in reasons.items()]
     numbers = {"missions": float(len(results)), "missions_planned": float(sum(planned))}
@@ -342,7 +342,7 @@ def _test_text(
             calibration.score_table("By season, and lead at the end of the flight", leads, LEAD_KEYS)
         )
         parts.append(calibration.score_table("By land and sea", own["surfaces"], SURFACE_KEYS))
-        parts += [strata.level_text(tables["levels"]), strata.limit_text(tables["limits"])]
+        parts += [strata.level_text(tables["promise_levels"]), strata.limit_text(tables["conformal_limits"])]
     parts += dict.fromkeys(filter(None, map(calibration.situations_text, own["scorecard"])))
     return "\n".join([*parts, f"{_verdict(known.cfg, numbers)} {known.explanation(numbers)}"])
 

@@ -98,7 +98,8 @@ STUDIES = (
     ),
     StudyKind(
         "forecast_test", "forecast_test", "study_forecast_test",
-        ("forecast_test.csv", "leads.csv", *FIELD_TABLES), needs=(),
+        ("forecast_test.csv", "leads.csv", "surfaces.csv", "promise_levels.csv", "conformal_limits.csv",
+         *FIELD_TABLES), needs=(),
     ),
     StudyKind(
         "departure", "departure", "study_departure",
