@@ -4,5 +4,11 @@ from __future__ import annotations
 
 from pareto_ltl.support.extensions import COMMAND_GROUP, installed_object
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
     installed_object(COMMAND_GROUP, "pareto-ltl")()
+
+
+if __name__ == "__main__":
+    main()

@@ -418,7 +418,7 @@ def test_currents_of_the_choice_in_conf_are_checked_against_5_m_a_second(tmp_pat
     path = write(tmp_path / "sea.nc", ocean(units="km/h"))
     cfg = WindConfig(source="currents", path=str(path), level="200m", max_speed=5.0)
     assert sources.read_readings(cfg).winds[0].max() == pytest.approx(1.0 / 3.6)
-    assert sources.wind_source(cfg).forecast_error == "none"
+    assert sources.wind_source(cfg).forecast_error == "currents"
     strong = WindConfig(source="currents", path=str(path), level="200m", max_speed=0.1)
     with pytest.raises(DataError, match=r"is not plausible"):
         sources.read_readings(strong)
