@@ -78,8 +78,9 @@ def test_a_command_ends_with_one_line(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, module, None)
     assert run_command_line(words) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f'pip install "pareto-ltl[{extra}]"' in line
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1, lines
+    assert f'pip install "pareto-ltl[{extra}]"' in lines[0]
 
 
 def test_the_command_is_for_this_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
