@@ -145,13 +145,11 @@ def beacons_view(directory: Path) -> dict[str, Any]:
 
 
 def check_view(directory: Path) -> dict[str, Any]:
-    """What ``pareto-ltl check`` wrote last: whether it is GO, the newer forecast, and the lines."""
+    """What ``pareto-ltl check`` wrote last: GO or not (None: no check), the newer forecast, and the lines."""
     folder = directory / "check"
     if not (folder / "check.txt").is_file():
-        raise NotFoundError(
-            f"there is no check of {directory.name}: pareto-ltl check {directory} --wind FILE "
-            "limits.failure=0.05"
-        )
+        how = f"There is none yet: pareto-ltl check {directory} --wind FILE limits.failure=0.05"
+        return {"go": None, "wind": None, "said": [how]}
     found = read_json(folder / "check.json")
     return {
         "go": bool(found["go"]),

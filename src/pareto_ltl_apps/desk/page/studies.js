@@ -74,8 +74,9 @@ export class Studies {
   async showCheck() {
     const id = this.id(), { go, wind, said } = await ask("GET", `/api/plans/${id}/check`);
     if (id !== this.id()) return;
-    const lines = said.slice(1).map(line => html("p", { class: "note" }, line));
-    byId("check-said").replaceChildren(html("p", {}, html("strong", {}, go ? "GO" : "NO-GO"), ` in ${wind}`), ...lines);
+    const lines = said.slice(go === null ? 0 : 1).map(line => html("p", { class: "note" }, line));
+    const title = go === null ? [] : [html("p", {}, html("strong", {}, go ? "GO" : "NO-GO"), ` in ${wind}`)];
+    byId("check-said").replaceChildren(...title, ...lines);
   }
 
   // --- the wind before a plan ---------------------------------------------------------------------
