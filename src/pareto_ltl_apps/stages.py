@@ -8,8 +8,8 @@ from pathlib import Path
 
 from pareto_ltl import Run
 from pareto_ltl.extend import Record
-from pareto_ltl.settings.outputs import EXPORT_FILES, FIGURE_FORMATS, PAGE_FILE
-from pareto_ltl_apps.studies.stages import STUDY_STAGES
+from pareto_ltl.settings.outputs import EXPORT_FILES, PAGE_FILE
+from pareto_ltl_apps.studies.stages import FIGURE_FILES, STUDY_STAGES
 
 LOG = logging.getLogger("pareto_ltl.stages")
 
@@ -62,12 +62,6 @@ def _import_page(run: Run) -> None:
 
 
 EXPORT = Record(write_plan_files, "export", tuple(EXPORT_FILES.values()), name="exports")
-FIGURES = Record(
-    draw_figures,
-    "report",
-    shows=tuple(f"figures/*.{kind}" for kind in FIGURE_FORMATS),
-    name="figures",
-    prepare=_import_figures,
-)
+FIGURES = Record(draw_figures, "report", shows=FIGURE_FILES, name="figures", prepare=_import_figures)
 PAGE = Record(write_page, "page", shows=(PAGE_FILE,), prepare=_import_page)
 STAGES = (EXPORT, FIGURES, PAGE, *STUDY_STAGES)

@@ -17,18 +17,14 @@ from pareto_ltl.support.reading import read_json
 from pareto_ltl.wind.sources import SAMPLE_FILE
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.preflight.check import wind_at
+from quick_plan import QUICK_PLAN
 from quick_wind import QUICK_WIND
 
 Row = dict[str, float | str]
 SMALL = {
-    "planner": {"trees": 1, "n_max": 150, "epsilon": 0.7},
-    "refine": {"points": 2, "classes": 1, "flights": 20, "sweep_flights": 10},
-    "smoothing": {"candidates": 1, "weights": [1.0]},
-    "selection": {"draws": 20, "runs": 20},
-    "deployment": {"runs": 10},
+    **QUICK_PLAN,
     "exports": {"files": False},
     "report": {"figures": False, "page": False},
-    "robot": {"dt": 3600.0},
 }
 NO_GO = 3
 

@@ -20,17 +20,13 @@ from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.claims.containment import CLAIMS, WORDS
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.judge import findings
+from quick_plan import QUICK_PLAN
 from quick_wind import QUICK_WIND
 
 SMALL = {
-    "planner": {"trees": 1, "n_max": 150, "epsilon": 0.7},
-    "refine": {"points": 2, "classes": 1, "flights": 20, "sweep_flights": 10},
-    "smoothing": {"candidates": 1, "weights": [1.0]},
-    "selection": {"draws": 20, "runs": 20},
-    "deployment": {"runs": 10},
+    **QUICK_PLAN,
     "exports": {"files": False},
     "report": {"figures": False, "page": False},
-    "robot": {"dt": 3600.0},
     "wind": {**QUICK_WIND, "modes_max": 8},
 }
 FILE = "containment/containment.json"

@@ -33,6 +33,7 @@ from pareto_ltl.wind.netcdf import read_netcdf
 from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_apps.cli.command_table import DIR, TOOL_COMMANDS
 from pareto_ltl_apps.cli.commands import run_command_line
+from quick_plan import QUICK_PLAN
 from received import (
     COMMANDS,
     TELEMETRY,
@@ -44,15 +45,7 @@ from received import (
     words_of,
 )
 
-SMALL = {
-    "planner": {"trees": 1, "n_max": 150, "epsilon": 0.7},
-    "refine": {"points": 2, "classes": 1, "flights": 20, "sweep_flights": 10},
-    "smoothing": {"candidates": 1, "weights": [1.0]},
-    "selection": {"draws": 20, "runs": 20},
-    "deployment": {"runs": 10},
-    "exports": {"flights": 100},
-    "robot": {"dt": 3600.0},
-}
+SMALL = QUICK_PLAN | {"exports": {"flights": 100}}
 FIX = ("--time", "2h", "--fix", "34.75,-96.48,20000")  # near the plan
 SECRET = "time,lat,lon,u,v\n2018-10-09T00:00:00Z,36,-96,1,2\nhush\n"
 
