@@ -25,6 +25,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.random import SeedSequence
 
+from pareto_ltl.extend import Frame
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
@@ -36,7 +37,6 @@ from pareto_ltl.simulation.flights import judge_flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson, paired_difference
 from pareto_ltl.support.errors import ParetoLtlError
-from pareto_ltl.world.projection import to_geographic, to_plane
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.exports.navigation_log import navigation_log
 from pareto_ltl_apps.flight.belief import LAW, Belief
@@ -94,11 +94,11 @@ def flown_by_jsbsim(run: Run, winds: DrawnFlights, k: int, parts: Parts) -> Floa
     ]
     problem, settings = winds.problem, run.settings
     crs = str(problem.scene.crs)
-    lon, lat = to_geographic(crs, (problem.scene.start + winds.start[k])[None])
+    lon, lat = Frame(crs).to_geographic((problem.scene.start + winds.start[k])[None])
     air = flight_air(problem, winds.draws, k, len(columns[0]))
     height = flight_height(settings).above_sea_level(settings.scene.ground)
     track = fly_orders(Orders(*columns, np.array([lat[0], lon[0]])), air, height, settings.sitl.rate)
-    return to_plane(crs, track.lon, track.lat)
+    return Frame(crs).to_plane(track.lon, track.lat)
 
 
 AIRCRAFT = {"steps": flown_by_steps, "jsbsim": flown_by_jsbsim}

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 import pareto_ltl
-from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_apps.flight.lines import event_line
 
 SD = 300.0  # of the two position fixes [m]
@@ -27,7 +26,7 @@ def write_telemetry(result, file: Path, seed: int = 1) -> None:
             row = [t, plan.navigation.heading_true[k], plan.navigation.airspeed[k]]
             if k in fixes:
                 fixes.remove(k)
-                lon, lat = to_geographic(scene.crs, x[k : k + 1] + SD * rng.standard_normal((1, 2)))
+                lon, lat = scene.frame.to_geographic(x[k : k + 1] + SD * rng.standard_normal((1, 2)))
                 row += [lat[0], lon[0], SD]
             table.writerow(row)
 

@@ -22,7 +22,7 @@ from coherent import SCENE, STEPS, coherent_problem
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.projection import local_plane, meridian_convergence, to_geographic
+from pareto_ltl.world.projection import local_plane
 from pareto_ltl_apps.flight import link as links
 from pareto_ltl_apps.flight.belief import Belief
 from pareto_ltl_apps.flight.clocks import Clock, StampClock, SteadyClock
@@ -86,7 +86,7 @@ def true_flight(seed: SeedSequence, turned: FloatArray) -> tuple[FloatArray, Flo
 
 def degrees(x: FloatArray) -> tuple[float, float]:
     """Latitude and longitude of a position (2,) [m]."""
-    lon, lat = to_geographic(str(PROBLEM.scene.crs), x[None])
+    lon, lat = PROBLEM.scene.frame.to_geographic(x[None])
     return float(lat[0]), float(lon[0])
 
 
@@ -97,8 +97,8 @@ def gps(at: float, place: tuple[float, float], source: tuple[int, int] = AUTOPIL
 
 def honest(x: FloatArray, u: FloatArray, noise: dict[int, FloatArray]) -> list[Heard]:
     """What an autopilot says: a heartbeat, a heading and an airspeed each second, and two satellite fixes."""
-    lon, lat = to_geographic(str(PROBLEM.scene.crs), x)
-    north = meridian_convergence(str(PROBLEM.scene.crs), lon, lat)
+    lon, lat = PROBLEM.scene.frame.to_geographic(x)
+    north = PROBLEM.scene.frame.convergence(lon, lat)
     found = []
     for second, (east, up) in enumerate(u):
         yaw = math.atan2(east, up) + north[second]
@@ -327,8 +327,8 @@ def distance(event: Event, x: FloatArray) -> float:
 def clean_distances(stream: Stream) -> dict[float, float]:
     """Distance of the truth from the estimate by time, when every message comes."""
     watch, found = Watch(PROBLEM, PLAN, SETTINGS, SeedSequence(3)), {}
-    lon, lat = to_geographic(str(PROBLEM.scene.crs), stream.x)
-    north = np.degrees(meridian_convergence(str(PROBLEM.scene.crs), lon, lat))
+    lon, lat = PROBLEM.scene.frame.to_geographic(stream.x)
+    north = np.degrees(PROBLEM.scene.frame.convergence(lon, lat))
 
     def readings() -> Iterator[Reading]:
         for second, (east, up) in enumerate(stream.u):

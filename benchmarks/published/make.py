@@ -21,7 +21,6 @@ import numpy as np
 from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.times import HOUR, seconds
-from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.studies.random_missions import Spell, mission
@@ -144,7 +143,7 @@ def feature(role: str, name: str, kind: str, coordinates: Any) -> dict[str, Any]
 
 def lonlat(scene: Scene, points: FloatArray) -> list[list[float]]:
     """Longitude and latitude [deg] of ``points`` (N, 2) [m], to about a metre."""
-    return np.round(np.column_stack(to_geographic(str(scene.crs), points)), 5).tolist()
+    return np.round(np.column_stack(scene.frame.to_geographic(points)), 5).tolist()
 
 
 if __name__ == "__main__":

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from pareto_ltl.extend import Frame
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.wind_lookup import interpolate
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, rotate_vectors
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.world import projection
 from published.dataset import Mission
 
 COLUMNS = ("duration_s", "heading_true_deg", "airspeed_m_s")
@@ -67,9 +67,9 @@ def controls(problem: Problem, orders: FloatArray) -> tuple[FloatArray, FloatArr
         drift = interpolate(wind, wind.mean, min(step, len(wind.slot) - 1), x[-1])
         order, control = airspeed * np.array([math.sin(heading), math.cos(heading)]), np.zeros(2)
         for _ in range(2):
-            lon, lat = projection.to_geographic(crs, x[-1] + 0.5 * dt * (control + drift))
-            angle = projection.meridian_convergence(crs, lon, lat)
-            control = projection.rotate_vectors(order[None], angle)[0]
+            lon, lat = Frame(crs).to_geographic(x[-1] + 0.5 * dt * (control + drift))
+            angle = Frame(crs).convergence(lon, lat)
+            control = rotate_vectors(order[None], angle)[0]
         u.append(control)
         x.append(x[-1] + dt * (control + drift))
     return np.array(u), np.array(x)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from pareto_ltl.wind.named_laws import first_law, law_of_newer_runs, law_of_parts_named, packaged_laws
     from pareto_ltl.wind.sources import WindSource
     from pareto_ltl.world.cells import Decomposition
+    from pareto_ltl.world.projection import Frame
 
 __all__ = [
     "Automaton",
@@ -41,6 +42,7 @@ __all__ = [
     "FlightSample",
     "Forecast",
     "Forest",
+    "Frame",
     "Front",
     "LawOfParts",
     "LawPart",
@@ -73,6 +75,7 @@ _EXPORTS = {
     "FailureRate": "pareto_ltl.planning.rates",
     "Forecast": "pareto_ltl.planning.evaluate",
     "Forest": "pareto_ltl.planning.records",
+    "Frame": "pareto_ltl.world.projection",
     "Front": "pareto_ltl.planning.records",
     "FlightEvent": "pareto_ltl.simulation.failure_modes",
     "FlightSample": "pareto_ltl.simulation.samples",

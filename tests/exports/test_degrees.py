@@ -7,7 +7,8 @@ import pytest
 import shapely
 from pyproj import Geod
 
-from pareto_ltl.world.projection import local_plane, to_geographic, to_plane
+from pareto_ltl.extend import Frame
+from pareto_ltl.world.projection import local_plane
 from pareto_ltl_apps.exports.degrees import crosses, line_degrees, line_parts, outline_degrees, polygon_parts
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -21,12 +22,12 @@ def test_a_reader_that_joins_points_is_never_a_metre_off(lat: float) -> None:
     way = shapely.LineString(line)
     share = np.linspace(0, 1, 11)[:, None, None]
     on_sheet = drawn[:-1] + share * np.diff(drawn, axis=0)  # joined by straight lines in degrees
-    back = to_plane(crs, *on_sheet.reshape(-1, 2).T)
+    back = Frame(crs).to_plane(*on_sheet.reshape(-1, 2).T)
     assert shapely.distance(way, shapely.points(back)).max() < 1.0
     middle = Geod(ellps="WGS84")
     azimuth, _, far = middle.inv(drawn[:-1, 0], drawn[:-1, 1], drawn[1:, 0], drawn[1:, 1])
     lon, half, _ = middle.fwd(drawn[:-1, 0], drawn[:-1, 1], azimuth, far / 2)  # joined on the ellipsoid
-    assert shapely.distance(way, shapely.points(to_plane(crs, lon, half))).max() < 1.0
+    assert shapely.distance(way, shapely.points(Frame(crs).to_plane(lon, half))).max() < 1.0
 
 
 def test_lines_and_polygons_are_cut_at_the_180th_meridian() -> None:
@@ -62,6 +63,6 @@ def test_what_lies_on_one_side_stays_as_it_is() -> None:
     outline = outline_degrees(crs, 100e3 * SQUARE)
     ((kept,),) = polygon_parts([outline])
     np.testing.assert_array_equal(kept, outline)
-    lon, lat = to_geographic(crs, 100e3 * SQUARE)
+    lon, lat = Frame(crs).to_geographic(100e3 * SQUARE)
     for place in np.column_stack([lon, lat]):
         assert np.abs(outline - place).max(axis=1).min() < 1e-8

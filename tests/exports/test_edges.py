@@ -21,9 +21,10 @@ from uas_standards.astm.f3548.v21.api import OperationalIntentDetails
 
 import pareto_ltl
 from exported_plans import Flown, metres_apart, settings_named
+from pareto_ltl.extend import Frame
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.schemas import check_document
-from pareto_ltl.world.projection import local_plane, to_plane
+from pareto_ltl.world.projection import local_plane
 from pareto_ltl_apps.exports.exported import ExportedPlan, exported_plan
 from pareto_ltl_apps.exports.formats import MAKERS, holds_pole, writable_formats, write_exports
 from pareto_ltl_apps.exports.mavlink import script_messages
@@ -86,7 +87,8 @@ def test_fences_are_cut_at_the_180th_meridian_and_keep_their_area(
             assert np.abs(np.diff(np.append(lons, lons[0]))).max() < 180.0
             assert np.abs(lons).max() <= 180.0
         outside = [np.array(f["polygon"])[:, ::-1] for f in fences if not f["inclusion"]]
-        drawn = shapely.union_all([shapely.Polygon(to_plane(exported.crs, *ring.T)) for ring in outside])
+        plane = Frame(exported.crs)
+        drawn = shapely.union_all([shapely.Polygon(plane.to_plane(*ring.T)) for ring in outside])
         obstacles = shapely.union_all([shapely.Polygon(corners) for corners in exported.scene.obstacles])
         assert shapely.symmetric_difference(drawn, obstacles).area < 1e-3 * obstacles.area
         cut = lon != 100.0

@@ -6,7 +6,7 @@ import numpy as np
 from pyproj import Geod
 
 from exported_plans import Flown
-from pareto_ltl.world.projection import meridian_convergence
+from pareto_ltl.extend import Frame
 from pareto_ltl_apps.exports.navigation_log import expected_winds, navigation_log
 
 PARTS = 60  # of a leg that is flown with one heading in one wind: a straight line of a map with true angles
@@ -42,7 +42,7 @@ def test_the_wind_is_what_controls_and_positions_leave(flown: Flown) -> None:
     path, log = flown.exported.plan.path, flown.exported.log
     wind = np.diff(path.x, axis=0) / flown.problem.motion.dt - path.u
     np.testing.assert_allclose(log.wind_speed, np.hypot(*wind.T), rtol=1e-9)
-    turn = meridian_convergence(flown.exported.crs, log.lon[:-1], log.lat[:-1])
+    turn = Frame(flown.exported.crs).convergence(log.lon[:-1], log.lat[:-1])
     blows_to = np.rad2deg(np.arctan2(*wind.T) + turn) % 360
     np.testing.assert_allclose((log.wind_from - blows_to) % 360, 180.0, atol=1e-9)
     towards = np.deg2rad(log.wind_from + 180.0)
@@ -74,7 +74,7 @@ def test_the_heading_of_a_leg_is_that_of_the_plan_turned_by_half_its_way(flown: 
     assert navigation is not None
     assert navigation.heading_true is not None
     gap = (log.heading - navigation.heading_true + 180) % 360 - 180
-    turn = np.rad2deg(meridian_convergence(flown.exported.crs, log.lon, log.lat))
+    turn = np.rad2deg(Frame(flown.exported.crs).convergence(log.lon, log.lat))
     np.testing.assert_allclose(gap, 0.5 * np.diff(turn), atol=2e-3)
 
 

@@ -29,13 +29,13 @@ from pymavlink.dialects.v20 import all as mavlink
 from uas_standards.astm.f3548.v21.api import OperationalIntentDetails, Volume4D
 
 from exported_plans import Flown, metres_apart, seconds_apart
+from pareto_ltl.extend import Frame
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.heights import Height, level_height
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.schemas import read_document
-from pareto_ltl.world.projection import to_geographic, to_plane
 from pareto_ltl_apps.exports.exported import vehicle_of
 from pareto_ltl_apps.exports.formats import MAKERS
 from pareto_ltl_apps.exports.xml_files import short_text
@@ -82,7 +82,7 @@ def test_the_plan_in_geojson(flown: Flown) -> None:
         assert len(drawn) == len(polygons)
         for shape, corners in zip(drawn, polygons, strict=True):
             assert shape.exterior.is_ccw
-            back = to_plane(flown.exported.crs, *np.array(shape.exterior.coords).T)
+            back = Frame(flown.exported.crs).to_plane(*np.array(shape.exterior.coords).T)
             assert shapely.hausdorff_distance(shapely.Polygon(back), shapely.Polygon(corners)) < 1.0
 
 
@@ -101,7 +101,10 @@ def test_the_corridor_in_geojson(flown: Flown) -> None:
         k = feature.properties["step"]
         if k == 0:
             continue  # a circle of a metre, and this reader rounds to six digits
-        back = to_plane(flown.exported.crs, *np.array(feature.geometry.coordinates[0]).T) - corridor.mean[k]
+        back = (
+            Frame(flown.exported.crs).to_plane(*np.array(feature.geometry.coordinates[0]).T)
+            - corridor.mean[k]
+        )
         sizes = np.sqrt(np.einsum("ni,ij,nj->n", back, np.linalg.inv(corridor.cov[k]), back))
         np.testing.assert_allclose(sizes, corridor.at_time[level, k] / np.cos(np.pi / 36), rtol=1e-3)
 
@@ -274,7 +277,7 @@ def test_calm_air_has_no_wind_message_and_volumes_of_some_width(flown: Flown) ->
     assert "MAV_CMD_EXTERNAL_WIND_ESTIMATE" not in sent
     for volume, x, end in zip(json.loads(MAKERS["f3548"](calm))["volumes"], log.x, log.x[1:], strict=False):
         corners = [(v["lng"], v["lat"]) for v in volume["volume"]["outline_polygon"]["vertices"]]
-        outline = shapely.Polygon(to_plane(calm.crs, *np.array(corners).T))
+        outline = shapely.Polygon(Frame(calm.crs).to_plane(*np.array(corners).T))
         assert outline.exterior.distance(shapely.LineString([x, end])) > 9.0
 
 
@@ -370,5 +373,5 @@ def test_every_text_names_the_law_of_its_probabilities(flown: Flown, name: str) 
 
 
 def test_the_start_is_where_the_scene_says(flown: Flown) -> None:
-    lon, lat = to_geographic(flown.exported.crs, flown.result.scene.start)
+    lon, lat = Frame(flown.exported.crs).to_geographic(flown.result.scene.start)
     assert (flown.exported.log.lat[0], flown.exported.log.lon[0]) == (lat[0], lon[0])

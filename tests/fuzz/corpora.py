@@ -22,7 +22,6 @@ from pareto_ltl.wind.named_laws import first_law
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindEvidence, WindField, WindModes
 from pareto_ltl.world.cells import decompose
-from pareto_ltl.world.projection import navigate
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import write_cells, write_scene
 from pareto_ltl_apps.studies.sweeps import SweepManifest, SweepPoint
@@ -203,7 +202,7 @@ def write_run(place: Path, seed: int = 0) -> None:
     )  # fmt: skip
     plan_files.write_front(place, front)
     told = ("F(a & F b)", ("a", "b"), 1800.0, 30.0, 0.05, "full", "threshold", (0.5, 0.25, 0.25))
-    known = navigate(scene(), flown.t, flown.x, flown.u)
+    known = scene().frame.navigation(flown.t, flown.x, flown.u)
     made = Plan(flown, *told, {"alpha": 0.1}, Promise(rate, rate, 0.1, 0.2, False), known)
     plan_files.write_plan(place, made)
     x = np.zeros((5, 4, 2))

@@ -15,7 +15,7 @@ import pytest
 import shapely
 
 import pareto_ltl
-from pareto_ltl.world.projection import to_geographic, true_heading
+from pareto_ltl.extend import Frame
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.flight.journal import read_journal
 from pareto_ltl_apps.flight.telemetry import read_log
@@ -88,8 +88,7 @@ def test_the_wind_of_a_status_blows_from_true_north(made: Path, telemetry: Path)
     crs = str(run.scene.crs)
     readings = list(read_log(telemetry, run.scene.time_zero, on_earth=True))[:3]
     status = next(event for event in pareto_ltl.follow(run, readings) if event["event"] == "status")
-    lon, lat = to_geographic(crs, np.array([[status["x"], status["y"]]]))
-    towards = float(true_heading(crs, lon, lat, np.array([status["wind"]]))[0])
+    towards = float(Frame(crs).heading([[status["x"], status["y"]]], np.array([status["wind"]]))[0])
     assert status["wind_from"] == pytest.approx((towards + 180.0) % 360.0, abs=1e-6)
     assert abs((status["wind_from"] - np.degrees(np.arctan2(*-np.array(status["wind"])))) % 360.0) > 0.5
 

@@ -16,7 +16,6 @@ import pytest
 
 import pareto_ltl
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_apps.flight import replans as module
 from pareto_ltl_apps.flight.following import Session, follow
 from pareto_ltl_apps.flight.journal import read_journal
@@ -56,7 +55,7 @@ def flight(made: Path, off: float = 25e3) -> Iterator[Reading]:
         for minute in range(30):
             place, sd = None, float("nan")
             if (k, minute) == (third, 5):
-                lon, lat = to_geographic(str(scene.crs), plan.path.x[third : third + 1] + off)
+                lon, lat = scene.frame.to_geographic(plan.path.x[third : third + 1] + off)
                 place, sd = (float(lat[0]), float(lon[0])), 500.0
             heading, airspeed = plan.navigation.heading_true[k], plan.navigation.airspeed[k]
             yield Reading(k * 1800.0 + minute * 60.0, float(heading), float(airspeed), place, sd)

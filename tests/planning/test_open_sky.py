@@ -20,7 +20,6 @@ from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.displacement import SPACE_SHARE, displacement_variance
 from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.readings import CALM, Readings
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl.world.scene_sketch import SkyRoom
@@ -148,7 +147,7 @@ def test_a_map_has_at_least_room_to_pass_around_it_and_no_more_than_its_plane_sh
         assert fitting_step(RobotConfig(), one, 200) == fitting_step(RobotConfig(), least, 200)
     assert np.ptp(scene.bounds, axis=0).max() > 2.0 * np.ptp(least.bounds, axis=0).max()
     huge = scene_from_settings(cfg, border="wall", room=lambda _tour: SkyRoom(1e7, "x"))
-    assert 0.008 < projection.scale_error(str(huge.crs), huge.bounds) <= 0.01
+    assert 0.008 < huge.frame.scale_error(huge.bounds) <= 0.01
     assert "as far as lengths in the plane of the map are right to 1 %" in caplog.text
     caplog.clear()
     walls = scene_from_settings(replace(cfg, border="wall"), border="wall", room=wide)

@@ -14,8 +14,8 @@ import shapely
 
 import pareto_ltl
 from lies.editing import in_json
+from pareto_ltl.extend import Frame
 from pareto_ltl.support.reading import read_json
-from pareto_ltl.world.projection import to_geographic, to_plane
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.claims.containment import CLAIMS, WORDS
 from pareto_ltl_verify.evidence import open_evidence
@@ -76,7 +76,7 @@ def test_an_intent_has_the_corners_and_times_of_the_volumes(made: Path) -> None:
     assert len(stated) == len(level["volumes"])
     for one, volume in zip(stated, level["volumes"], strict=True):
         vertices = one["volume"]["outline_polygon"]["vertices"]
-        places = to_plane(crs, *(np.array([v[key] for v in vertices]) for key in ("lng", "lat")))
+        places = Frame(crs).to_plane(*(np.array([v[key] for v in vertices]) for key in ("lng", "lat")))
         np.testing.assert_allclose(places, volume["corners_m"], atol=0.01)
         assert one["time_start"]["value"] < one["time_end"]["value"]
         assert one["volume"]["altitude_lower"] == {"value": 100.0, "reference": "W84", "units": "M"}
@@ -95,8 +95,8 @@ def test_the_own_intent_is_left_as_often_as_the_volumes(made: Path, tmp_path: Pa
 def test_a_drawn_area_is_a_volume_without_times(made: Path, tmp_path: Path) -> None:
     scene = read_json(made / "scene.json")
     (west, south), (east, north) = scene["bounds"]
-    lon, lat = to_geographic(
-        scene["crs"], np.array([[west, south], [east, south], [east, north], [west, north], [west, south]])
+    lon, lat = Frame(scene["crs"]).to_geographic(
+        np.array([[west, south], [east, south], [east, north], [west, north], [west, south]])
     )
     ring = np.column_stack([lon, lat]).tolist()
     path = tmp_path / "border.geojson"

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 import pareto_ltl
+from pareto_ltl.extend import Frame
 from pareto_ltl.logic.automaton import translate
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.world.projection import to_geographic, to_plane
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.view.components import MODULES, bundled, component
 from pareto_ltl_apps.view.page.content import SCRIPTS, Content, json_for_script, page_bytes, page_content
@@ -88,7 +88,7 @@ def test_the_chosen_point_and_its_promise_are_those_of_the_plan(text: str, page_
     shown = data["paths"][str(data["chosen"])]
     crs = Run.open(page_result).scene.crs
     assert crs is not None
-    assert np.abs(to_plane(crs, *np.array(shown["line"]).T) - plan.path.x).max() <= 1.0
+    assert np.abs(Frame(crs).to_plane(*np.array(shown["line"]).T) - plan.path.x).max() <= 1.0
     assert shown["q"] == plan.path.q.tolist()
     assert shown["utc"] == list(plan.navigation.time_utc or ()) if plan.navigation else False
     for name in ("law", "failure", "low", "high", "runs"):
@@ -125,14 +125,14 @@ def test_the_wind_of_the_page_is_that_of_the_record(shown: ShownRun) -> None:
     wind, crs = shown_wind(shown.scene, shown.wind, 0.0), shown.scene.crs
     assert crs is not None
     lon, lat = np.array(wind["at"]).T
-    nodes = (to_plane(crs, lon, lat) - shown.wind.origin) / shown.wind.spacing
+    nodes = (Frame(crs).to_plane(lon, lat) - shown.wind.origin) / shown.wind.spacing
     assert np.abs(nodes - nodes.round()).max() < 1e-3
     i, j = nodes.round().astype(int).T
     mean = shown.wind.mean[0, i, j]
     speed = np.hypot(*mean.T)
     assert np.hypot(*np.array(wind["uv"][0]).T) == pytest.approx(speed, abs=0.01)
     # Arrows stand on a map with north at the top: a second with the wind leads in their direction.
-    ahead = np.column_stack(to_geographic(crs, nodes * shown.wind.spacing + shown.wind.origin + mean))
+    ahead = np.column_stack(Frame(crs).to_geographic(nodes * shown.wind.spacing + shown.wind.origin + mean))
     east = (ahead[:, 0] - lon) * np.cos(np.deg2rad(lat))
     turned = np.arctan2(east, ahead[:, 1] - lat) - np.arctan2(*np.array(wind["uv"][0]).T)
     fast = speed > 2.0

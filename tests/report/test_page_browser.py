@@ -21,7 +21,6 @@ import pareto_ltl
 from chromium import PAUSE, Opened, launched, needs_chromium, opened_page
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.world.projection import to_plane
 
 DESK, PHONE = (1440, 900), (390, 844)
 
@@ -50,7 +49,7 @@ def test_the_first_view_is_the_chosen_plan(opened: Opened, page_result: Path) ->
     plan = Run.open(page_result).plan
     scene = Run.open(page_result).scene
     assert scene.crs is not None
-    x = to_plane(scene.crs, *np.array(opened.value("path().line")).T)
+    x = scene.frame.to_plane(*np.array(opened.value("path().line")).T)
     assert np.abs(x - plan.path.x).max() < 1.0
     assert drawn(opened, ".track") == [opened.value("map.line(path().line)")]
     assert opened.value("shown.point") == opened.value("PAGE.chosen")

@@ -22,6 +22,7 @@ import pytest
 import pareto_ltl
 from documents import ROOT
 from map_files import GOAL, KML, START, WALL
+from pareto_ltl.extend import Frame
 from pareto_ltl.run.provenance import file_hashes
 from pareto_ltl.run.received import GRANTED, allowed_settings
 from pareto_ltl.settings import Settings
@@ -30,7 +31,6 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.locks import hold_lock
 from pareto_ltl.support.netcdf4 import refuse_other_files
 from pareto_ltl.wind.netcdf import read_netcdf
-from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_apps.cli.command_table import DIR, TOOL_COMMANDS
 from pareto_ltl_apps.cli.commands import run_command_line
 from quick_plan import QUICK_PLAN
@@ -497,7 +497,7 @@ def test_netcdf_data_in_another_file_are_refused(way: str, made: Path, tmp_path:
 )  # fmt: skip
 def test_a_projection_that_names_a_file_is_refused(crs: str) -> None:
     with pytest.raises(DataError, match="names a file, which is not read"):
-        to_geographic(crs, np.zeros((1, 2)))
+        Frame(crs).to_geographic(np.zeros((1, 2)))
 
 
 def test_verify_opens_no_plan_and_no_law_that_the_run_has_not_read(

@@ -18,7 +18,6 @@ from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.flight.newer_wind import in_newer_wind
 from pareto_ltl_apps.flight.replanning import comparison_lines
@@ -51,7 +50,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def near(made: Path, step: int, off: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
     """Latitude and longitude of a place ``off`` [m] from the plan at ``step``."""
     results = Run.open(made)
-    lon, lat = to_geographic(str(results.scene.crs), results.plan.path.x[step] + np.array(off))
+    lon, lat = results.scene.frame.to_geographic(results.plan.path.x[step] + np.array(off))
     return float(lat[0]), float(lon[0])
 
 
@@ -96,7 +95,7 @@ def test_an_earlier_fix_tells_more_than_none(made: Path) -> None:
 def test_a_fix_between_two_steps_is_moved_along_the_plan(made: Path) -> None:
     path = Run.open(made).plan.path
     between = 0.75 * path.x[LAST] + 0.25 * path.x[LAST - 1]
-    lon, lat = to_geographic(str(Run.open(made).scene.crs), between)
+    lon, lat = Run.open(made).scene.frame.to_geographic(between)
     done = pareto_ltl.replan(made, (LAST - 0.25) * 1800.0, (float(lat[0]), float(lon[0]), 100.0))
     assert done.situation.step == LAST
     assert done.situation.learnt is not None

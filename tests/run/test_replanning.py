@@ -13,7 +13,6 @@ import pareto_ltl
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_apps.cli.arguments import read_fix
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.cli.result_commands import default_place
@@ -42,7 +41,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 def fix_near(results: Run, off: tuple[float, float] = (6e3, -4e3), sd: float = 400.0) -> tuple[float, ...]:
     """A fix that far from the expected position."""
-    lon, lat = to_geographic(str(results.scene.crs), results.plan.path.x[STEP] + np.array(off))
+    lon, lat = results.scene.frame.to_geographic(results.plan.path.x[STEP] + np.array(off))
     return float(lat[0]), float(lon[0]), sd
 
 

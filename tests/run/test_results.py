@@ -30,7 +30,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import whole_file, write_json, write_npz
 from pareto_ltl.support.reading import read_json
 from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.projection import local_plane, navigate
+from pareto_ltl.world.projection import local_plane
 from pareto_ltl.world.scene import Scene
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -91,7 +91,7 @@ def plan() -> Plan:
     flown = flight()
     return Plan(
         flown, "F(a & F b)", ("a", "b"), 1800.0, 30.0, 0.05, "paper", "weighted", (0.5, 0.25, 0.25),
-        navigation=navigate(scene(), flown.t, flown.x, flown.u),
+        navigation=scene().frame.navigation(flown.t, flown.x, flown.u),
     )  # fmt: skip
 
 
@@ -104,7 +104,7 @@ def promised_plan() -> Plan:
         plan(), path=flown, rule="threshold", rule_settings={"alpha": 0.02},
         fidelity="full with parents=scaled",
         promise=Promise(rate(), rate(560, 4000), 0.1 + 0.2, 0.2, False),
-        navigation=navigate(on_earth, flown.t, flown.x, flown.u),
+        navigation=on_earth.frame.navigation(flown.t, flown.x, flown.u),
     )  # fmt: skip
 
 

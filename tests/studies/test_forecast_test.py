@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from forecast_winds import AREA, HOUR, NODES, calm, context_of, settings, snapshots
 from noaa import NOAA, needs_noaa
-from pareto_ltl.extend import Study
+from pareto_ltl.extend import Frame, Study
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.times import seconds
 from pareto_ltl.world import projection
@@ -78,7 +78,7 @@ def test_the_fields_that_are_read_cover_a_scene_at_the_edge_of_the_area(corner: 
     east, north = AREA[corner]
     half = 400e3 + cfg.wind.padding
     outline = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    lon, lat = projection.to_geographic(projection.local_plane(north, east), outline)
+    lon, lat = Frame(projection.local_plane(north, east)).to_geographic(outline)
     assert study.needed_area(cfg, cfg.forecast_test).contains(np.column_stack([lon, lat])).all()
 
 

@@ -16,7 +16,6 @@ from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.error_law import LASTING
 from pareto_ltl.wind.law_of_parts import LawOfParts
 from pareto_ltl.wind.named_laws import read_law
-from pareto_ltl.world import projection
 from pareto_ltl_apps.studies import forecast_test as study
 from pareto_ltl_apps.studies import strata
 from pareto_ltl_apps.studies.point_winds import LAW_FILE, PointWinds
@@ -62,7 +61,7 @@ def test_the_start_and_two_regions_lie_at_places_and_planning_knows_no_younger_r
     for number in range(8):
         task = known.task(number)
         scene = task.scene
-        at = projection.to_plane(str(scene.crs), *PLACES[:, ::-1].T)
+        at = scene.frame.to_plane(*PLACES[:, ::-1].T)
         assert np.linalg.norm(at - scene.start, axis=1).min() < 1.0
         for name in ("a", "b"):
             middle = scene.regions[name][0].mean(axis=0)

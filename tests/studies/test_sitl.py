@@ -12,6 +12,7 @@ import pytest
 from numpy.random import SeedSequence
 from pyproj import Geod
 
+from pareto_ltl.extend import Frame
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.plan_run import Run
@@ -20,7 +21,6 @@ from pareto_ltl.settings import Settings, SitlConfig
 from pareto_ltl.simulation.flights import draw_block, fly_block, pilot_maker
 from pareto_ltl.support.atmosphere import standard_air, true_airspeed
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.world.projection import meridian_convergence, to_geographic
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.studies import sitl
 from pareto_ltl_apps.studies.aircraft import Orders, fly_orders, read_orders
@@ -125,9 +125,9 @@ def test_the_aircraft_meets_the_wind_of_our_flight(planned: tuple[Problem, Plan]
     for i in range(3):
         air = sitl.flight_air(problem, block.draws, i, len(u))
         for t in (0, len(u) // 2, len(u) - 1):
-            lon, lat = to_geographic(crs, x[i, t][None])
+            lon, lat = Frame(crs).to_geographic(x[i, t][None])
             east, north = air((t + 0.5) * dt, float(lat[0]), float(lon[0]))
-            turn = float(meridian_convergence(crs, lon, lat)[0])
+            turn = float(Frame(crs).convergence(lon, lat)[0])
             back = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ [east, north]
             np.testing.assert_allclose(back, (x[i, t + 1] - x[i, t]) / dt - u[t], atol=1e-4)
 

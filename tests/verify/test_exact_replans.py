@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import pareto_ltl
-from pareto_ltl.world.projection import to_geographic
+from pareto_ltl.extend import Frame
 from pareto_ltl_verify.judge import verify
 from small_plans import COMMON
 
@@ -21,7 +21,7 @@ def test_all_claims_of_a_plan_remade_from_a_known_position_hold(tmp_path: Path) 
     expected = flown.plan.path.x[2]
     for name, east in (("on the plan", 0.0), ("off the plan", 300.0)):
         place = tmp_path / name
-        (lon,), (lat,) = to_geographic(str(flown.scene.crs), expected + np.array([east, 0.0]))
+        (lon,), (lat,) = Frame(flown.scene.crs).to_geographic(expected + np.array([east, 0.0]))
         pareto_ltl.replan(tmp_path / "flown", 2 * flown.plan.dt, (lat, lon, 200.0), out=place)
         findings = verify(place)
         assert POSITION in {finding.claim for finding in findings}

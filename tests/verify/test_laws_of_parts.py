@@ -18,7 +18,6 @@ from pareto_ltl.planning.error_tail import draw_scales
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.named_laws import law_of_parts_named
-from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_distribution
 from pareto_ltl_verify.judge import Finding, verify
@@ -106,7 +105,7 @@ def test_all_claims_of_a_plan_after_a_fix_hold(
     run, place = made
     dt, x = run.plan.dt, run.plan.path.x
     step = min(int(6 * 3600 / dt) + 1, len(x) - 3) if late else 2
-    (lon,), (lat,) = to_geographic(str(run.scene.crs), x[step] + np.array([9000.0, -5000.0]))
+    (lon,), (lat,) = run.scene.frame.to_geographic(x[step] + np.array([9000.0, -5000.0]))
     pareto_ltl.replan(place, step * dt, (lat, lon, 2000.0), out=tmp_path / "rest")
     found = verify(tmp_path / "rest")
     assert [finding for finding in found if not finding.holds] == []

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 import pareto_ltl
+from pareto_ltl.extend import Frame
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_verify.judge import verify
 from small_plans import COMMON
 
@@ -29,7 +29,7 @@ def remade(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ahead = (x[step] - x[0]) / np.linalg.norm(x[step] - x[0])
     right = np.array([ahead[1], -ahead[0]]) * np.linalg.norm(x[step] - x[0])
     place = x[step] + 2.0 * np.radians(SD["heading_sd"]) * right
-    (lon,), (lat,) = to_geographic(str(flown.scene.crs), place)
+    (lon,), (lat,) = Frame(flown.scene.crs).to_geographic(place)
     done = pareto_ltl.replan(folder / "flown", step * flown.plan.dt, (lat, lon, 100.0), out=folder / "new")
     assert done.run is not None
     robot = done.run.settings.robot

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pareto_ltl.extend import Frame
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import Level, level_list, parse_level
@@ -49,7 +50,7 @@ def test_the_neighbourhood_of_a_scene_holds_500_km_around_it(lat, lon):
     around = np.linspace(0, 2 * np.pi, 40)
     ring = 5e5 * np.sqrt(2) * np.stack([np.cos(around), np.sin(around)], axis=1)
     ring = ring * (1 + 5e5 / 7.1e5)
-    lonlat = np.stack(projection.to_geographic(crs, ring), axis=1)
+    lonlat = np.stack(Frame(crs).to_geographic(ring), axis=1)
     assert box is not None
     assert box.contains(lonlat).all()
 

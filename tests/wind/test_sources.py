@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from noaa import NOAA, ROOT, needs_noaa
+from pareto_ltl.extend import Frame
 from pareto_ltl.settings import IngestConfig, WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind import sources
@@ -68,10 +69,10 @@ def test_winds_are_turned_into_the_plane_and_keep_their_speed(tmp_path):
     cfg = write(tmp_path / "w.csv", rows())
     seen = read(cfg)
     crs = str(scene().crs)
-    lon, lat = projection.to_geographic(crs, seen.points[0])
+    lon, lat = Frame(crs).to_geographic(seen.points[0])
     step = 1e-5
-    up = projection.to_plane(crs, lon, lat + step) - projection.to_plane(crs, lon, lat - step)
-    right = projection.to_plane(crs, lon + step, lat) - projection.to_plane(crs, lon - step, lat)
+    up = Frame(crs).to_plane(lon, lat + step) - Frame(crs).to_plane(lon, lat - step)
+    right = Frame(crs).to_plane(lon + step, lat) - Frame(crs).to_plane(lon - step, lat)
     up, right = (a / np.linalg.norm(a, axis=1, keepdims=True) for a in (up, right))
     expected = 0.1 * lat[:, None] * right - 0.5 * up
     np.testing.assert_allclose(seen.winds[0], expected, atol=1e-5)

@@ -279,7 +279,7 @@ def test_the_frame_converts_positions_and_knows_north(tmp_path):
     east, north = there - here
     assert scene.frame.north(scene.start)[0] == pytest.approx(np.arctan2(-east, north), abs=1e-6)
     square = np.array([[0.0, 0], [1, 0], [1, 1]])
-    assert pareto_ltl.Scene(np.array([[0.0, 0], [9, 9]]), np.ones(2), {"a": square}).frame is None
+    assert not pareto_ltl.Scene(np.array([[0.0, 0], [9, 9]]), np.ones(2), {"a": square}).frame.on_earth
 
 
 def test_zones_need_a_map_in_degrees(tmp_path):

@@ -11,14 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from pareto_ltl.world.projection import (
-    local_plane,
-    navigate,
-    to_geographic,
-    to_plane,
-    true_heading,
-    utc_times,
-)
+from pareto_ltl.extend import Frame
+from pareto_ltl.world.projection import local_plane
 from pareto_ltl.world.scene import Scene
 
 PLANE = local_plane(37.0, -92.0)
@@ -39,19 +33,19 @@ def test_a_heading_is_the_azimuth_of_a_point_ahead(lat, lon, course, speed, plan
     crs = plane or local_plane(np.clip(lat + 4, -89, 89), lon - 5)
     if plane:  # a place within the reach of the map
         lat, lon = 38.5 + lat / 10, -97.5 + lon / 10
-    here = to_plane(crs, np.array([lon]), np.array([lat]))
+    here = Frame(crs).to_plane(np.array([lon]), np.array([lat]))
     u = speed * np.array([[np.sin(np.deg2rad(course)), np.cos(np.deg2rad(course))]])
-    there = to_geographic(crs, here + u / speed)
+    there = Frame(crs).to_geographic(here + u / speed)
     geod = Geod(a=6371229, b=6371229) if plane else Geod(ellps="WGS84")
     azimuth = geod.inv(lon, lat, there[0][0], there[1][0])[0]
-    heading = true_heading(crs, np.array([lon]), np.array([lat]), u)[0]
+    heading = Frame(crs).heading(here, u)[0]
     assert 0.0 <= heading < 360.0
     assert abs((heading - azimuth + 180.0) % 360.0 - 180.0) < ANGLE
 
 
 def test_a_step_without_airspeed_has_no_heading():
     u = np.array([[0.0, 10.0], [0.0, 0.0]])
-    found = navigate(MAP, 1800.0 * np.arange(3), np.zeros((3, 2)), u)
+    found = MAP.frame.navigation(1800.0 * np.arange(3), np.zeros((3, 2)), u)
     assert found.heading_true[0] == pytest.approx(0.0, abs=1e-9)
     assert np.isnan(found.heading_true[1])
     assert found.airspeed.tolist() == [10.0, 0.0]
@@ -59,13 +53,13 @@ def test_a_step_without_airspeed_has_no_heading():
 
 def test_positions_return_to_the_plane():
     x = np.random.default_rng(1).uniform(-5e5, 5e5, (20, 2))
-    found = navigate(MAP, 1800.0 * np.arange(20), x, np.ones((19, 2)))
-    np.testing.assert_allclose(to_plane(PLANE, found.lon, found.lat), x, atol=1e-5)
+    found = MAP.frame.navigation(1800.0 * np.arange(20), x, np.ones((19, 2)))
+    np.testing.assert_allclose(Frame(PLANE).to_plane(found.lon, found.lat), x, atol=1e-5)
     assert found.crs == PLANE
 
 
 def test_a_plane_without_place_on_earth_has_airspeeds_and_times_only():
-    found = navigate(replace(MAP, crs=None), np.zeros(1), np.zeros((1, 2)), np.empty((0, 2)))
+    found = replace(MAP, crs=None).frame.navigation(np.zeros(1), np.zeros((1, 2)), np.empty((0, 2)))
     assert (found.crs, found.lat, found.lon, found.heading_true) == (None,) * 4
     assert found.time_utc == ("2018-10-09T06:00:00Z",)
     assert len(found.airspeed) == 0
@@ -73,11 +67,11 @@ def test_a_plane_without_place_on_earth_has_airspeeds_and_times_only():
 
 @pytest.mark.parametrize("zero", ["2018-10-09T06:00:00Z", "2018-10-09T06:00:00", "2018-10-09T08:00:00+02:00"])
 def test_times_count_from_the_departure_in_utc(zero):
-    times = utc_times(zero, np.array([0.0, 5400.0, 86400.5]))
+    times = Frame(None, zero).utc(np.array([0.0, 5400.0, 86400.5]))
     assert times == ("2018-10-09T06:00:00Z", "2018-10-09T07:30:00Z", "2018-10-10T06:00:00.500000Z")
     assert all(datetime.fromisoformat(time).tzinfo for time in times)
 
 
 def test_no_departure_and_no_calendar_give_no_times():
-    assert utc_times(None, np.zeros(3)) is None
-    assert utc_times("2018-10-09T06:00:00Z", np.array([0.0, 1e12])) is None
+    assert Frame(None, None).utc(np.zeros(3)) is None
+    assert Frame(None, "2018-10-09T06:00:00Z").utc(np.array([0.0, 1e12])) is None

@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pareto_ltl.extend import Frame
+from pareto_ltl.support.arrays import rotate_vectors
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import projection
 
@@ -26,7 +28,7 @@ def near(centre, offset):
 def test_a_position_comes_back_from_the_plane(centre, offset):
     crs = projection.local_plane(*centre)
     lon, lat = near(centre, offset)
-    back_lon, back_lat = projection.to_geographic(crs, projection.to_plane(crs, lon, lat))
+    back_lon, back_lat = Frame(crs).to_geographic(Frame(crs).to_plane(lon, lat))
     np.testing.assert_allclose(back_lat, lat, atol=1e-9)
     np.testing.assert_allclose((back_lon - lon + 180) % 360 - 180, 0, atol=1e-8)
 
@@ -36,8 +38,8 @@ def test_a_position_comes_back_from_the_plane(centre, offset):
 def test_a_wind_from_the_south_moves_along_the_drawn_meridian(centre, offset):
     crs = projection.local_plane(*centre)
     lon, lat = near(centre, offset)
-    moved = projection.to_plane(crs, lon, lat + DEGREE) - projection.to_plane(crs, lon, lat - DEGREE)
-    north = projection.rotate_vectors(np.array([[0.0, 1.0]]), projection.meridian_convergence(crs, lon, lat))
+    moved = Frame(crs).to_plane(lon, lat + DEGREE) - Frame(crs).to_plane(lon, lat - DEGREE)
+    north = rotate_vectors(np.array([[0.0, 1.0]]), Frame(crs).convergence(lon, lat))
     np.testing.assert_allclose(north, moved / np.linalg.norm(moved), atol=1e-6)
 
 
@@ -47,8 +49,8 @@ def test_the_plane_is_conformal(centre, offset):
     """One angle serves all directions only if east stays at right angles to north, at the same scale."""
     crs = projection.local_plane(*centre)
     lon, lat = near(centre, offset)
-    north = projection.to_plane(crs, lon, lat + DEGREE) - projection.to_plane(crs, lon, lat - DEGREE)
-    east = projection.to_plane(crs, lon + DEGREE, lat) - projection.to_plane(crs, lon - DEGREE, lat)
+    north = Frame(crs).to_plane(lon, lat + DEGREE) - Frame(crs).to_plane(lon, lat - DEGREE)
+    east = Frame(crs).to_plane(lon + DEGREE, lat) - Frame(crs).to_plane(lon - DEGREE, lat)
     cross = abs(float((north * east).sum())) / np.linalg.norm(north) / np.linalg.norm(east)
     assert cross < 1e-6
 
@@ -60,7 +62,7 @@ def test_lengths_are_true_to_the_promised_scale(bearing):
 
     crs = projection.local_plane(37.0, -92.0)
     end = 700e3 * np.array([[np.cos(bearing), np.sin(bearing)]])
-    lon, lat = projection.to_geographic(crs, end)
+    lon, lat = Frame(crs).to_geographic(end)
     *_, ground = Geod(ellps="WGS84").inv(-92.0, 37.0, lon[0], lat[0])
     assert abs(700e3 / ground - 1) <= 1.1 * (700e3 / (2 * EARTH)) ** 2
 
@@ -68,20 +70,20 @@ def test_lengths_are_true_to_the_promised_scale(bearing):
 def test_the_centre_is_the_origin_and_its_north_points_up():
     crs = projection.local_plane(37.0, 268.0)  # 92 W, counted eastwards
     lon, lat = np.array([-92.0]), np.array([37.0])
-    np.testing.assert_allclose(projection.to_plane(crs, lon, lat), [[0.0, 0.0]], atol=1e-6)
-    np.testing.assert_allclose(projection.meridian_convergence(crs, lon, lat), [0.0], atol=1e-12)
+    np.testing.assert_allclose(Frame(crs).to_plane(lon, lat), [[0.0, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(Frame(crs).convergence(lon, lat), [0.0], atol=1e-12)
     assert crs == projection.local_plane(37.0, -92.0)
 
 
 def test_meridians_lean_towards_the_pole_on_both_sides_of_the_centre():
     crs = projection.local_plane(37.0, -92.0)
-    west, east = projection.meridian_convergence(crs, np.array([-110.0, -80.0]), np.array([40.0, 40.0]))
+    west, east = Frame(crs).convergence(np.array([-110.0, -80.0]), np.array([40.0, 40.0]))
     assert west < 0 < east  # clockwise in the west, counter-clockwise in the east
 
 
 def test_turning_a_quarter_makes_east_north():
     np.testing.assert_allclose(
-        projection.rotate_vectors(np.array([[2.0, 0.0]]), np.array([np.pi / 2])), [[0.0, 2.0]], atol=1e-15
+        rotate_vectors(np.array([[2.0, 0.0]]), np.array([np.pi / 2])), [[0.0, 2.0]], atol=1e-15
     )
 
 
@@ -95,7 +97,7 @@ def test_turning_a_quarter_makes_east_north():
 )
 def test_a_plane_that_is_none_is_refused(crs, words):
     with pytest.raises(DataError, match=words):
-        projection.to_plane(crs, np.array([0.0]), np.array([0.0]))
+        Frame(crs).to_plane(np.array([0.0]), np.array([0.0]))
 
 
 def test_a_place_that_is_none_is_refused():
@@ -105,4 +107,4 @@ def test_a_place_that_is_none_is_refused():
 
 def test_the_far_side_of_the_earth_cannot_be_drawn():
     with pytest.raises(DataError, match="too far"):
-        projection.to_plane(projection.local_plane(0.0, 0.0), np.array([180.0]), np.array([0.0]))
+        Frame(projection.local_plane(0.0, 0.0)).to_plane(np.array([180.0]), np.array([0.0]))

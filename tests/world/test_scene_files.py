@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support import reading
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
@@ -62,7 +61,7 @@ def test_coordinates_are_scaled_to_metres():
 def test_a_map_with_a_centre_has_the_middle_of_its_bounds_there():
     scene = scene_from_settings(config(unit=1e5, centre=[37.0, -92.0]), "2018-10-09T00:00:00Z")
     np.testing.assert_array_equal(scene.bounds, [[-5e5, -5e5], [5e5, 5e5]])
-    lon, lat = projection.to_geographic(scene.crs, np.zeros((1, 2)))
+    lon, lat = scene.frame.to_geographic(np.zeros((1, 2)))
     np.testing.assert_allclose([lat[0], lon[0]], [37, -92], atol=1e-9)
     assert scene.time_zero == "2018-10-09T00:00:00Z"
 
@@ -233,11 +232,9 @@ def geojson(tmp_path, *features):
 
 def test_a_geojson_map_lies_where_it_was_drawn(tmp_path):
     scene = scene_from_settings(geojson(tmp_path, *FJORD))
-    lon, lat = projection.to_geographic(
-        scene.crs, np.stack([scene.start, scene.regions["a"][0].mean(axis=0)])
-    )
+    lon, lat = scene.frame.to_geographic(np.stack([scene.start, scene.regions["a"][0].mean(axis=0)]))
     np.testing.assert_allclose([lon, lat], [[5, 5.5], [60, 60.5]], atol=1e-4)
-    middle = projection.to_geographic(scene.crs, np.zeros((1, 2)))
+    middle = scene.frame.to_geographic(np.zeros((1, 2)))
     np.testing.assert_allclose(np.ravel(middle), [5.3, 60.3], atol=1e-9)  # box 5..5.6, 60..60.6
     assert len(scene.obstacles) == 1
 
@@ -254,7 +251,7 @@ def test_bounds_drawn_in_degrees_hold_everything_between_their_parallels(tmp_pat
     frame = [[-10, 50], [20, 50], [20, 70], [-10, 70], [-10, 50]]
     low = feature("region", [square(5, 50.11)], name="low")  # at the middle of the southern parallel
     scene = scene_from_settings(geojson(tmp_path, *FJORD, low, feature("bounds", [frame])))
-    corner = projection.to_plane(scene.crs, np.array([-10.0]), np.array([50.0]))[0]
+    corner = scene.frame.to_plane(np.array([-10.0]), np.array([50.0]))[0]
     assert scene.bounds[0, 1] < corner[1]
 
 
@@ -274,7 +271,7 @@ def test_an_obstacle_with_a_hole_or_in_several_parts_is_cut_up(tmp_path):
     holed = feature("obstacle", [square(5.25, 60.25), square(5.25, 60.25, 0.05)])
     parts = feature("obstacle", [[square(5.05, 60.5, 0.02)], [square(5.1, 60.6, 0.02)]], "MultiPolygon")
     scene = scene_from_settings(geojson(tmp_path, *FJORD[:2], holed, parts))
-    centre = projection.to_plane(scene.crs, np.array([5.25]), np.array([60.25]))[0]
+    centre = scene.frame.to_plane(np.array([5.25]), np.array([60.25]))[0]
     assert not any(shapely.Polygon(o).contains(shapely.Point(centre)) for o in scene.obstacles)
     whole, hole = (shapely.Polygon(_plane(scene, square(5.25, 60.25, half))).area for half in (0.1, 0.05))
     near = [o for o in scene.obstacles if np.linalg.norm(o.mean(axis=0) - centre) < 12_000]
@@ -284,7 +281,7 @@ def test_an_obstacle_with_a_hole_or_in_several_parts_is_cut_up(tmp_path):
 
 def _plane(scene, corners):
     lon, lat = np.array(corners, float).T
-    return projection.to_plane(scene.crs, lon, lat)
+    return scene.frame.to_plane(lon, lat)
 
 
 @pytest.mark.parametrize(

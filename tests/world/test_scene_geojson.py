@@ -13,13 +13,13 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pareto_ltl.extend import Frame
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.settings.heights import level_height
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.messages import LONGEST_LINE
 from pareto_ltl.world.cells import decompose, unreachable_regions
-from pareto_ltl.world.projection import to_geographic, to_plane
 from pareto_ltl.world.scene import FixShape
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
@@ -70,7 +70,7 @@ def area(outlines):
 
 
 def plane(scene, corners):
-    return to_plane(scene.crs, *np.array(corners, float).T)
+    return scene.frame.to_plane(*np.array(corners, float).T)
 
 
 def whole(outlines):
@@ -261,7 +261,7 @@ def plane_square(half_km, turn=0.0, parts=64):
     share = np.linspace(0, 1, parts, endpoint=False)[:, None]
     corners = np.concatenate([a + share * (b - a) for a, b in zip(ends, np.roll(ends, -1, 0), strict=True)])
     crs = "+proj=aeqd +lat_0=60.3 +lon_0=5.3 +datum=WGS84"
-    return np.round(np.stack(to_geographic(crs, corners), axis=1), 6).tolist()
+    return np.round(np.stack(Frame(crs).to_geographic(corners), axis=1), 6).tolist()
 
 
 BENT_SQUARE = plane_square(60, parts=1)

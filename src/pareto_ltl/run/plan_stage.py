@@ -21,7 +21,6 @@ from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.simulation.promise import promise_path
 from pareto_ltl.wind.coverage import EXACT, OwnErrors, coverage_of, held_warning
 from pareto_ltl.wind.records import WindField
-from pareto_ltl.world.projection import navigate
 
 LOG = logging.getLogger(__name__)
 PRICING = "prices"  # child of the seed of the flights that price limits
@@ -64,7 +63,7 @@ def chosen_plan(
         weights=tuple(settings.selection.weights),
         rule_settings=selection_rule(settings.selection).settings_read(settings.selection),
         promise=promise,
-        navigation=navigate(problem.scene, path.t, path.x, path.u),
+        navigation=problem.scene.frame.navigation(path.t, path.x, path.u),
         height=height,
         air=flight_air(settings, height, measured),
         covered=coverage.covered,

@@ -26,7 +26,6 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.wind.records import WindField, WindObservations
-from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene import Scene
 
 RUNS = 4000  # flights of each trial
@@ -155,7 +154,7 @@ def _beacon(trial: Trial) -> Iterator[tuple[str, Problem]]:
 def _place_text(scene: Scene, at: FloatArray) -> str:
     if scene.crs is None:
         return f"x {at[0]:,.0f} m, y {at[1]:,.0f} m"
-    lon, lat = to_geographic(scene.crs, at)
+    lon, lat = scene.frame.to_geographic(at)
     return f"{float(lat[0]):.4f}, {float(lon[0]):.4f}"
 
 

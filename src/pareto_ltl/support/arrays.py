@@ -24,3 +24,10 @@ def require_shape(name: str, array: NDArray[Any], *shape: int | None) -> None:
     )
     if array.shape != wanted:
         raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+
+
+def rotate_vectors(vectors: FloatArray, angle: FloatArray) -> FloatArray:
+    """``vectors`` (N, 2) rotated counter-clockwise by ``angle`` (N,) [rad]."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)

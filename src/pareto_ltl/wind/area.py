@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.world.projection import Frame
 
 DEGREE = 111_195.0  # [m] of latitude
 POLAR = 85.0  # [deg] a box that extends beyond this latitude contains all longitudes
@@ -131,7 +132,6 @@ def neighbourhood(scene: SceneConfig, padding: float = 0.0) -> GeoBox | None:
 
     ``padding`` [m] is the distance by which the lattice of the wind extends beyond the map.
     """
-    from pareto_ltl.world import projection
     from pareto_ltl.world.scene_settings import scene_sketch
 
     if not scene.file and (scene.centre is None or not scene.bounds):
@@ -141,7 +141,7 @@ def neighbourhood(scene: SceneConfig, padding: float = 0.0) -> GeoBox | None:
         return None
     sides = np.linspace(sketch.bounds[0], sketch.bounds[1], SAMPLES)
     places = np.stack(np.meshgrid(*sides.T), axis=-1).reshape(-1, 2)
-    lonlat = np.stack(projection.to_geographic(sketch.crs, places), axis=1)
+    lonlat = np.stack(Frame(sketch.crs).to_geographic(places), axis=1)
     return box_of(lonlat).widened(max(MARGIN, 2 * padding))
 
 

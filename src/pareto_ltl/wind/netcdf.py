@@ -27,7 +27,7 @@ from pareto_ltl.wind.air import MapAir
 from pareto_ltl.wind.error_law import ErrorLaw
 from pareto_ltl.wind.named_laws import SCHEMAS, law_of
 from pareto_ltl.wind.records import PARTS, WindEvidence, WindField, WindModes
-from pareto_ltl.world.projection import to_geographic
+from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -220,7 +220,7 @@ def _component_axis(dimensions: tuple[str, ...]) -> int:
 def _degrees(crs: str, x: FloatArray, y: FloatArray) -> Iterator[NetcdfVariable]:
     """Latitude and longitude (NY, NX) of the nodes, for readers that do not know grid mappings."""
     nodes = np.stack(np.meshgrid(x, y), axis=-1)
-    lon, lat = to_geographic(crs, nodes.reshape(-1, 2))
+    lon, lat = Frame(crs).to_geographic(nodes.reshape(-1, 2))
     for name, long, unit, values in (("lat", "latitude", "north", lat), ("lon", "longitude", "east", lon)):
         described = _attributes(f"{long} of a node", f"degrees_{unit}") | {"standard_name": long}
         yield name, ("y", "x"), values.reshape(nodes.shape[:2]), described

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, rotate_vectors
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import DEPTH, parse_level
@@ -23,6 +23,7 @@ from pareto_ltl.wind.named_laws import AUTO, CURRENTS, NONE, law_named
 from pareto_ltl.wind.readings import Readings, farthest_points, on_sphere
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import wind_source
+from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
 
 FEWEST_READINGS = 5  # required readings near the scene, at each time
@@ -108,16 +109,15 @@ def _air_of_map(scene: Scene, readings: Readings, slots: IntArray, zero: float) 
     """The air of the map at the times ``slots``, which count from ``zero`` [s since 1970]."""
     if not readings.airs:
         return None
-    from pareto_ltl.world import projection
 
     placed = {}
     for k in slots.tolist():
         air = readings.airs[k]
         if air is not None and readings.geographic:
-            centre = projection.to_geographic(str(scene.crs), scene.bounds.mean(axis=0))
+            centre = scene.frame.to_geographic(scene.bounds.mean(axis=0))
             near = on_sphere(air.points) @ on_sphere(np.stack(centre, axis=1))[0] >= np.cos(HORIZON_ANGLE)
             air = NodeAir(
-                projection.to_plane(str(scene.crs), *air.points[near].T), air.temperature[near], air.level,
+                scene.frame.to_plane(*air.points[near].T), air.temperature[near], air.level,
                 air.pressure[near], air.pressure_level,
             )  # fmt: skip
         placed[float(readings.times[k] - zero)] = air
@@ -366,11 +366,9 @@ def _share_text(some: IntArray, every: IntArray) -> str:
 
 def _swap_question(readings: Readings, scene: Scene, k: int) -> str:
     """The question of :func:`swap_question` for the readings at time index ``k``."""
-    from pareto_ltl.world import projection
-
     if not readings.geographic:
         return ""
-    middle = np.stack(projection.to_geographic(str(scene.crs), scene.bounds.mean(axis=0)), axis=1)
+    middle = np.stack(scene.frame.to_geographic(scene.bounds.mean(axis=0)), axis=1)
     return swap_question(readings.points[k], middle)
 
 
@@ -382,14 +380,12 @@ def project_readings(
     ``lonlat`` (N, 2) [deg]; ``winds`` (N, 2, ...) towards east and north [m/s]. Returns positions (n, 2) [m]
     and winds (n, 2, ...) towards x and y [m/s].
     """
-    from pareto_ltl.world import projection
-
-    middle = on_sphere(np.stack(projection.to_geographic(crs, centre), axis=1))
+    middle = on_sphere(np.stack(Frame(crs).to_geographic(centre), axis=1))
     close = (on_sphere(lonlat) @ middle.T).ravel() >= np.cos(HORIZON_ANGLE)
     lon, lat = lonlat[close].T
     if not len(lon):
         return np.empty((0, 2)), np.empty((0, *winds.shape[1:]))
-    angle = projection.meridian_convergence(crs, lon, lat)
+    angle = Frame(crs).convergence(lon, lat)
     columns = winds[close].reshape(len(lon), 2, -1)
-    turned = np.stack([projection.rotate_vectors(w, angle) for w in np.moveaxis(columns, 2, 0)], axis=2)
-    return projection.to_plane(crs, lon, lat), turned.reshape(len(lon), *winds.shape[1:])
+    turned = np.stack([rotate_vectors(w, angle) for w in np.moveaxis(columns, 2, 0)], axis=2)
+    return Frame(crs).to_plane(lon, lat), turned.reshape(len(lon), *winds.shape[1:])

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray, IntArray, rotate_vectors
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import PRESSURE, Level, parse_level
@@ -22,7 +22,6 @@ from pareto_ltl.support.times import iso
 from pareto_ltl.wind.air import NodeAir, check_air, mean_of_members
 from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
 from pareto_ltl.wind.readings import Readings, check_readings, lead_text, wrap_longitude
-from pareto_ltl.world.projection import rotate_vectors
 
 FEWEST_MEMBERS = 2
 NEAR_NODE = 1e-3  # [deg] closer nodes of two members count as the same node

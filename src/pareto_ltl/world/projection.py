@@ -27,8 +27,6 @@ from pareto_ltl.support.times import utc_moment
 if TYPE_CHECKING:
     import pyproj
 
-    from pareto_ltl.world.scene import Scene
-
 
 def local_plane(lat: float, lon: float) -> str:
     """PROJ string of the stereographic plane centred at ``lat``, ``lon`` [deg]; DataError if out of range."""
@@ -38,32 +36,6 @@ def local_plane(lat: float, lon: float) -> str:
         )
     lon = (lon + 180) % 360 - 180
     return f"+proj=stere +lat_0={lat:.10g} +lon_0={lon:.10g} +k=1 +datum=WGS84 +units=m +no_defs"
-
-
-def to_plane(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
-    """Positions of ``lon``, ``lat`` (N,) [deg] in the plane, shape (N, 2) [m]; DataError if too far away."""
-    x, y = _cached_projection(crs)(
-        np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float))
-    )
-    xy: FloatArray = np.stack([x, y], axis=-1)
-    if not np.isfinite(xy).all():
-        bad = int(np.flatnonzero(~np.isfinite(xy).all(axis=-1).ravel())[0])
-        where = f"longitude {np.ravel(lon)[bad]:g}, latitude {np.ravel(lat)[bad]:g}"
-        raise DataError(
-            f"{where} cannot be drawn in the plane {shown_value(crs)}: it lies too far from its centre"
-        )
-    return xy
-
-
-def to_geographic(crs: str, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Longitude and latitude [deg] of ``xy`` (N, 2) [m], (N,) each; DataError if outside the plane."""
-    xy = np.atleast_2d(np.asarray(xy, float))
-    lon, lat = _cached_projection(crs)(xy[..., 0], xy[..., 1], inverse=True)
-    if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
-        raise DataError(
-            f"a position lies outside the plane {shown_value(crs)}: check that coordinates are in metres"
-        )
-    return np.asarray(lon, float), np.asarray(lat, float)
 
 
 def degrees_of(where: str, crs: str, points: FloatArray) -> FloatArray:
@@ -95,43 +67,6 @@ def degrees_of(where: str, crs: str, points: FloatArray) -> FloatArray:
     return lonlat
 
 
-def meridian_convergence(crs: str, lon: FloatArray, lat: FloatArray) -> FloatArray:
-    """Angle from +y of the plane to true north, counter-clockwise, shape (N,) [rad]."""
-    factors = _cached_projection(crs).get_factors(
-        np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float)), errcheck=True
-    )
-    return np.asarray(np.deg2rad(factors.meridian_convergence), float)
-
-
-def largest_scale(crs: str, bounds: FloatArray) -> float:
-    """Largest scale factor (metres in the plane per metre on the ground) within ``bounds`` (2, 2) [m].
-
-    In the planes of :func:`local_plane` it is at a corner. Corners, middles of the sides and the centre are
-    evaluated.
-    """
-    return float(_scales(crs, bounds).max())
-
-
-def scale_error(crs: str, bounds: FloatArray) -> float:
-    """Largest relative error of lengths in the plane within ``bounds`` (2, 2) [m]."""
-    return float(np.abs(_scales(crs, bounds) - 1.0).max())
-
-
-def _scales(crs: str, bounds: FloatArray) -> FloatArray:
-    """Scale factors along meridians and parallels at nine points of ``bounds``, (2, 9)."""
-    sides = np.linspace(bounds[0], bounds[1], 3)
-    lon, lat = to_geographic(crs, np.stack(np.meshgrid(*sides.T), axis=-1).reshape(-1, 2))
-    factors = _cached_projection(crs).get_factors(lon, lat, errcheck=True)
-    return np.array([factors.meridional_scale, factors.parallel_scale], float)
-
-
-def rotate_vectors(vectors: FloatArray, angle: FloatArray) -> FloatArray:
-    """``vectors`` (N, 2) rotated counter-clockwise by ``angle`` (N,) [rad]."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-
-
 @lru_cache(maxsize=32)
 def _cached_projection(crs: str) -> pyproj.Proj:
     import pyproj  # takes 0.2 s, and planar scenes do not need it
@@ -145,34 +80,6 @@ def _cached_projection(crs: str) -> pyproj.Proj:
     if proj.crs.is_geographic:
         raise DataError(f"scene.crs {shown_value(crs)} is in degrees; expected a plane in metres")
     return proj
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """The plane of a map on Earth [m]: x points east and y north at its centre.
-
-    Attributes
-    ----------
-    crs : str
-        PROJ string of the plane.
-    """
-
-    crs: str
-
-    def to_plane(self, lon: Any, lat: Any) -> FloatArray:
-        """Positions (N, 2) [m] of longitudes and latitudes (N,) [deg]; DataError if too far away."""
-        return to_plane(self.crs, np.asarray(lon, float), np.asarray(lat, float))
-
-    def to_geographic(self, xy: Any) -> tuple[FloatArray, FloatArray]:
-        """Longitudes and latitudes (N,) [deg] of positions (N, 2) [m]; DataError if outside the plane."""
-        return to_geographic(self.crs, np.asarray(xy, float))
-
-    def north(self, xy: Any) -> FloatArray:
-        """Angle from +y to true north at positions (N, 2) [m], counter-clockwise, (N,) [rad]."""
-        return meridian_convergence(self.crs, *self.to_geographic(xy))
-
-
-# --- navigation -------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,39 +108,126 @@ class Navigation:
     heading_true: FloatArray | None = None
 
 
-def navigate(scene: Scene, t: FloatArray, x: FloatArray, u: FloatArray) -> Navigation:
-    """Navigation of times ``t`` (T+1,) [s], positions ``x`` (T+1, 2) [m] and controls ``u`` (T, 2) [m/s]."""
-    airspeed = np.hypot(u[:, 0], u[:, 1])
-    times = utc_times(scene.time_zero, t)
-    if scene.crs is None:
-        return Navigation(airspeed, times)
-    lon, lat = to_geographic(scene.crs, x)
-    heading = true_heading(scene.crs, lon[:-1], lat[:-1], u)
-    return Navigation(airspeed, times, scene.crs, lat, lon, heading)
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Plane and clock of a map: metres to longitude and latitude, seconds to UTC.
 
+    On a map on Earth x points east and y north at the centre of the plane.
 
-def true_heading(crs: str, lon: FloatArray, lat: FloatArray, u: FloatArray) -> FloatArray:
-    """Directions of ``u`` (T, 2) at ``lon``, ``lat`` (T,) [deg], clockwise from true north, (T,) [deg].
-
-    NaN where u is 0. With the meridian convergence γ, counter-clockwise from +y of the plane to true north,
-
-        heading = atan2(u_x, u_y) + γ    (mod 360 deg).
+    Attributes
+    ----------
+    crs : str or None
+        PROJ string of the plane; None for a plane without position on Earth.
+    time_zero : str or None
+        The time that seconds count from, ISO 8601 UTC; None if it is not known.
     """
-    if not len(u):
-        return np.empty(0)
-    grid = np.arctan2(u[:, 0], u[:, 1])
-    heading = np.rad2deg(grid + meridian_convergence(crs, lon, lat)) % 360.0
-    heading[heading >= 360.0] = 0.0  # a tiny negative angle, rounded
-    return np.where(u.any(axis=1), heading, np.nan)
 
+    crs: str | None
+    time_zero: str | None = None
 
-def utc_times(time_zero: str | None, t: FloatArray) -> tuple[str, ...] | None:
-    """``t`` (N,) [s after ``time_zero``] as ISO 8601 times; None without ``time_zero`` or after year 9999."""
-    if time_zero is None:
-        return None
-    start = utc_moment(time_zero)
-    try:
-        times = [start + timedelta(seconds=float(seconds)) for seconds in t]
-    except OverflowError:
-        return None
-    return tuple(time.isoformat().replace("+00:00", "Z") for time in times)
+    @classmethod
+    def at(cls, lat: float, lon: float) -> Frame:
+        """The stereographic plane centred at ``lat``, ``lon`` [deg]; DataError if out of range."""
+        return cls(local_plane(lat, lon))
+
+    @property
+    def on_earth(self) -> bool:
+        """Whether positions have a longitude and a latitude."""
+        return self.crs is not None
+
+    def to_plane(self, lon: Any, lat: Any) -> FloatArray:
+        """Positions (N, 2) [m] of longitudes and latitudes (N,) [deg]; DataError if too far away."""
+        x, y = self._projection(np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float)))
+        xy: FloatArray = np.stack([x, y], axis=-1)
+        if not np.isfinite(xy).all():
+            bad = int(np.flatnonzero(~np.isfinite(xy).all(axis=-1).ravel())[0])
+            where = f"longitude {np.ravel(lon)[bad]:g}, latitude {np.ravel(lat)[bad]:g}"
+            raise DataError(
+                f"{where} cannot be drawn in the plane {shown_value(self.crs)}: it lies too far from its "
+                "centre"
+            )
+        return xy
+
+    def to_geographic(self, xy: Any) -> tuple[FloatArray, FloatArray]:
+        """Longitudes and latitudes (N,) [deg] of positions (N, 2) [m]; DataError if outside the plane."""
+        xy = np.atleast_2d(np.asarray(xy, float))
+        lon, lat = self._projection(xy[..., 0], xy[..., 1], inverse=True)
+        if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
+            raise DataError(
+                f"a position lies outside the plane {shown_value(self.crs)}: check that coordinates are in "
+                "metres"
+            )
+        return np.asarray(lon, float), np.asarray(lat, float)
+
+    def north(self, xy: Any) -> FloatArray:
+        """Angle from +y to true north at positions (N, 2) [m], counter-clockwise, (N,) [rad]."""
+        return self.convergence(*self.to_geographic(xy))
+
+    def convergence(self, lon: Any, lat: Any) -> FloatArray:
+        """:meth:`north` at longitudes and latitudes (N,) [deg], the meridian convergence, (N,) [rad]."""
+        factors = self._projection.get_factors(
+            np.atleast_1d(np.asarray(lon, float)), np.atleast_1d(np.asarray(lat, float)), errcheck=True
+        )
+        return np.asarray(np.deg2rad(factors.meridian_convergence), float)
+
+    def heading(self, xy: Any, u: FloatArray) -> FloatArray:
+        """Directions of ``u`` (T, 2) at positions ``xy`` (T, 2) [m], clockwise from true north, (T,) [deg].
+
+        NaN where u is 0. With the meridian convergence γ, counter-clockwise from +y of the plane to true
+        north,
+
+            heading = atan2(u_x, u_y) + γ    (mod 360 deg).
+        """
+        if not len(u):
+            return np.empty(0)
+        grid = np.arctan2(u[:, 0], u[:, 1])
+        heading = np.rad2deg(grid + self.north(xy)) % 360.0
+        heading[heading >= 360.0] = 0.0  # a tiny negative angle, rounded
+        return np.where(u.any(axis=1), heading, np.nan)
+
+    def utc(self, t: Any) -> tuple[str, ...] | None:
+        """``t`` (N,) [s since ``time_zero``] as ISO 8601; None without ``time_zero`` or after year 9999."""
+        if self.time_zero is None:
+            return None
+        start = utc_moment(self.time_zero)
+        try:
+            times = [start + timedelta(seconds=float(seconds)) for seconds in t]
+        except OverflowError:
+            return None
+        return tuple(time.isoformat().replace("+00:00", "Z") for time in times)
+
+    def navigation(self, t: FloatArray, x: FloatArray, u: FloatArray) -> Navigation:
+        """A plan for navigators: ``t`` (T+1,) [s], ``x`` (T+1, 2) [m], controls ``u`` (T, 2) [m/s]."""
+        airspeed = np.hypot(u[:, 0], u[:, 1])
+        times = self.utc(t)
+        if self.crs is None:
+            return Navigation(airspeed, times)
+        lon, lat = self.to_geographic(x)
+        return Navigation(airspeed, times, self.crs, lat, lon, self.heading(x[:-1], u))
+
+    def largest_scale(self, bounds: FloatArray) -> float:
+        """Largest scale factor (metres in the plane per metre on the ground) within ``bounds`` (2, 2) [m].
+
+        In the planes of :func:`local_plane` it is at a corner. Corners, middles of the sides and the centre
+        are evaluated.
+        """
+        return float(self._scales(bounds).max())
+
+    def scale_error(self, bounds: FloatArray) -> float:
+        """Largest relative error of lengths in the plane within ``bounds`` (2, 2) [m]."""
+        return float(np.abs(self._scales(bounds) - 1.0).max())
+
+    def _scales(self, bounds: FloatArray) -> FloatArray:
+        """Scale factors along meridians and parallels at nine points of ``bounds``, (2, 9)."""
+        sides = np.linspace(bounds[0], bounds[1], 3)
+        lon, lat = self.to_geographic(np.stack(np.meshgrid(*sides.T), axis=-1).reshape(-1, 2))
+        factors = self._projection.get_factors(lon, lat, errcheck=True)
+        return np.array([factors.meridional_scale, factors.parallel_scale], float)
+
+    @property
+    def _projection(self) -> pyproj.Proj:
+        if self.crs is None:
+            raise DataError(
+                "the map has no place on Earth: give scene.centre, or draw it as GeoJSON in degrees"
+            )
+        return _cached_projection(self.crs)

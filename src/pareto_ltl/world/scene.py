@@ -138,9 +138,9 @@ class Scene(Displayed):
             raise ValueError(f"forbidden: {sorted(missing)} have no window")
 
     @property
-    def frame(self) -> Frame | None:
-        """The plane of the map, with positions to and from longitude and latitude; None if not on Earth."""
-        return None if self.crs is None else Frame(self.crs)
+    def frame(self) -> Frame:
+        """Plane and clock: positions to longitude and latitude, seconds to UTC."""
+        return Frame(self.crs, self.time_zero)
 
     @property
     def walled(self) -> bool:

@@ -16,10 +16,10 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.names import name_fault
-from pareto_ltl.world import projection
 from pareto_ltl.world import scene_shapes as draw
 from pareto_ltl.world.cells import convex_pieces
 from pareto_ltl.world.polygons import outlines_of
+from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.scene_heights import sketch_at_height
 from pareto_ltl.world.scene_simplify import MANY_CORNERS, DrawnMap, simplified_map
@@ -264,7 +264,7 @@ def _check_distortion(sketch: SceneSketch) -> None:
     """Raise a DataError for a map that is too large for its plane; warn if lengths are wrong by over 1 %."""
     if sketch.crs is None:
         return
-    error = projection.scale_error(sketch.crs, sketch.bounds)
+    error = Frame(sketch.crs).scale_error(sketch.bounds)
     sides = " x ".join(distance_text(float(side)) for side in sketch.bounds[1] - sketch.bounds[0])
     text = f"the map is {sides}, and lengths in its plane are up to {100 * error:.1f} % wrong at its corners"
     if error > LARGEST_ERROR:
@@ -313,10 +313,10 @@ def _swap_question(sketch: SceneSketch, point: FloatArray) -> str:
     """
     if sketch.crs is None:
         return ""
-    (lon,), (lat,) = projection.to_geographic(sketch.crs, point)
+    (lon,), (lat,) = Frame(sketch.crs).to_geographic(point)
     polar = abs(lat) > POLAR
     if not polar and abs(lon) <= 90.0:
-        (swapped,) = projection.to_plane(sketch.crs, lat, lon)
+        (swapped,) = Frame(sketch.crs).to_plane(lat, lon)
         polar = bool(np.all((sketch.bounds[0] <= swapped) & (swapped <= sketch.bounds[1])))
     return "are longitude and latitude swapped (GeoJSON has longitude first)? Else " if polar else ""
 

@@ -16,6 +16,7 @@ from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
 from pareto_ltl.world.map_file import MapFile
+from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene_edges import straight_in_degrees, unwrapped
 from pareto_ltl.world.scene_features import Drawn, FeatureReader
 from pareto_ltl.world.scene_roles import FEATURE_ROLES
@@ -50,7 +51,7 @@ def sketch_features(files: Sequence[MapFile], reader: FeatureReader) -> SceneSke
     crs = projection.local_plane(*box.mean(axis=0)[::-1].tolist())
 
     def metres(corners: FloatArray) -> FloatArray:
-        return projection.to_plane(crs, *corners.T)
+        return Frame(crs).to_plane(*corners.T)
 
     size = float(np.ptp(metres(np.concatenate([place.corners for place in places])), axis=0).max())
     barriers = [role in ("obstacle", "border") for role in roles]
@@ -86,7 +87,7 @@ def sketch_features(files: Sequence[MapFile], reader: FeatureReader) -> SceneSke
 
 
 def _shown(crs: str, point: FloatArray) -> str:
-    lon, lat = projection.to_geographic(crs, point[None])
+    lon, lat = Frame(crs).to_geographic(point[None])
     return f"(longitude {lon[0]:.6g}, latitude {lat[0]:.6g})"
 
 
@@ -94,7 +95,7 @@ def _turned(crs: str, place: Place) -> Place:
     """``place`` with the bearing of its fix from the y axis of the plane instead of true north."""
     if place.fix is None or math.isnan(place.fix.bearing):
         return place
-    turn = math.degrees(float(projection.meridian_convergence(crs, *place.corners.mean(axis=0)[:, None])[0]))
+    turn = math.degrees(float(Frame(crs).convergence(*place.corners.mean(axis=0)[:, None])[0]))
     return replace(place, fix=place.fix._replace(bearing=place.fix.bearing - turn))
 
 

@@ -23,6 +23,7 @@ from pareto_ltl.support.times import lacks_zone
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.map_file import MapFile, read_map_file
+from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_checks import LARGE_ERROR, check_parts, checked_scene
 from pareto_ltl.world.scene_features import FeatureReader, in_degrees
@@ -159,7 +160,7 @@ def _with_room(sketch: SceneSketch, room: Callable[[float], SkyRoom] | None, *, 
         centres = [[p.corners.mean(axis=0) for p in sketch.regions if p.name == name] for name in names]
         needed = room(tour_of(sketch.start, centres))
     margin, bounds = needed.margin, open_bounds(sketch.drawing, needed.margin)
-    while margin > 1.0 and projection.scale_error(str(sketch.crs), bounds) > LARGE_ERROR:
+    while margin > 1.0 and Frame(sketch.crs).scale_error(bounds) > LARGE_ERROR:
         margin *= SHRINK
         bounds = open_bounds(sketch.drawing, margin)
     if margin < (least := least_room(sketch.drawing)):

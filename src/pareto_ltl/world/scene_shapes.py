@@ -12,7 +12,7 @@ import shapely
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.world import projection
+from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene_mend import enclosed_area
 from pareto_ltl.world.scene_sketch import Place, SceneSketch
 
@@ -69,7 +69,7 @@ def with_buffer(
 
 def largest_scale(sketch: SceneSketch) -> float:
     """Largest scale factor of the map: metres in the plane per metre on the ground."""
-    return 1.0 if sketch.crs is None else projection.largest_scale(sketch.crs, sketch.bounds)
+    return 1.0 if sketch.crs is None else Frame(sketch.crs).largest_scale(sketch.bounds)
 
 
 def _inside_of(sketch: SceneSketch, fence: Place) -> shapely.Geometry:

@@ -13,7 +13,6 @@ from pareto_ltl.support.errors import ConfigError, DataError, NotFoundError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.support.resources import choice_file, choices
-from pareto_ltl.world.projection import to_geographic
 from pareto_ltl.world.scene_settings import opened_features, scene_from_settings
 from pareto_ltl_apps.desk.allowed import parted, setting_words
 from pareto_ltl_apps.desk.folder import DeskFolder
@@ -91,7 +90,7 @@ def example_map(name: str) -> dict[str, Any]:
     cfg = section_of("scene", name)
     scene = scene_from_settings(cfg)
     assert scene.crs is not None
-    lon, lat = to_geographic(scene.crs, scene.start[None])
+    lon, lat = scene.frame.to_geographic(scene.start[None])
     features: list[dict[str, Any]] = [
         _feature("start", "start", {"type": "Point", "coordinates": [float(lon[0]), float(lat[0])]})
     ]

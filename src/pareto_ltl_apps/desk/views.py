@@ -22,7 +22,6 @@ from pareto_ltl.support.errors import DataError, InfeasibleError, NotFoundError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
-from pareto_ltl.world.projection import utc_times
 from pareto_ltl_apps.exports.degrees import lonlat
 from pareto_ltl_apps.flight.rest_of_flight import issued
 from pareto_ltl_apps.view.limits import PlanLimits, chosen_number
@@ -124,7 +123,7 @@ def wind_view(directory: Path) -> dict[str, Any]:
     if scene.crs is None:
         raise DataError(f"{directory.name}: the map has no place on Earth")
     start = issued(wind)
-    dated = utc_times(scene.time_zero, np.array([start])) if math.isfinite(start) else None
+    dated = scene.frame.utc(np.array([start])) if math.isfinite(start) else None
     shown = shown_wind(scene, wind, float(min(wind.known_until, 7 * 86400.0)))
     return shown | {"issued": dated and dated[0]}
 

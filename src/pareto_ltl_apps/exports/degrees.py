@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.projection import to_geographic
 
 SAG = 0.5  # [m] largest distance between a line of the plane and the line that a reader draws
 EARTH = 6.371e6  # [m]
@@ -29,7 +29,7 @@ def denser(points: FloatArray, crs: str, sag: float = SAG) -> FloatArray:
     """
     if len(points) == 1:
         return np.repeat(points, 2, axis=0)
-    _, lat = to_geographic(crs, points)
+    _, lat = Frame(crs).to_geographic(points)
     bend = max(math.tan(math.radians(min(float(np.abs(lat).max()), 89.0))), 0.1)
     longest = math.sqrt(8.0 * EARTH * sag / bend)
     parts = []
@@ -51,7 +51,7 @@ def outline_degrees(crs: str, corners: FloatArray, sag: float = SAG) -> FloatArr
 
 def lonlat(crs: str, points: FloatArray) -> FloatArray:
     """Longitude, -180 to 180, and latitude of ``points`` (..., 2) [m], of the same shape [deg]."""
-    lon, lat = to_geographic(crs, points.reshape(-1, 2))
+    lon, lat = Frame(crs).to_geographic(points.reshape(-1, 2))
     return np.asarray(np.stack([lon, lat], axis=-1).round(DECIMALS), float).reshape(points.shape)
 
 

@@ -12,7 +12,6 @@ from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
-from pareto_ltl.world.projection import to_plane, utc_times
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import corridor_geojson, operational_intent, plan_geojson
 from pareto_ltl_apps.exports.mavlink import mavlink_script, plan_lua
@@ -50,7 +49,7 @@ def writable_formats(formats: Sequence[str], scene: Scene, t: FloatArray) -> tup
             "draw the map as GeoJSON"
         )
     causes: dict[str, tuple[str, ...]] = {}
-    if utc_times(scene.time_zero, t) is None:
+    if scene.frame.utc(t) is None:
         causes["the plan has no times in UTC; set mission.start_time"] = TIMED
     if holds_pole(scene):
         causes["the map holds a pole, around which areas cannot be drawn in degrees"] = OUTLINED
@@ -68,7 +67,7 @@ def holds_pole(scene: Scene) -> bool:
     margin = POLE_MARGIN * float((scene.bounds[1] - scene.bounds[0]).max())
     for latitude in (-90.0, 90.0):
         try:
-            pole = to_plane(scene.crs, np.zeros(1), np.array([latitude]))[0]
+            pole = scene.frame.to_plane(np.zeros(1), np.array([latitude]))[0]
         except DataError:  # opposite to the centre of the plane
             continue
         if ((pole > scene.bounds[0] - margin) & (pole < scene.bounds[1] + margin)).all():

@@ -20,7 +20,6 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.polygons import united_rings
-from pareto_ltl.world.projection import meridian_convergence, to_geographic
 from pareto_ltl.world.scene import fix_document
 from pareto_ltl_apps.exports.corridor import Corridor
 from pareto_ltl_apps.exports.degrees import line_degrees, line_parts, lonlat, outline_degrees, polygon_parts
@@ -91,9 +90,7 @@ def true_fix(scene: Scene, number: int) -> dict[str, Any]:
     if fix is None or math.isnan(fix.bearing):
         return {} if fix is None else {"fix": fix_document(fix)}
     middle = scene.landmarks[number - 1].mean(axis=0)
-    turn = math.degrees(
-        float(meridian_convergence(str(scene.crs), *to_geographic(str(scene.crs), middle))[0])
-    )
+    turn = math.degrees(float(scene.frame.north(middle)[0]))
     return {"fix": fix_document(fix._replace(bearing=(fix.bearing + turn) % 360.0))}
 
 

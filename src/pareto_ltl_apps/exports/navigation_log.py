@@ -10,7 +10,6 @@ from pareto_ltl.extend import PlannedPath, Problem
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings.heights import FlownAir
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.projection import meridian_convergence, to_geographic, true_heading, utc_times
 from pareto_ltl_apps.exports.ellipses import axes_of, circle_radius
 
 SHARE = 0.95  # of the positions that lie within the radius
@@ -143,10 +142,10 @@ def navigation_log(problem: Problem, path: PlannedPath, air: FlownAir | None = N
         raise ValueError("a navigation log needs a map with a place on Earth")
     grid_wind, variance = expected_winds(problem, path)
     legs = problem.turns.ordered(path.t, path.x, path.u, grid_wind)
-    lon, lat = to_geographic(scene.crs, legs.x)
+    lon, lat = scene.frame.to_geographic(legs.x)
     track, _, distance = Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])
-    middle = to_geographic(scene.crs, 0.5 * (legs.x[:-1] + legs.x[1:]))
-    turn = meridian_convergence(scene.crs, lon, lat)  # of the plane against north, to be added to directions
+    middle = 0.5 * (legs.x[:-1] + legs.x[1:])
+    turn = scene.frame.convergence(lon, lat)  # of the plane against north, to be added to directions
     bearing = np.arctan2(grid_wind[:, 0], grid_wind[:, 1]) + turn[:-1]
     speed = np.hypot(grid_wind[:, 0], grid_wind[:, 1])
     along, across = _spreads(grid_wind, speed, variance)
@@ -156,10 +155,10 @@ def navigation_log(problem: Problem, path: PlannedPath, air: FlownAir | None = N
         law=problem.fidelity.law,
         t=legs.t,
         x=legs.x,
-        utc=utc_times(scene.time_zero, legs.t),
+        utc=scene.frame.utc(legs.t),
         lat=lat,
         lon=lon,
-        heading=true_heading(scene.crs, *middle, legs.u),
+        heading=scene.frame.heading(middle, legs.u),
         airspeed=airspeed,
         calibrated=np.full(len(airspeed), np.nan) if air is None else air.calibrated(airspeed),
         track=np.asarray(track, float) % 360.0,

@@ -25,7 +25,6 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
-from pareto_ltl.world.projection import to_plane, utc_times
 from pareto_ltl_apps.exports.corridor import FINEST
 from pareto_ltl_apps.exports.degrees import outline_degrees
 from pareto_ltl_apps.exports.ellipses import ellipse_outlines, ellipse_scale
@@ -76,7 +75,7 @@ def truth_summary(folder: Path, truth: Path, scene: Scene) -> dict[str, Any]:
         If the table cannot be used, or no estimate has its time.
     """
     times, places = read_places(truth, scene.time_zero, on_earth=scene.crs is not None)
-    x = places if scene.crs is None else to_plane(scene.crs, places[:, 1], places[:, 0])
+    x = places if scene.crs is None else scene.frame.to_plane(places[:, 1], places[:, 0])
     far = true_distances(read_journal(folder / NAME), times, x)
     if not len(far):
         raise DataError(f"{truth}: no estimate lies within its times, {times[0]:g} to {times[-1]:g} s")
@@ -147,7 +146,7 @@ def search_areas(scene: Scene, ahead: Sequence[Event]) -> list[dict[str, Any]]:
     mean, cov = (np.array([row[key] for row in ahead]) for key in ("mean", "cov"))
     cov = cov + FINEST**2 * np.eye(2)  # the start of a plan is known exactly
     times = [float(row["time"]) for row in ahead]
-    utc = utc_times(scene.time_zero, np.array(times))
+    utc = scene.frame.utc(np.array(times))
     found = []
     for share in SHARES:
         scale = np.full(len(mean), ellipse_scale(share))

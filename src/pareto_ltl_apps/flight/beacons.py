@@ -15,7 +15,6 @@ from pareto_ltl.simulation.beacons import BeaconMap, BeaconPlaces, beacon_map
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import write_csv, write_text
-from pareto_ltl.world.projection import to_geographic
 
 STREAM = "beacons"
 RADIUS = 0.02  # of the map's size: default radius
@@ -118,7 +117,7 @@ def place_text(scene: Scene, places: BeaconPlaces, number: int) -> str:
     x, y = places.at[number]
     if scene.crs is None:
         return f"x {x:,.0f} m, y {y:,.0f} m"
-    lon, lat = to_geographic(scene.crs, places.at[number])
+    lon, lat = scene.frame.to_geographic(places.at[number])
     return f"{lat[0]:.4f}, {lon[0]:.4f}"
 
 

@@ -26,7 +26,6 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import Advice, read_text
 from pareto_ltl.support.times import duration_seconds, seconds_after
-from pareto_ltl.world.projection import to_geographic, to_plane
 
 LOG = logging.getLogger("pareto_ltl.flight.position_fixes")
 UNLIKELY = 1e-4  # probability under the law below which a fix or a field is an alarm
@@ -117,7 +116,7 @@ def in_plane(problem: Problem, a: float, b: float) -> FloatArray | None:
         return np.array([a, b])
     if abs(a) > 90.0:
         return None
-    return np.asarray(to_plane(problem.scene.crs, np.array([b]), np.array([a]))[0], float)
+    return np.asarray(problem.scene.frame.to_plane(np.array([b]), np.array([a]))[0], float)
 
 
 def on_map(problem: Problem, place: FloatArray) -> bool:
@@ -233,7 +232,7 @@ def _swapped(problem: Problem, fix: Fix) -> FloatArray | None:
     """The place of ``fix`` with its two coordinates swapped."""
     if problem.scene.crs is None:
         return fix.place[::-1]
-    lon, lat = (float(value[0]) for value in to_geographic(problem.scene.crs, fix.place[None]))
+    lon, lat = (float(value[0]) for value in problem.scene.frame.to_geographic(fix.place[None]))
     return in_plane(problem, lon, lat)
 
 

@@ -34,7 +34,6 @@ from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import Displayed, distance_text, probability_text
 from pareto_ltl.support.files import write_json
-from pareto_ltl.world.projection import navigate
 from pareto_ltl_apps.flight.known_errors import errors_text, settings_of_errors
 from pareto_ltl_apps.flight.position_fixes import Situation, fixes_from, planned_step, situation_at
 from pareto_ltl_apps.flight.rest_of_flight import (
@@ -306,7 +305,7 @@ def _carried_on(
     limits = plan.limits and plan.limits.after(flown)
     # Prices belong to the whole flight, at steps of its path.
     plan = replace(
-        plan, path=rest, limits=limits, prices=(), navigation=navigate(scene, rest.t, rest.x, rest.u)
+        plan, path=rest, limits=limits, prices=(), navigation=scene.frame.navigation(rest.t, rest.x, rest.u)
     )
     return Replanned(situation, None, plan, rest, rate, rate, (0.0, 0.0, 0.0), seconds)
 

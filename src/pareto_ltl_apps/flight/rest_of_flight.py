@@ -36,7 +36,6 @@ from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import check_all_readings
 from pareto_ltl.wind.sources import read_readings, source_of_path, wind_source
-from pareto_ltl.world.projection import utc_times
 from pareto_ltl_apps.flight.known_errors import robot_given
 from pareto_ltl_apps.flight.position_fixes import FAR, Situation, chance
 
@@ -199,7 +198,7 @@ def scene_from(scene: Scene, start: FloatArray, moment: float) -> Scene:
         raise ConfigError(
             "the position expected after the fix lies outside the map, where no path can begin; check the fix"
         )
-    later = utc_times(scene.time_zero, np.array([moment]))
+    later = scene.frame.utc(np.array([moment]))
     windows = later_windows(scene.windows, moment)
     return replace(
         scene, start=np.array(start, float), time_zero=None if later is None else later[0], windows=windows

@@ -16,7 +16,6 @@ import numpy as np
 
 from pareto_ltl import Scene
 from pareto_ltl.extend import Plan
-from pareto_ltl.world.projection import to_geographic
 from pareto_ltl_apps.exports import mavlink
 from pareto_ltl_apps.flight.rules import Event
 from pareto_ltl_apps.flight.vehicle import AGE, ARDUPILOT, PX4, Vehicle
@@ -119,7 +118,7 @@ class Sender:
 def prologue_of(scene: Scene, ground: float) -> tuple[dict[str, Any], ...]:
     """Origin, home and position at the start of ``scene``, ``ground`` [m] above mean sea level."""
     assert scene.crs is not None
-    lon, lat = to_geographic(scene.crs, scene.start[None])
+    lon, lat = scene.frame.to_geographic(scene.start[None])
     return tuple(
         message | {"z": ground if "z" in message["fill_in"] else None}
         for message in mavlink.prologue(float(lat[0]), float(lon[0]), mavlink.LEAST_SD)

@@ -17,7 +17,6 @@ from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.medium import AIR, Medium
-from pareto_ltl.world.projection import meridian_convergence, to_geographic
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.flight.belief import LAW, Belief, Estimate
 from pareto_ltl_apps.flight.goals import BELIEVED, Goal, completed, planned_goals, reached
@@ -230,8 +229,8 @@ class Watch:
         """Meridian convergence [rad] where this step began, to be added to directions in the plane."""
         scene = self.problem.scene
         if scene.crs is not None and self.turned != self.belief.step:
-            lon, lat = to_geographic(scene.crs, self.belief.x[None])
-            self.turn, self.turned = float(meridian_convergence(scene.crs, lon, lat)[0]), self.belief.step
+            lon, lat = scene.frame.to_geographic(self.belief.x[None])
+            self.turn, self.turned = float(scene.frame.convergence(lon, lat)[0]), self.belief.step
         return self.turn
 
     def flushed(self) -> Iterator[Event]:
@@ -412,7 +411,7 @@ class Watch:
         """``x`` (2,) [m] in the plane and, on a map with a place on Earth, in degrees."""
         placed: Event = {"x": float(x[0]), "y": float(x[1])}
         if self.problem.scene.crs is not None:
-            lon, lat = to_geographic(self.problem.scene.crs, x[None])
+            lon, lat = self.problem.scene.frame.to_geographic(x[None])
             placed |= {"lat": float(lat[0]), "lon": float(lon[0])}
         return placed
 

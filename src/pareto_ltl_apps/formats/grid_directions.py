@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.world.projection import meridian_convergence
 
 EARTH_AXES = ("regular_ll", "regular_gg", "reduced_ll", "reduced_gg", "mercator")  # of GRIB: east and north
 ROTATED_AXES = ("rotated_ll", "rotated_gg", "reduced_rotated_gg")
@@ -36,7 +36,7 @@ Key = Callable[[str], Any]
 
 def twist_of_plane(crs: str, lonlat: FloatArray) -> FloatArray:
     """Twist (N,) at ``lonlat`` (N, 2) [deg] of components along x and y of the projection ``crs``."""
-    return meridian_convergence(crs, *lonlat.T)
+    return Frame(crs).convergence(*lonlat.T)
 
 
 def twist_of_pole(lat: float, lon: float, lonlat: FloatArray) -> FloatArray:

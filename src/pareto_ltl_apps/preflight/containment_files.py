@@ -16,7 +16,6 @@ from pareto_ltl.extend import FailureRate
 from pareto_ltl.support.display import distance_text, interval_text, plain_power, probability_text
 from pareto_ltl.support.files import plain_data, write_bytes, write_json, write_text
 from pareto_ltl.support.fingerprints import file_fingerprint
-from pareto_ltl.world.projection import utc_times
 from pareto_ltl_apps.exports.degrees import lonlat, outline_degrees, polygon_parts
 from pareto_ltl_apps.exports.formats import holds_pole
 from pareto_ltl_apps.exports.geojson import feature, listed_json
@@ -174,7 +173,7 @@ def write_containment(run: Run, found: Containment, folder: Path, band: Band = N
 
     scene, medium = found.scene, run.settings.medium
     lower, upper = run.settings.exports.altitude_lower, run.settings.exports.altitude_upper
-    usable = scene.crs is not None and utc_times(scene.time_zero, found.t) is not None
+    usable = scene.crs is not None and scene.frame.utc(found.t) is not None
     if band is not None and not usable:
         raise ConfigError(
             "contain: --between needs a map with a place on Earth and times in UTC; set scene.centre and "
@@ -212,7 +211,7 @@ def write_containment(run: Run, found: Containment, folder: Path, band: Band = N
 
 
 def _times(found: Containment) -> tuple[str, ...] | None:
-    return utc_times(found.scene.time_zero, found.t)
+    return found.scene.frame.utc(found.t)
 
 
 def volumes_geojson(scene: Scene, found: Containment, about: str) -> bytes:

@@ -14,7 +14,6 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import MISSHAPEN, Advice, read_json
 from pareto_ltl.support.times import seconds_after
-from pareto_ltl.world.projection import to_plane
 from pareto_ltl_apps.preflight.leaving import Area
 
 ADVICE = Advice(
@@ -98,7 +97,7 @@ def _area(path: Path, scene: Scene, rings: Sequence[Any]) -> Any:
 
     plane = [np.array([place[:2] for place in ring], float) for ring in rings]
     if scene.crs is not None:
-        plane = [to_plane(scene.crs, ring[:, 0], ring[:, 1]) for ring in plane]
+        plane = [scene.frame.to_plane(ring[:, 0], ring[:, 1]) for ring in plane]
     area = shapely.Polygon(plane[0], plane[1:])
     if not shapely.is_valid(area) or shapely.area(area) == 0.0:
         reason = shapely.is_valid_reason(area)

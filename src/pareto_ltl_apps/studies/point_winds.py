@@ -15,14 +15,13 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl import Readings, Run, Settings
-from pareto_ltl.extend import Problem, law_of_newer_runs
+from pareto_ltl.extend import Frame, Problem, law_of_newer_runs
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json
 from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl.wind.snapshots import known_at, latest_readings
-from pareto_ltl.world import projection
 from pareto_ltl_apps.studies.known_winds import DepartureWinds
 from pareto_ltl_apps.studies.random_missions import (
     TRIES,
@@ -78,9 +77,9 @@ class PointWinds(DepartureWinds):
             if chosen is None:
                 continue
             lon, lat = middle_of(self.places[chosen])
-            plane = projection.local_plane(lat, lon)
-            points = projection.to_plane(plane, *self.places[chosen].T)
-            scene = random_scene(cfg, rng, side, plane, iso(departure), points)
+            plane = Frame.at(lat, lon)
+            points = plane.to_plane(*self.places[chosen].T)
+            scene = random_scene(cfg, rng, side, str(plane.crs), iso(departure), points)
             if scene is not None:
                 break
         if scene is None:
@@ -152,14 +151,14 @@ class PointWinds(DepartureWinds):
 def places_within(rng: Generator, places: FloatArray, side: float) -> list[int] | None:
     """Three random places that fit on a map of the given ``side`` [m]; None if this draw has none."""
     first = int(rng.integers(len(places)))
-    plane = projection.local_plane(*places[first, ::-1])
-    arc = np.hypot(*projection.to_plane(plane, *places.T).T)
+    plane = Frame.at(*places[first, ::-1])
+    arc = np.hypot(*plane.to_plane(*places.T).T)
     near = np.flatnonzero((arc > CLOSEST * side) & (arc < EXTENT[1] * side))
     if len(near) < AT_PLACES - 1:
         return None
     chosen = [first, *rng.choice(near, AT_PLACES - 1, replace=False).tolist()]
     lon, lat = middle_of(places[chosen])
-    points = projection.to_plane(projection.local_plane(lat, lon), *places[chosen].T)
+    points = Frame.at(lat, lon).to_plane(*places[chosen].T)
     extent = float(np.ptp(points, axis=0).max())
     apart = min(np.linalg.norm(points[i] - points[j]) for i in range(AT_PLACES) for j in range(i))
     return chosen if EXTENT[0] * side <= extent <= EXTENT[1] * side and apart >= CLOSEST * side else None
@@ -168,7 +167,7 @@ def places_within(rng: Generator, places: FloatArray, side: float) -> list[int] 
 def middle_of(places: FloatArray) -> tuple[float, float]:
     """Longitude and latitude [deg] of the centre of the least upright square around places of one network."""
     lon, lat = (places.min(axis=0) + places.max(axis=0)) / 2
-    plane = projection.local_plane(lat, lon)
-    points = projection.to_plane(plane, *places.T)
-    east, north = projection.to_geographic(plane, (points.min(axis=0) + points.max(axis=0))[None] / 2)
+    plane = Frame.at(lat, lon)
+    points = plane.to_plane(*places.T)
+    east, north = plane.to_geographic((points.min(axis=0) + points.max(axis=0))[None] / 2)
     return float(east[0]), float(north[0])

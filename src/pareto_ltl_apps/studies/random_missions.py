@@ -15,15 +15,15 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from pareto_ltl import Readings, Scene, WindField
+from pareto_ltl.extend import Frame
 from pareto_ltl.settings import ForecastTestConfig, WindConfig
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, rotate_vectors
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import checkout
 from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind import field as lattices
 from pareto_ltl.wind.readings import wrap_longitude
 from pareto_ltl.wind.sources.magic import is_data_file
-from pareto_ltl.world import projection
 
 REGIONS = ("a", "b", "c")
 TABLES = (".npz", ".nc", ".csv")
@@ -135,9 +135,9 @@ def flight_times(cfg: ForecastTestConfig, readings: Readings, scene: Scene) -> F
 def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatArray) -> FloatArray:
     """Winds (K, N, 2) in the plane at ``points`` (N, 2) [m] and ``times`` (K,) [s since departure]."""
     crs, zero = str(scene.crs), seconds(str(scene.time_zero))
-    lon, lat = projection.to_geographic(crs, points)
-    angle = projection.meridian_convergence(crs, lon, lat)
-    middle = float(projection.to_geographic(crs, scene.bounds.mean(axis=0))[0][0])
+    lon, lat = Frame(crs).to_geographic(points)
+    angle = Frame(crs).convergence(lon, lat)
+    middle = float(Frame(crs).to_geographic(scene.bounds.mean(axis=0))[0][0])
     fields = []
     for t in times:
         k = int(np.argmin(np.abs(readings.times - (zero + t))))
@@ -149,7 +149,7 @@ def at_times(readings: Readings, scene: Scene, times: FloatArray, points: FloatA
                 f"the full fields at {iso(readings.times[k])} do not cover the scene around longitude "
                 f"{middle:.1f}; move the area of the missions inside them"
             )
-        fields.append(projection.rotate_vectors(earth, angle))
+        fields.append(rotate_vectors(earth, angle))
     return np.stack(fields)
 
 
@@ -208,7 +208,7 @@ def mission(
     side = float(rng.uniform(cfg.side[0], cfg.side[1]))
     scene = None
     while scene is None:
-        scene = random_scene(cfg, rng, side, projection.local_plane(lat, lon), iso(departure))
+        scene = random_scene(cfg, rng, side, str(Frame.at(lat, lon).crs), iso(departure))
     situation = situation_of(cfg, spell, departure, lon, lat)
     delay = delay_of(cfg, seed, number)
     return Mission(number, replace(scene, border=border), formula, spell, lat, lon, situation, delay)

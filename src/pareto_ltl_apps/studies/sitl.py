@@ -15,7 +15,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl import Run, Settings
-from pareto_ltl.extend import Deployment, Plan, Problem, Study
+from pareto_ltl.extend import Deployment, Frame, Plan, Problem, Study
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import SitlConfig
@@ -27,7 +27,6 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
-from pareto_ltl.world.projection import meridian_convergence, to_geographic, to_plane
 from pareto_ltl_apps.studies import aircraft as jsbsim
 from pareto_ltl_apps.studies.aircraft import Air, Orders, Track
 from pareto_ltl_apps.studies.parts import Progress
@@ -102,11 +101,11 @@ def fly_both(
         block = flights.draw_block(problem, law, rows.stop - rows.start, len(u), child)
         flights.fly_block(problem, block, pilot, ours[rows])
         for i in range(rows.stop - rows.start):
-            lon, lat = to_geographic(str(problem.scene.crs), block.start[i : i + 1])
+            lon, lat = problem.scene.frame.to_geographic(block.start[i : i + 1])
             begun = erring_orders(orders, own.mean + own.root @ block.errors[i])
             begun = replace(begun, start=np.concatenate([lat, lon]))  # starts may differ between flights
             track = jsbsim.fly_orders(begun, flight_air(problem, block.draws, i, len(u)), height, cfg.rate)
-            theirs[rows.start + i] = to_plane(str(problem.scene.crs), track.lon, track.lat)
+            theirs[rows.start + i] = problem.scene.frame.to_plane(track.lon, track.lat)
             tracks.append(track)
             if progress is not None:
                 progress(len(tracks), cfg.flights)
@@ -143,9 +142,9 @@ def flight_air(problem: Problem, draws: Any, i: int, steps: int) -> Air:
     def air(time: float, lat: float, lon: float) -> tuple[float, float]:
         t = min(int(time / dt + 1e-9), steps - 1)
         place = np.array([lon]), np.array([lat])
-        x[0, t] = to_plane(crs, *place)[0]
+        x[0, t] = Frame(crs).to_plane(*place)[0]
         wind_met(own, t, x, met)
-        turn = -float(meridian_convergence(crs, *place)[0])  # from the plane to true north
+        turn = -float(Frame(crs).convergence(*place)[0])  # from the plane to true north
         cos, sin = np.cos(turn), np.sin(turn)
         east, north = met[0, 0], met[0, 1]
         return float(cos * east - sin * north), float(sin * east + cos * north)

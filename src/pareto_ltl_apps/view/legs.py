@@ -19,7 +19,6 @@ from pareto_ltl.simulation.flights import failure_times
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
 from pareto_ltl.support.medium import Medium
-from pareto_ltl.world.projection import utc_times
 from pareto_ltl_apps.exports.exported import height_sentence
 from pareto_ltl_apps.exports.geojson import border_corners
 from pareto_ltl_apps.exports.navigation_log import expected_winds, navigation_log
@@ -161,7 +160,7 @@ def plan_lines(
     one line each.
     """
     path, scene = plan.path, problem.scene
-    words, flows, utc = mission_in_words(plan.formula), medium.flows, utc_times(scene.time_zero, path.t)
+    words, flows, utc = mission_in_words(plan.formula), medium.flows, scene.frame.utc(path.t)
     yield f"mission: {words or plan.formula}" + (f"   [{plan.formula}]" if words else "")
     yield (
         f"plan: {distance_text(path.objectives.length)} in {float(path.t[-1] - path.t[0]) / 3600:.2f} h, "
@@ -236,7 +235,7 @@ def _mean_angle(degrees: Sequence[float]) -> float:
 
 def step_times(scene: Scene, path: PlannedPath) -> list[str]:
     """The time of every step for people: UTC, or hours since departure."""
-    utc = utc_times(scene.time_zero, path.t)
+    utc = scene.frame.utc(path.t)
     if utc is None:
         return [f"{t / 3600:.2f} h" for t in path.t]
     day = utc[0][:10]  # of the departure; shown only where it changes

@@ -69,12 +69,11 @@ def draw_graticule(chart: Axes, scene: Scene) -> None:
     """Ticks of longitude on the northern edge and of latitude on the eastern edge, for a scene with a CRS."""
     if scene.crs is None:
         return
-    from pareto_ltl.world.projection import to_geographic
 
     (west, south), (east, north) = scene.bounds
     x, y = np.linspace(west, east, 101), np.linspace(south, north, 101)
-    lon = np.unwrap(to_geographic(scene.crs, np.column_stack([x, np.full_like(x, north)]))[0], period=360.0)
-    lat = to_geographic(scene.crs, np.column_stack([np.full_like(y, east), y]))[1]
+    lon = np.unwrap(scene.frame.to_geographic(np.column_stack([x, np.full_like(x, north)]))[0], period=360.0)
+    lat = scene.frame.to_geographic(np.column_stack([np.full_like(y, east), y]))[1]
     for axis, along, degrees, signs in (
         (chart.secondary_xaxis("top").xaxis, x, lon, ("E", "W")),
         (chart.secondary_yaxis("right").yaxis, y, lat, ("N", "S")),

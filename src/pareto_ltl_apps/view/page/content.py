@@ -20,7 +20,6 @@ from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
-from pareto_ltl.world.projection import utc_times
 from pareto_ltl_apps.exports.exported import absent_sentence, height_sentence, vehicle_of
 from pareto_ltl_apps.view.components import MODULES, STYLE, bundled, component, page_environment
 from pareto_ltl_apps.view.in_words import mission_in_words
@@ -79,7 +78,7 @@ def page_content(run: ShownRun) -> Content:
     # the page of a plan that was made after an alarm has no front and no rates
     alone = {} if plan is None or not plan.alarmed else {"planned": map_places(run.scene, plan.path.x)}
     formula = run.automaton.formula if run.automaton is not None else plan.formula if plan else ""
-    begin = utc_times(run.scene.time_zero, np.zeros(1))
+    begin = run.scene.frame.utc(np.zeros(1))
     data = {
         "schema": SCHEMA,
         "name": run.name,
@@ -165,7 +164,7 @@ def _headline(run: ShownRun, plan: Plan, chosen: int | None) -> Iterator[dict[st
         return {"name": name, "value": value, "note": note}
 
     promise, path, flows = plan.promise, plan.path, run.medium.flows
-    cost, times = path.objectives, utc_times(run.scene.time_zero, path.t)
+    cost, times = path.objectives, run.scene.frame.utc(path.t)
     if promise is not None:
         gap = plan.level_gap
         note = _interval_note(promise.rate, flows) + (f"; no promise: {gap}" if gap else "")

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene, WindField
-from pareto_ltl.extend import Forest
+from pareto_ltl.extend import Forest, Frame
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.projection import meridian_convergence, to_geographic, utc_times
 from pareto_ltl_apps.exports.degrees import crosses, lonlat, outline_degrees
 from pareto_ltl_apps.exports.formats import holds_pole
 from pareto_ltl_apps.exports.geojson import titled_outlines
@@ -45,7 +44,7 @@ def shown_crs(scene: Scene) -> str | None:
 def north_turn(scene: Scene, points: FloatArray) -> FloatArray:
     """Angles (N,) [rad] to add to directions of the plane at ``points`` (N, 2) [m]: north is at the top."""
     crs = shown_crs(scene)
-    return np.zeros(len(points)) if crs is None else meridian_convergence(crs, *to_geographic(crs, points))
+    return np.zeros(len(points)) if crs is None else Frame(crs).north(points)
 
 
 def map_places(scene: Scene, points: FloatArray, coarser: int = 0) -> list[Any]:
@@ -99,7 +98,7 @@ def shown_wind(scene: Scene, wind: WindField, last: float) -> dict[str, Any]:
     north = np.stack([speed * np.sin(bearing), speed * np.cos(bearing)], axis=-1)
     return {
         "t": rounded(times, 0),
-        "utc": utc_times(scene.time_zero, times),
+        "utc": scene.frame.utc(times),
         "shape": [len(i), len(j)],
         "at": map_places(scene, nodes),
         "uv": rounded(north.reshape(len(times), -1, 2), SPEED_DIGITS),  # [time][place], m/s

@@ -12,7 +12,6 @@ from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.simulation.flights import CAUSES, DRAWS, failure_times, simulate_flights, unspawned
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
-from pareto_ltl.world.projection import utc_times
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.exports.navigation_log import SHARE, navigation_log
 from pareto_ltl_apps.view.page.ground import DEGREES, map_places, metre_digits, north_turn, rounded
@@ -81,7 +80,7 @@ def shown_path(
         "q": path.q.tolist(),
         "label": [sorted(names) for names in path.label],
         "fixes": list(path.fixes),
-        "utc": utc_times(problem.scene.time_zero, path.t),
+        "utc": problem.scene.frame.utc(path.t),
         "risk": _risk(problem, given or flown_path(run, problem, path)),
     }
     if logged and problem.scene.crs is not None:
