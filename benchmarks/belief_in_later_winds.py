@@ -19,8 +19,8 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.random import SeedSequence
 
+from pareto_ltl.extend import draw_flights
 from pareto_ltl.settings import PlannerConfig, SelectionConfig, Settings, preset
-from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_apps.flight.belief import Belief

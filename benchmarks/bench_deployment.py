@@ -13,13 +13,13 @@ import pytest
 from numpy.random import SeedSequence
 
 import pareto_ltl
+from pareto_ltl.extend import draw_flights
 from pareto_ltl.planning.evaluate import propagate_controls
 from pareto_ltl.planning.rates import WEIGHTED
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation import importance
-from pareto_ltl.simulation.common_flights import draw_flights
 from problems import MISSIONS, paper_problem
 
 STEPS = 100

@@ -15,6 +15,7 @@ import pytest
 import yaml
 from numpy.random import SeedSequence
 
+from pareto_ltl.extend import draw_flights
 from pareto_ltl.kernels import margin as kernel
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
@@ -24,7 +25,6 @@ from pareto_ltl.planning.refine.sampled import Polish, Refiner, resampled_means
 from pareto_ltl.planning.refine.starts import line_starts
 from pareto_ltl.planning.refine.sweep import COARSE
 from pareto_ltl.settings import MissionConfig, PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset
-from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.observations import place_readings

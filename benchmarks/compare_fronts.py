@@ -15,8 +15,8 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl import load_results
+from pareto_ltl.extend import which_fail
 from pareto_ltl.run.front_stage import extra_paths
-from pareto_ltl.simulation.judging import which_fail_each
 from pareto_ltl.support.arrays import FloatArray
 
 LENGTHS = 40  # at which failures are compared
@@ -46,7 +46,7 @@ def compared(folder: str, other: str, runs: int) -> str:
     results = load_results(folder)
     problem = results.problem
     groups = [extra_paths(place, problem) for place in (folder, other)]
-    failed = which_fail_each(problem, [path for paths in groups for path in paths], runs, JUDGING)
+    failed = which_fail(problem, [path for paths in groups for path in paths], runs, JUDGING)
     rates = np.maximum(failed.mean(axis=1), 0.5 / runs)
     first = len(groups[0])
     one, two = (

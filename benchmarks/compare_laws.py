@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import SeedSequence
 
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import Settings
-from pareto_ltl.simulation.flights import simulate_flights
 from search_best_known import benchmark_run, paper_run
 
 FLIGHTS = 20_000

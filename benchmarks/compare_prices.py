@@ -23,13 +23,12 @@ import shapely
 from numpy.random import SeedSequence
 
 from pareto_ltl import Scene, Settings, load_results
+from pareto_ltl.extend import draw_flights, which_fail
 from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.limits import Price
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.sweep import FINE, new_sweep
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.simulation.common_flights import draw_flights
-from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 
 FARTHEST = {"airspeed": 0.01, "length": 0.01}  # largest relative changes; of other limits:
@@ -133,7 +132,7 @@ def polished(problem: Problem, settings: Settings, x: FloatArray, longest: float
 
 def failing(problem: Problem, x: FloatArray, runs: int) -> BoolArray:
     """Which of ``runs`` fresh flights along ``x`` (T+1, 2) fail, in the same winds for every path."""
-    return which_fail(problem, completing_path(problem, x, "polished again"), runs, JUDGING)
+    return which_fail(problem, [completing_path(problem, x, "polished again")], runs, JUDGING)[0]
 
 
 def shown(tried: Tried, price: Price, change: float, observed: tuple[float, float]) -> None:

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl import load_results
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.simulation import importance
-from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.counts import clopper_pearson
 
 AT_ONCE = 50_000  # plain flights in memory

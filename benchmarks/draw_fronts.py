@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.random import SeedSequence
 
-from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import scale_rate_axis

@@ -25,15 +25,13 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.random import SeedSequence
 
-from pareto_ltl.extend import Frame
+from pareto_ltl.extend import Deployment, DrawnFlights, Frame, draw_flights
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.settings.heights import flight_height
-from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
-from pareto_ltl.simulation.flights import judge_flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson, paired_difference
 from pareto_ltl.support.errors import ParetoLtlError
@@ -121,7 +119,7 @@ def one_flight(folder: str, k: int, options: argparse.Namespace) -> list[int]:
     parts = new_plan(run, step, place, options.sd, k)
     taken = len(parts) > 1
     flown = (x, fly(run, winds, k, parts) if taken else x)
-    return [k, *(int(judge_flights(problem, LAW, one[None]).failed[0]) for one in flown), int(taken)]
+    return [k, *(int(Deployment.judged(problem, LAW, one[None]).failed[0]) for one in flown), int(taken)]
 
 
 def main() -> None:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
+from pareto_ltl.extend import draw_flights, simulate_flights
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.front_sweep import searched
 from pareto_ltl.planning.refine.levels import looks
@@ -29,8 +30,6 @@ from pareto_ltl.planning.refine.sweep import WARM, new_sweep
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import HindcastConfig, RefineConfig, preset
 from pareto_ltl.settings.building import build_settings
-from pareto_ltl.simulation.common_flights import draw_flights
-from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl_apps.studies.forecast_test import mission_settings
 from pareto_ltl_apps.studies.random_missions import Spell
 from pareto_ltl_apps.studies.random_missions import mission as random_mission

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
     from pareto_ltl.run.record import Record, record
     from pareto_ltl.run.study import Study
+    from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
     from pareto_ltl.simulation.failure_modes import FlightEvent
+    from pareto_ltl.simulation.flights import law_seeds, simulate_flights
+    from pareto_ltl.simulation.judging import which_fail
     from pareto_ltl.simulation.promise import count_agrees
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.simulation.samples import FlightSample, plain_sample, weighted_samples
@@ -37,6 +40,7 @@ __all__ = [
     "Cost",
     "Decomposition",
     "Deployment",
+    "DrawnFlights",
     "FailureRate",
     "FlightEvent",
     "FlightSample",
@@ -58,13 +62,17 @@ __all__ = [
     "WindSource",
     "completing_path",
     "count_agrees",
+    "draw_flights",
     "first_law",
     "law_of_newer_runs",
     "law_of_parts_named",
+    "law_seeds",
     "packaged_laws",
     "plain_sample",
     "record",
+    "simulate_flights",
     "weighted_samples",
+    "which_fail",
 ]
 
 _EXPORTS = {
@@ -72,13 +80,14 @@ _EXPORTS = {
     "Cost": "pareto_ltl.planning.cost",
     "Decomposition": "pareto_ltl.world.cells",
     "Deployment": "pareto_ltl.simulation.records",
+    "DrawnFlights": "pareto_ltl.simulation.common_flights",
     "FailureRate": "pareto_ltl.planning.rates",
+    "FlightEvent": "pareto_ltl.simulation.failure_modes",
+    "FlightSample": "pareto_ltl.simulation.samples",
     "Forecast": "pareto_ltl.planning.evaluate",
     "Forest": "pareto_ltl.planning.records",
     "Frame": "pareto_ltl.world.projection",
     "Front": "pareto_ltl.planning.records",
-    "FlightEvent": "pareto_ltl.simulation.failure_modes",
-    "FlightSample": "pareto_ltl.simulation.samples",
     "LawOfParts": "pareto_ltl.wind.law_of_parts",
     "LawPart": "pareto_ltl.wind.error_law",
     "Objectives": "pareto_ltl.planning.records",
@@ -93,13 +102,17 @@ _EXPORTS = {
     "WindSource": "pareto_ltl.wind.sources",
     "completing_path": "pareto_ltl.planning.evaluate",
     "count_agrees": "pareto_ltl.simulation.promise",
+    "draw_flights": "pareto_ltl.simulation.common_flights",
     "first_law": "pareto_ltl.wind.named_laws",
     "law_of_newer_runs": "pareto_ltl.wind.named_laws",
     "law_of_parts_named": "pareto_ltl.wind.named_laws",
+    "law_seeds": "pareto_ltl.simulation.flights",
     "packaged_laws": "pareto_ltl.wind.named_laws",
     "plain_sample": "pareto_ltl.simulation.samples",
     "record": "pareto_ltl.run.record",
+    "simulate_flights": "pareto_ltl.simulation.flights",
     "weighted_samples": "pareto_ltl.simulation.samples",
+    "which_fail": "pareto_ltl.simulation.judging",
 }
 
 

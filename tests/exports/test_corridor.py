@@ -9,7 +9,7 @@ from numpy.random import SeedSequence
 from scipy.stats import beta, binom
 
 from exported_plans import Flown
-from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl_apps.exports.corridor import SHARES, ellipse_sizes, held_sizes
 from pareto_ltl_apps.exports.geojson import leg_hulls
 from problems import RARE

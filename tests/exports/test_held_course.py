@@ -7,8 +7,8 @@ from dataclasses import replace
 from numpy.random import SeedSequence
 
 from exported_plans import Flown
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.pack import build_problem
-from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl_apps.exports.exported import held_course_rate
 
 

@@ -56,7 +56,7 @@ def test_the_doubt_of_the_wind_is_that_of_simulated_flights(flown: Flown) -> Non
     """
     from numpy.random import SeedSequence
 
-    from pareto_ltl.simulation.flights import simulate_flights
+    from pareto_ltl.extend import simulate_flights
 
     path, n = flown.exported.plan.path, 20_000
     x = simulate_flights(flown.problem, path.u, n, "coherent", SeedSequence(9), path.x).x

@@ -10,7 +10,7 @@ import pytest
 from numpy.random import SeedSequence
 
 from levels import AT_NIGHT
-from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.support.errors import DataError
 from pareto_ltl_apps.flight.afterwards import fix_ranks, true_distances, truth_summary
 from pareto_ltl_apps.flight.rules import Event

@@ -9,12 +9,12 @@ from scipy.stats import chi2
 
 from coherent import STEPS, coherent_problem, rate_interval
 from levels import AT_NIGHT
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.kernels.flight import CoherentDraws, wind_met
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.conditioning import Fix, learn_at
 from pareto_ltl.planning.evaluate import propagate, square_matrices
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl_apps.flight.belief import Belief, local_wind
 
 TRUTHS = 500 if AT_NIGHT else 60

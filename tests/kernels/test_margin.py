@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
 from oracle.margin import flight_margin, segment_distance
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.kernels import margin as kernel
 from pareto_ltl.kernels.clearance import beyond_reach
 from pareto_ltl.kernels.data import Point
@@ -24,7 +25,6 @@ from pareto_ltl.planning.margin_model import claim_lists, margin_model, margin_s
 from pareto_ltl.planning.pack import pack_corners, pack_faces
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.world.scene import Scene
 from problems import KM, box, make_problem, make_scene, steady_wind

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 from scipy.stats import binom
 
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.evaluate import collision_risk, evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.pack import pack_barriers
@@ -30,7 +31,6 @@ from pareto_ltl.settings import (
     preset,
 )
 from pareto_ltl.settings.building import build_settings
-from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.simulation.records import read_deployments, write_deployments
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError

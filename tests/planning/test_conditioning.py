@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
 from coherent import LOOSE, SCENE, STEPS, coherent_problem
+from pareto_ltl.extend import draw_flights
 from pareto_ltl.kernels.data import EXACT
 from pareto_ltl.planning.conditioning import (
     Fix,
@@ -23,7 +24,6 @@ from pareto_ltl.planning.conditioning import (
 )
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.wind.conditioned import conditioned_field, field_from, lattice_values, less_doubt
 from pareto_ltl.wind.records import HELD, TIME
 from problems import QUICK_ERROR, make_problem, smooth_wind

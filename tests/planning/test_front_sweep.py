@@ -17,6 +17,7 @@ from scipy.stats import fisher_exact
 
 from coherent import RARE
 from landmarks import LANDMARK_WAY, landmark_problem
+from pareto_ltl.extend import draw_flights, simulate_flights
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
@@ -43,8 +44,7 @@ from pareto_ltl.planning.routes.path_classes import path_class
 from pareto_ltl.planning.routes.search_map import sights
 from pareto_ltl.planning.selection import hypervolume
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
-from pareto_ltl.simulation.common_flights import draw_flights, is_certain
-from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.simulation.common_flights import is_certain
 from pareto_ltl.simulation.judging import judge_front
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget

@@ -10,10 +10,10 @@ import pytest
 from numpy.random import SeedSequence
 
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
+from pareto_ltl.extend import which_fail
 from pareto_ltl.kernels.fixes import UNFADED
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.settings import ReplanningConfig, RobotConfig, SceneConfig
-from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.records import ENSEMBLE, HELD, PARTS, TIME
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
@@ -129,7 +129,7 @@ def test_of_overlapping_landmarks_one_fix_is_taken_and_equal_ones_change_nothing
     for scene in (LANDMARK_SCENE, twice):
         p = landmark_problem(scene)
         paths.append(evaluate_path(p, LANDMARK_WAY, ""))
-        failed.append(which_fail(p, paths[-1], 500, SeedSequence(4)))
+        failed.append(which_fail(p, [paths[-1]], 500, SeedSequence(4))[0])
     np.testing.assert_array_equal(paths[0].cov, paths[1].cov)
     np.testing.assert_array_equal(failed[0], failed[1])
 

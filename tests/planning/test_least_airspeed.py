@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
+from pareto_ltl.extend import draw_flights, simulate_flights
 from pareto_ltl.planning.evaluate import airspeed_limits, completes_mission, evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
@@ -25,8 +26,6 @@ from pareto_ltl.planning.refine.sampled import (
 from pareto_ltl.planning.selection import tree_front
 from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, SmoothingConfig
 from pareto_ltl.settings.fidelity import preset
-from pareto_ltl.simulation.common_flights import draw_flights
-from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 from problems import KM, along, box, make_problem, make_scene, smooth_wind, steady_wind

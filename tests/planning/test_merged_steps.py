@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
+from pareto_ltl.extend import draw_flights
 from pareto_ltl.kernels.geometry import locate_cells
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.growth import grow_forest
@@ -18,7 +19,6 @@ from pareto_ltl.planning.refine.sampled import divided
 from pareto_ltl.planning.refine.separation import keeps_epsilon
 from pareto_ltl.planning.refine.starts import Start, first_starts
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
-from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.world.windows import Window
 from problems import box, make_problem, make_scene, smooth_wind
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pareto_ltl.extend import FailureRate
 from pareto_ltl.planning import selection
 from pareto_ltl.planning.power import EnergyModel, energy_model
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.rates import counted_rate
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.selection_rules import choose_path, within_capacity
@@ -146,7 +146,7 @@ def flown_front(*rows: tuple[int, float, float]) -> Front:
     return Front(
         paths=tuple(path_of(0.1, length, energy) for _, length, energy in rows),
         raw=(), hypervolume=0.0, reference=np.ones(3),
-        rates=tuple(counted_rate("coherent", count, 1000) for count, _, _ in rows),
+        rates=tuple(FailureRate.counted("coherent", count, 1000) for count, _, _ in rows),
         failed=np.array([np.arange(1000) < count for count, _, _ in rows]),
     )  # fmt: skip
 

@@ -9,6 +9,7 @@ import pytest
 import shapely
 from numpy.random import SeedSequence
 
+from pareto_ltl.extend import draw_flights, simulate_flights
 from pareto_ltl.kernels import margin as km
 from pareto_ltl.planning.evaluate import completing_path, propagate
 from pareto_ltl.planning.growth import grow_forest
@@ -17,8 +18,6 @@ from pareto_ltl.planning.refine import prices, programme, sampled_paths
 from pareto_ltl.planning.refine.sampled import Polish, Refiner, path_length
 from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
-from pareto_ltl.simulation.common_flights import draw_flights
-from pareto_ltl.simulation.flights import simulate_flights
 from problems import box, make_problem, make_scene, smooth_wind
 
 STEP = 2.0  # [m] of a finite difference

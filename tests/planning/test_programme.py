@@ -12,6 +12,7 @@ import pytest
 from numpy.random import SeedSequence
 from scipy.stats import norm
 
+from pareto_ltl.extend import draw_flights
 from pareto_ltl.planning.evaluate import evaluate_path, propagate, square_matrices
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
@@ -22,7 +23,6 @@ from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Polish, Refin
 from pareto_ltl.planning.refine.separation import barrier_names, breach_text, separation, within_limits
 from pareto_ltl.planning.refine.starts import first_starts
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
-from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_verify.gaussians import segment_risks
 from pareto_ltl_verify.geometry import beyond_bounds, convex

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
+from pareto_ltl.extend import FailureRate
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.rates import counted_rate
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath, objective_row
 from pareto_ltl.planning.selection_rules import (
     RULES,
@@ -228,7 +228,7 @@ def flown_front(lengths, failed):
     """A front of paths of ``lengths`` whose flights ``failed`` (P, n)."""
     failed = np.asarray(failed, bool)
     paths = tuple(path_of(0.5, 0.0, length) for length in lengths)
-    rates = tuple(counted_rate("coherent", int(row.sum()), failed.shape[1]) for row in failed)
+    rates = tuple(FailureRate.counted("coherent", int(row.sum()), failed.shape[1]) for row in failed)
     return Front(paths, (), 0.0, np.ones(2), rates, failed=failed)
 
 

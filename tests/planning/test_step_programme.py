@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
+from pareto_ltl.extend import draw_flights
 from pareto_ltl.kernels.descent import OVERLONG, RIDGE, Sample, Solves
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
@@ -19,7 +20,6 @@ from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Refiner
 from pareto_ltl.planning.routes.taut_lines import CAP, FACE_MARGIN
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.support.arrays import FloatArray
 from problems import along, box, make_problem, make_scene, smooth_wind, steady_wind
 from solves import next_means

@@ -16,11 +16,11 @@ from scipy.stats import binom
 from oracle.margin import mission_margin
 from oracle.path_risk import ordered_bound, theorem2_bound
 from oracle.segments import states_of_flight
+from pareto_ltl.extend import Deployment, simulate_flights
 from pareto_ltl.kernels.letters import states_along
 from pareto_ltl.logic.formula import Formula, parse_formula
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.simulation.flights import judge_flights, simulate_flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.windows import Window
 from problems import KM, RARE, along, box, make_problem, make_scene, steady_wind
@@ -101,7 +101,7 @@ def test_flights_complete_what_the_formula_says_at_the_times_of_their_steps(
     done = problem.logic.distance[states_along(problem.cells, problem.logic, x)] == 0.0
     wanted = [satisfied(parse_formula(formula), word[: t + 1]) for t in range(len(x))]
     np.testing.assert_array_equal(done, wanted)
-    assert judge_flights(problem, "independent", x[None]).accepted[0] == wanted[-1]
+    assert Deployment.judged(problem, "independent", x[None]).accepted[0] == wanted[-1]
 
 
 @settings(deadline=None, max_examples=150)
@@ -166,7 +166,7 @@ def test_margins_are_those_of_the_plain_road_and_agree_with_the_verdict(formula:
     near = np.abs(wanted) < 1e5
     np.testing.assert_allclose(scratch.margins[near], wanted[near], atol=1e-6)
     np.testing.assert_array_equal(np.sign(scratch.margins[~near]), np.sign(wanted[~near]))
-    accepted = judge_flights(problem, "independent", x).accepted
+    accepted = Deployment.judged(problem, "independent", x).accepted
     clear = np.abs(wanted) > 1.0
     np.testing.assert_array_equal(accepted[clear], wanted[clear] > 0.0)
 

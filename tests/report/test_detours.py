@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pareto_ltl.planning.rates import counted_rate
+from pareto_ltl.extend import FailureRate
 from pareto_ltl.planning.records import Front, Objectives, Plan, PlannedPath
 from pareto_ltl_apps.view.limits import detour_lines
 from problems import KM, box, make_scene
@@ -32,7 +32,7 @@ LONGER = along((1, 0.5), (5, 6.5), (17, 0.5))
 def front_of(*rows: tuple[PlannedPath, int]) -> Front:
     """Paths with the number of their flights of 1,000 that fail."""
     failed = np.array([np.arange(FLIGHTS) < count for _, count in rows])
-    rates = tuple(counted_rate("coherent", count, FLIGHTS) for _, count in rows)
+    rates = tuple(FailureRate.counted("coherent", count, FLIGHTS) for _, count in rows)
     paths = tuple(path for path, _ in rows)
     return Front(paths, (), 0.5, np.array([1.0, 1e5]), rates=rates, raw_rates=(), failed=failed)
 

@@ -12,7 +12,8 @@ from matplotlib.colors import to_hex
 
 from drawn_world import front_of, plan_of, scene_of
 from figure_texts import texts_of, texts_outside, wrong_texts
-from pareto_ltl.planning.rates import Promise, counted_rate
+from pareto_ltl.extend import FailureRate
+from pareto_ltl.planning.rates import Promise
 from pareto_ltl.planning.records import Front, Plan
 from pareto_ltl.settings import preset
 from pareto_ltl_apps.view import style
@@ -34,14 +35,16 @@ def flown_front(counts=COUNTS, orders=ORDERS, law: str = "coherent") -> Front:
         )
         for k, order in enumerate(orders)
     )
-    rates = tuple(counted_rate(law, count, 4000) for count in counts)
+    rates = tuple(FailureRate.counted(law, count, 4000) for count in counts)
     failed = np.zeros((len(counts), 4000), bool)
     raw = (replace(base.objectives, costs={"length": 2.2e6}),)
-    return Front(paths, raw, 0.5, np.ones(2), rates, (counted_rate(law, 100, 500),), failed, preset("full"))
+    return Front(
+        paths, raw, 0.5, np.ones(2), rates, (FailureRate.counted(law, 100, 500),), failed, preset("full")
+    )
 
 
 def plan_on(front: Front, k: int) -> Plan:
-    promise = Promise(counted_rate("coherent", 380, 20_000), front.rates[k], 0.4, 0.1, True)
+    promise = Promise(FailureRate.counted("coherent", 380, 20_000), front.rates[k], 0.4, 0.1, True)
     return replace(plan_of(front.paths[k]), promise=promise)
 
 
@@ -141,7 +144,7 @@ def test_texts_name_the_law_and_stay_on_the_page(counts: tuple[int, ...], law: s
 
 @given(st.lists(st.integers(0, 4000), min_size=1, max_size=6))
 def test_the_axis_holds_all_rates(counts: list[int]) -> None:
-    rates = [counted_rate("coherent", count, 4000) for count in counts]
+    rates = [FailureRate.counted("coherent", count, 4000) for count in counts]
     rows = np.array([[rate.failure, rate.low, rate.high] for rate in rates])
     low, high, hidden = rate_ends(rows)
     assert 0.0 < low < high <= 1.0

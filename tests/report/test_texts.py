@@ -24,8 +24,9 @@ from drawn_world import (
     wind_of,
 )
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
+from pareto_ltl.extend import FailureRate
 from pareto_ltl.planning.evaluate import Forecast
-from pareto_ltl.planning.rates import Promise, counted_rate
+from pareto_ltl.planning.rates import Promise
 from pareto_ltl.settings import (
     AblationConfig,
     CompareConfig,
@@ -83,12 +84,12 @@ def flown_run(**changes: Any) -> DrawnRun:
     assert run.front is not None
     assert run.plan is not None
     size = len(run.front.paths)
-    rates = tuple(counted_rate("coherent", 40 * (k + 1), 4000) for k in range(size))
+    rates = tuple(FailureRate.counted("coherent", 40 * (k + 1), 4000) for k in range(size))
     front = replace(
         run.front, rates=rates, failed=np.zeros((size, 4000), bool), reference=np.array([1.0, 5e6]),
-        raw_rates=tuple(counted_rate("coherent", 60, 500) for _ in run.front.raw),
+        raw_rates=tuple(FailureRate.counted("coherent", 60, 500) for _ in run.front.raw),
     )  # fmt: skip
-    promise = Promise(counted_rate("coherent", 1324, 20_000), rates[0], 0.186, 0.1, True)
+    promise = Promise(FailureRate.counted("coherent", 1324, 20_000), rates[0], 0.186, 0.1, True)
     return replace(run, front=front, plan=replace(run.plan, promise=promise))
 
 

@@ -17,7 +17,7 @@ from pareto_ltl.planning.records import Forest
 from pareto_ltl.run import front_stage
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline, known_stages, make_all, run_pipeline
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.run.record import BaseRun, Record, record, stage_seeds
+from pareto_ltl.run.record import BaseRun, Record, record
 from pareto_ltl.settings import (
     MissionConfig,
     PlannerConfig,
@@ -29,6 +29,7 @@ from pareto_ltl.settings import (
 )
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.seeds import stage_seeds
 
 
 def listing(*names: str, **changes: Any) -> Settings:

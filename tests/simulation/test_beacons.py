@@ -9,11 +9,11 @@ import pytest
 from numpy.random import SeedSequence
 
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
+from pareto_ltl.extend import which_fail
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.pack import with_landmarks
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.beacons import SHORTLIST, beacon_map, beacon_places, disc
-from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError
 from problems import KM
@@ -59,7 +59,7 @@ def test_the_best_place_saves_what_a_landmark_there_saves(problem, path):
     assert found.failure[one.number] in np.sort(found.failure)[:SHORTLIST]
     assert found.failure.max() > 1.5 * found.failure.min()
     drawn = with_landmarks(problem, ROBOT, [disc(found.places.at[one.number], 1.0 * KM)])
-    failed = [which_fail(p, path, 8000, SeedSequence(99)) for p in (problem, drawn)]
+    failed = [which_fail(p, [path], 8000, SeedSequence(99))[0] for p in (problem, drawn)]
     _, low, high = paired_difference(*failed)
     assert high < 0.0
     assert low - 0.02 < one.saved[0] < high + 0.02

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
+from pareto_ltl.extend import draw_flights
 from pareto_ltl.kernels import flight as rollout
 from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.planning.evaluate import propagate_controls
 from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import PowerConfig, RobotConfig
 from pareto_ltl.simulation import flights as deployment
-from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl_verify.robot import power_law
 from problems import box, make_problem, make_scene, rough_wind
 

@@ -7,18 +7,13 @@ import pytest
 from numpy.random import SeedSequence
 
 from coherent import STEPS, coherent_problem, rate_interval
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.kernels.flight import link_fields
 from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.planning.evaluate import evaluate_path, forecast, propagate
 from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.flights import (
-    draw_coherent,
-    draw_innovations,
-    fly_draws,
-    kept_by_epoch,
-    simulate_flights,
-)
+from pareto_ltl.simulation.flights import draw_coherent, draw_innovations, fly_draws, kept_by_epoch
 from pareto_ltl.wind.records import FORECAST, SPACE, TIME
 from problems import KM, QUICK_ERROR, box, make_scene
 

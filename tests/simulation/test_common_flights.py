@@ -11,10 +11,10 @@ from numpy.random import SeedSequence
 from coherent import SCENE, STEPS, coherent_problem
 from landmarks import LANDMARK_WAY, landmark_problem
 from oracle import importance as plain
+from pareto_ltl.extend import draw_flights
 from pareto_ltl.kernels.importance import NormalDraws
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import PowerConfig, RobotConfig
-from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.simulation.failure_modes import linear_law
 from pareto_ltl.simulation.flights import BLOCK, draw_coherent
 from problems import QUICK_ERROR, make_problem, smooth_wind

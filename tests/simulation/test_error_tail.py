@@ -10,11 +10,12 @@ from numpy.random import SeedSequence
 from scipy.stats import kurtosis, norm
 
 from coherent import coherent_problem
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.error_tail import ErrorTail, draw_scales, error_tail, weighted_scales
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
-from pareto_ltl.simulation.flights import draw_coherent, simulate_flights
+from pareto_ltl.simulation.flights import draw_coherent
 from pareto_ltl.simulation.importance import weighted_rate
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.times import HOUR

@@ -8,16 +8,9 @@ from numpy.random import SeedSequence
 
 import pareto_ltl
 from exported_plans import SMALL
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.simulation.flights import (
-    BROKEN,
-    COLLIDED,
-    MISSED,
-    OFF_MAP,
-    failure_times,
-    judge_flights,
-    simulate_flights,
-)
+from pareto_ltl.simulation.flights import BROKEN, COLLIDED, MISSED, OFF_MAP
 from pareto_ltl.simulation.records import Deployment
 
 
@@ -31,7 +24,7 @@ def flown(request: pytest.FixtureRequest) -> tuple[Problem, Deployment]:
 
 def test_flights_that_fail_are_those_of_the_verdict(flown: tuple[Problem, Deployment]) -> None:
     problem, deployment = flown
-    times = failure_times(problem, deployment)
+    times = deployment.failure_times(problem)
     assert deployment.failed.any()
     assert ((times.step >= 0) == deployment.failed).all()
     assert ((times.cause >= 0) == deployment.failed).all()
@@ -40,9 +33,9 @@ def test_flights_that_fail_are_those_of_the_verdict(flown: tuple[Problem, Deploy
 
 def test_a_flight_fails_at_the_first_prefix_that_has_failed(flown: tuple[Problem, Deployment]) -> None:
     problem, deployment = flown
-    times, last = failure_times(problem, deployment), deployment.x.shape[1] - 1
+    times, last = deployment.failure_times(problem), deployment.x.shape[1] - 1
     for k in range(1, last + 1):
-        prefix = judge_flights(problem, deployment.law, np.ascontiguousarray(deployment.x[:, : k + 1]))
+        prefix = Deployment.judged(problem, deployment.law, np.ascontiguousarray(deployment.x[:, : k + 1]))
         met = prefix.collided | (prefix.off_map & prefix.walled)
         known = (times.step >= 0) & (times.step <= k) & np.isin(times.cause, (COLLIDED, OFF_MAP))
         assert (met >= known).all()

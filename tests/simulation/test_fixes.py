@@ -12,12 +12,12 @@ from numpy.random import SeedSequence
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
 from levels import AT_NIGHT
 from oracle.navigator import filtered
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.kernels import moves
 from pareto_ltl.kernels.pilots import Autopilot, Navigator
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation import importance
-from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.simulation.judging import fly_race
 from pareto_ltl.world.scene import FixShape
 from problems import KM, QUICK_ERROR, box

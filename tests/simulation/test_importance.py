@@ -15,19 +15,20 @@ from scipy.stats import binom, binomtest, norm
 from coherent import SCENE, STEPS, coherent_problem
 from landmarks import LANDMARK_WAY, landmark_problem
 from oracle import importance as plain
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.kernels.flight import link_fields
 from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.rates import FLIGHTS, WEIGHTED, FailureRate, counted_rate
+from pareto_ltl.planning.rates import FLIGHTS, WEIGHTED, FailureRate
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.simulation import failure_modes, importance
 from pareto_ltl.simulation import promise as promises
-from pareto_ltl.simulation.flights import simulate_flights, unspawned
 from pareto_ltl.simulation.promise import RARE, count_agrees, fresh_rate
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.seeds import unspawned
 from problems import KM, QUICK_ERROR, along, box, make_problem, make_scene, smooth_wind, steady_wind
 
 LOOSE = PlannerConfig(epsilon=0.999, delta=0.999)
@@ -355,7 +356,7 @@ def test_a_law_without_variance_is_flown_as_it_is(law):
         LOOSE, fidelity=problem.fidelity,
     )  # fmt: skip
     assert importance.weighted_rate(still, path, 100, SeedSequence(0)) is None
-    assert fresh_rate(still, path, 100, SeedSequence(0)) == counted_rate(law, 0, 100)
+    assert fresh_rate(still, path, 100, SeedSequence(0)) == FailureRate.counted(law, 0, 100)
     short = replace(path, x=path.x[:-1], u=path.u[:-1])
     assert importance.weighted_rate(still, short, 100, SeedSequence(0)) is None
 
@@ -370,7 +371,7 @@ def test_a_start_in_the_region_needs_no_step():
     problem = coherent_problem(scene)
     path = evaluate_path(problem, scene.start[None], "by hand")
     assert importance.weighted_rate(problem, path, 100, SeedSequence(0)) is None
-    assert fresh_rate(problem, path, 100, SeedSequence(0)) == counted_rate("coherent", 0, 100)
+    assert fresh_rate(problem, path, 100, SeedSequence(0)) == FailureRate.counted("coherent", 0, 100)
 
 
 def test_a_plan_that_outlasts_the_wind_and_too_few_draws_are_refused():
@@ -424,7 +425,7 @@ def test_weighted_flights_never_draw_from_the_seed_of_the_plain_ones(monkeypatch
 def test_a_count_that_contradicts_the_weighted_rate_is_what_is_promised(caplog, monkeypatch):
     monkeypatch.setattr(promises, "count_failures", lambda *_: 4)
     rate = fresh_rate(*straight(4.0), 5000, SeedSequence(4))
-    assert rate == counted_rate("independent", 4, 5000)
+    assert rate == FailureRate.counted("independent", 4, 5000)
     assert "does not agree with 5000 fresh ones in independent winds" in caplog.text
 
 
@@ -432,7 +433,7 @@ def test_without_half_spaces_the_count_is_what_is_promised(monkeypatch):
     problem = landmark_problem()
     path = evaluate_path(problem, LANDMARK_WAY, "by hand")
     monkeypatch.setattr(promises, "count_failures", lambda *_: 1)
-    assert fresh_rate(problem, path, 5000, SeedSequence(4)) == counted_rate("coherent", 1, 5000)
+    assert fresh_rate(problem, path, 5000, SeedSequence(4)) == FailureRate.counted("coherent", 1, 5000)
 
 
 @settings(deadline=None, max_examples=100)
@@ -441,4 +442,4 @@ def test_counts_agree_with_rates_that_explain_them(failures, runs, low, wider):
     weighted = FailureRate("coherent", low, low, low * wider, runs, WEIGHTED)
     within = binomtest(failures, runs, low * wider, alternative="greater").pvalue >= 1e-3
     within &= binomtest(failures, runs, low, alternative="less").pvalue >= 1e-3
-    assert count_agrees(counted_rate("coherent", failures, runs), weighted) == within
+    assert count_agrees(FailureRate.counted("coherent", failures, runs), weighted) == within

@@ -12,15 +12,16 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 from scipy.stats import fisher_exact
 
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.rates import WEIGHTED, FailureRate, counted_rate
+from pareto_ltl.planning.rates import WEIGHTED, FailureRate
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SelectionConfig, SmoothingConfig, preset
 from pareto_ltl.simulation import judging
 from pareto_ltl.simulation import promise as promises
-from pareto_ltl.simulation.flights import block_rows, simulate_flights
+from pareto_ltl.simulation.flights import block_rows
 from pareto_ltl.simulation.judging import (
     Flown,
     certainly_beaten,
@@ -111,7 +112,7 @@ def test_rates_are_counts_of_the_flights_that_the_front_keeps(front):
             "coherent",
             "flights",
         )
-        assert rate == counted_rate("coherent", int(failed.sum()), DRAWS)
+        assert rate == FailureRate.counted("coherent", int(failed.sum()), DRAWS)
 
 
 def test_a_path_that_a_bound_rules_out_may_be_on_the_front(task, given_paths, wind):
@@ -272,7 +273,7 @@ def test_a_promise_is_the_rate_of_fresh_flights(task, wind, front):
     k = next(k for k, other in enumerate(front.paths) if other is path)
     assert promise.claimed == front.rates[k]
     flown = simulate_flights(task, path.u, 4000, "coherent", SeedSequence(5), path.x)
-    assert promise.rate == counted_rate("coherent", int(flown.failed.sum()), 4000)
+    assert promise.rate == FailureRate.counted("coherent", int(flown.failed.sum()), 4000)
     assert promise.passed
     assert promise.bound == min(1.0, path.objectives.mission_risk + path.objectives.collision_risk)
     assert 0.0 < promise.linearity < LINEAR
@@ -285,7 +286,7 @@ def test_a_path_whose_claim_is_too_good_is_passed_over(task, wind, front, caplog
     failed[0] = False
     liar = replace(
         front, paths=(wreck, *front.paths[1:]), failed=failed,
-        rates=(counted_rate("coherent", 0, DRAWS), *front.rates[1:]),
+        rates=(FailureRate.counted("coherent", 0, DRAWS), *front.rates[1:]),
     )  # fmt: skip
     path, promise = promise_path(SelectionConfig(runs=500), task, wind, liar, SeedSequence(5))
     assert path is not wreck
@@ -297,7 +298,7 @@ def test_a_path_whose_claim_is_too_good_is_passed_over(task, wind, front, caplog
 
 
 def test_where_every_claim_falls_the_plan_says_so(task, wind, front):
-    claims = tuple(counted_rate("coherent", 0, 10**6) for _ in front.rates)
+    claims = tuple(FailureRate.counted("coherent", 0, 10**6) for _ in front.rates)
     liar = replace(front, rates=claims, failed=np.zeros_like(front.failed))
     path, promise = promise_path(SelectionConfig(runs=2000), task, wind, liar, SeedSequence(5))
     assert not promise.passed
@@ -309,7 +310,7 @@ def test_where_every_claim_falls_the_plan_says_so(task, wind, front):
 
 
 def test_a_path_that_the_user_names_is_flown_even_if_its_claim_falls(task, wind, front, caplog):
-    claims = tuple(counted_rate("coherent", 0, 10**6) for _ in front.rates)
+    claims = tuple(FailureRate.counted("coherent", 0, 10**6) for _ in front.rates)
     liar = replace(front, rates=claims, failed=np.zeros_like(front.failed))
     cfg = SelectionConfig(rule="point", point=len(front.paths) - 1, runs=500)
     path, promise = promise_path(cfg, task, wind, liar, SeedSequence(5))
@@ -350,7 +351,7 @@ def test_a_rare_failure_is_promised_from_weighted_flights(task, wind, front, mon
 
 def test_weighted_flights_overturn_a_claim_that_they_make_impossible():
     """No failure among 4,000: a chance of exp(-6.9) = 1e-3 at a rate of 0.00173."""
-    claim = counted_rate("coherent", 0, 4000)
+    claim = FailureRate.counted("coherent", 0, 4000)
     assert claim_stands(FailureRate("coherent", 0.002, 0.0017, 0.0023, 100, WEIGHTED), claim)
     assert not claim_stands(FailureRate("coherent", 0.002, 0.0018, 0.0022, 100, WEIGHTED), claim)
 
@@ -366,7 +367,9 @@ def test_an_unreliable_linearisation_is_said(task, front, caplog):
 def test_claims_fall_by_fishers_exact_test(fresh, claimed, runs, draws):
     table = [[fresh, runs - fresh], [claimed, draws - claimed]]
     chance = float(fisher_exact(table, alternative="greater").pvalue)
-    stands = claim_stands(counted_rate("coherent", fresh, runs), counted_rate("coherent", claimed, draws))
+    stands = claim_stands(
+        FailureRate.counted("coherent", fresh, runs), FailureRate.counted("coherent", claimed, draws)
+    )
     assert stands == (chance >= DOUBT) or chance == pytest.approx(DOUBT, rel=1e-9)
 
 
@@ -377,11 +380,15 @@ def test_the_test_of_a_claim_has_power():
     fresh = rng.binomial(20_000, 0.04, 200)
     honest = rng.binomial(20_000, 0.01, 200)
     assert not any(
-        claim_stands(counted_rate("coherent", int(f), 20_000), counted_rate("coherent", int(c), 4000))
+        claim_stands(
+            FailureRate.counted("coherent", int(f), 20_000), FailureRate.counted("coherent", int(c), 4000)
+        )
         for f, c in zip(fresh, claims, strict=True)
     )
     fallen = [
-        not claim_stands(counted_rate("coherent", int(f), 20_000), counted_rate("coherent", int(c), 4000))
+        not claim_stands(
+            FailureRate.counted("coherent", int(f), 20_000), FailureRate.counted("coherent", int(c), 4000)
+        )
         for f, c in zip(honest, claims, strict=True)
     ]
     assert sum(fallen) <= 4  # 0.2 expected

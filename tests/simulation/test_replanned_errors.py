@@ -15,11 +15,11 @@ import shapely
 from numpy.random import SeedSequence
 
 from coherent import LOOSE
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.conditioning import Fix, learn_at
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl_apps.flight.known_errors import robot_given
 from problems import KM, box, make_problem, make_scene, steady_wind

@@ -15,6 +15,7 @@ from numpy.random import SeedSequence
 from coherent import LOOSE, STEPS, coherent_problem, rate_interval
 from landmarks import LANDMARK_WAY, landmark_problem
 from oracle import importance as plain
+from pareto_ltl.extend import draw_flights, simulate_flights
 from pareto_ltl.kernels.data import EXACT, Cov, Gaussian, Point, RobotErrors
 from pareto_ltl.kernels.fixes import fix_error, likely_sight
 from pareto_ltl.kernels.flight import CoherentDraws
@@ -27,11 +28,8 @@ from pareto_ltl.planning.rates import WEIGHTED
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation import failure_modes, importance
-from pareto_ltl.simulation.common_flights import draw_flights, is_certain
-from pareto_ltl.simulation.flights import (
-    fly_draws,
-    simulate_flights,
-)
+from pareto_ltl.simulation.common_flights import is_certain
+from pareto_ltl.simulation.flights import fly_draws
 from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError

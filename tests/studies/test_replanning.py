@@ -11,8 +11,8 @@ import pytest
 from numpy.random import SeedSequence
 
 from coherent import LOOSE, SCENE
+from pareto_ltl.extend import draw_flights
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.wind.records import FORECAST
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.studies.replanning import newer_forecast

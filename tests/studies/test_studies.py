@@ -15,7 +15,6 @@ from pareto_ltl.extend import Study
 from pareto_ltl.planning import growth
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import (
     PRESETS,
     AblationConfig,
@@ -27,6 +26,7 @@ from pareto_ltl.settings import (
 )
 from pareto_ltl.settings.studies import METHODS, MODEL_FACTORS
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl_apps.studies import compare, convergence, planning, tables
 from pareto_ltl_apps.studies.planning import fly_seeded, still, unsmoothed
 from pareto_ltl_apps.view.study_planners import FACTOR_LABELS

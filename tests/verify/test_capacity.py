@@ -10,9 +10,9 @@ import pytest
 from numpy.random import SeedSequence
 
 from desk import SMALL
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.run.results import planned_run
-from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_rate

@@ -14,8 +14,8 @@ from numpy.random import SeedSequence
 import pareto_ltl
 from levels import BY_DAY
 from lies.editing import in_wind
+from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.error_tail import draw_scales
-from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.named_laws import law_of_parts_named
 from pareto_ltl_verify.evidence import open_evidence

@@ -18,7 +18,7 @@ from pareto_ltl.planning.costs import ALWAYS
 from pareto_ltl.planning.error_tail import error_tail
 from pareto_ltl.planning.pack_logic import Epoch, epochs_of, pack_corners, pack_logic, pack_ordered
 from pareto_ltl.planning.power import energy_model
-from pareto_ltl.planning.problem import Problem, unaided
+from pareto_ltl.planning.problem import Problem, feedback_shares, motion_with_feedback, unaided
 from pareto_ltl.planning.turns import turns_of
 from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, WindConfig
 from pareto_ltl.settings.fidelity import PAPER
@@ -219,27 +219,7 @@ def pack_motion(robot: RobotConfig, ball: float, judge: str = "bound") -> kd.Mot
         u_max=robot.u_max,
         ball=ball,
     )
-    return with_feedback(open_loop, robot.feedback_time)
-
-
-def with_feedback(motion: kd.Motion, time: float | None) -> kd.Motion:
-    """``motion`` with position feedback of the time constant ``time`` [s]; None: open loop."""
-    gain, exposed = feedback_shares(time, motion.dt)
-    return motion._replace(closed=motion.a - gain * np.eye(2), gain=gain, exposed=exposed)
-
-
-def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
-    """K and φ of a robot that corrects a known deviation with a time constant ``time`` [s], None for never.
-
-    K = 1 - exp(-dt / T) is the share of a deviation that is corrected in a step of ``dt`` [s], φ = K T / dt
-    the share of a step's wind error that is left at its end: the solution of ė = -e / T + w, w constant.
-
-    Eq. (M2) of docs/mathematics.md.
-    """
-    if time is None:
-        return 0.0, 1.0
-    gain = -math.expm1(-dt / time)
-    return gain, gain * time / dt
+    return motion_with_feedback(open_loop, robot.feedback_time)
 
 
 def pack_errors(robot: RobotConfig) -> kd.RobotErrors:

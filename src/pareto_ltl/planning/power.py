@@ -97,6 +97,11 @@ class EnergyModel:
     curve: PowerCurve
     capacity: float | None
 
+    @property
+    def hovers(self) -> bool:
+        """Whether the robot has rotary wings, so that it can stay in place."""
+        return isinstance(self.curve, Rotor)
+
     def of(self, u: FloatArray, dt: float) -> float:
         """Energy of the controls ``u`` (T, 2) [m/s], each held for ``dt`` [s]: Σ P(‖u_t‖) dt [J].
 

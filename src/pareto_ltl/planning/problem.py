@@ -162,6 +162,15 @@ class Problem(Displayed):
         both = lean @ lean.T + self.start_variance * np.eye(2)
         return both[[0, 0, 1], [0, 1, 1]]
 
+    def with_feedback(self, time: float | None) -> Problem:
+        """The problem with ``robot.feedback_time=time`` [s]; such a robot takes no fixes at landmarks."""
+        laws: dict[str, kd.Law] = {}
+        for name, law in self.laws.items():
+            plain = unaided(law)
+            laws[name] = plain._replace(motion=motion_with_feedback(plain.motion, time))
+        world = self.world._replace(law=laws[self.fidelity.law])
+        return replace(self, laws=laws, world=world)
+
     def reading(self, step: int) -> Reading:
         """The automaton as it reads the letters of ``step``, and those on the way to it."""
         logic = self.logic
@@ -184,6 +193,26 @@ class Problem(Displayed):
 
         states: IntArray = states_along(self.cells, self.logic, np.ascontiguousarray(x))
         return states
+
+
+def motion_with_feedback(motion: kd.Motion, time: float | None) -> kd.Motion:
+    """``motion`` with position feedback of the time constant ``time`` [s]; None: open loop."""
+    gain, exposed = feedback_shares(time, motion.dt)
+    return motion._replace(closed=motion.a - gain * np.eye(2), gain=gain, exposed=exposed)
+
+
+def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
+    """K and φ of a robot that corrects a known deviation with a time constant ``time`` [s], None for never.
+
+    K = 1 - exp(-dt / T) is the share of a deviation that is corrected in a step of ``dt`` [s], φ = K T / dt
+    the share of a step's wind error that is left at its end: the solution of ė = -e / T + w, w constant.
+
+    Eq. (M2) of docs/mathematics.md.
+    """
+    if time is None:
+        return 0.0, 1.0
+    gain = -math.expm1(-dt / time)
+    return gain, gain * time / dt
 
 
 def errors_of(law: kd.Law) -> kd.RobotErrors:

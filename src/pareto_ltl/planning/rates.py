@@ -47,6 +47,11 @@ class FailureRate:
         if self.runs < 1:
             raise ValueError(f"a failure rate needs at least one flight, got runs = {self.runs}")
 
+    @classmethod
+    def counted(cls, law: str, failures: int, runs: int) -> FailureRate:
+        """The rate of ``failures`` among ``runs`` flights, with its 95 % Clopper-Pearson interval."""
+        return cls(law, failures / runs, *clopper_pearson(failures, runs), runs)
+
     @property
     def weighted(self) -> bool:
         """Whether the flights were weighted."""
@@ -64,11 +69,6 @@ class FailureRate:
 
     def __str__(self) -> str:
         return f"{rate_text(self.failure, self.low, self.high)}, {self.law} winds"
-
-
-def counted_rate(law: str, failures: int, runs: int) -> FailureRate:
-    """The rate of ``failures`` among ``runs`` flights, with its 95 % Clopper-Pearson interval."""
-    return FailureRate(law, failures / runs, *clopper_pearson(failures, runs), runs)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,12 @@ from pareto_ltl.planning.records import Front, Plan
 from pareto_ltl.planning.refine.prices import limits_of
 from pareto_ltl.planning.refine.separation import keeps_epsilon, worst_segment
 from pareto_ltl.planning.selection_rules import bound_warning, choose_path, selection_rule, within_capacity
-from pareto_ltl.run.record import named_child
 from pareto_ltl.run.remedies import HOPELESS, Trial, tried_remedies
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.heights import flight_air, flight_height, temperature_doubt
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.simulation.promise import promise_path
+from pareto_ltl.support.seeds import named_child
 from pareto_ltl.wind.coverage import EXACT, OwnErrors, coverage_of, held_warning
 from pareto_ltl.wind.records import WindField
 

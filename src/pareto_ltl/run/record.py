@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar, overload
-from zlib import crc32
 
 from pareto_ltl.run import provenance
 from pareto_ltl.run.progress import ProgressBar
@@ -22,6 +21,7 @@ from pareto_ltl.settings import Settings
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
+from pareto_ltl.support.seeds import stage_seeds
 
 if TYPE_CHECKING:
     from numpy.random import SeedSequence
@@ -239,17 +239,3 @@ class BaseRun(Displayed):
     def input_hashes(self) -> Mapping[str, str]:
         """SHA-256 of the files that the records depend on, by name; files of an earlier run are not read."""
         return provenance.input_hashes(self.settings) if self.read is None else self.read
-
-
-def stage_seeds(seed: int, stream: str) -> SeedSequence:
-    """The random stream ``stream`` of a run with ``seed``; a new object each time: spawning changes it."""
-    from numpy.random import SeedSequence
-
-    return SeedSequence(seed, spawn_key=(crc32(stream.encode()),))
-
-
-def named_child(seeds: SeedSequence, name: str) -> SeedSequence:
-    """A child of ``seeds`` that ``spawn`` never makes; it does not depend on earlier use of ``seeds``."""
-    from numpy.random import SeedSequence
-
-    return SeedSequence(seeds.entropy, spawn_key=(*seeds.spawn_key, crc32(name.encode())))

@@ -15,8 +15,8 @@ from numpy.random import SeedSequence
 from pareto_ltl.planning.costs import hours_text
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.limits import Remedy
-from pareto_ltl.planning.pack import build_problem, missing_for_fixes, with_feedback, with_landmarks
-from pareto_ltl.planning.problem import Problem, unaided
+from pareto_ltl.planning.pack import build_problem, missing_for_fixes, with_landmarks
+from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan, PlannedPath
 from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.settings import Settings
@@ -118,20 +118,10 @@ def _feedback(trial: Trial) -> Iterator[tuple[str, Problem]]:
     usual = trial.settings.robot.feedback_time
     times = [time for time in FEEDBACK if usual is None or time < usual]
     for time in times:
-        problem = _with_feedback(trial.problem, time)
+        problem = trial.problem.with_feedback(time)
         if trial.worst(problem) <= trial.problem.epsilon or time == times[-1]:
             yield f"position feedback, robot.feedback_time={time:g}", problem
             return
-
-
-def _with_feedback(problem: Problem, time: float) -> Problem:
-    """``problem`` with ``robot.feedback_time`` [s]; such a robot takes no fixes at landmarks."""
-    laws = {}
-    for name, law in problem.laws.items():
-        plain = unaided(law)
-        laws[name] = plain._replace(motion=with_feedback(plain.motion, time))
-    world = problem.world._replace(law=laws[problem.fidelity.law])
-    return replace(problem, laws=laws, world=world)
 
 
 def _beacon(trial: Trial) -> Iterator[tuple[str, Problem]]:

@@ -16,7 +16,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning.pack import with_landmarks
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.rates import FailureRate, counted_rate
+from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
@@ -113,17 +113,17 @@ def beacon_map(
         draw_flights(marked, problem.fidelity.law, runs, child)
         for runs, child in ((flights, search), (AGAIN, again))
     )
-    before = which_fail(problem, path, FRESH, judge)
+    before = which_fail(problem, [path], FRESH, judge)[0]
     law, first, sites = problem.fidelity.law, np.empty(0), list[BeaconSite]()
-    without = counted_rate(law, int(before.sum()), FRESH)
+    without = FailureRate.counted(law, int(before.sum()), FRESH)
     for _ in range(number):
         rates = tried(problem, robot, path, places.at, drawn, marks, radius)
         first = rates if not len(first) else first
         short = np.argsort(rates, kind="stable")[:SHORTLIST]
         best = short[np.argmin(tried(problem, robot, path, places.at[short], others, marks, radius))]
         marks.append(disc(places.at[best], radius))
-        failed = which_fail(with_landmarks(problem, robot, marks), path, FRESH, judge)
-        rate = counted_rate(law, int(failed.sum()), FRESH)
+        failed = which_fail(with_landmarks(problem, robot, marks), [path], FRESH, judge)[0]
+        rate = FailureRate.counted(law, int(failed.sum()), FRESH)
         sites.append(BeaconSite(int(best), rate, paired_difference(before, failed)))
         before = failed
     return BeaconMap(radius, places, without, first, flights, tuple(sites))

@@ -17,9 +17,11 @@ from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem, merged_draws
 from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.simulation import flights as sim
+from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot, own_errors
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.machine import on_all_cores
+from pareto_ltl.support.seeds import later_child
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +132,7 @@ class DrawnFlights:
 
     def failed(self, x: FloatArray) -> BoolArray:
         """Which of the flights ``x`` (n, T+1, 2) fail."""
-        return sim.judge_flights(self.problem, self.law, x).failed
+        return Deployment.judged(self.problem, self.law, x).failed
 
     def linear(self) -> DrawnFlights:
         """The same flights in the linearised law."""
@@ -177,7 +179,7 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
     for rows, child in zip(blocks, fixes.spawn(len(blocks)), strict=True):
         n = rows.stop - rows.start
         noise.append(sim.fix_noise(problem, n, problem.horizon, child))
-        errors.append(draw_errors(problem, law, n, sim.later_child(child, sim.OWN_ERRORS)))
+        errors.append(draw_errors(problem, law, n, later_child(child, sim.OWN_ERRORS)))
     off = math.sqrt(problem.start_variance) * np.random.default_rng(start).standard_normal((runs, 2))
     own = np.concatenate(errors)
     off += own @ own_errors(problem, law).start.T

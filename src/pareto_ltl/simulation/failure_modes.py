@@ -39,6 +39,7 @@ from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.simulation import flights as sim
+from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
@@ -128,7 +129,7 @@ class FlownPlan:
         sim.fly_draws(problem, _winds(problem, z, theta), pilot, x, problem.energy)
         if self.event is not None:
             return x, self.event.happens(x)
-        return x, sim.judge_flights(problem, law, x).failed
+        return x, Deployment.judged(problem, law, x).failed
 
     def fly_along(self, directions: kernel.Directions, row: IntArray, size: FloatArray) -> BoolArray:
         """Which of the flights z = ``size`` ω fail, ω the directions ``row``."""

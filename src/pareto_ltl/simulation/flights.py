@@ -2,7 +2,7 @@
 
 A wind law defines how the wind of a flight is drawn. Flights are drawn in blocks with fixed seeds, step by
 step, and a longer plan only draws more steps. So two plans flown with the same seed meet the same winds
-(common random numbers). At the end: when flights fail, and why.
+(common random numbers).
 """
 
 from __future__ import annotations
@@ -37,14 +37,12 @@ from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot, own_errors
-from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.machine import on_all_cores, require_memory
+from pareto_ltl.support.seeds import later_child, unspawned
 
-NO_FAILURE = -1
-CAUSES = ("met an obstacle", "left the map", "broke the mission", "did not complete the mission")
-COLLIDED, OFF_MAP, BROKEN, MISSED = range(4)
 # Takes the noise (T+1, n, 2) of the fixes and the coefficients (n, Q) of the robot's errors of n flights.
 PilotMaker = Callable[[FloatArray, FloatArray], Any]
 FLIGHT_COPIES = 2  # copies of the positions of a flight: one in memory, one in the archive that is written
@@ -120,18 +118,22 @@ DRAWS: dict[str, Callable[[Problem, int, int, Generator], Any]] = {
 def deploy_plan(
     cfg: DeploymentConfig, problem: Problem, plan: Plan, seeds: SeedSequence
 ) -> dict[str, Deployment]:
-    """Fly ``plan`` ``cfg.runs`` times under every law of ``cfg.laws``.
-
-    Each law has a separate child of ``seeds``, in the order of :data:`DRAWS`, so that adding a law does not
-    change the winds of the others.
-    """
+    """Fly ``plan`` ``cfg.runs`` times under every law of ``cfg.laws``."""
     each = FLIGHT_COPIES * len(cfg.laws) * plan.path.x.nbytes
     require_memory(each, "deployment.runs", cfg.runs, f"flights of {len(plan.path.u)} steps")
-    children = dict(zip(DRAWS, seeds.spawn(len(DRAWS)), strict=True))
+    children = law_seeds(seeds)
     return {
         law: simulate_flights(problem, plan.path.u, cfg.runs, law, children[law], plan.path.x)
         for law in cfg.laws
     }
+
+
+def law_seeds(seeds: SeedSequence) -> dict[str, SeedSequence]:
+    """The child of the stream ``seeds`` of a deployment for each law, whatever was spawned from it before.
+
+    A law that is added does not change the winds of the others.
+    """
+    return dict(zip(DRAWS, unspawned(seeds).spawn(len(DRAWS)), strict=True))
 
 
 def simulate_flights(
@@ -160,17 +162,12 @@ def fly_pilot(
     def one(rows: slice, child: SeedSequence) -> Deployment:
         block = draw_block(problem, law, rows.stop - rows.start, steps, child)
         fly_block(problem, block, pilot, x[rows])
-        return judge_flights(problem, law, x[rows])
+        return Deployment.judged(problem, law, x[rows])
 
     blocks = block_rows(runs)
     found = on_all_cores(one, blocks, unspawned(seed).spawn(len(blocks)))
     accepted, collided, off_map = (np.concatenate([getattr(part, name) for part in found]) for name in FLAGS)
     return Deployment(law, x, accepted, collided, off_map, problem.scene.walled)
-
-
-def unspawned(seed: SeedSequence) -> SeedSequence:
-    """A copy of ``seed`` without children: a SeedSequence counts them, and would spawn others next time."""
-    return SeedSequence(seed.entropy, spawn_key=seed.spawn_key, pool_size=seed.pool_size)
 
 
 def require_known_wind(problem: Problem, u: FloatArray, mean: FloatArray | None) -> None:
@@ -223,11 +220,6 @@ def draw_block(problem: Problem, law: str, runs: int, steps: int, seed: SeedSequ
     return FlightBlock(start + errors @ own_errors(problem, law).start.T, draws, noise, errors)
 
 
-def later_child(seed: SeedSequence, number: int) -> SeedSequence:
-    """The child ``number`` of ``seed``, whatever was spawned from it before."""
-    return SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, number), pool_size=seed.pool_size)
-
-
 def fix_noise(problem: Problem, runs: int, steps: int, seed: SeedSequence) -> FloatArray:
     """Standard normal draws (steps + 1, runs, 2) for the errors of fixes; no rows without landmarks."""
     rows = steps + 1 if problem.landmarks else 0
@@ -267,15 +259,6 @@ def full_tank(motion: kd.Motion, runs: int, energy: EnergyModel | None) -> kerne
     speeds = np.linspace(slowest, motion.u_max, TANK_SPEEDS)
     spacing = float(speeds[1] - speeds[0])
     return kernel.Tank(energy.curve.watts(speeds), slowest, spacing, energy.capacity, np.zeros(runs))
-
-
-def judge_flights(problem: Problem, law: str, x: FloatArray) -> Deployment:
-    """Which of the flights ``x`` (n, T+1, 2) complete the mission, meet an obstacle and leave the map."""
-    world = problem.world
-    judge = kernel.Judge(problem.cells, problem.logic, problem.obstacles, world.collision.nearby)
-    outcome = kernel.Outcome(x, *(np.empty(len(x), bool) for _ in range(3)))
-    kernel.judge_batch(judge, outcome)
-    return Deployment(law, *outcome, problem.scene.walled)
 
 
 def pilot_maker(
@@ -364,74 +347,3 @@ def flight_rates(deployment: Deployment) -> dict[str, float]:
         f"collision_{law}": float(deployment.collided.mean()),
         f"off_map_{law}": float(deployment.off_map.mean()),
     }
-
-
-# --- when flights fail ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class FailureTimes:
-    """For n flights, the time and the cause of the first failure of each.
-
-    Attributes
-    ----------
-    steps : int
-        Steps T of the flights.
-    step : (n,) int
-        The first step, 0 to T, at which the flight has failed; -1 for flights that do not fail.
-        A flight whose only failure is an incomplete mission fails at the last step.
-    cause : (n,) int
-        Index into ``CAUSES``; -1 for flights that do not fail.
-    """
-
-    steps: int
-    step: IntArray
-    cause: IntArray
-
-    def counts(self) -> IntArray:
-        """Number of flights that have failed by each step, for each cause, (4, T+1)."""
-        found = np.zeros((len(CAUSES), self.steps + 1), np.int64)
-        failed = self.step >= 0
-        np.add.at(found, (self.cause[failed], self.step[failed]), 1)
-        return found.cumsum(axis=1)
-
-
-def failure_times(problem: Problem, flown: Deployment) -> FailureTimes:
-    """When each flight of ``flown`` fails first; ``flown.failed`` names the flights that fail."""
-    n, steps = len(flown.x), flown.x.shape[1] - 1
-    step, cause = np.full(n, steps + 1), np.full(n, NO_FAILURE)
-
-    def note(flights: IntArray, when: IntArray, why: int) -> None:
-        sooner = when < step[flights]
-        step[flights[sooner]], cause[flights[sooner]] = when[sooner], why
-
-    for flag, why in (("collided", COLLIDED), ("off_map", OFF_MAP)):
-        if why == COLLIDED or flown.walled:
-            met = np.flatnonzero(getattr(flown, flag))
-            note(met, _first_steps(problem, flown.law, flown.x[met], flag), why)
-    missed = np.flatnonzero(~flown.accepted)
-    trapped = [np.isinf(problem.automaton.distance[problem.states(flown.x[flight])]) for flight in missed]
-    broken = np.array([row.argmax() if row.any() else steps + 1 for row in trapped], np.int64)
-    note(missed, broken, BROKEN)
-    note(missed, np.full(len(missed), steps), MISSED)
-    return FailureTimes(steps, np.where(cause >= 0, step, NO_FAILURE), cause)
-
-
-def _first_steps(problem: Problem, law: str, x: FloatArray, flag: str) -> IntArray:
-    """The first step by which each of the flights ``x`` (n, T+1, 2) has ``flag``, (n,), by bisection.
-
-    Each of them has it at the last step, and a flight never loses it.
-    """
-    found = np.full(len(x), x.shape[1] - 1)
-    stack = [(np.arange(len(x)), 0, x.shape[1] - 1)]
-    while stack:
-        flights, low, high = stack.pop()  # not yet at low, surely at high
-        if not len(flights) or high - low <= 1:
-            found[flights] = high
-            continue
-        middle = (low + high) // 2
-        seen: BoolArray = getattr(
-            judge_flights(problem, law, np.ascontiguousarray(x[flights, : middle + 1])), flag
-        )
-        stack += [(flights[seen], low, middle), (flights[~seen], middle, high)]
-    return found

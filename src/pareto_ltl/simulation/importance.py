@@ -52,6 +52,7 @@ from pareto_ltl.simulation.failure_modes import (
 )
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.machine import on_all_cores
+from pareto_ltl.support.seeds import unspawned
 
 SPARE = 2.0  # the upper end of an interval allows for one more weight, this many times the largest one drawn
 
@@ -212,7 +213,7 @@ def weighted_flights(
             x[rows] = flown
 
     blocks = sim.block_rows(draws)
-    on_all_cores(one, blocks, sim.unspawned(seed).spawn(len(blocks)))
+    on_all_cores(one, blocks, unspawned(seed).spawn(len(blocks)))
     return weights, failed
 
 

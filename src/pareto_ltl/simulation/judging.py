@@ -21,7 +21,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.rates import FailureRate, counted_rate
+from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.planning.refine.separation import keeps_epsilon
 from pareto_ltl.planning.selection import box_above, chance_of_failures, hypervolume, non_dominated
@@ -30,6 +30,7 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.machine import on_all_cores, require_memory
+from pareto_ltl.support.seeds import unspawned
 
 LOG = logging.getLogger(__name__)
 RAW_DRAWS = 500  # flights of each path in the race among the trees' paths
@@ -146,7 +147,7 @@ class Flown:
 
     def rate(self, law: str) -> FailureRate:
         """The failure rate with its interval."""
-        return counted_rate(law, int(self.failed.sum()), len(self.failed))
+        return FailureRate.counted(law, int(self.failed.sum()), len(self.failed))
 
 
 class Race(NamedTuple):
@@ -195,7 +196,7 @@ def race_of(
     for path in paths:
         sim.require_known_wind(problem, path.u, path.x)
     law, blocks, longest = problem.fidelity.law, sim.block_rows(runs), max(len(path.u) for path in paths)
-    seeds = sim.unspawned(seed).spawn(len(blocks))
+    seeds = unspawned(seed).spawn(len(blocks))
     pilots = [sim.pilot_maker(problem, path.u, path.x, law) for path in paths]
 
     def failures(number: int, running: Sequence[int]) -> BoolArray:
@@ -205,7 +206,7 @@ def race_of(
         for row, k in enumerate(running):
             x = np.empty((n, len(paths[k].x), 2))
             sim.fly_block(problem, block, pilots[k], x)
-            failed[row] = sim.judge_flights(problem, law, x).failed
+            failed[row] = Deployment.judged(problem, law, x).failed
         return failed
 
     return blocks, failures
@@ -243,18 +244,11 @@ def race_among(
 
 def count_failures(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> int:
     """How many of ``runs`` flights of ``path`` fail, in the winds of ``fidelity.law``."""
-    return int(which_fail(problem, path, runs, seed).sum())
+    return int(which_fail(problem, [path], runs, seed).sum())
 
 
-def which_fail(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> BoolArray:
-    """Which of ``runs`` flights of ``path`` fail (runs,), in the winds of ``fidelity.law``."""
-    return np.asarray(which_fail_each(problem, [path], runs, seed)[0])
-
-
-def which_fail_each(
-    problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: SeedSequence
-) -> BoolArray:
-    """:func:`which_fail` of several ``paths`` in the same winds, (P, runs)."""
+def which_fail(problem: Problem, paths: Sequence[PlannedPath], runs: int, seed: SeedSequence) -> BoolArray:
+    """Which of ``runs`` flights of each of P ``paths`` fail, in the same winds of the law, (P, runs)."""
     blocks, failures = race_of(problem, paths, runs, seed)
     return np.concatenate(on_all_cores(failures, range(len(blocks)), repeat(range(len(paths)))), axis=1)
 

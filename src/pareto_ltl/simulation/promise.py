@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.rates import WEIGHTED, FailureRate, Promise, counted_rate
+from pareto_ltl.planning.rates import WEIGHTED, FailureRate, Promise
 from pareto_ltl.planning.records import Front, PlannedPath
 from pareto_ltl.planning.selection_rules import choose_path, part_of_front, selection_rule
 from pareto_ltl.settings import SelectionConfig
@@ -110,7 +110,7 @@ def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequenc
     """
     from pareto_ltl.simulation.importance import weighted_rate
 
-    counted = counted_rate(problem.fidelity.law, count_failures(problem, path, runs, seed), runs)
+    counted = FailureRate.counted(problem.fidelity.law, count_failures(problem, path, runs, seed), runs)
     if counted.failure >= RARE:
         return counted
     others = SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, WEIGHTED_CHILD))

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.rates import WEIGHTED, FailureRate, counted_rate
+from pareto_ltl.planning.rates import WEIGHTED, FailureRate
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.failure_modes import FlightEvent
 from pareto_ltl.simulation.importance import least_share, make_proposal, weighted_flights, weighted_interval
 from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.seeds import unspawned
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ class FlightSample:
     def rate(self, happens: BoolArray) -> FailureRate:
         """The rate of an event that ``happens`` (n,) to some of the flights, with its 95 % interval."""
         if self.weight is None:
-            return counted_rate(self.law, int(happens.sum()), len(self))
+            return FailureRate.counted(self.law, int(happens.sum()), len(self))
         weighted = np.where(happens, self.weight, 0.0)
         mean = min(float(weighted.mean()), 1.0)
         low, high = weighted_interval(weighted, self.plain)
@@ -73,7 +74,7 @@ def weighted_samples(
     if proposal is None:
         return []
     made = []
-    for child in sim.unspawned(seed).spawn(samples):
+    for child in unspawned(seed).spawn(samples):
         x = np.empty((runs, *path.x.shape))
         weight = weighted_flights(proposal, runs, child, x)[0]
         made.append(FlightSample(problem.fidelity.law, x, weight, least_share(problem, proposal.ladder)))

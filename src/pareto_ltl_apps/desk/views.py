@@ -14,10 +14,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pareto_ltl import choose, export, load_results
-from pareto_ltl.extend import Front
+from pareto_ltl.extend import Deployment, Front
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.settings.outputs import EXPORT_FILES
-from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.support.errors import DataError, InfeasibleError, NotFoundError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
@@ -99,7 +98,7 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
         "limits": PlanLimits(run.scene, run.plan, run.medium).tables()
         if run.plan is not None and number == chosen
         else None,
-        "causes": list(CAUSES),
+        "causes": list(Deployment.CAUSES),
         "flights": shown_flights(run.scene, run.problem, flown, FLIGHTS),
     }
 

@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.extend import PlannedPath, Problem
-from pareto_ltl.simulation.flights import simulate_flights
+from pareto_ltl.extend import PlannedPath, Problem, simulate_flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.exports.ellipses import ellipse_outlines
 

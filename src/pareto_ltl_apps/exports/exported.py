@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl import Scene, Settings
-from pareto_ltl.extend import FailureRate, Plan, PlannedPath, Problem
-from pareto_ltl.kernels.pilots import Autopilot, Pilot
-from pareto_ltl.planning.pack import with_feedback
-from pareto_ltl.planning.power import Rotor
+from pareto_ltl.extend import FailureRate, Plan, PlannedPath, Problem, simulate_flights
 from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
-from pareto_ltl.simulation.flights import fly_pilot, unspawned
-from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl.support.medium import Medium
+from pareto_ltl.support.seeds import unspawned
 from pareto_ltl_apps.exports.corridor import Corridor, flown_corridor
 from pareto_ltl_apps.exports.navigation_log import NavigationLog, navigation_log
 
@@ -177,30 +172,19 @@ def exported_plan(settings: Settings, problem: Problem, plan: Plan, seed: SeedSe
     )
 
 
-def held_problem(problem: Problem) -> Problem:
-    """``problem`` for a robot that always knows its position (``robot.feedback_time=60``)."""
-    motion = with_feedback(problem.motion, HELD_TIME)
-    return replace(problem, world=problem.world._replace(law=problem.world.law._replace(motion=motion)))
-
-
 def held_course_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:
     """Failure rate of ``runs`` flights that hold the positions, within the airspeeds of the robot.
 
     They fly with ``robot.feedback_time=60``, instead of the headings and airspeeds of the plan.
     """
-    pilot, law = Autopilot(path.u, np.ascontiguousarray(path.x)), problem.fidelity.law
-    held, own = held_problem(problem), own_errors(problem, law)
-
-    def holding(_noise: FloatArray, errors: FloatArray) -> Pilot:
-        return erring_pilot(pilot, path.u, own, errors)
-
-    return fly_pilot(held, holding, len(path.u), runs, law, seed).rate
+    held = problem.with_feedback(HELD_TIME)
+    return simulate_flights(held, path.u, runs, problem.fidelity.law, seed, path.x).rate
 
 
 def vehicle_of(height: Height, problem: Problem) -> Vehicle:
     """The vehicle: a submarine below the surface, else what the power curve or the least airspeed says."""
     if height.metres < 0.0:
         return Vehicle(SUBMARINE)
-    if problem.energy is not None and isinstance(problem.energy.curve, Rotor):
+    if problem.energy is not None and problem.energy.hovers:
         return Vehicle(MULTIROTOR, height.metres > 0.0 and not height.above_sea, hovers=True)
     return Vehicle(FIXED_WING if problem.motion.u_min > 0.0 else GENERIC)

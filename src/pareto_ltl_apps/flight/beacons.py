@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Scene
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.run.results import Planned, planned_run
 from pareto_ltl.simulation.beacons import BeaconMap, BeaconPlaces, beacon_map
 from pareto_ltl.support.display import distance_text, probability_text
@@ -56,7 +55,7 @@ def beacons(
         raise ConfigError(f"beacons: number must be 1 to {MOST}, got {number}")
     if flights < 100:
         raise ConfigError(f"beacons: flights must be at least 100, got {flights}")
-    seed = stage_seeds(run.settings.seed, STREAM)
+    seed = run.seeds(STREAM)
     return beacon_map(problem, run.settings.robot, run.plan.path, wide, number, flights, seed)
 
 

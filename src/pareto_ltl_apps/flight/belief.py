@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from pareto_ltl.extend import Problem
+from pareto_ltl.extend import Deployment, Problem
 from pareto_ltl.kernels.data import CoherentLaw, IndependentLaw, LandmarkLaw, Modes, Wind
 from pareto_ltl.planning.wind_lookup import bilinear_value, interpolate, interpolate_time, lattice_corners
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
@@ -264,8 +264,6 @@ class Belief:
         Returns the flights (n, T+1, 2) of the members that have met no obstacle so far, and which of them
         fail (n,). A robot with feedback steers towards ``mean``; fixes at landmarks are not counted on.
         """
-        from pareto_ltl.simulation.flights import judge_flights
-
         x, theta, seed = self.flown, self.theta, self.seed
         # One child a step: plans that are compared meet the same winds.
         rng = np.random.default_rng(SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, self.step)))
@@ -273,10 +271,10 @@ class Belief:
             x = np.concatenate([x, self._flown_on(t, u[t], mean, x[:, -1], theta, rng)[:, None]], axis=1)
             theta = faded(theta, self.kept(t), rng)
         x = np.ascontiguousarray(x[:, : len(u) + 1])
-        past = judge_flights(self.problem, LAW, np.ascontiguousarray(x[:, : self.step + 1]))
+        past = Deployment.judged(self.problem, LAW, np.ascontiguousarray(x[:, : self.step + 1]))
         lost = past.collided | (past.off_map & past.walled)
         alive = ~lost if not lost.all() else np.ones(len(lost), bool)
-        outcome = judge_flights(self.problem, LAW, x[alive])
+        outcome = Deployment.judged(self.problem, LAW, x[alive])
         return x[alive], outcome.failed
 
     def _flown_on(

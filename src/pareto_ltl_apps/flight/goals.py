@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.extend import PlannedPath, Problem
-from pareto_ltl.simulation.flights import judge_flights
+from pareto_ltl.extend import Deployment, PlannedPath, Problem
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.flight.belief import LAW, Belief
 
@@ -50,7 +49,7 @@ def _left(path: PlannedPath, step: int) -> int:
 def flown_on(problem: Problem, belief: Belief) -> FloatArray:
     """Positions (n, t+1, 2) [m] of the simulated flights that have met no obstacle; of all, if all have."""
     x = np.ascontiguousarray(belief.flown[:, : belief.step + 1])
-    past = judge_flights(problem, LAW, x)
+    past = Deployment.judged(problem, LAW, x)
     lost = past.collided | (past.off_map & past.walled)
     return x if lost.all() else x[~lost]
 
@@ -63,4 +62,4 @@ def reached(problem: Problem, belief: Belief, goal: Goal) -> float:
 
 def completed(problem: Problem, belief: Belief) -> float:
     """Share of the flights that have completed the mission by now."""
-    return 1.0 - float(judge_flights(problem, LAW, flown_on(problem, belief)).failed.mean())
+    return 1.0 - float(Deployment.judged(problem, LAW, flown_on(problem, belief)).failed.mean())

@@ -19,7 +19,6 @@ import numpy as np
 from pareto_ltl import Run
 from pareto_ltl.extend import Plan, PlannedPath, Problem
 from pareto_ltl.planning.conditioning import Fix, Learnt, expected_at, learn_at, likely_histories
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError
@@ -349,9 +348,9 @@ def likely_state(
 
     If no state has half of them: of the states above 5 %, the one farthest from acceptance.
     """
-    from pareto_ltl.simulation.flights import simulate_flights
+    from pareto_ltl.extend import simulate_flights
 
-    seeds, path = stage_seeds(run.settings.seed, HISTORY), plan.path
+    seeds, path = run.seeds(HISTORY), plan.path
     law = problem.fidelity.law
     x = simulate_flights(problem, path.u[:step], HISTORIES, law, seeds, path.x[: step + 1]).x
     if fixes:

@@ -23,17 +23,16 @@ import numpy as np
 from pareto_ltl import Readings, Run, WindField
 from pareto_ltl.extend import FailureRate, Front, Plan, PlannedPath, Problem
 from pareto_ltl.planning.conditioning import Fix
-from pareto_ltl.planning.rates import counted_rate
 from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
 from pareto_ltl.run.provenance import file_hashes
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.run.results import Planned, place_of, planned_run
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import Displayed, distance_text, probability_text
 from pareto_ltl.support.files import write_json
+from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl_apps.flight.known_errors import errors_text, settings_of_errors
 from pareto_ltl_apps.flight.position_fixes import Situation, fixes_from, planned_step, situation_at
 from pareto_ltl_apps.flight.rest_of_flight import (
@@ -240,7 +239,7 @@ def replanned(
     other, flown = never_worse(other, rest)
     if situation.alarms:
         other.records["plan"] = other.plan.without_promise()
-    new, *others = (counted_rate(problem.fidelity.law, int(row.sum()), len(row)) for row in flown)
+    new, *others = (FailureRate.counted(problem.fidelity.law, int(row.sum()), len(row)) for row in flown)
     difference = paired_difference(flown[1], flown[0]) if others else (math.nan, math.nan, math.nan)
     return Replanned(
         situation, other, other.plan, rest, others[0] if others else None, new, difference,
@@ -256,20 +255,20 @@ def never_worse(other: Run, rest: PlannedPath) -> tuple[Run, list[BoolArray]]:
     which was judged with it; of the paths tried, the one with the fewest failures. A rest that outlasts the
     wind cannot be flown: then only the plan is flown.
     """
-    from pareto_ltl.simulation.judging import which_fail_each
+    from pareto_ltl.extend import which_fail
 
     problem, cfg = other.problem, other.settings.selection
     seeds = stage_seeds(other.settings.seed, STREAM)
     if len(rest.u) > len(problem.wind.slot):
-        return other, list(which_fail_each(problem, [other.plan.path], cfg.runs, seeds))
-    old, new = which_fail_each(problem, [rest, other.plan.path], cfg.runs, seeds)
+        return other, list(which_fail(problem, [other.plan.path], cfg.runs, seeds))
+    old, new = which_fail(problem, [rest, other.plan.path], cfg.runs, seeds)
     if paired_difference(old, new)[1] <= 0.0:
         return other, [new, old]
     front = other.front
     tried = _safer_points(front, float(old.mean()))
     if not tried:
         return other, [new, old]
-    failed = which_fail_each(problem, [front.paths[k] for k in tried], cfg.runs, seeds)
+    failed = which_fail(problem, [front.paths[k] for k in tried], cfg.runs, seeds)
     held = [row for row in range(len(tried)) if paired_difference(old, failed[row])[1] <= 0.0]
     row = held[0] if held else int(np.argmin(failed.sum(axis=1)))
     LOG.info("the choice of selection.rule=%s fails more often than the rest of the old plan", cfg.rule)
@@ -294,11 +293,11 @@ def _carried_on(
     run: Run, problem: Problem, plan: Plan, situation: Situation, rest: PlannedPath, began: float
 ) -> Replanned:
     """The result without a fix: the rest of the old plan, with the failure rate of the whole plan."""
-    from pareto_ltl.simulation.judging import which_fail
+    from pareto_ltl.extend import which_fail
 
     runs = run.settings.selection.runs
-    failed = which_fail(problem, plan.path, runs, stage_seeds(run.settings.seed, STREAM))
-    rate = counted_rate(problem.fidelity.law, int(failed.sum()), runs)
+    failed = which_fail(problem, [plan.path], runs, run.seeds(STREAM))[0]
+    rate = FailureRate.counted(problem.fidelity.law, int(failed.sum()), runs)
     seconds = clock.perf_counter() - began
     scene = scene_from(problem.scene, rest.x[0], situation.time)
     flown = len(plan.path.u) - len(rest.u)

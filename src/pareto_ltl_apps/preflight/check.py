@@ -15,11 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl import ConfigError, DataError, InfeasibleError, Run, Scene
-from pareto_ltl.extend import FailureRate, FlightSample, completing_path, plain_sample
+from pareto_ltl.extend import Deployment, FailureRate, FlightSample, completing_path, plain_sample
 from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.run.results import planned_run
-from pareto_ltl.simulation.flights import judge_flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import (
     Displayed,
@@ -209,7 +207,7 @@ class _Comparison:
 
     def answer(self) -> Check:
         run, newer, path = self.run, self.newer, self.run.plan.path
-        seeds = stage_seeds(run.settings.seed, STREAM).spawn(4)
+        seeds = run.seeds(STREAM).spawn(4)
         old = plain_sample(run.problem, path, self.flights, seeds[0])
         old_failure = _failure(run.problem, old)
         old_left = leaving_rate(run.problem, path, self.area, old, seeds[1])
@@ -326,7 +324,7 @@ def _spread(x: FloatArray) -> float:
 
 
 def _failure(problem: Problem, sample: FlightSample) -> FailureRate:
-    return sample.rate(judge_flights(problem, sample.law, sample.x).failed)
+    return sample.rate(Deployment.judged(problem, sample.law, sample.x).failed)
 
 
 def _keeps(value: float, limit: float | None) -> bool:

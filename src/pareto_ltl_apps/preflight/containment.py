@@ -18,7 +18,6 @@ from numpy.random import SeedSequence
 
 from pareto_ltl import ConfigError, DataError, Run, Scene
 from pareto_ltl.extend import FailureRate, FlightEvent, FlightSample, plain_sample, weighted_samples
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.display import Displayed, distance_text, plain_power, probability_text
@@ -165,7 +164,7 @@ def contain(
     if len(plan.path.u) == 0:
         raise DataError("contain: the plan has no step: the mission is complete at the start")
     path, steps = plan.path, len(plan.path.u)
-    seeds = stage_seeds(run.settings.seed, STREAM).spawn(5)
+    seeds = run.seeds(STREAM).spawn(5)
     flown = plain_sample(problem, path, flights, seeds[0])
     areas = [border_area(scene.bounds, steps), *(corridor_area(path.x, width) for width in widths)]
     if volume is not None:

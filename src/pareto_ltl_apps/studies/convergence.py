@@ -21,7 +21,6 @@ import numpy as np
 
 from pareto_ltl import Run, Settings
 from pareto_ltl.extend import Forest, Problem, Study, Tree
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
@@ -115,7 +114,7 @@ def first_answer(run: Run) -> Columns:
     """Number of vertices with which the fastest tree completes the mission, and its time [s]."""
     from pareto_ltl.planning import growth
 
-    seeds = stage_seeds(run.settings.seed, "forest")
+    seeds = run.seeds("forest")
     options = growth.GrowthOptions(stop_at_first=True)
     forest = growth.grow_forest(run.settings.planner, run.problem, seeds, None, options)
     there = np.unique(forest.accepted[:, 0])

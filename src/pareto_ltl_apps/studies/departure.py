@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings
-from pareto_ltl.extend import PlannedPath, Study
+from pareto_ltl.extend import PlannedPath, Study, which_fail
 from pareto_ltl.planning.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.planning.selection_rules import within_capacity
 from pareto_ltl.run.directory import claimed_directory
@@ -28,12 +28,11 @@ from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.pipeline import carry_out, check_pipeline
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.run.record import named_child, stage_seeds
 from pareto_ltl.settings import DepartureConfig
-from pareto_ltl.simulation.judging import which_fail_each
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import plain_data, write_json
+from pareto_ltl.support.seeds import named_child, stage_seeds
 from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl.world.scene_files import scene_to_dict
 from pareto_ltl_apps.exports.navigation_log import expected_winds
@@ -106,7 +105,7 @@ def run_departure(settings: Settings, world: Run, directory: Path, progress: Pro
     run = plan_in_full(settings, world, time, place, extra)
     front = within_capacity(settings.selection, run.front, run.problem)
     seeds = stage_seeds(settings.seed, STREAM)
-    failed = which_fail_each(run.problem, front.paths, cfg.flights, seeds)
+    failed = which_fail(run.problem, front.paths, cfg.flights, seeds)
     lengths = np.array([path.objectives.length for path in front.paths])
     delivered = tables.Delivered(run.plan, flown_front(lengths, failed), pooled_front(fronts[time]))
     document = tables.departures_document(settings, rows, comparison, delivered, RECOMMENDED)
@@ -218,7 +217,7 @@ def departure_part(context: DepartureContext, time: float, repeat: int) -> Colum
     plan, problem = run.plan.path, run.problem
     paths = within_capacity(settings.selection, run.front, problem).paths
     seeds = stage_seeds(context.settings.seed, STREAM)
-    flown = which_fail_each(problem, paths, settings.departure.flights, seeds)
+    flown = which_fail(problem, paths, settings.departure.flights, seeds)
     numbers = run_metrics(run.records, {})
     return {
         "planned": True,

@@ -17,15 +17,14 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import ConfigError, DataError, InfeasibleError, Run, Settings
-from pareto_ltl.extend import Study
+from pareto_ltl.extend import Study, which_fail
 from pareto_ltl.planning.selection_rules import within_capacity
 from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.plan_run import UnpricedRun
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings.heights import flight_height
-from pareto_ltl.simulation.judging import which_fail_each
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.files import plain_data, write_json
+from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.flight.rest_of_flight import quick_settings
 from pareto_ltl_apps.studies import departure_fronts, tables
@@ -169,9 +168,7 @@ def level_part(context: LevelsContext, number: float, repeat: int) -> Columns:
         return {"planned": False, "data": False, "reason": str(error)}
     problem, path = run.problem, run.plan.path
     paths = within_capacity(settings.selection, run.front, problem).paths
-    flown = which_fail_each(
-        problem, paths, settings.levels.flights, stage_seeds(context.settings.seed, STREAM)
-    )
+    flown = which_fail(problem, paths, settings.levels.flights, stage_seeds(context.settings.seed, STREAM))
     numbers = run_metrics(run.records, {})
     return {
         "planned": True,

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings, WindField
-from pareto_ltl.extend import Deployment, Plan, Problem
+from pareto_ltl.extend import Deployment, Plan, Problem, law_seeds
 from pareto_ltl.planning.evaluate import forecast
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import preset
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl_apps.studies import tables
 from pareto_ltl_apps.studies.parts import Part, Progress, part_key, work_parts
 from pareto_ltl_apps.studies.tables import Columns
@@ -70,10 +70,10 @@ def fly_seeded(
 
     The same seed and law give the same winds for all plans (common random numbers).
     """
-    from pareto_ltl.simulation.flights import DRAWS, simulate_flights
+    from pareto_ltl.extend import simulate_flights
 
-    children = dict(zip(DRAWS, stage_seeds(seed, "deployment").spawn(len(DRAWS)), strict=True))
-    return simulate_flights(truth, u, runs, law, children[law], mean)
+    child = law_seeds(stage_seeds(seed, "deployment"))[law]
+    return simulate_flights(truth, u, runs, law, child, mean)
 
 
 # --- several planners -------------------------------------------------------------------------

@@ -21,20 +21,19 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl import Run, Settings, WindField
-from pareto_ltl.extend import LawPart, PlannedPath, Study
+from pareto_ltl.extend import DrawnFlights, LawPart, PlannedPath, Study, draw_flights
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.run.plan_run import UnpricedRun
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import ReplanningConfig
-from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.conditioned import field_from, lattice_values
 from pareto_ltl.wind.records import FORECAST_PARTS, forecast_parts
-from pareto_ltl_apps.exports.exported import held_problem
+from pareto_ltl_apps.exports.exported import HELD_TIME
 from pareto_ltl_apps.flight.replanning import replanned
 from pareto_ltl_apps.flight.rest_of_flight import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES, NewWind
 from pareto_ltl_apps.studies import forecast_test
@@ -57,7 +56,7 @@ Cycles: TypeAlias = Callable[[Run, DrawnFlights, int, int], NewWind]
 
 def always_known(wind: DrawnFlights, u: FloatArray, mean: FloatArray) -> FloatArray:
     """Positions of a robot with an autopilot that always knows its position."""
-    return replace(wind, problem=held_problem(wind.problem)).held(u, mean)
+    return replace(wind, problem=wind.problem.with_feedback(HELD_TIME)).held(u, mean)
 
 
 @dataclass(frozen=True, slots=True)

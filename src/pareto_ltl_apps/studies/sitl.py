@@ -17,7 +17,6 @@ from numpy.random import SeedSequence
 from pareto_ltl import Run, Settings
 from pareto_ltl.extend import Deployment, Frame, Plan, Problem, Study
 from pareto_ltl.kernels import flight as kernel
-from pareto_ltl.run.record import stage_seeds
 from pareto_ltl.settings import SitlConfig
 from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.settings.outputs import EXPORT_FILES
@@ -27,6 +26,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.seeds import stage_seeds, unspawned
 from pareto_ltl_apps.studies import aircraft as jsbsim
 from pareto_ltl_apps.studies.aircraft import Air, Orders, Track
 from pareto_ltl_apps.studies.parts import Progress
@@ -97,7 +97,7 @@ def fly_both(
     blocks, own = flights.block_rows(cfg.flights), own_errors(problem, law)
     pilot = flights.pilot_maker(problem, u, plan.path.x, law)
     ours, theirs, tracks = np.empty((cfg.flights, len(u) + 1, 2)), np.empty((cfg.flights, len(u) + 1, 2)), []
-    for rows, child in zip(blocks, flights.unspawned(seeds).spawn(len(blocks)), strict=True):
+    for rows, child in zip(blocks, unspawned(seeds).spawn(len(blocks)), strict=True):
         block = flights.draw_block(problem, law, rows.stop - rows.start, len(u), child)
         flights.fly_block(problem, block, pilot, ours[rows])
         for i in range(rows.stop - rows.start):
@@ -109,7 +109,7 @@ def fly_both(
             tracks.append(track)
             if progress is not None:
                 progress(len(tracks), cfg.flights)
-    aircraft, steps = (flights.judge_flights(problem, law, x) for x in (theirs, ours))
+    aircraft, steps = (Deployment.judged(problem, law, x) for x in (theirs, ours))
     return SitlFlights(orders, aircraft, steps, tuple(tracks))
 
 

@@ -15,7 +15,6 @@ from pareto_ltl.logic.automaton import show_letter
 from pareto_ltl.logic.timed import places_of
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import NO_PROMISE
-from pareto_ltl.simulation.flights import failure_times
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
 from pareto_ltl.support.medium import Medium
@@ -127,7 +126,7 @@ def plan_legs(problem: Problem, plan: Plan, flown: Deployment) -> list[Leg]:
     """The legs of a plan; ``flown`` are simulated flights of it."""
     path, scene = plan.path, problem.scene
     factor = math.nan if plan.air is None else math.sqrt(plan.air.density_ratio)
-    failed = failure_times(problem, flown).counts().sum(axis=0) / len(flown.x)
+    failed = flown.failure_times(problem).counts().sum(axis=0) / len(flown.x)
     near, times = closest_barriers(scene, path), step_times(scene, path)
     return [
         Leg(

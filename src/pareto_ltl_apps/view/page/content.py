@@ -18,7 +18,6 @@ import numpy as np
 from pareto_ltl.extend import Deployment, FailureRate, Front, Plan
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.records import NO_PROMISE
-from pareto_ltl.simulation.flights import CAUSES
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
 from pareto_ltl_apps.exports.exported import absent_sentence, height_sentence, vehicle_of
 from pareto_ltl_apps.view.components import MODULES, STYLE, bundled, component, page_environment
@@ -99,7 +98,7 @@ def page_content(run: ShownRun) -> Content:
         "medium": run.medium._asdict(),
         "places": [] if limits is None else limits.places(),
         "pricedObstacles": [] if plan is None else priced_obstacles(plan),
-        "causes": list(CAUSES),
+        "causes": list(Deployment.CAUSES),
         "automaton": None if run.automaton is None else shown_automaton(run.automaton),
         "notCovered": "" if plan is None else plan.not_covered,
         "promise": None if plan is None or plan.promise is None else asdict(plan.promise.rate),

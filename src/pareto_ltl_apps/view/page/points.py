@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene
-from pareto_ltl.extend import Deployment, Front, Objectives, PlannedPath, Problem
+from pareto_ltl.extend import Deployment, Front, Objectives, PlannedPath, Problem, law_seeds, simulate_flights
 from pareto_ltl.planning.costs import cost_named
-from pareto_ltl.simulation.flights import CAUSES, DRAWS, failure_times, simulate_flights, unspawned
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
@@ -102,13 +101,12 @@ def plan_spread(scene: Scene, path: PlannedPath) -> list[Any]:
 def flown_path(run: ShownRun, problem: Problem, path: PlannedPath) -> Deployment:
     """``run.runs`` flights of ``path``, in the winds of the deployment of the plan."""
     law = problem.fidelity.law
-    seed = unspawned(run.seeds).spawn(len(DRAWS))[list(DRAWS).index(law)]  # as the deployment has it
-    return simulate_flights(problem, path.u, run.runs, law, seed, path.x)
+    return simulate_flights(problem, path.u, run.runs, law, law_seeds(run.seeds)[law], path.x)
 
 
 def _risk(problem: Problem, flown: Deployment) -> dict[str, Any]:
     """Number of flights failed by each step, for each cause, and the 95 % interval of their share."""
-    counts = failure_times(problem, flown).counts()
+    counts = flown.failure_times(problem).counts()
     total, runs = counts.sum(axis=0), len(flown.x)
     ends = {int(k): clopper_pearson(int(k), runs) for k in np.unique(total)}
     return {
@@ -133,12 +131,12 @@ def shown_flights(
         flown.law, flown.x[:count], flown.accepted[:count], flown.collided[:count], flown.off_map[:count],
         flown.walled,
     )  # fmt: skip
-    times = failure_times(problem, some)
+    times = some.failure_times(problem)
     return {
         "law": flown.law,
         "runs": len(flown.x),
         "failures": int(flown.failed.sum()),
         "at": map_places(scene, some.x, coarser=1),
         "failed": times.step.tolist(),
-        "why": [CAUSES[cause] if cause >= 0 else None for cause in times.cause],
+        "why": [Deployment.CAUSES[cause] if cause >= 0 else None for cause in times.cause],
     }
