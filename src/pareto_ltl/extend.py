@@ -28,11 +28,15 @@ if TYPE_CHECKING:
     from pareto_ltl.simulation.promise import count_agrees
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.simulation.samples import FlightSample, plain_sample, weighted_samples
+    from pareto_ltl.wind.air import NodeAir
+    from pareto_ltl.wind.area import GeoBox, Wanted
     from pareto_ltl.wind.error_law import LawPart
     from pareto_ltl.wind.law_of_parts import LawOfParts
     from pareto_ltl.wind.named_laws import first_law, law_of_newer_runs, law_of_parts_named, packaged_laws
-    from pareto_ltl.wind.sources import WindSource
+    from pareto_ltl.wind.snapshots import Snapshot, readings_of
+    from pareto_ltl.wind.sources import WindFormats, WindSource, data_files
     from pareto_ltl.world.cells import Decomposition
+    from pareto_ltl.world.map_file import MapFile, MapFormats, Unread
     from pareto_ltl.world.projection import Frame
 
 __all__ = [
@@ -48,8 +52,12 @@ __all__ = [
     "Forest",
     "Frame",
     "Front",
+    "GeoBox",
     "LawOfParts",
     "LawPart",
+    "MapFile",
+    "MapFormats",
+    "NodeAir",
     "Objectives",
     "Plan",
     "PlannedPath",
@@ -57,11 +65,16 @@ __all__ = [
     "Problem",
     "Promise",
     "Record",
+    "Snapshot",
     "Study",
     "Tree",
+    "Unread",
+    "Wanted",
+    "WindFormats",
     "WindSource",
     "completing_path",
     "count_agrees",
+    "data_files",
     "draw_flights",
     "first_law",
     "law_of_newer_runs",
@@ -69,6 +82,7 @@ __all__ = [
     "law_seeds",
     "packaged_laws",
     "plain_sample",
+    "readings_of",
     "record",
     "simulate_flights",
     "weighted_samples",
@@ -88,8 +102,12 @@ _EXPORTS = {
     "Forest": "pareto_ltl.planning.records",
     "Frame": "pareto_ltl.world.projection",
     "Front": "pareto_ltl.planning.records",
+    "GeoBox": "pareto_ltl.wind.area",
     "LawOfParts": "pareto_ltl.wind.law_of_parts",
     "LawPart": "pareto_ltl.wind.error_law",
+    "MapFile": "pareto_ltl.world.map_file",
+    "MapFormats": "pareto_ltl.world.map_file",
+    "NodeAir": "pareto_ltl.wind.air",
     "Objectives": "pareto_ltl.planning.records",
     "Plan": "pareto_ltl.planning.records",
     "PlannedPath": "pareto_ltl.planning.records",
@@ -97,11 +115,16 @@ _EXPORTS = {
     "Problem": "pareto_ltl.planning.problem",
     "Promise": "pareto_ltl.planning.rates",
     "Record": "pareto_ltl.run.record",
+    "Snapshot": "pareto_ltl.wind.snapshots",
     "Study": "pareto_ltl.run.study",
     "Tree": "pareto_ltl.planning.records",
+    "Unread": "pareto_ltl.world.map_file",
+    "Wanted": "pareto_ltl.wind.area",
+    "WindFormats": "pareto_ltl.wind.sources",
     "WindSource": "pareto_ltl.wind.sources",
     "completing_path": "pareto_ltl.planning.evaluate",
     "count_agrees": "pareto_ltl.simulation.promise",
+    "data_files": "pareto_ltl.wind.sources",
     "draw_flights": "pareto_ltl.simulation.common_flights",
     "first_law": "pareto_ltl.wind.named_laws",
     "law_of_newer_runs": "pareto_ltl.wind.named_laws",
@@ -109,6 +132,7 @@ _EXPORTS = {
     "law_seeds": "pareto_ltl.simulation.flights",
     "packaged_laws": "pareto_ltl.wind.named_laws",
     "plain_sample": "pareto_ltl.simulation.samples",
+    "readings_of": "pareto_ltl.wind.snapshots",
     "record": "pareto_ltl.run.record",
     "simulate_flights": "pareto_ltl.simulation.flights",
     "weighted_samples": "pareto_ltl.simulation.samples",

@@ -12,10 +12,10 @@ import pytest
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.file_formats import first_bytes
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.support.reading import read_bounded, refuse_special
 from pareto_ltl.wind.sources import data_files
-from pareto_ltl.wind.sources.magic import first_bytes
 from pareto_ltl.world.scene_files import scene_from_dict, sketch_file
 from pareto_ltl_apps.flight.telemetry import read_log
 

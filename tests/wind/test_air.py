@@ -11,18 +11,11 @@ import pytest
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.atmosphere import temperature_scale
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.levels import Level, parse_level
+from pareto_ltl.support.levels import Level, nearest_level, parse_level
 from pareto_ltl.wind import sources
-from pareto_ltl.wind.air import (
-    MapAir,
-    NodeAir,
-    check_air,
-    map_air,
-    mean_of_members,
-    nearest_level,
-    temperature_scale,
-)
+from pareto_ltl.wind.air import MapAir, NodeAir, check_air, map_air, mean_of_members
 from pareto_ltl.wind.readings import Readings
 
 DIMS = "time", "lat", "lon"

@@ -11,9 +11,9 @@ from pareto_ltl.extend import Frame
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import Level, level_list, parse_level
+from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.wind import area
-from pareto_ltl.wind.area import GeoBox, box_of, neighbourhood
-from pareto_ltl.wind.readings import on_sphere
+from pareto_ltl.wind.area import GeoBox, neighbourhood
 from pareto_ltl.world import projection
 
 SQUARE = {"unit": 1e5, "bounds": [[0, 0], [10, 10]], "start": [1, 1]}
@@ -23,13 +23,13 @@ places = st.tuples(st.floats(-180, 180), st.floats(-89, 89))
 @given(st.lists(places, min_size=1, max_size=8))
 def test_the_box_of_points_holds_them_whichever_way_round_the_earth_they_lie(found):
     lonlat = np.array(found)
-    box = box_of(lonlat).widened(1.0)
+    box = GeoBox.around(lonlat).widened(1.0)
     assert box.contains(lonlat).all()
     assert box.contains(lonlat + np.array([360.0, 0.0])).all()
 
 
 def test_a_box_across_the_180th_meridian_is_narrow():
-    box = box_of(np.array([[179.0, 0.0], [-178.0, 2.0]]))
+    box = GeoBox.around(np.array([[179.0, 0.0], [-178.0, 2.0]]))
     assert box.width == pytest.approx(3.0)
     assert box.text == "latitude 0..2, longitude 179..-178"
     assert list(box.contains(np.array([[180.0, 1.0], [0.0, 1.0]]))) == [True, False]

@@ -70,8 +70,8 @@ def test_the_error_of_interpolation_is_that_of_a_process_with_these_changes():
 def test_withheld_fields_are_missed_by_what_the_law_says(hours_apart, measured):
     """The field midway between two others of the shared GFS files, against their mean, over the map of the
     United States. Six hours apart the one withheld is a forecast of 3 h, whose error comes on top."""
-    from pareto_ltl.wind.snapshots import latest_readings
     from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
+    from pareto_ltl_apps.formats.snapshots import latest_readings
 
     files = tuple(sorted((NOAA / "gfs_1p00_10m").iterdir()))
     readings = latest_readings(*grib_snapshots_apart(files, 75.0))

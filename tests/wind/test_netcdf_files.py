@@ -16,8 +16,8 @@ from pareto_ltl.support.times import seconds
 from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.snapshots import latest_readings
 from pareto_ltl_apps.formats.netcdf_files import CURRENTS, WINDS, netcdf_snapshots
+from pareto_ltl_apps.formats.snapshots import latest_readings
 
 LAT, LON = np.arange(30.0, 45.0), np.arange(260.0, 277.0)
 SINCE = "hours since 2018-10-09 00:00:00"

@@ -16,17 +16,17 @@ import yaml
 from noaa import NOAA, ROOT, needs_noaa
 from pareto_ltl.extend import Frame
 from pareto_ltl.settings import IngestConfig, WindConfig
+from pareto_ltl.support import tables
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.ingest import write_wind_table
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
-from pareto_ltl.wind.snapshots import latest_readings
-from pareto_ltl.wind.sources import tables
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.formats.grib_files import grib_snapshots, grib_snapshots_apart
+from pareto_ltl_apps.formats.snapshots import latest_readings
 
 HOURS = ("2018-10-09T00:00:00Z", "2018-10-09T03:00:00Z", "2018-10-09T06:00:00Z")
 

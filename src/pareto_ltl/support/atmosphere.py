@@ -27,6 +27,14 @@ GAS = 287.05287  # specific gas constant of dry air [J/(kg K)]
 FREEZING = 273.15  # [K] 0 °C
 SEA_PRESSURE, SEA_TEMPERATURE = 101_325.0, 288.15  # [Pa], [K]
 SEA_DENSITY = SEA_PRESSURE / (GAS * SEA_TEMPERATURE)  # 1.225 [kg/m3]
+SCALES = {  # factor and offset that turn a temperature into kelvin, by its unit in lower case
+    **dict.fromkeys(("k", "kelvin", "degk", "deg_k", "degree_kelvin"), (1.0, 0.0)),
+    **dict.fromkeys(
+        ("c", "degc", "deg_c", "°c", "celsius", "degree_celsius", "degrees_celsius", "degree_c"),
+        (1.0, FREEZING),
+    ),
+    **dict.fromkeys(("f", "degf", "deg_f", "°f", "fahrenheit"), (5.0 / 9.0, FREEZING - 160.0 / 9.0)),
+}
 LOWEST, HIGHEST = -2_000.0, 32_000.0  # [m] geopotential heights between which the layers hold
 
 
@@ -147,3 +155,8 @@ def true_airspeed(calibrated: Speed, density_ratio: float) -> Speed:
 def calibrated_airspeed(true: Speed, density_ratio: float) -> Speed:
     """Calibrated airspeed of a true one, in the same unit; the inverse of :func:`true_airspeed`."""
     return true * math.sqrt(density_ratio)
+
+
+def temperature_scale(unit: str) -> tuple[float, float] | None:
+    """Factor and offset that turn a temperature in ``unit`` into kelvin; None for other units."""
+    return SCALES.get(unit.strip().lower().replace(" ", "_"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from pareto_ltl.support.atmosphere import standard_air, standard_height
@@ -21,6 +21,8 @@ LEVEL = r"(\d+(?:\.\d*)?)\s*(km|m|ft|hpa|pa|mbar|mb)(?:\s*(depth|amsl|msl|agl))?
 PRESSURES = {"pa": 1.0, "pascal": 1.0, "kpa": 1000.0}  # [Pa]
 PRESSURES |= dict.fromkeys(("hpa", "mb", "mbar", "millibar", "millibars"), 100.0)
 SHOWN_LEVELS = 12
+FARTHEST = 300.0  # [m] between the level of a wind above ground and the level of its temperature
+SAME_PRESSURE = 1e-3  # largest relative difference of two pressures that are one level
 ALIKE = 0.2  # largest relative difference of two heights or depths whose winds count as the same
 
 
@@ -147,3 +149,14 @@ def level_list(levels: Iterable[Level]) -> str:
     texts = [level.text for level in sorted(set(levels))]
     more = f" and {len(texts) - SHOWN_LEVELS} more" if len(texts) > SHOWN_LEVELS else ""
     return ", ".join(texts[:SHOWN_LEVELS]) + more
+
+
+def nearest_level(found: Sequence[Level], wind: Level) -> Level | None:
+    """The level among ``found`` whose temperature belongs to a wind at ``wind``; None if there is none."""
+    limit = SAME_PRESSURE * wind.value if wind.kind == PRESSURE else FARTHEST
+    fitting = [level for level in found if level.kind == wind.kind and _gap(level, wind) <= limit]
+    return min(fitting, key=lambda level: _gap(level, wind), default=None)
+
+
+def _gap(one: Level, other: Level) -> float:
+    return abs(one.value - other.value)

@@ -10,24 +10,13 @@ import numpy as np
 
 from pareto_ltl.settings.heights import MeasuredAir
 from pareto_ltl.support.arrays import FloatArray, require_shape
-from pareto_ltl.support.atmosphere import FREEZING
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import HEIGHT, PRESSURE, Level, parse_level
 
 COLDEST, WARMEST = 173.15, 333.15  # [K] of air up to 32 km
 LEAST_PRESSURE, LARGEST_PRESSURE = 500.0, 110_000.0  # [Pa]
-FARTHEST = 300.0  # [m] between the level of a wind above ground and the level of its temperature
-SAME = 1e-3  # largest relative difference of two pressures that are one level
 FEWEST_NODES = 4  # from which the air of a map is taken, if fewer lie on the map
 GROUND = Level(HEIGHT, 0.0).text
-SCALES = {  # factor and offset that turn a temperature into kelvin, by its unit in lower case
-    **dict.fromkeys(("k", "kelvin", "degk", "deg_k", "degree_kelvin"), (1.0, 0.0)),
-    **dict.fromkeys(
-        ("c", "degc", "deg_c", "°c", "celsius", "degree_celsius", "degrees_celsius", "degree_c"),
-        (1.0, FREEZING),
-    ),
-    **dict.fromkeys(("f", "degf", "deg_f", "°f", "fahrenheit"), (5.0 / 9.0, FREEZING - 160.0 / 9.0)),
-}
 
 
 class NodeAir(NamedTuple):
@@ -82,22 +71,6 @@ class MapAir:
         known = np.isfinite(self.pressure)
         pressure = float(np.interp(t, self.times, self.pressure).mean()) if known.all() else None
         return MeasuredAir(warmth, self.level, pressure, self.pressure_level)
-
-
-def temperature_scale(unit: str) -> tuple[float, float] | None:
-    """Factor and offset that turn a temperature in ``unit`` into kelvin; None for other units."""
-    return SCALES.get(unit.strip().lower().replace(" ", "_"))
-
-
-def nearest_level(found: Sequence[Level], wind: Level) -> Level | None:
-    """The level among ``found`` whose temperature belongs to a wind at ``wind``; None if there is none."""
-    limit = SAME * wind.value if wind.kind == PRESSURE else FARTHEST
-    fitting = [level for level in found if level.kind == wind.kind and _gap(level, wind) <= limit]
-    return min(fitting, key=lambda level: _gap(level, wind), default=None)
-
-
-def _gap(one: Level, other: Level) -> float:
-    return abs(one.value - other.value)
 
 
 def check_air(air: NodeAir, where: str, rows: Sequence[int] | None = None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,16 @@ class GeoBox:
     width: float
     north: float
     margin: float = 0.0
+
+    @classmethod
+    def around(cls, lonlat: FloatArray) -> GeoBox:
+        """The smallest box around points (N, 2) [deg]: outside is the widest arc without points."""
+        south, north = lonlat[:, 1].min(), lonlat[:, 1].max()
+        lon = np.unique(lonlat[:, 0] % 360.0)
+        gaps = np.diff(np.append(lon, lon[0] + 360.0))
+        widest = int(np.argmax(gaps))
+        west = float(lon[(widest + 1) % len(lon)])
+        return cls(west, float(south), float(360.0 - gaps[widest]), float(north))
 
     def contains(self, lonlat: FloatArray) -> NDArray[np.bool_]:
         """Which of the points (N, 2) [deg] are inside, (N,)."""
@@ -77,6 +88,15 @@ class GeoBox:
         parts = [_one_a_cell(lonlat, rows, MOST_NODES // 2) for rows in (inside[near], inside[~near])]
         return np.sort(np.concatenate(parts))
 
+    def refuse_empty_crop(self, where: str, lonlat: FloatArray) -> NoReturn:
+        """Raise a DataError for a file without a node in the box; it states what ``lonlat`` (N, 2) covers."""
+        finite = lonlat[np.isfinite(lonlat).all(axis=1)]
+        covers = GeoBox.around(finite).text if len(finite) else "no place on Earth"
+        raise DataError(
+            f"{where} covers {covers}; the scene needs {self.text}: "
+            f"{swap_question(finite, self.middle) or 'is the scene where the wind data is?'}"
+        )
+
     def _narrowed(self, margin: float) -> GeoBox:
         if margin <= 0:
             return self
@@ -117,16 +137,6 @@ def _one_a_cell(lonlat: FloatArray, rows: IntArray, limit: int) -> IntArray:
     return rows[np.unique(up * (int(across.max()) + 1) + across, return_index=True)[1]]
 
 
-def box_of(lonlat: FloatArray) -> GeoBox:
-    """The smallest box around points (N, 2) [deg]; the widest arc of longitudes without points is outside."""
-    south, north = lonlat[:, 1].min(), lonlat[:, 1].max()
-    lon = np.unique(lonlat[:, 0] % 360.0)
-    gaps = np.diff(np.append(lon, lon[0] + 360.0))
-    widest = int(np.argmax(gaps))
-    west = float(lon[(widest + 1) % len(lon)])
-    return GeoBox(west, float(south), float(360.0 - gaps[widest]), float(north))
-
-
 def neighbourhood(scene: SceneConfig, padding: float = 0.0) -> GeoBox | None:
     """The box of all wind data that can matter for ``scene``; None for a scene without position on Earth.
 
@@ -142,17 +152,7 @@ def neighbourhood(scene: SceneConfig, padding: float = 0.0) -> GeoBox | None:
     sides = np.linspace(sketch.bounds[0], sketch.bounds[1], SAMPLES)
     places = np.stack(np.meshgrid(*sides.T), axis=-1).reshape(-1, 2)
     lonlat = np.stack(Frame(sketch.crs).to_geographic(places), axis=1)
-    return box_of(lonlat).widened(max(MARGIN, 2 * padding))
-
-
-def refuse_empty_crop(where: str, lonlat: FloatArray, area: GeoBox) -> None:
-    """Raise a DataError for a file without a node in ``area``; it states what ``lonlat`` (N, 2) covers."""
-    finite = lonlat[np.isfinite(lonlat).all(axis=1)]
-    covers = box_of(finite).text if len(finite) else "no place on Earth"
-    raise DataError(
-        f"{where} covers {covers}; the scene needs {area.text}: "
-        f"{swap_question(finite, area.middle) or 'is the scene where the wind data is?'}"
-    )
+    return GeoBox.around(lonlat).widened(max(MARGIN, 2 * padding))
 
 
 def swap_question(lonlat: FloatArray, middle: FloatArray) -> str:
@@ -164,5 +164,5 @@ def swap_question(lonlat: FloatArray, middle: FloatArray) -> str:
     lon, lat = (middle[0] + 180.0) % 360.0 - 180.0
     if not len(lonlat) or abs(lon) > 90.0:
         return ""
-    swapped = box_of(lonlat).widened(NEAR).contains(np.array([[lat, lon]]))[0]
+    swapped = GeoBox.around(lonlat).widened(NEAR).contains(np.array([[lat, lon]]))[0]
     return "did the map swap longitude and latitude? GeoJSON has longitude first" if swapped else ""

@@ -13,9 +13,10 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.support.levels import parse_level
+from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.observations import FEWEST_READINGS
-from pareto_ltl.wind.readings import Readings, farthest_points, node_rows, on_sphere, shared_nodes
+from pareto_ltl.wind.readings import Readings, farthest_points, node_rows, shared_nodes
 from pareto_ltl.wind.sources.csv_files import write_csv_table
 
 NOAA = (

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.file_formats import DAMAGE
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, parse_level
 from pareto_ltl.support.reading import inside, read_json
@@ -34,11 +35,6 @@ if TYPE_CHECKING:
     import h5netcdf
 
 
-# Errors of h5netcdf and h5py for a damaged file or one of another format:
-DAMAGE = (
-    *(OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError),
-    AssertionError,
-)
 FREE_BYTES = 16 * 2**20  # size of a variable that is allowed for a file of any size
 LARGEST = 1e18  # limit of all numbers of a field; its square is finite
 MAX_RATIO = 20  # largest ratio of the bytes of a variable to the bytes of the file, beyond FREE_BYTES

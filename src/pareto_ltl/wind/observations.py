@@ -13,6 +13,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, rotate_ve
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import DEPTH, parse_level
+from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl.wind.air import MapAir, NodeAir, map_air
 from pareto_ltl.wind.area import swap_question
@@ -20,7 +21,7 @@ from pareto_ltl.wind.doubts import assumed_leads, edge_warning, refuse_small_ext
 from pareto_ltl.wind.error_law import ErrorLaw, Variability
 from pareto_ltl.wind.gp import CORRELATIONS, pairwise_distances
 from pareto_ltl.wind.named_laws import AUTO, CURRENTS, NONE, law_named
-from pareto_ltl.wind.readings import Readings, farthest_points, on_sphere
+from pareto_ltl.wind.readings import Readings, farthest_points
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import wind_source
 from pareto_ltl.world.projection import Frame

@@ -10,10 +10,9 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.faults import Faults
+from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.air import NodeAir
-
-KNOT = 1852.0 / 3600.0  # [m/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,17 +215,6 @@ def check_all_readings(readings: Readings, max_speed: float) -> None:
         with faults.noted():
             check_readings(points, winds, readings.geographic, max_speed, where, range(len(points)))
     faults.refuse()
-
-
-def wrap_longitude(lon: FloatArray) -> FloatArray:
-    """Longitudes [deg] converted to -180..180."""
-    return (lon + 180.0) % 360.0 - 180.0
-
-
-def on_sphere(lonlat: FloatArray) -> FloatArray:
-    """Unit vectors (N, 3) of longitudes and latitudes (N, 2) [deg], whose distances increase with the arc."""
-    lon, lat = np.deg2rad(lonlat).T
-    return np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=1)
 
 
 def farthest_points(points: FloatArray, count: int, first: int | IntArray) -> IntArray:

@@ -19,8 +19,8 @@ from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.display import Displayed, distance_text, listed_text
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.map_lengths import length_in_metres
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.world.map_lengths import length_in_metres
 from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.windows import Window
 

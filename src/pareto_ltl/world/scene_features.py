@@ -17,11 +17,11 @@ import shapely
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
+from pareto_ltl.support.map_lengths import HIGHEST, LOWEST, height, length_in_metres
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.world import projection
 from pareto_ltl.world.map_file import MapFile, Unread, map_formats
-from pareto_ltl.world.map_lengths import HIGHEST, LOWEST, height, length_in_metres
 from pareto_ltl.world.scene import read_fix
 from pareto_ltl.world.scene_edges import straight_in_crs
 from pareto_ltl.world.scene_roles import FEATURE_ROLES, LEFT_OUT, SYNONYMS, RoleRules

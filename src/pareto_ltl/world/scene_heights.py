@@ -10,7 +10,7 @@ from dataclasses import replace
 from pareto_ltl.settings.heights import Height as FlightHeight
 from pareto_ltl.support.display import listed_text
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.world.map_lengths import HIGHEST, LOWEST, Height
+from pareto_ltl.support.map_lengths import HIGHEST, LOWEST, Height
 from pareto_ltl.world.scene import AbsentPlace
 from pareto_ltl.world.scene_sketch import DrawingRules, Place, SceneSketch
 

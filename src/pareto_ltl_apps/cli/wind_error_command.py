@@ -15,9 +15,8 @@ from pareto_ltl_apps.cli.output import Answer
 from pareto_ltl_apps.cli.wind_table_command import check_table, estimate_from_table
 
 if TYPE_CHECKING:
-    from pareto_ltl.wind.area import GeoBox
+    from pareto_ltl.extend import GeoBox, Snapshot
     from pareto_ltl.wind.forecast_error import ForecastError
-    from pareto_ltl.wind.snapshots import Snapshot
     from pareto_ltl_apps.wind_errors.error_estimate import ErrorEstimate, ErrorTable
     from pareto_ltl_apps.wind_errors.matched_fields import Interval, Resampling
 
@@ -44,13 +43,12 @@ def wind_error(options: Namespace) -> Answer:
     from pareto_ltl.extend import first_law
     from pareto_ltl.settings import WindConfig
     from pareto_ltl.support.files import write_json
-    from pareto_ltl.wind.area import box_of
     from pareto_ltl_apps.view.wind_error import draw_wind_error
     from pareto_ltl_apps.wind_errors.error_estimate import error_document, estimate_errors, estimated_law
     from pareto_ltl_apps.wind_errors.full_winds import full_winds
     from pareto_ltl_apps.wind_errors.matched_fields import Resampling
 
-    box = None if area is None else box_of(np.array(area, float))
+    box = None if area is None else GeoBox.around(np.array(area, float))
     snapshots = full_winds(files, WindConfig(level=options.level), box).winds
     draws = Resampling(options.seed, options.block)
     estimate = estimate_errors(snapshots, area, draws, HOUR * options.max_lag)
@@ -106,7 +104,7 @@ def check_out(out: Path, read: Path) -> None:
 
 
 def _files_in(folder: Path) -> tuple[Path, ...]:
-    from pareto_ltl.wind.sources.magic import is_data_file
+    from pareto_ltl.support.file_formats import is_data_file
 
     if not folder.is_dir():
         raise ConfigError(f"{folder}: there is no such folder; name one with GRIB files of past forecasts")

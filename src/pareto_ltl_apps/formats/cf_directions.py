@@ -17,9 +17,9 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.wind.snapshots import Nodes
 from pareto_ltl_apps.formats.grid_directions import WAY_OUT, twist_of_grib, twist_of_plane, twist_of_pole
 from pareto_ltl_apps.formats.quantities import EARTH, GRID
+from pareto_ltl_apps.formats.snapshots import Nodes
 
 if TYPE_CHECKING:
     import pyproj

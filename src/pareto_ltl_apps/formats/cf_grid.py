@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pareto_ltl.extend import GeoBox
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.levels import DEPTH, LENGTHS, PRESSURE, PRESSURES, Level
-from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.snapshots import Nodes, crop
 from pareto_ltl_apps.formats.cf_directions import GridMapping, grid_mapping, twist_of_array
 from pareto_ltl_apps.formats.grid_directions import axes_are_east_and_north
+from pareto_ltl_apps.formats.snapshots import Nodes, crop
 
 if TYPE_CHECKING:
     import xarray as xr

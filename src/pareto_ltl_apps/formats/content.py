@@ -7,9 +7,9 @@ from itertools import islice
 from pathlib import Path
 
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.file_formats import first_bytes, format_of, is_data_file
 from pareto_ltl.support.messages import shown_value
-from pareto_ltl.wind.sources.magic import first_bytes, format_of, is_data_file
-from pareto_ltl.wind.sources.tables import open_table, read_table
+from pareto_ltl.support.tables import open_table, read_table
 from pareto_ltl_apps.formats.grib_frames import check_frames, parameters
 from pareto_ltl_apps.formats.netcdf_files import quantities_in
 from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS

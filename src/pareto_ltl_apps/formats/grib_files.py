@@ -27,17 +27,16 @@ from typing import Any
 
 import numpy as np
 
+from pareto_ltl.extend import GeoBox, NodeAir, Snapshot
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.atmosphere import temperature_scale
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extras import missing_extra
 from pareto_ltl.support.faults import Faults
-from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, parse_level
+from pareto_ltl.support.file_formats import wind_file
+from pareto_ltl.support.flow_components import SPEED, TEMPERATURE, U
+from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, nearest_level, parse_level
 from pareto_ltl.support.times import iso
-from pareto_ltl.wind.air import NodeAir, nearest_level, temperature_scale
-from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.snapshots import Nodes, Snapshot, Snapshots, crop, earth_relative, same_values
-from pareto_ltl.wind.sources.components import SPEED, TEMPERATURE, U
-from pareto_ltl.wind.sources.magic import wind_file
 from pareto_ltl_apps.formats.grib_frames import check_frames
 from pareto_ltl_apps.formats.grid_directions import twist_of_grib
 from pareto_ltl_apps.formats.quantities import (
@@ -54,6 +53,7 @@ from pareto_ltl_apps.formats.quantities import (
     wanted_level,
     winds_of,
 )
+from pareto_ltl_apps.formats.snapshots import Nodes, Snapshots, crop, earth_relative, same_values
 
 UNITS = ("m s**-1", "m s-1", "m/s", "Degree true", "degrees", "unknown")  # of the parameters of the WMO
 AIR_NUMBERS = {(0, 3, 0): SURFACE_PRESSURE, (0, 0, 0): TEMPERATURE, (11,): TEMPERATURE}  # as in Quantity

@@ -17,18 +17,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pareto_ltl import Readings
+from pareto_ltl.extend import Wanted
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.download import ByteRange, NotThereError, fetch_bytes
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.times import HOUR, iso, seconds
-from pareto_ltl.wind.area import Wanted
-from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
 from pareto_ltl_apps.formats.download_cache import DownloadCache
 from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
 from pareto_ltl_apps.formats.grib_frames import BrokenFrameError, messages_with
 from pareto_ltl_apps.formats.inventories import parse_inventory, wind_parts
 from pareto_ltl_apps.formats.live_models import MODELS, Download, LiveModel
+from pareto_ltl_apps.formats.snapshots import ensemble_readings, latest_readings
 
 LOG = logging.getLogger("pareto_ltl.formats.live")
 MOST_INVENTORY, MOST_MESSAGES, MOST_FILE = 4 * 2**20, 128 * 2**20, 512 * 2**20  # [bytes]

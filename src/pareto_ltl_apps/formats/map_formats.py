@@ -8,10 +8,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from pareto_ltl.extend import MapFile, MapFormats
 from pareto_ltl.support import reading
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import Advice, read_bounded, refuse_many_features, shown_json
-from pareto_ltl.world.map_file import SCENE_FILES, MapFile, MapFormats
+from pareto_ltl.world.map_file import SCENE_FILES
 from pareto_ltl_apps.formats import map_airspace as airspace
 from pareto_ltl_apps.formats import map_fences as fences
 from pareto_ltl_apps.formats.map_archive import KmlSources, any_file, is_archive

@@ -12,11 +12,11 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl.extend import MapFile, Unread
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.map_lengths import NAUTICAL_MILE, Height, height
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import MAX_FEATURES
-from pareto_ltl.world.map_file import MapFile, Unread
-from pareto_ltl.world.map_lengths import NAUTICAL_MILE, Height, height
 
 if TYPE_CHECKING:
     import pyproj
@@ -175,7 +175,7 @@ class _OpenAirReader:
 
 
 def limit_text(found: Height) -> str:
-    """The text of a height, which :func:`~pareto_ltl.world.map_lengths.height` reads again."""
+    """The text of a height, which :func:`~pareto_ltl.support.map_lengths.height` reads again."""
     if found.metres == math.inf:
         return "UNL"
     if found == (0.0, "AGL"):

@@ -14,18 +14,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pareto_ltl.extend import GeoBox
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.faults import Faults
+from pareto_ltl.support.file_formats import HDF5, format_of, wind_file
+from pareto_ltl.support.flow_components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V
 from pareto_ltl.support.levels import DEPTH, PRESSURE, Level, level_list
 from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.speed_units import speed_factor
 from pareto_ltl.support.times import iso
-from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.snapshots import GridWind, Snapshots, earth_relative, same_values
-from pareto_ltl.wind.sources.components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V
-from pareto_ltl.wind.sources.magic import HDF5, format_of, wind_file
-from pareto_ltl.wind.sources.speed_units import speed_factor
 from pareto_ltl_apps.formats.cf_air import AirArray, surface_pressure_of, temperature_of
 from pareto_ltl_apps.formats.cf_directions import with_projection
 from pareto_ltl_apps.formats.cf_grid import levels_of, member_dimension, nodes_of, text
@@ -45,6 +44,7 @@ from pareto_ltl_apps.formats.quantities import (
     wanted_level,
     winds_of,
 )
+from pareto_ltl_apps.formats.snapshots import GridWind, Snapshots, earth_relative, same_values
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,6 +1,6 @@
 """Winds and currents: the names of their components in files, and pairs of components as vectors.
 
-Files have u and v, or speed and direction (``pareto_ltl.wind.sources.components``).
+Files have u and v, or speed and direction (``pareto_ltl.support.flow_components``).
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pareto_ltl.extend import NodeAir, Snapshot
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
+from pareto_ltl.support.flow_components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V, polar_winds
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, parse_level
 from pareto_ltl.support.times import iso
-from pareto_ltl.wind.air import NodeAir
-from pareto_ltl.wind.snapshots import GridWind, Nodes, Snapshot
-from pareto_ltl.wind.sources.components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V, polar_winds
+from pareto_ltl_apps.formats.snapshots import GridWind, Nodes
 
 SURFACE_PRESSURE = "sp"
 OF_AIR = {SURFACE_PRESSURE, TEMPERATURE}

@@ -19,16 +19,15 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl import Readings
+from pareto_ltl.extend import GeoBox, Snapshot, readings_of
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
+from pareto_ltl.support.flow_components import FROM, polar_winds
 from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.sphere import wrap_longitude
+from pareto_ltl.support.tables import seconds_of
 from pareto_ltl.support.times import HOUR
-from pareto_ltl.wind.area import GeoBox, refuse_empty_crop
-from pareto_ltl.wind.readings import wrap_longitude
-from pareto_ltl.wind.snapshots import Snapshot, readings_of
-from pareto_ltl.wind.sources.components import FROM, polar_winds
-from pareto_ltl.wind.sources.tables import seconds_of
 from pareto_ltl_apps.formats.station_tables import LOCAL, UTC, RawReports, read_reports
 
 LOG = logging.getLogger("pareto_ltl.formats.station_files")
@@ -76,7 +75,7 @@ def read_station_files(files: tuple[Path, ...], max_speed: float, area: GeoBox |
     if area is not None:
         inside = np.flatnonzero(area.contains(places))
         if not len(inside):
-            refuse_empty_crop(f"wind file {files[0]}", places, area)
+            area.refuse_empty_crop(f"wind file {files[0]}", places)
     hours = _by_hour(stations, times, places, inside)
     used = sum(map(len, hours.values()))
     notes = [f"of {total} reports, {lost}: left out"] if dropped else []

@@ -5,18 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 from pareto_ltl import DataError, Readings
+from pareto_ltl.extend import Wanted, WindFormats, data_files
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.settings.wind import WIND_SOURCES
+from pareto_ltl.support.file_formats import first_bytes, format_of, is_data_file
 from pareto_ltl.support.levels import HEIGHT, table_level
-from pareto_ltl.wind.area import Wanted
-from pareto_ltl.wind.snapshots import ensemble_readings, latest_readings
-from pareto_ltl.wind.sources import WindFormats, at_stated_level, data_files
-from pareto_ltl.wind.sources.magic import first_bytes, format_of, is_data_file
+from pareto_ltl.wind.sources import at_stated_level
 from pareto_ltl_apps.formats.content import source_of_path
 from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
 from pareto_ltl_apps.formats.live import live_files, read_live
 from pareto_ltl_apps.formats.netcdf_files import netcdf_snapshots
 from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS
+from pareto_ltl_apps.formats.snapshots import ensemble_readings, latest_readings
 from pareto_ltl_apps.formats.station_files import read_station_files
 
 

@@ -21,15 +21,14 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings
-from pareto_ltl.extend import Front, PlannedPath, Study
+from pareto_ltl.extend import Front, GeoBox, PlannedPath, Snapshot, Study
 from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, preset
 from pareto_ltl.settings.fidelity import FidelityConfig
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_fingerprint
-from pareto_ltl.wind.area import GeoBox, box_of
 from pareto_ltl.wind.ingest import common_nodes
 from pareto_ltl.wind.observations import FIT_RADIUS
-from pareto_ltl.wind.snapshots import Snapshot, latest_readings
+from pareto_ltl_apps.formats.snapshots import latest_readings
 from pareto_ltl_apps.studies import calibration, random_missions, strata
 from pareto_ltl_apps.studies.calibration import CHOSEN
 from pareto_ltl_apps.studies.known_winds import KNOWN_WINDS, KnownWinds
@@ -103,7 +102,7 @@ def needed_area(settings: Settings, cfg: ForecastTestConfig) -> GeoBox:
     if np.ptp(np.array(cfg.area)[:, 0]) >= WHOLE_EARTH:
         return GeoBox(-180.0, -90.0, 360.0, 90.0)
     margin = cfg.side[1] / 2 + settings.wind.padding + FIT_RADIUS
-    return box_of(np.array(_rim_outline(cfg))).widened(margin)
+    return GeoBox.around(np.array(_rim_outline(cfg))).widened(margin)
 
 
 def _rim_outline(cfg: ForecastTestConfig) -> list[list[float]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
-from pareto_ltl.extend import PlannedPath, Problem
+from pareto_ltl.extend import PlannedPath, Problem, Snapshot
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings import ForecastTestConfig, preset
@@ -18,7 +18,7 @@ from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl.wind.ingest import winds_at
-from pareto_ltl.wind.snapshots import Snapshot, known_at, latest_readings
+from pareto_ltl_apps.formats.snapshots import known_at, latest_readings
 from pareto_ltl_apps.studies import random_missions
 from pareto_ltl_apps.studies.planning import fly_seeded
 from pareto_ltl_apps.studies.random_missions import Mission, Spell, at_times

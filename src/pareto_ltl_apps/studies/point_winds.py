@@ -21,7 +21,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json
 from pareto_ltl.support.times import HOUR, iso, seconds
-from pareto_ltl.wind.snapshots import known_at, latest_readings
+from pareto_ltl_apps.formats.snapshots import known_at, latest_readings
 from pareto_ltl_apps.studies.known_winds import DepartureWinds
 from pareto_ltl_apps.studies.random_missions import (
     TRIES,

@@ -19,11 +19,11 @@ from pareto_ltl.extend import Frame
 from pareto_ltl.settings import ForecastTestConfig, WindConfig
 from pareto_ltl.support.arrays import FloatArray, rotate_vectors
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.file_formats import is_data_file
 from pareto_ltl.support.resources import checkout
+from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind import field as lattices
-from pareto_ltl.wind.readings import wrap_longitude
-from pareto_ltl.wind.sources.magic import is_data_file
 
 REGIONS = ("a", "b", "c")
 TABLES = (".npz", ".nc", ".csv")

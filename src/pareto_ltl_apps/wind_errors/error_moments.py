@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.law_of_parts import OWN
-from pareto_ltl.wind.readings import on_sphere
 from pareto_ltl_apps.wind_errors.point_forecasts import (
     PointForecasts,
     Verified,

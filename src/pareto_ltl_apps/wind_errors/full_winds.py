@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl import Readings
+from pareto_ltl.extend import GeoBox, Snapshot
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.snapshots import Snapshot, latest_readings
 from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
+from pareto_ltl_apps.formats.snapshots import latest_readings
 from pareto_ltl_apps.wind_errors.field_tables import is_field_table, read_field_table
 from pareto_ltl_apps.wind_errors.point_forecasts import NEWEST, PointForecasts
 from pareto_ltl_apps.wind_errors.point_tables import KINDS, read_point_table

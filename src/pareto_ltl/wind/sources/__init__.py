@@ -18,12 +18,12 @@ from pareto_ltl.settings.wind import WIND_SOURCES, usual_level
 from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import FORMAT_GROUP, installed_object, known_kind
+from pareto_ltl.support.file_formats import is_data_file
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, table_level
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl.wind.sources.csv_files import read_csv_files
-from pareto_ltl.wind.sources.magic import is_data_file
 
 SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
 

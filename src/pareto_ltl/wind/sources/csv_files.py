@@ -19,18 +19,20 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.atmosphere import temperature_scale
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults, FaultsError
 from pareto_ltl.support.files import write_text
+from pareto_ltl.support.flow_components import FROM, SPEED, TEMPERATURE, TOWARDS, polar_winds
 from pareto_ltl.support.levels import PRESSURES
 from pareto_ltl.support.messages import shown_text, shown_value
+from pareto_ltl.support.speed_units import EXPECTED, KNOT, speed_factor
+from pareto_ltl.support.sphere import wrap_longitude
+from pareto_ltl.support.tables import Table, read_table, seconds_of
 from pareto_ltl.support.times import HOUR, iso
-from pareto_ltl.wind.air import NodeAir, check_air, temperature_scale
-from pareto_ltl.wind.readings import KNOT, Readings, check_readings, wrap_longitude
+from pareto_ltl.wind.air import NodeAir, check_air
+from pareto_ltl.wind.readings import Readings, check_readings
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
-from pareto_ltl.wind.sources.components import FROM, SPEED, TEMPERATURE, TOWARDS, polar_winds
-from pareto_ltl.wind.sources.speed_units import EXPECTED, speed_factor
-from pareto_ltl.wind.sources.tables import Table, read_table, seconds_of
 
 LOG = logging.getLogger(__name__)
 AIR_PRESSURE = "pressure"

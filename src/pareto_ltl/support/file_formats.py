@@ -9,8 +9,12 @@ from pathlib import Path
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import refuse_special
-from pareto_ltl.wind.netcdf import DAMAGE
 
+# Errors of h5netcdf and h5py for a damaged file or one of another format:
+DAMAGE = (
+    *(OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError),
+    AssertionError,
+)
 HDF5 = b"\x89HDF\r\n\x1a\n"
 STARTS = {
     b"GRIB": "GRIB",

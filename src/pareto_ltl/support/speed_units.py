@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from itertools import product
 
-from pareto_ltl.wind.readings import KNOT
+KNOT = 1852.0 / 3600.0  # [m/s]
 
 LENGTHS = {  # [m]
     **dict.fromkeys(("m", "meter", "meters", "metre", "metres", "mtr"), 1.0),
