@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pareto_ltl.logic.automaton import Automaton
+    from pareto_ltl.planning.conditioning import Fix, Learnt
     from pareto_ltl.planning.cost import Cost
-    from pareto_ltl.planning.evaluate import Forecast, completing_path
+    from pareto_ltl.planning.evaluate import Forecast, completing_path, evaluate
     from pareto_ltl.planning.limits import Price
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.rates import FailureRate, Promise
     from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
+    from pareto_ltl.planning.wind_lookup import LinearWind, LocalWind
     from pareto_ltl.run.record import Record, record
     from pareto_ltl.run.study import Study
     from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
@@ -46,6 +48,7 @@ __all__ = [
     "Deployment",
     "DrawnFlights",
     "FailureRate",
+    "Fix",
     "FlightEvent",
     "FlightSample",
     "Forecast",
@@ -55,6 +58,9 @@ __all__ = [
     "GeoBox",
     "LawOfParts",
     "LawPart",
+    "Learnt",
+    "LinearWind",
+    "LocalWind",
     "MapFile",
     "MapFormats",
     "NodeAir",
@@ -76,6 +82,7 @@ __all__ = [
     "count_agrees",
     "data_files",
     "draw_flights",
+    "evaluate",
     "first_law",
     "law_of_newer_runs",
     "law_of_parts_named",
@@ -96,6 +103,7 @@ _EXPORTS = {
     "Deployment": "pareto_ltl.simulation.records",
     "DrawnFlights": "pareto_ltl.simulation.common_flights",
     "FailureRate": "pareto_ltl.planning.rates",
+    "Fix": "pareto_ltl.planning.conditioning",
     "FlightEvent": "pareto_ltl.simulation.failure_modes",
     "FlightSample": "pareto_ltl.simulation.samples",
     "Forecast": "pareto_ltl.planning.evaluate",
@@ -105,6 +113,9 @@ _EXPORTS = {
     "GeoBox": "pareto_ltl.wind.area",
     "LawOfParts": "pareto_ltl.wind.law_of_parts",
     "LawPart": "pareto_ltl.wind.error_law",
+    "Learnt": "pareto_ltl.planning.conditioning",
+    "LinearWind": "pareto_ltl.planning.wind_lookup",
+    "LocalWind": "pareto_ltl.planning.wind_lookup",
     "MapFile": "pareto_ltl.world.map_file",
     "MapFormats": "pareto_ltl.world.map_file",
     "NodeAir": "pareto_ltl.wind.air",
@@ -126,6 +137,7 @@ _EXPORTS = {
     "count_agrees": "pareto_ltl.simulation.promise",
     "data_files": "pareto_ltl.wind.sources",
     "draw_flights": "pareto_ltl.simulation.common_flights",
+    "evaluate": "pareto_ltl.planning.evaluate",
     "first_law": "pareto_ltl.wind.named_laws",
     "law_of_newer_runs": "pareto_ltl.wind.named_laws",
     "law_of_parts_named": "pareto_ltl.wind.named_laws",

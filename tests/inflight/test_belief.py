@@ -9,13 +9,14 @@ from scipy.stats import chi2
 
 from coherent import STEPS, coherent_problem, rate_interval
 from levels import AT_NIGHT
-from pareto_ltl.extend import simulate_flights
+from pareto_ltl.extend import LocalWind, simulate_flights
 from pareto_ltl.kernels.flight import CoherentDraws, wind_met
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.conditioning import Fix, learn_at
-from pareto_ltl.planning.evaluate import propagate, square_matrices
+from pareto_ltl.planning.conditioning import Fix, Learnt
+from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl_apps.flight.belief import Belief, local_wind
+from pareto_ltl.support.arrays import square_matrices
+from pareto_ltl_apps.flight.belief import Belief
 
 TRUTHS = 500 if AT_NIGHT else 60
 PROBLEM = coherent_problem()
@@ -43,7 +44,7 @@ def test_the_wind_at_a_place_is_that_of_the_kernels(step: int) -> None:
         x = np.full((1, step + 2, 2), np.nan)
         x[0, step] = place
         wind_met(CoherentDraws(law, white, theta), step, x, met)
-        here = local_wind(law, step, place[None])
+        here = LocalWind.at(law, step, place[None])
         field = np.einsum("cm,cm->c", here.psi[0], theta[law.modes.epoch[step], 0])
         ours = here.mean[0] + field + np.sqrt(here.white[0]) * white[step, 0]
         np.testing.assert_allclose(ours, met[0, :2], atol=2e-5)
@@ -68,7 +69,7 @@ def test_parts_of_steps_add_up() -> None:
 def test_a_fix_at_a_step_is_that_of_the_planner() -> None:
     belief, step = flown(15), 15
     place, sd = FLIGHT.x[step] + [700.0, -400.0], 150.0
-    learnt = learn_at(PROBLEM, FLIGHT.x, step, [Fix(place, sd, step)])
+    learnt = Learnt.at(PROBLEM, FLIGHT.x, step, [Fix(place, sd, step)])
     far = belief.distance(place, sd**2 * np.eye(2))
     belief.learn(place, sd**2 * np.eye(2))
     now = belief.estimate()
@@ -180,7 +181,7 @@ def test_a_belief_knows_the_errors_of_the_robot() -> None:
     np.testing.assert_allclose(now.mean, flight.x[15], atol=5.0)
     np.testing.assert_allclose(now.cov, square_matrices(flight.cov)[15], rtol=1e-3, atol=20.0)
     place, sd = flight.x[15] + [700.0, -400.0], 150.0
-    learnt = learn_at(ERRING, flight.x, 15, [Fix(place, sd, 15)])
+    learnt = Learnt.at(ERRING, flight.x, 15, [Fix(place, sd, 15)])
     belief.learn(place, sd**2 * np.eye(2))
     after = belief.estimate()
     np.testing.assert_allclose(after.mean, learnt.mean, atol=10.0)

@@ -16,11 +16,11 @@ from oracle.path_risk import ordered_bound
 from oracle.segments import meeting_bounds, states_of_flight
 from pareto_ltl.extend import simulate_flights
 from pareto_ltl.kernels.letters import states_along
-from pareto_ltl.planning.evaluate import forecast, ordered_mission_risk, propagate, square_matrices
+from pareto_ltl.planning.evaluate import forecast, ordered_mission_risk, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import PlannerConfig
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray, IntArray, square_matrices
 from pareto_ltl_verify.flights import Ground
 from pareto_ltl_verify.formula import Dfa
 from pareto_ltl_verify.geometry import convex

@@ -14,18 +14,13 @@ from numpy.random import SeedSequence
 from coherent import LOOSE, SCENE, STEPS, coherent_problem
 from pareto_ltl.extend import draw_flights
 from pareto_ltl.kernels.data import EXACT
-from pareto_ltl.planning.conditioning import (
-    Fix,
-    Joint,
-    Learnt,
-    learn,
-    learn_at,
-    likely_histories,
-)
+from pareto_ltl.planning.conditioning import Fix, Joint, Learnt, learn
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.wind.conditioned import conditioned_field, field_from, lattice_values, less_doubt
+from pareto_ltl.wind.conditioned import conditioned_field, field_from, less_doubt
+from pareto_ltl.wind.lattice import lattice_values
 from pareto_ltl.wind.records import HELD, TIME
+from pareto_ltl_apps.flight.position_fixes import likely_histories
 from problems import QUICK_ERROR, make_problem, smooth_wind
 
 RUNS, STEP = 40_000, 15
@@ -50,7 +45,7 @@ def weighed():
 def test_the_position_given_a_fix_is_that_of_weighted_flights(weighed) -> None:
     """Means within 6 standard errors and 3 % of the spread for what is not linear."""
     problem, flight, x, _, fix, weight = weighed
-    learnt = learn_at(problem, flight.x, STEP, [fix])
+    learnt = Learnt.at(problem, flight.x, STEP, [fix])
     effective = 1.0 / (weight**2).sum()
     assert effective > 500
     mean = weight @ x[:, STEP]
@@ -64,7 +59,7 @@ def test_the_position_given_a_fix_is_that_of_weighted_flights(weighed) -> None:
 
 def test_the_field_given_a_fix_is_that_of_weighted_flights(weighed) -> None:
     problem, flight, _, theta, fix, weight = weighed
-    learnt = learn_at(problem, flight.x, STEP, [fix])
+    learnt = Learnt.at(problem, flight.x, STEP, [fix])
     effective = 1.0 / (weight**2).sum()
     mean = np.einsum("n,ncm->cm", weight, theta)
     assert np.abs(learnt.theta).max() > 0.3
@@ -77,7 +72,7 @@ def test_the_field_given_a_fix_is_that_of_weighted_flights(weighed) -> None:
 def test_flights_of_the_conditioned_law_are_weighted_flights_gone_on(weighed) -> None:
     """Mean and spread at the end, where the prior mean would be several spreads off."""
     problem, flight, x, _, fix, weight = weighed
-    learnt = learn_at(problem, flight.x, STEP, [fix])
+    learnt = Learnt.at(problem, flight.x, STEP, [fix])
     moment = STEP * problem.motion.dt
     field = conditioned_field(field_from(smooth_wind(SCENE), moment), learnt.theta, learnt.told)
     scene = replace(SCENE, start=learnt.mean)
@@ -185,7 +180,7 @@ def test_fixes_tell_of_the_change_of_a_held_field(held, rows: list[tuple[int, fl
     weight, effective = weights_given(x, fixes)
     assert effective > 200
     step = fixes[-1].step
-    learnt = learn_at(problem, flight.x, step, fixes)
+    learnt = Learnt.at(problem, flight.x, step, fixes)
     spread = np.sqrt(flight.cov[step, 0])
     assert (np.abs(weight @ x[:, step] - learnt.mean) < 0.03 * spread).all()
     field = conditioned_field(field_from(wind, step * SLOW.dt), learnt.theta, learnt.told)
@@ -214,7 +209,7 @@ def test_the_distance_of_fixes_has_the_distribution_of_the_law(held) -> None:
     rng, rows = np.random.default_rng(8), ((10, 0.0, 0.0), (20, 0.0, 0.0))
     plain = fixes_off(flight, *rows)
     far = np.array([
-        learn_at(problem, flight.x, 20, [
+        Learnt.at(problem, flight.x, 20, [
             Fix(one[f.step] + f.sd * rng.standard_normal(2), f.sd, f.step) for f in plain
         ]).distance
         for one in x[:300]

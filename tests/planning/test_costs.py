@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 import shapely
 
-from pareto_ltl.planning.costs import COSTS, costs_with, path_costs
-from pareto_ltl.planning.evaluate import propagate, square_matrices
+from pareto_ltl.planning.costs import COSTS, costs_with
+from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.plan_files import read_front, write_front
 from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.planning.selection import box_above, build_front
 from pareto_ltl.planning.selection_rules import choose_path
 from pareto_ltl.run.front_stage import equal_costs
 from pareto_ltl.settings import SelectionConfig, preset
+from pareto_ltl.support.arrays import square_matrices
 from pareto_ltl.support.errors import ConfigError
 from problems import box, make_problem, make_scene, smooth_wind
 
@@ -37,14 +38,14 @@ def path_of(risk: float, **costs: float) -> PlannedPath:
 
 def test_duration_is_the_number_of_steps_times_the_step() -> None:
     problem = further_problem("duration")
-    costs = path_costs(problem, np.zeros((6, 2)), np.zeros((5, 2)))
+    costs = problem.costs_of(np.zeros((6, 2)), np.zeros((5, 2)))
     assert list(costs) == ["length", "duration"]
     assert costs["duration"] == 5 * problem.motion.dt
 
 
 def test_turns_add_up_the_changes_of_course_of_either_sign_and_skip_rests() -> None:
     x = 100.0 * np.array([[0, 0], [1, 0], [1, 1], [1, 1], [2, 1], [3, 2]])
-    assert path_costs(further_problem("turns"), x, x[1:])["turns"] == pytest.approx(90 + 90 + 45)
+    assert further_problem("turns").costs_of(x, x[1:])["turns"] == pytest.approx(90 + 90 + 45)
 
 
 @pytest.mark.parametrize("law", ["independent", "coherent"])
@@ -61,7 +62,7 @@ def test_held_air_is_the_hull_of_the_ellipses_of_each_step(law: str) -> None:
         total += shapely.MultiPoint([*(here + ring), *(there + ring)]).convex_hull.area
     assert total > 0.0
     wanted = total * 1e-6 * problem.motion.dt / 3600.0
-    assert path_costs(replace(problem, costs=costs_with(["containment"])), x, x[1:])["containment"] == (
+    assert replace(problem, costs=costs_with(["containment"])).costs_of(x, x[1:])["containment"] == (
         pytest.approx(wanted, rel=1e-4)
     )
 

@@ -13,7 +13,7 @@ from numpy.random import SeedSequence
 from scipy.stats import norm
 
 from pareto_ltl.extend import draw_flights
-from pareto_ltl.planning.evaluate import evaluate_path, propagate, square_matrices
+from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.refine import programme, sampled_paths
@@ -23,6 +23,7 @@ from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Polish, Refin
 from pareto_ltl.planning.refine.separation import barrier_names, breach_text, separation, within_limits
 from pareto_ltl.planning.refine.starts import first_starts
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
+from pareto_ltl.support.arrays import square_matrices
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_verify.gaussians import segment_risks
 from pareto_ltl_verify.geometry import beyond_bounds, convex

@@ -9,11 +9,12 @@ import pytest
 import shapely
 
 from large_maps import MEGABYTE, SIDE, Waiting, many_discs, rough_disc
-from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate, square_matrices
+from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate
 from pareto_ltl.planning.refine import separation, smoothing
 from pareto_ltl.planning.routes.obligations import path_obligations, possible_orders
 from pareto_ltl.planning.routes.taut_lines import taut_line, walk_line
 from pareto_ltl.settings import SmoothingConfig
+from pareto_ltl.support.arrays import square_matrices
 from problems import KM, box, make_problem, make_scene, rough_wind
 
 QUICK = SmoothingConfig(candidates=2, rounds=4, weights=[10.0])

@@ -16,7 +16,7 @@ from numpy.random import SeedSequence
 
 from coherent import LOOSE
 from pareto_ltl.extend import simulate_flights
-from pareto_ltl.planning.conditioning import Fix, learn_at
+from pareto_ltl.planning.conditioning import Fix, Learnt
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import RobotConfig
@@ -69,7 +69,7 @@ class Flown:
 
     def rates(self, fix: FloatArray, runs: int = RUNS) -> tuple[float, float]:
         """Failure rate of a new plan after ``fix`` (2,) [m], as promised and as flown."""
-        learnt = learn_at(self.begun, self.path.x, STEP, [Fix(fix, FIX_SD, STEP)])
+        learnt = Learnt.at(self.begun, self.path.x, STEP, [Fix(fix, FIX_SD, STEP)])
         rest = corridor(learnt.mean, robot_given(self.robot, learnt))
         path = evaluate_path(rest, straight(learnt.mean, STEP), "")
         flights = simulate_flights(rest, path.u, runs, "coherent", SeedSequence(7), path.x)

@@ -21,8 +21,8 @@ from pareto_ltl.kernels.fixes import fix_error, likely_sight
 from pareto_ltl.kernels.flight import CoherentDraws
 from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.kernels.robot_errors import mean_flown
-from pareto_ltl.planning.conditioning import Fix, learn_at
-from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate, square_matrices
+from pareto_ltl.planning.conditioning import Fix, Learnt
+from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.rates import WEIGHTED
 from pareto_ltl.planning.records import PlannedPath
@@ -31,7 +31,7 @@ from pareto_ltl.simulation import failure_modes, importance
 from pareto_ltl.simulation.common_flights import is_certain
 from pareto_ltl.simulation.flights import fly_draws
 from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, square_matrices
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
@@ -310,7 +310,7 @@ def test_fixes_condition_wind_and_errors_together(errors):
 def test_a_fix_is_less_surprising_for_a_robot_with_errors():
     erring, exact = erring_problem(), coherent_problem(robot=RobotConfig(**BASE))
     fix = Fix(STEPS[20] + [900.0, 400.0], 100.0, 20)
-    ours, others = (learn_at(p, STEPS, 20, [fix]) for p in (erring, exact))
+    ours, others = (Learnt.at(p, STEPS, 20, [fix]) for p in (erring, exact))
     assert ours.distance[0] < others.distance[0]
     assert np.abs(ours.theta).max() < np.abs(others.theta).max()
 

@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.planning.evaluate import cross_covariance, propagate, square_matrices
+from pareto_ltl.planning.evaluate import cross_covariance, propagate
 from pareto_ltl.planning.problem import Problem, errors_of, unaided
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, square_matrices
 
 if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight
@@ -111,6 +111,22 @@ class Learnt:
     errors_cov: FloatArray
     shared: FloatArray
 
+    @classmethod
+    def at(cls, problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix] = ()) -> Learnt:
+        """What ``fixes`` until ``step`` of the means ``x`` (T+1, 2) [m] say, under the law of the plan.
+
+        Without fixes the position that the law expects, which is not conditioned.
+        """
+        if fixes:
+            return learn(joint_at(problem, x, step, fixes), x[[fix.step for fix in fixes]], fixes)
+        flight = propagate(problem, x[: step + 1])
+        cov = square_matrices(flight.cov)[step]
+        modes, own = problem.modes.psi.shape[-1], errors_of(problem.world.law)
+        return cls(
+            x[step], cov, cov, np.zeros((2, modes)), np.zeros((0, 2, modes)), np.zeros(0), own.mean,
+            own.root @ own.root.T, flight.errors.cross[step] @ own.root.T,
+        )  # fmt: skip
+
     @property
     def sd(self) -> float:
         """Largest standard deviation of the position [m]."""
@@ -152,22 +168,6 @@ def learn(prior: Joint, means: FloatArray, fixes: Sequence[Fix]) -> Learnt:
         np.linalg.norm(z.reshape(-1, 2), axis=1),
         prior.errors.mean + known.T @ z, prior.errors.root @ prior.errors.root.T - known.T @ known,
         prior.now @ prior.errors.root.T - half.T @ known,
-    )  # fmt: skip
-
-
-def learn_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -> Learnt:
-    """Condition on ``fixes`` until ``step`` of the means ``x`` (T+1, 2) [m], under the law of the plan."""
-    return learn(joint_at(problem, x, step, fixes), x[[fix.step for fix in fixes]], fixes)
-
-
-def expected_at(problem: Problem, x: FloatArray, step: int) -> Learnt:
-    """Position at ``step`` of the means ``x`` (T+1, 2) [m] without any fix: the law is not conditioned."""
-    flight = propagate(problem, x[: step + 1])
-    cov = square_matrices(flight.cov)[step]
-    modes, own = problem.modes.psi.shape[-1], errors_of(problem.world.law)
-    return Learnt(
-        x[step], cov, cov, np.zeros((2, modes)), np.zeros((0, 2, modes)), np.zeros(0), own.mean,
-        own.root @ own.root.T, flight.errors.cross[step] @ own.root.T,
     )  # fmt: skip
 
 
@@ -213,21 +213,3 @@ def _theta_at(law: kd.Law, flight: Flight, t: int, step: int) -> FloatArray:
         return np.zeros((2, 2, 0 if isinstance(law, kd.IndependentLaw) else flight.psi.shape[-1]))
     faded = law.modes.kept[t + 1 : step + 1].astype(float).prod(axis=0)
     return np.asarray(flight.memory.theta[t - 1] * faded, float)
-
-
-def likely_histories(x: FloatArray, fixes: Sequence[Fix], noise: FloatArray) -> FloatArray:
-    """Samples of flights given ``fixes``, from flights ``x`` (N, k+1, 2) [m] without them.
-
-    Matheron's rule with the covariances of the flights: x + Cov(x_t, x_F) S⁻¹ (y + ν - x_F) with x_F the
-    positions at the n fixes; ``noise`` (N, 2n) ~ N(0, 1).
-
-    Eq. (M69) of docs/mathematics_methods.md.
-    """
-    at = [fix.step for fix in fixes]
-    sd = np.repeat([fix.sd for fix in fixes], 2)
-    there = x[:, at].reshape(len(x), -1)
-    off, off_there = x - x.mean(axis=0), there - there.mean(axis=0)
-    cross = np.einsum("nti,nj->tij", off, off_there) / max(len(x) - 1, 1)
-    S = off_there.T @ off_there / max(len(x) - 1, 1) + np.diag(sd**2)
-    gap = np.concatenate([fix.place for fix in fixes]) + sd * noise - there
-    return np.asarray(x + np.einsum("tij,nj->nti", cross, np.linalg.solve(S, gap.T).T), float)

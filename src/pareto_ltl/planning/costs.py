@@ -89,9 +89,3 @@ def known_costs() -> tuple[Cost, ...]:
 def cost_in_column(column: str) -> Cost | None:
     """The cost in a column of ``front.csv``, None if there is none."""
     return next((cost for cost in known_costs() if cost.column == column), None)
-
-
-def path_costs(problem: Problem, x: FloatArray, u: FloatArray) -> dict[str, float]:
-    """The costs of ``problem.costs`` that its robot has, by name."""
-    values = ((cost.name, cost.of(problem, x, u)) for cost in problem.costs)
-    return {name: value for name, value in values if value is not None}

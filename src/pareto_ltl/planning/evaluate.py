@@ -12,11 +12,10 @@ import numpy as np
 
 from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.planning.costs import path_costs
 from pareto_ltl.planning.pack_logic import PATH_LIVE, empty_letters, helpful_delta, live_rows
 from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons, errors_of
 from pareto_ltl.planning.records import Objectives, PlannedPath
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray, IntArray, square_matrices
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.times import hours_text
@@ -119,6 +118,24 @@ def propagate_controls(problem: Problem, u: FloatArray, law: kd.Law) -> Flight:
     return flight
 
 
+def evaluate(
+    problem: Problem, *, x: FloatArray | None = None, u: FloatArray | None = None, law: str | None = None
+) -> Flight:
+    """One pass along the means ``x`` (T+1, 2) [m], or with the controls ``u`` (T, 2) [m/s]; one is given.
+
+    ``law`` is the name of a wind law, by default the one of the problem. The flight has means ``x``, controls
+    ``u``, covariances ``cov`` (T+1, 3) as (xx, xy, yy) [m²] and the airspeed ``speed`` (T,) left for it.
+    Nothing is checked: ``extend.completing_path`` makes a checked path of it.
+    """
+    if (x is None) == (u is None):
+        raise TypeError("evaluate takes either x, the means, or u, the controls")
+    model = problem.world.law if law is None else problem.laws[law]
+    if u is not None:
+        return propagate_controls(problem, np.ascontiguousarray(u), model)
+    assert x is not None
+    return propagate(problem, x, model)
+
+
 def empty_flight(law: kd.Law, n: int) -> Flight:
     """Memory of a flight of ``n`` positions under ``law``."""
     from pareto_ltl.kernels.path import Flight
@@ -146,11 +163,6 @@ def fix_steps(flight: Flight) -> tuple[int, ...]:
 def takes_fixes(flight: Flight) -> bool:
     """Whether a fix, however unlikely, changes the covariance of a path."""
     return isinstance(flight.memory, kd.LandmarkMemory) and bool(flight.memory.used[0])
-
-
-def square_matrices(cov3: FloatArray) -> FloatArray:
-    """Covariances (T+1, 2, 2) from rows (xx, xy, yy)."""
-    return cov3[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
 
 
 def airspeed_limits(problem: Problem, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -260,7 +272,7 @@ def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: flo
     else:
         judged = paper if alone is flight else theorem2_mission_risk(problem, flight, cell)
     return Objectives(
-        costs=path_costs(problem, flight.x, flight.u),
+        costs=problem.costs_of(flight.x, flight.u),
         mission_risk=judged,
         collision_risk=collision,
         mission_risk_paper=paper,

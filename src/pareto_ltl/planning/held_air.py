@@ -20,7 +20,8 @@ def held_air(problem: Problem, x: FloatArray, _u: FloatArray) -> float:
 
     Eq. (M78) of docs/mathematics_methods.md.
     """
-    from pareto_ltl.planning.evaluate import propagate, square_matrices
+    from pareto_ltl.planning.evaluate import propagate
+    from pareto_ltl.support.arrays import square_matrices
 
     cov = square_matrices(propagate(problem, np.ascontiguousarray(x)).cov)
     middle, steps = 0.5 * (cov[:-1] + cov[1:]), np.diff(x, axis=0)

@@ -22,6 +22,7 @@ from pareto_ltl.planning.error_tail import ErrorTail
 from pareto_ltl.planning.pack_logic import Reading, pack_corners
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.turns import Turns, TurnsOnTheSpot
+from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
@@ -136,9 +137,14 @@ class Problem(Displayed):
     @property
     def modes(self) -> kd.Modes:
         """Modes of the coherent law, in which plans of every fidelity are simulated."""
-        coherent = self.laws["coherent"]
-        assert not isinstance(coherent, kd.IndependentLaw)
-        return coherent.modes
+        return self.coherent.modes
+
+    @property
+    def coherent(self) -> kd.CoherentLaw | kd.LandmarkLaw:
+        """The coherent law, in which plans of every fidelity are simulated."""
+        law = self.laws["coherent"]
+        assert not isinstance(law, kd.IndependentLaw)
+        return law
 
     @property
     def landmarks(self) -> tuple[FloatArray, ...]:
@@ -170,6 +176,28 @@ class Problem(Displayed):
             laws[name] = plain._replace(motion=motion_with_feedback(plain.motion, time))
         world = self.world._replace(law=laws[self.fidelity.law])
         return replace(self, laws=laws, world=world)
+
+    def from_known_place(self) -> Problem:
+        """The problem of a robot that starts where the map says, exactly, and takes no fixes."""
+        law = unaided(self.world.law)
+        if not isinstance(law, kd.IndependentLaw):
+            law = law._replace(errors=law.errors._replace(start=np.zeros_like(law.errors.start)))
+        return replace(self, start_variance=0.0, world=self.world._replace(law=law))
+
+    def costs_of(self, x: FloatArray, u: FloatArray) -> dict[str, float]:
+        """The costs of the path ``x`` (T+1, 2) [m], ``u`` (T, 2) [m/s] that the robot has, by name."""
+        values = ((cost.name, cost.of(self, x, u)) for cost in self.costs)
+        return {name: value for name, value in values if value is not None}
+
+    def wind_at(self, step: int, point: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Expected wind (2,) [m/s] at ``step`` and ``point`` (2,) [m], and the variance of its error.
+
+        The variance has the smooth part of the error, and the white one.
+        """
+        wind = self.wind
+        gust = interpolate_time(wind, wind.gust, step)
+        variance = interpolate(wind, wind.latent, step, point) + gust + wind.between[step]
+        return interpolate(wind, wind.mean, step, point), variance
 
     def reading(self, step: int) -> Reading:
         """The automaton as it reads the letters of ``step``, and those on the way to it."""

@@ -117,7 +117,7 @@ def _carried_out(run: Run, pipeline: Pipeline) -> None:
 
 def _given_wind(sections: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """The records that section ``wind`` gives, and all sections with the settings that describe them."""
-    from pareto_ltl.wind.readings import CALM, Readings, check_all_readings
+    from pareto_ltl.wind.readings import CALM, Readings
     from pareto_ltl.wind.records import WindField
     from pareto_ltl.wind.sources import source_of_path
 
@@ -128,7 +128,7 @@ def _given_wind(sections: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, 
     if isinstance(wind, WindField):
         given, found = {"wind": wind, "readings": CALM}, _given_level(wind, others)
     elif isinstance(wind, Readings):
-        check_all_readings(wind, float(others.get("max_speed", WindConfig().max_speed)))
+        wind.check(float(others.get("max_speed", WindConfig().max_speed)))
         given, found = {"readings": wind}, _given_level(wind, others)
     elif isinstance(wind, str | Path) and _is_place(wind):
         found = {"source": source_of_path(wind), "path": str(wind)}

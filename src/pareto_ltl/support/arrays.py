@@ -31,3 +31,8 @@ def rotate_vectors(vectors: FloatArray, angle: FloatArray) -> FloatArray:
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+def square_matrices(cov3: FloatArray) -> FloatArray:
+    """Covariances (T+1, 2, 2) from rows (xx, xy, yy)."""
+    return cov3[:, [0, 1, 1, 2]].reshape(-1, 2, 2)

@@ -24,7 +24,8 @@ from dataclasses import replace
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.wind.records import ENSEMBLE, HELD, SPACE, TIME, WindField, WindModes, forecast_parts
+from pareto_ltl.wind.lattice import lattice_values
+from pareto_ltl.wind.records import ENSEMBLE, HELD, SPACE, TIME, WindField, forecast_parts
 
 HELD_STEP = 10_800.0  # [s] between the slots of a held field
 INSTANTS = 8  # at which a variance is averaged around a slot
@@ -124,7 +125,7 @@ def _kept_change(field: WindField, since: float) -> FloatArray:
     return np.concatenate([np.zeros(first), np.cumprod([1.0, *fade])])
 
 
-def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> WindField:
+def conditioned_field(field: WindField, theta: FloatArray, known: FloatArray) -> WindField:
     """``field``, whose times count from the plan, conditioned on the information of position fixes.
 
     Eq. (M68) of docs/mathematics_methods.md.
@@ -133,7 +134,7 @@ def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> 
     ----------
     theta : (2, P) float
         Expected θ, by component of the wind.
-    told : (N, 2, P) float
+    known : (N, 2, P) float
         B, by row and component of the wind, with Cov(θ) = I - B' B.
     """
     field = with_held_slots(field)
@@ -146,36 +147,22 @@ def conditioned_field(field: WindField, theta: FloatArray, told: FloatArray) -> 
     nodes, shape = field.lattice.nodes(), mean.shape[1:3]
     for k in range(len(field.times)):
         for c in (0, 1):
-            B = told[:, c] * rho[k]
-            own = psi[k, :, :, c].astype(float)
-            columns = own @ np.column_stack([rho[k] * theta[c], B.T])  # the shift, and roots of what is lost
+            B = known[:, c] * rho[k]
+            roots = psi[k, :, :, c].astype(float)
+            columns = roots @ np.column_stack([rho[k] * theta[c], B.T])  # the shift; roots of what is lost
             here = lattice_values(modes, columns, nodes)
             mean[k, ..., c] += here[:, 0].reshape(shape)
             lost = (here[:, 1:] ** 2).sum(axis=1).reshape(shape)
             latent[k, ..., c] = np.maximum(latent[k, ..., c] - lost, 0.0)
-            psi[k, :, :, c] = own @ less_doubt(B)
+            psi[k, :, :, c] = roots @ less_doubt(B)
     return replace(field, mean=mean, latent_var=latent, modes=replace(modes, psi=psi))
 
 
-def less_doubt(told: FloatArray) -> FloatArray:
-    """(I - B' B)^½ (P, P) of one component, for ``told`` (N, P) = B.
+def less_doubt(known: FloatArray) -> FloatArray:
+    """(I - B' B)^½ (P, P) of one component, for ``known`` (N, P) = B.
 
     Eq. (M68) of docs/mathematics_methods.md.
     """
-    _, s, rows = np.linalg.svd(told, full_matrices=False)
+    _, s, rows = np.linalg.svd(known, full_matrices=False)
     less = np.sqrt(np.clip(1.0 - s**2, 0.0, 1.0)) - 1.0
-    return np.asarray(np.eye(told.shape[1]) + (rows.T * less) @ rows, float)
-
-
-def lattice_values(modes: WindModes, table: FloatArray, places: FloatArray) -> FloatArray:
-    """``table`` (MX, MY, ...) on the lattice of ``modes`` at ``places`` (N, 2) [m], bilinear, (N, ...).
-
-    Constant beyond the lattice.
-    """
-    at = np.clip((places - modes.origin) / modes.spacing, 0.0, np.array(table.shape[:2]) - 1.0)
-    low = np.minimum(at.astype(int), np.array(table.shape[:2]) - 2)
-    i, j = low.T
-    fx, fy = (share.reshape(-1, *[1] * (table.ndim - 2)) for share in (at - low).T)
-    near = (1 - fy) * table[i, j] + fy * table[i, j + 1]
-    far = (1 - fy) * table[i + 1, j] + fy * table[i + 1, j + 1]
-    return np.asarray((1 - fx) * near + fx * far, float)
+    return np.asarray(np.eye(known.shape[1]) + (rows.T * less) @ rows, float)

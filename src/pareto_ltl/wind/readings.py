@@ -139,6 +139,15 @@ class Readings:
         """The first time, ISO 8601 UTC; None if there are no readings."""
         return iso(float(self.times[0])) if len(self.times) else None
 
+    def check(self, max_speed: float) -> None:
+        """Check every time as :func:`check_readings` does; one DataError names all faults."""
+        faults = Faults("the wind")
+        for time, points, winds in zip(self.times, self.points, self.winds, strict=True):
+            where = f"wind readings of {iso(float(time))}"
+            with faults.noted():
+                check_readings(points, winds, self.geographic, max_speed, where, range(len(points)))
+        faults.refuse()
+
 
 def lead_text(lead: float) -> str:
     """``analysis`` or ``3 h forecast`` for a lead [s]; empty if the lead is NaN."""
@@ -204,16 +213,6 @@ def check_readings(
             text = fault.format(lat=lat[i], lon=lon[i], speed=speed[i])
             several = f" ({len(there)} such readings)" if rows is None and len(there) > 1 else ""
             faults.add(f"{where}{row}: {text}{several}")
-    faults.refuse()
-
-
-def check_all_readings(readings: Readings, max_speed: float) -> None:
-    """:func:`check_readings` of every time; one DataError names all faults."""
-    faults = Faults("the wind")
-    for time, points, winds in zip(readings.times, readings.points, readings.winds, strict=True):
-        where = f"wind readings of {iso(float(time))}"
-        with faults.noted():
-            check_readings(points, winds, readings.geographic, max_speed, where, range(len(points)))
     faults.refuse()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from pareto_ltl.support.display import Displayed
 from pareto_ltl.wind.air import MapAir
 from pareto_ltl.wind.error_law import FORECAST as FORECAST_PART
 from pareto_ltl.wind.error_law import PART_NAMES, ErrorLaw, LawPart
+from pareto_ltl.wind.lattice import lattice_slopes, lattice_values
 
 PARTS = (  # of the error of a field
     "interpolation in space", "forecast", "interpolation in time", "ensemble", "change of a held field",
@@ -134,6 +135,10 @@ class WindModes:
         require_shape("energy", self.energy, len(self.psi), 2)
         if not 0.0 <= self.rho <= 1.0:
             raise ValueError(f"rho must lie in [0, 1], got {self.rho}")
+
+    def between(self, table: FloatArray, places: FloatArray) -> FloatArray:
+        """``table`` (MX, MY, ...) on the lattice of the modes at ``places`` (N, 2) [m], (N, ...)."""
+        return lattice_values(self, table, places)
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,6 +277,46 @@ class WindField(Displayed):
     def last_field(self) -> float:
         """Time of the last field of the data [s since time_zero]; later wind is that field, held."""
         return float(self.times[-1]) if self.held is None else self.held
+
+    def at(self, x: Any, t: float) -> FloatArray:
+        """Expected wind (N, 2) [m/s] at positions ``x`` (N, 2) [m] and the time ``t`` [s since time_zero].
+
+        Bilinear on the lattice and linear between slots; constant beyond the lattice, before the first slot
+        and after the last.
+        """
+        return lattice_values(self, self._mean_at(t), np.atleast_2d(np.asarray(x, float)))
+
+    def gradient(self, x: Any, t: float) -> FloatArray:
+        """Derivative (N, 2, 2) [1/s] of :meth:`at`, by component and direction; 0 beyond the lattice."""
+        return lattice_slopes(self, self._mean_at(t), np.atleast_2d(np.asarray(x, float)))
+
+    def _mean_at(self, t: float) -> FloatArray:
+        """``mean`` (NX, NY, 2) at ``t``."""
+        at = np.interp(t, self.times, np.arange(len(self.times)))
+        k = min(int(at), len(self.times) - 1)
+        share = float(at) - k
+        if share == 0.0:
+            return np.asarray(self.mean[k], float)
+        return np.asarray((1.0 - share) * self.mean[k] + share * self.mean[k + 1], float)
+
+    def later(self, moment: float) -> WindField:
+        """The field from the last slot at or before ``moment`` [s] on, with times that count from ``moment``.
+
+        Its evidence is dropped: the fit also used the slots before.
+        """
+        from pareto_ltl.wind.conditioned import field_from
+
+        return field_from(self, moment)
+
+    def given(self, theta: FloatArray, known: FloatArray) -> WindField:
+        """The field conditioned on position fixes at time 0 (:mod:`pareto_ltl.wind.conditioned`).
+
+        ``theta`` (2, P) is the expected θ by component, ``known`` (N, 2, P) the matrix B of its covariance
+        I - B' B.
+        """
+        from pareto_ltl.wind.conditioned import conditioned_field
+
+        return conditioned_field(self, theta, known)
 
     def time_variance(self, t: FloatArray) -> FloatArray:
         """Variance [m²/s²] of interpolation in time at times ``t`` (S,) [s since time_zero], shape (S,).

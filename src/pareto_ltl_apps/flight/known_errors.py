@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.planning.conditioning import Learnt
+from pareto_ltl.extend import Learnt
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl_apps.flight.position_fixes import FAR
 

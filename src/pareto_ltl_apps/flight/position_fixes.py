@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run
-from pareto_ltl.extend import Plan, PlannedPath, Problem
-from pareto_ltl.planning.conditioning import Fix, Learnt, expected_at, learn_at, likely_histories
+from pareto_ltl.extend import Fix, Learnt, Plan, PlannedPath, Problem
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError
@@ -329,7 +328,7 @@ def situation_at(run: Run, step: int, fixes: tuple[Fix, ...], *, ahead: bool = F
     time = step * problem.motion.dt
     if not fixes and not ahead:
         return Situation(step, time, (), None, int(plan.path.q[step]), 1.0)
-    learnt = learn_at(problem, plan.path.x, step, fixes) if fixes else expected_at(problem, plan.path.x, step)
+    learnt = Learnt.at(problem, plan.path.x, step, fixes)
     if fixes and fixes[-1].sd > VAGUE * learnt.sd_before:
         LOG.warning(
             "the standard deviation of the fix, %s, is close to the standard deviation of the planned "
@@ -364,3 +363,21 @@ def likely_state(
         open_states = np.flatnonzero((shares > 0.05) & np.isfinite(distance))
         best = int(open_states[np.argmax(distance[open_states])]) if len(open_states) else best
     return int(states[best]), float(shares[best])
+
+
+def likely_histories(x: FloatArray, fixes: Sequence[Fix], noise: FloatArray) -> FloatArray:
+    """Samples of flights given ``fixes``, from flights ``x`` (N, k+1, 2) [m] without them.
+
+    Matheron's rule with the covariances of the flights: x + Cov(x_t, x_F) S⁻¹ (y + ν - x_F) with x_F the
+    positions at the n fixes; ``noise`` (N, 2n) ~ N(0, 1).
+
+    Eq. (M69) of docs/mathematics_methods.md.
+    """
+    at = [fix.step for fix in fixes]
+    sd = np.repeat([fix.sd for fix in fixes], 2)
+    there = x[:, at].reshape(len(x), -1)
+    off, off_there = x - x.mean(axis=0), there - there.mean(axis=0)
+    cross = np.einsum("nti,nj->tij", off, off_there) / max(len(x) - 1, 1)
+    S = off_there.T @ off_there / max(len(x) - 1, 1) + np.diag(sd**2)
+    gap = np.concatenate([fix.place for fix in fixes]) + sd * noise - there
+    return np.asarray(x + np.einsum("tij,nj->nti", cross, np.linalg.solve(S, gap.T).T), float)

@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl import Readings, Run, WindField
-from pareto_ltl.extend import FailureRate, Front, Plan, PlannedPath, Problem
-from pareto_ltl.planning.conditioning import Fix
+from pareto_ltl.extend import FailureRate, Fix, Front, Plan, PlannedPath, Problem
 from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name

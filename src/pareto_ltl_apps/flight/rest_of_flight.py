@@ -16,26 +16,18 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
-from pareto_ltl.extend import PlannedPath, Problem
-from pareto_ltl.kernels import data as kd
+from pareto_ltl.extend import Learnt, PlannedPath, Problem, evaluate
 from pareto_ltl.logic.timed import later_windows, remaining_automaton
-from pareto_ltl.planning.conditioning import Learnt
-from pareto_ltl.planning.costs import path_costs
-from pareto_ltl.planning.evaluate import completing_path, propagate_controls, square_matrices
-from pareto_ltl.planning.problem import unaided
+from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.run.provenance import file_hashes, wanted_wind
 from pareto_ltl.run.received import KnownFiles, law_file
 from pareto_ltl.settings import MissionConfig, PowerConfig, SelectionConfig, WindConfig
 from pareto_ltl.settings.wind import STATED, WIND_SOURCES, usual_level
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, square_matrices
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.wind.conditioned import conditioned_field, field_from
-from pareto_ltl.wind.field import fit_wind_field
-from pareto_ltl.wind.observations import place_readings
-from pareto_ltl.wind.readings import check_all_readings
-from pareto_ltl.wind.sources import read_readings, source_of_path, wind_source
+from pareto_ltl.wind.sources import source_of_path, wind_source
 from pareto_ltl_apps.flight.known_errors import robot_given
 from pareto_ltl_apps.flight.position_fixes import FAR, Situation, chance
 
@@ -51,7 +43,7 @@ RETURNS = (1, 2, 4, 8, 16)  # steps in which a candidate flies from the fix back
 
 def remaining_path(problem: Problem, path: PlannedPath, step: int) -> PlannedPath:
     """The steps of ``path`` from ``step`` on, with times from there."""
-    costs = path_costs(problem, path.x[step:], path.u[step:])
+    costs = problem.costs_of(path.x[step:], path.u[step:])
     return replace(
         path,
         objectives=replace(path.objectives, costs=costs),
@@ -101,7 +93,7 @@ def candidates_of(problem: Problem, rest: PlannedPath) -> tuple[PlannedPath, ...
     known = len(problem.wind.slot)
     if len(rest.u) > known:
         return ()
-    same = propagate_controls(problem, np.ascontiguousarray(rest.u), problem.world.law).x
+    same = evaluate(problem, u=rest.u).x
     found, near = list[PlannedPath](), list[PlannedPath]()
     for origin, x in (("rest of the old plan, same controls", same), *_ways_back(problem, rest)):
         if len(found) > 1 or (found and origin == found[-1].origin):
@@ -207,10 +199,10 @@ def scene_from(scene: Scene, start: FloatArray, moment: float) -> Scene:
 
 def wind_from(field: WindField, learnt: Learnt, moment: float, law: str) -> WindField:
     """The wind from ``moment`` [s] on; under the coherent law conditioned on fixes."""
-    later = field_from(field, moment)
+    later = field.later(moment)
     if law == "independent" or not len(learnt.told):
         return later
-    return conditioned_field(later, learnt.theta, learnt.told)
+    return later.given(learnt.theta, learnt.told)
 
 
 # --- a newer forecast -----------------------------------------------------------------------------
@@ -232,9 +224,15 @@ def newer_field(settings: Settings, wind: NewWind, scene: Scene, steps: int) -> 
             "a newer forecast needs the date of the departure, which this plan does not have: set "
             "mission.start_time and plan again"
         )
-    readings = _readings(settings, cfg, wind, scene)
+    mission = replace(settings.mission, start_time=scene.time_zero)
+    planner = replace(settings.planner, max_steps=steps)
+    newer = Run(replace(settings, wind=cfg, mission=mission, planner=planner), {"scene": scene})
+    if isinstance(wind, Readings):
+        wind.check(cfg.max_speed)
+        newer.records["readings"] = wind
+    newer.make("readings")  # an error of a file is no error of its use
     try:
-        field = fit_wind_field(cfg, place_readings(cfg, readings, scene), scene, steps * settings.robot.dt)
+        field = newer.wind
     except DataError as error:
         raise DataError(f"the newer forecast cannot be used from {scene.time_zero} on: {error}") from None
     return cfg, field
@@ -279,15 +277,6 @@ def _restated(before: WindConfig, cfg: WindConfig, stated: bool) -> WindConfig:
     return replace(cfg, level=usual_level(cfg.source, before.level))
 
 
-def _readings(settings: Settings, cfg: WindConfig, wind: NewWind, scene: Scene) -> Readings:
-
-    if isinstance(wind, Readings):
-        check_all_readings(wind, cfg.max_speed)
-        return wind
-    mission = replace(settings.mission, start_time=scene.time_zero)
-    return read_readings(cfg, wanted_wind(replace(settings, wind=cfg, mission=mission)))
-
-
 # --- against the old wind -------------------------------------------------------------------------
 
 
@@ -329,9 +318,8 @@ def field_alarms(old: Problem, new: Problem, rest: PlannedPath) -> list[str]:
     if old.motion.gain > 0.0:
         return []
     flown = min(len(rest.u), len(old.wind.slot), len(new.wind.slot))
-    u = np.ascontiguousarray(rest.u[:flown])
-    known = [replace(problem, start_variance=0.0) for problem in (old, new)]  # both start at one place
-    a, b = (propagate_controls(problem, u, from_one_place(problem.world.law)) for problem in known)
+    u = rest.u[:flown]
+    a, b = (evaluate(problem.from_known_place(), u=u) for problem in (old, new))
     apart, S = b.x - a.x, square_matrices(a.cov + b.cov)
     for t in (flown // 2, flown):
         far = math.sqrt(max(float(apart[t] @ np.linalg.pinv(S[t]) @ apart[t]), 0.0))
@@ -345,14 +333,6 @@ def field_alarms(old: Problem, new: Problem, rest: PlannedPath) -> list[str]:
                 f"swapped? Or the wind is outside the law: {gap / (t * old.motion.dt):.1f} m/s off on average"
             ]
     return []
-
-
-def from_one_place(law: kd.Law) -> kd.Law:
-    """``law`` without fixes, of robots whose errors say nothing about where they start."""
-    law = unaided(law)
-    if isinstance(law, kd.IndependentLaw):
-        return law
-    return law._replace(errors=law.errors._replace(start=np.zeros_like(law.errors.start)))
 
 
 # --- coarser searches -----------------------------------------------------------------------------

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.extend import Plan, Problem
-from pareto_ltl.planning.conditioning import Fix
+from pareto_ltl.extend import Fix, Plan, Problem
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import probability_text

@@ -16,7 +16,6 @@ import numpy as np
 
 from pareto_ltl import ConfigError, DataError, InfeasibleError, Run, Scene
 from pareto_ltl.extend import Deployment, FailureRate, FlightSample, completing_path, plain_sample
-from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import (
@@ -287,7 +286,7 @@ class _Comparison:
         path, problems = self.run.plan.path, (self.run.problem, self.newer.problem)
         steps = min(len(path.u), *(len(problem.wind.slot) for problem in problems))
         was, now = (
-            np.array([interpolate(p.wind, p.wind.mean, k, path.x[k]) for k in range(steps)]) for p in problems
+            np.array([problem.wind_at(k, path.x[k])[0] for k in range(steps)]) for problem in problems
         )
         apart = np.linalg.norm(now - was, axis=1)
         flow = self.run.settings.medium.flow
@@ -310,11 +309,8 @@ def wind_at(problem: Problem, x: FloatArray, step: int) -> tuple[float, float]:
 
     The errors of both components are independent and Gaussian, with the smooth and the white part.
     """
-    wind = problem.wind
-    mean = interpolate(wind, wind.mean, step, x[step])
-    variance = interpolate(wind, wind.latent, step, x[step]) + interpolate_time(wind, wind.gust, step)
-    sd = np.sqrt(variance + wind.between[step])
-    drawn = mean + sd * np.random.default_rng(step).standard_normal((DRAWS, 2))
+    mean, variance = problem.wind_at(step, x[step])
+    drawn = mean + np.sqrt(variance) * np.random.default_rng(step).standard_normal((DRAWS, 2))
     return float(np.linalg.norm(mean)), float(np.quantile(np.linalg.norm(drawn, axis=1), SHARE))
 
 

@@ -21,9 +21,8 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl import Run, Settings, WindField
-from pareto_ltl.extend import DrawnFlights, LawPart, PlannedPath, Study, draw_flights
+from pareto_ltl.extend import DrawnFlights, Fix, LawPart, PlannedPath, Study, draw_flights
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings import ReplanningConfig
 from pareto_ltl.support.arrays import Float32Array, FloatArray
@@ -31,7 +30,6 @@ from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl.support.times import HOUR
-from pareto_ltl.wind.conditioned import field_from, lattice_values
 from pareto_ltl.wind.records import FORECAST_PARTS, forecast_parts
 from pareto_ltl_apps.exports.exported import HELD_TIME
 from pareto_ltl_apps.flight.replanning import replanned
@@ -231,7 +229,7 @@ def law_cycle(run: Run, wind: DrawnFlights, number: int, step: int) -> NewWind:
     moment = step * run.problem.motion.dt
     rng = stream_at(run.settings, FORECASTS, number, step)
     newer = newer_forecast(run.wind, wind.problem.modes, wind.draws.theta[:, 0], moment, rng)
-    return field_from(newer, moment)
+    return newer.later(moment)
 
 
 def require_cycles(field: WindField) -> None:
@@ -275,7 +273,7 @@ def newer_forecast(
             known = theta[modes.epoch[steps[0]]][:, chosen].astype(float)
             observed = share * known + math.sqrt(share * (1.0 - share)) * xi
             for c in (0, 1):
-                here = lattice_values(found, psi[k, :, :, c][..., chosen].astype(float), nodes)
+                here = found.between(psi[k, :, :, c][..., chosen].astype(float), nodes)
                 mean[k, ..., c] += (here @ observed[c]).reshape(shape)
                 lost = share * (here**2).sum(axis=1).reshape(shape)
                 latent[k, ..., c] = np.maximum(latent[k, ..., c] - lost, 0.0)

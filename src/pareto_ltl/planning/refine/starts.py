@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.evaluate import completing_path, propagate, square_matrices
+from pareto_ltl.planning.evaluate import completing_path, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath, Tree
 from pareto_ltl.planning.refine.sampled import path_length, resampled_means
@@ -25,7 +25,7 @@ from pareto_ltl.planning.routes.roadmap import led_lines, roadmap_lines
 from pareto_ltl.planning.routes.search_map import blocked_area, meets, sights
 from pareto_ltl.planning.routes.taut_lines import taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, square_matrices
 from pareto_ltl.support.errors import InfeasibleError
 
 DISTANCES = (2.6, 1.4, 0.8, 0.0)  # standard deviations that taut lines keep from obstacles
