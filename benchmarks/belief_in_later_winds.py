@@ -24,7 +24,7 @@ from pareto_ltl.settings import PlannerConfig, SelectionConfig, Settings, preset
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_apps.flight.belief import Belief
-from pareto_ltl_apps.studies.forecast_test import known_of_files, mission_settings, reality
+from pareto_ltl_apps.studies.forecast_test import known_of_files, mission_settings
 from pareto_ltl_apps.studies.known_winds import KnownWinds
 from pareto_ltl_apps.studies.random_missions import mission
 
@@ -41,7 +41,7 @@ def distances(known: KnownWinds, k: int) -> tuple[FloatArray, FloatArray]:
         path = run.plan.path
     except ParetoLtlError:
         return np.empty(0), np.empty(0)
-    wind = draw_flights(reality(known, run), "independent", 1, SeedSequence([7, k]))
+    wind = draw_flights(known.reality(run), "independent", 1, SeedSequence([7, k]))
     flight = wind.flown(path.u, path.x)[0]
     problem, rng = run.problem, np.random.default_rng([8, k])
     belief, dt, R = Belief(problem, MEMBERS, SeedSequence(k)), problem.motion.dt, SD**2 * np.eye(2)

@@ -18,6 +18,7 @@ import pareto_ltl
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
 from pareto_ltl.support import resources, schemas
+from pareto_ltl.support.fingerprints import file_hashes
 from pareto_ltl_apps.view.components import MODULES, STYLE
 from pareto_ltl_apps.view.page.content import SCRIPTS
 
@@ -190,7 +191,7 @@ def test_files_are_known_by_their_content(tmp_path: Path) -> None:
     path = tmp_path / "wind.csv"
     path.write_bytes(b"abc")  # the example of FIPS 180-2
     digest = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
-    assert provenance.file_hashes([path]) == {str(path): digest}
+    assert file_hashes([path]) == {str(path): digest}
 
 
 def test_a_commit_is_told_with_whether_files_changed(tmp_path: Path) -> None:

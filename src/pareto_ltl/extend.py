@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.wind_lookup import LinearWind, LocalWind
     from pareto_ltl.run.record import Record, record
     from pareto_ltl.run.study import Study
+    from pareto_ltl.settings.heights import FlownAir, Height
     from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
     from pareto_ltl.simulation.failure_modes import FlightEvent
     from pareto_ltl.simulation.flights import law_seeds, simulate_flights
@@ -51,11 +52,13 @@ __all__ = [
     "Fix",
     "FlightEvent",
     "FlightSample",
+    "FlownAir",
     "Forecast",
     "Forest",
     "Frame",
     "Front",
     "GeoBox",
+    "Height",
     "LawOfParts",
     "LawPart",
     "Learnt",
@@ -106,11 +109,13 @@ _EXPORTS = {
     "Fix": "pareto_ltl.planning.conditioning",
     "FlightEvent": "pareto_ltl.simulation.failure_modes",
     "FlightSample": "pareto_ltl.simulation.samples",
+    "FlownAir": "pareto_ltl.settings.heights",
     "Forecast": "pareto_ltl.planning.evaluate",
     "Forest": "pareto_ltl.planning.records",
     "Frame": "pareto_ltl.world.projection",
     "Front": "pareto_ltl.planning.records",
     "GeoBox": "pareto_ltl.wind.area",
+    "Height": "pareto_ltl.settings.heights",
     "LawOfParts": "pareto_ltl.wind.law_of_parts",
     "LawPart": "pareto_ltl.wind.error_law",
     "Learnt": "pareto_ltl.planning.conditioning",

@@ -23,11 +23,11 @@ import pareto_ltl
 from documents import ROOT
 from map_files import GOAL, KML, START, WALL
 from pareto_ltl.extend import Frame
-from pareto_ltl.run.provenance import file_hashes
 from pareto_ltl.run.received import GRANTED, allowed_settings
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.checks import kind_at
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.fingerprints import file_hashes
 from pareto_ltl.support.locks import hold_lock
 from pareto_ltl.support.netcdf4 import refuse_other_files
 from pareto_ltl.wind.netcdf import read_netcdf

@@ -13,7 +13,6 @@ import pytest
 
 import pareto_ltl
 from coherent import SCENE
-from pareto_ltl.planning.pack import with_feedback
 from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.outputs import EXPORT_FILES
@@ -285,10 +284,7 @@ def test_a_robot_that_returns_to_its_path_raises_no_alarm(made: Path, tmp_path: 
     run = Run.open(made)
     newer, (alarm,) = in_newer_wind(run, forecast(tmp_path, first=0, add=12.0))
     assert "the newer forecast moves the robot" in alarm
-    law = run.problem.world.law
-    law = law._replace(motion=with_feedback(law.motion, 3600.0))
-    returning = replace(run.problem, world=run.problem.world._replace(law=law))
-    assert field_alarms(returning, newer.problem, run.plan.path) == []
+    assert field_alarms(run.problem.with_feedback(3600.0), newer.problem, run.plan.path) == []
 
 
 @pytest.mark.parametrize(

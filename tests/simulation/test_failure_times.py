@@ -10,8 +10,7 @@ import pareto_ltl
 from exported_plans import SMALL
 from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.simulation.flights import BROKEN, COLLIDED, MISSED, OFF_MAP
-from pareto_ltl.simulation.records import Deployment
+from pareto_ltl.simulation.records import BROKEN, COLLIDED, MISSED, OFF_MAP, Deployment
 
 
 @pytest.fixture(scope="module", params=["F(a & F b & F c)", "!c U b"])

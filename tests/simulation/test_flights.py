@@ -81,7 +81,7 @@ def test_flights_are_those_of_a_plain_simulation_with_the_same_draws(robot, plan
     law = problem.laws["independent"]
     pilot = Autopilot(u, np.zeros((len(u) + 1, 2)))
     deployment.fly_draws(problem, rollout.IndependentDraws(law, draws), pilot, x)
-    outcome = deployment.judge_flights(problem, "independent", x)
+    outcome = Deployment.judged(problem, "independent", x)
     outcomes = set()
     for i in range(runs):
         way, done, hit = plain(problem, u, draws[:, i], x[i, 0])

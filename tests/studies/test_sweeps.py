@@ -26,6 +26,7 @@ from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.support import locks
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json
+from pareto_ltl.support.fingerprints import file_hashes
 from pareto_ltl.support.resources import choices
 from pareto_ltl_apps.cli import composition
 from pareto_ltl_apps.cli import hydra_app as app
@@ -310,7 +311,7 @@ def answer(directory: Path, **changes: Any) -> Path:
 def test_an_answer_counts_only_while_its_code_settings_and_inputs_are_the_same(tmp_path: Path) -> None:
     wind = tmp_path / "wind.csv"
     wind.write_text("one")
-    inputs = provenance.file_hashes([wind])
+    inputs = file_hashes([wind])
     assert RunJob(answer(tmp_path / ("a" * 16), inputs=inputs)).settled()
     assert not RunJob(answer(tmp_path / ("b" * 16), config_hash="c" * 64)).settled()
     wind.write_text("another")

@@ -11,9 +11,8 @@ from pareto_ltl.settings.outputs import EXPORT_FILES, PAGE_FILE
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import FULL_DISK, remove_dead_drafts
 from pareto_ltl.support.locks import claim_folder
-from pareto_ltl.support.run_status import RUN_LOCK
+from pareto_ltl.support.run_status import RUN_LOCK, RUN_LOG
 
-RUN_LOG = "run.log"
 BOOKKEEPING = (  # the first is removed first: without it, the other files are no result
     "metrics.json", "run.json", "config_resolved.yaml", RUN_LOG,
     ".hydra/config.yaml", ".hydra/hydra.yaml", ".hydra/overrides.yaml",

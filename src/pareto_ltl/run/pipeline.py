@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl.run import provenance
-from pareto_ltl.run.directory import RUN_LOG, claimed_directory
+from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.plan_run import PLAN_STAGES, Run
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.record import BaseRun, Record
 from pareto_ltl.run.required import require_formula, require_map
 from pareto_ltl.settings import Settings
+from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
 from pareto_ltl.support.extensions import (
     STAGE_GROUP,
@@ -25,8 +26,10 @@ from pareto_ltl.support.extensions import (
     load_all,
     load_extension,
 )
+from pareto_ltl.support.fingerprints import file_hashes
 from pareto_ltl.support.machine import cores, require_memory
 from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.run_status import RUN_LOG
 
 LOG = logging.getLogger("pareto_ltl")
 VERTEX_BYTES = 150  # of a vertex, with fidelity=paper and one obstacle
@@ -240,7 +243,7 @@ def carry_out(
         except BaseException as error:
             expected = isinstance(error, ParetoLtlError | OSError | KeyboardInterrupt)
             with suppress(OSError):  # a full disk must not hide the error
-                LOG.error("%s", provenance.one_line(error), exc_info=None if expected else error)
+                LOG.error("%s", one_line(error), exc_info=None if expected else error)
             with suppress(OSError):
                 _close(run, place, record, _end_status(error), error)
             raise
@@ -264,11 +267,11 @@ def _close(
     elsewhere = [made for made in run.records.values() if isinstance(made, Path)]  # tables in other folders
     ended = {
         "status": status,
-        "error": None if error is None else provenance.one_line(error),
+        "error": None if error is None else one_line(error),
         "finished": provenance.now(),
         "inputs": run.input_hashes(),
         "seconds": dict(run.seconds),
-        "outputs": provenance.file_hashes(elsewhere),
+        "outputs": file_hashes(elsewhere),
         "measured": measured,
     }
     provenance.write(place, record | ended)  # metrics.json follows

@@ -24,6 +24,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import shaped
+from pareto_ltl.support.run_status import ANSWERS
 from pareto_ltl.support.schemas import read_document
 
 if TYPE_CHECKING:
@@ -276,7 +277,9 @@ class Run(BaseRun):
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """The content of ``run.json`` in the results directory: status, versions, times."""
+        """The content of ``run.json``: status, versions, times; in memory, as a run of it would begin."""
+        if self.directory is None:
+            return provenance.begin(self.settings, ())
         return read_document(self.place / "run.json", "run")
 
     @property
@@ -288,7 +291,7 @@ class Run(BaseRun):
         if not (self.place / "run.json").is_file():
             return False
         made = self.provenance
-        answered = made.get("status") in provenance.ANSWERS
+        answered = made.get("status") in ANSWERS
         return answered and (not made.get("measured", True) or (self.place / "metrics.json").is_file())
 
     # --- for people ---

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -16,25 +16,20 @@ from pareto_ltl import __version__
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ParetoLtlError
-from pareto_ltl.support.files import FULL_DISK
-from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
+from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_hashes
 from pareto_ltl.support.machine import cores
-from pareto_ltl.support.messages import shown_line
 from pareto_ltl.support.reading import inside
 from pareto_ltl.support.resources import checkout
 
 if TYPE_CHECKING:
     from pareto_ltl.wind.area import Wanted
 
-ANSWERS = ("ok", "infeasible")  # a mission without a plan is an answer too
 PACKAGES = (
     "clarabel", "cvxpy-base", "hydra-core", "moocore", "networkx", "numba", "numpy", "pyproj", "scikit-learn",
     "scipy", "shapely", "xarray",
 )  # fmt: skip
 
 NO_COMMIT = "(initial)"  # output of git if there is no commit yet
-DISK_CURE = "free some space, or name a folder on another disk"
-PLACE_CURE = "check the path and its permissions"
 
 
 def config_hash(settings: Settings) -> str:
@@ -82,42 +77,7 @@ def write_settings(directory: Path, settings: Settings) -> None:
     """Write every setting of the run as ``config_resolved.yaml``, from which it can be read back."""
     from pareto_ltl.support.files import write_bytes
 
-    write_bytes(directory / "config_resolved.yaml", settings_text(settings).encode())
-
-
-def settings_text(settings: Settings) -> str:
-    """Every setting, as YAML."""
-    import yaml
-
-    text: str = yaml.safe_dump(asdict(settings), sort_keys=False, default_flow_style=None, width=110)
-    return text
-
-
-def one_line(error: BaseException) -> str:
-    """The text of an error without line breaks; with its type if it is not one of ours or has no text."""
-    text = shown_line(str(error))
-    if isinstance(error, KeyboardInterrupt):
-        return text or "interrupted"
-    if isinstance(error, OSError) and error.strerror:
-        place = f"{error.filename}: " if error.filename else ""
-        cure = DISK_CURE if error.errno in FULL_DISK else PLACE_CURE
-        return shown_line(f"{place}{error.strerror}; {cure}")
-    if isinstance(error, ParetoLtlError | OSError) and text:
-        return text
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
-
-
-def file_hashes(paths: Iterable[Path]) -> dict[str, str]:
-    """SHA-256 of each file, by its name as given."""
-    return {str(path): file_fingerprint(path) for path in paths}
-
-
-def unchanged(inputs: Mapping[str, str]) -> bool:
-    """Whether the files that a run read have not changed since."""
-    try:
-        return all(file_fingerprint(Path(name)) == digest for name, digest in inputs.items())
-    except OSError:
-        return False
+    write_bytes(directory / "config_resolved.yaml", settings.as_yaml().encode())
 
 
 def git_state(root: Path | None) -> dict[str, Any] | None:
@@ -151,7 +111,6 @@ def input_hashes(settings: Settings) -> dict[str, str]:
 
 def input_files(settings: Settings) -> list[Path]:
     """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
-    from pareto_ltl.wind.sources import wind_source
     from pareto_ltl.world.map_file import map_formats
 
     drawn = [settings.scene.file, *map(str, settings.scene.zones)] if settings.scene.file else []
@@ -164,7 +123,14 @@ def input_files(settings: Settings) -> list[Path]:
     maps = [path for path in named if path.is_file()]  # the stage that reads a missing one reports it
     if settings.selection.extra_paths:
         maps.append(inside(Path(settings.selection.extra_paths).expanduser(), "front.npz"))
-    return [*maps, *wind_source(settings.wind).files(settings.wind, wanted_wind(settings))]
+    return [*maps, *wind_files(settings)]
+
+
+def wind_files(settings: Settings) -> tuple[Path, ...]:
+    """The files that the source of the wind reads; raises ``DataError`` if they are missing."""
+    from pareto_ltl.wind.sources import wind_source
+
+    return wind_source(settings.wind).files(settings.wind, wanted_wind(settings))
 
 
 def wanted_wind(settings: Settings) -> Wanted:

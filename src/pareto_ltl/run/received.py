@@ -18,11 +18,11 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pareto_ltl.run.provenance import unchanged
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.settings.wind import LAW_WORDS, WIND_SOURCES
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.fingerprints import unchanged
 from pareto_ltl.support.links import is_below
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import PACKAGE

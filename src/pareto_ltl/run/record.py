@@ -236,6 +236,10 @@ class BaseRun(Displayed):
             raise ConfigError("this record is files: give the run a results directory")
         return self.directory
 
+    def input_files(self) -> list[Path]:
+        """The files that the records depend on; raises ``DataError`` if those of the wind are missing."""
+        return provenance.input_files(self.settings)
+
     def input_hashes(self) -> Mapping[str, str]:
         """SHA-256 of the files that the records depend on, by name; files of an earlier run are not read."""
         return provenance.input_hashes(self.settings) if self.read is None else self.read

@@ -7,14 +7,16 @@ and meaning (:func:`pareto_ltl.settings.checks.setting`). ``cli`` turns a compos
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 from pareto_ltl.settings.checks import SEEDS, CheckedSettings, check_folder_name, setting
 from pareto_ltl.settings.checks import declarations as declarations
 from pareto_ltl.settings.fidelity import PRESETS as PRESETS
 from pareto_ltl.settings.fidelity import FidelityConfig
 from pareto_ltl.settings.fidelity import preset as preset
-from pareto_ltl.settings.heights import flight_air, flight_height
+from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
 from pareto_ltl.settings.mission import MissionConfig, RobotConfig, SceneConfig
 from pareto_ltl.settings.mission import PowerConfig as PowerConfig
 from pareto_ltl.settings.mission import RandomSceneConfig as RandomSceneConfig
@@ -97,6 +99,41 @@ class Settings(CheckedSettings):
     def border(self) -> str:
         """``wall`` if leaving the map is a failure, else ``open``; a map file may set it differently."""
         return self.fidelity.border if self.scene.border == "auto" else self.scene.border
+
+    @classmethod
+    def of(cls, sections: Mapping[str, Any]) -> Settings:
+        """Settings of ``sections``: mappings of keys, names of choices in ``conf/``, or settings objects."""
+        from pareto_ltl.settings.building import build_settings
+
+        return build_settings(sections)
+
+    @staticmethod
+    def of_section(name: str, value: Any) -> Any:
+        """The section ``name`` of a mapping of its keys, or of the name of a choice in ``conf/``."""
+        from pareto_ltl.settings.building import section_of
+
+        return section_of(name, value)
+
+    @staticmethod
+    def preset(name: str) -> FidelityConfig:
+        """The section ``fidelity`` of the preset ``name``: ``paper`` or ``full``."""
+        return preset(name)
+
+    def as_yaml(self) -> str:
+        """Every setting, as YAML."""
+        import yaml
+
+        text: str = yaml.safe_dump(asdict(self), sort_keys=False, default_flow_style=None, width=110)
+        return text
+
+    @property
+    def flight_height(self) -> Height:
+        """The height of the flight."""
+        return flight_height(self)
+
+    def flight_air(self, height: Height | None = None) -> FlownAir | None:
+        """The air at ``height``, by default the height of the flight; None in water."""
+        return flight_air(self, flight_height(self) if height is None else height)
 
     @property
     def medium(self) -> Medium:

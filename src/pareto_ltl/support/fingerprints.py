@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 import time
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -82,3 +83,16 @@ def _source_files(name: str) -> list[Path]:
     if not sources:
         raise ValueError(f"there is no module or package {name!r}")
     return sources
+
+
+def file_hashes(paths: Iterable[Path]) -> dict[str, str]:
+    """SHA-256 of each file, by its name as given."""
+    return {str(path): file_fingerprint(path) for path in paths}
+
+
+def unchanged(inputs: Mapping[str, str]) -> bool:
+    """Whether the files that a run read have not changed since."""
+    try:
+        return all(file_fingerprint(Path(name)) == digest for name, digest in inputs.items())
+    except OSError:
+        return False

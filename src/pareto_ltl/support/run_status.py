@@ -8,7 +8,8 @@ from typing import Any
 from pareto_ltl.support.locks import is_held
 from pareto_ltl.support.messages import shown_value
 
-RUN_LOCK = "run.lock"
+RUN_LOCK, RUN_LOG = "run.lock", "run.log"
+ANSWERS = ("ok", "infeasible")  # a mission without a plan is an answer too
 
 
 def ending_text(directory: Path, status: Any) -> str:

@@ -36,7 +36,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pareto_ltl import Settings, __version__
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Pipeline, check_pipeline
-from pareto_ltl.run.provenance import one_line
+from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl.support.extras import install_command
 from pareto_ltl.support.messages import shown_text

@@ -19,7 +19,7 @@ from omegaconf import DictConfig, OmegaConf
 from pareto_ltl.run.directory import discard_try
 from pareto_ltl.run.pipeline import Pipeline, run_claimed
 from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.run.provenance import one_line
+from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, InfeasibleError
 from pareto_ltl.support.stopping import ends_process
 from pareto_ltl_apps.cli.command_table import COMMANDS, PIPELINE_COMMANDS, PipelineCommand, command_named

@@ -11,6 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pareto_ltl import Settings
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError, FormulaError
 from pareto_ltl.support.extras import require_extra
@@ -245,12 +246,11 @@ def _score_document(mine: Promises, found: Sequence[Compared], parts: dict[str, 
 
 
 def _score_lines(mine: Promises, found: Sequence[Compared], parts: dict[str, float]) -> Iterator[object]:
-    from pareto_ltl.settings import preset
 
     yield textwrap.fill(
         f"{mine.name}: {len(mine.missions)} plans, fidelity={mine.fidelity}; promised "
-        f"{probability_text(float(mine.promised.mean()))} in {preset(mine.fidelity).law} winds, failed "
-        f"{probability_text(float(mine.realised.mean()))} in the later fields",
+        f"{probability_text(float(mine.promised.mean()))} in {Settings.preset(mine.fidelity).law} winds, "
+        f"failed {probability_text(float(mine.realised.mean()))} in the later fields",
         80,
     )
     yield ", ".join(f"{name} {value:.3f}" for name, value in parts.items())

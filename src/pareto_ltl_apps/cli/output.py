@@ -18,7 +18,7 @@ from enum import Enum
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.run.provenance import one_line
+from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.support.messages import shown_line

@@ -12,6 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pareto_ltl import Run
+from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.messages import shown_text
@@ -56,15 +58,15 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
     DataError
         If the directory holds no result, or if none of its files can be compared.
     """
-    from pareto_ltl.run import pipeline, provenance
+    from pareto_ltl.run import pipeline
     from pareto_ltl.run.received import allowed_settings
 
     refuse_links_out(directory)
     before = _finished_record(directory)
     settings = _kept_inside(allowed_settings(directory, before["inputs"], words), place)
-    read_now = provenance.input_hashes(settings)
+    read_now = Run(settings).input_hashes()
     notes = [
-        *_code_changes(before, provenance.begin(settings, ())),
+        *_code_changes(before, Run(settings).provenance),
         *_changed_inputs(before["inputs"], read_now),
     ]
 
@@ -77,7 +79,7 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
     try:
         pipeline.run_pipeline(checked, place, before["argv"], before["overrides"])
     except InfeasibleError as error:
-        same = before["status"] == "infeasible" and before["error"] == provenance.one_line(error)
+        same = before["status"] == "infeasible" and before["error"] == one_line(error)
         return answer(same, "infeasible again, for the same reason" if same else f"now infeasible: {error}")
     if before["status"] == "infeasible":
         return answer(False, f"now there is an answer; before: {before['error']}")
@@ -87,7 +89,7 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
 
 def _finished_record(directory: Path) -> dict[str, Any]:
     """``run.json`` of a run that ended with an answer, with a default for each missing key."""
-    from pareto_ltl.run.provenance import ANSWERS
+    from pareto_ltl.support.run_status import ANSWERS
     from pareto_ltl.support.schemas import read_document
 
     written = read_document(directory / "run.json", "run")

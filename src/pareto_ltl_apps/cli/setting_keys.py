@@ -22,9 +22,9 @@ from omegaconf.errors import (
 )
 
 from pareto_ltl import Settings
-from pareto_ltl.run.provenance import one_line
 from pareto_ltl.settings.building import settings_of, unknown_setting
 from pareto_ltl.settings.checks import field_kinds, kind_at, kind_problem, kind_text
+from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl_apps.cli.output import EXPECTED_ERRORS

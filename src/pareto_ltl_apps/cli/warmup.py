@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pareto_ltl import Settings
 from pareto_ltl.settings import PRESETS
 from pareto_ltl.support.compiling import compilation_watched
 from pareto_ltl.support.errors import InfeasibleError
@@ -177,9 +178,8 @@ def _plan_given_path(kind: Kind, folder: Path) -> None:
     """Plan ``F a``, with a tree that is one path."""
     from pareto_ltl import Run
     from pareto_ltl.run.pipeline import carry_out, check_pipeline
-    from pareto_ltl.settings.building import build_settings
 
-    settings = build_settings({"pipelines": "plan", "mission": {"formula": "F a"}, **small_sections(kind)})
+    settings = Settings.of({"pipelines": "plan", "mission": {"formula": "F a"}, **small_sections(kind)})
     made = Run(settings)
     forest = path_forest(made.problem)
     run = Run(settings, made.records | {"forest": forest}, directory=folder)

@@ -20,7 +20,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from pareto_ltl import __version__
-from pareto_ltl.run.provenance import one_line
+from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, NotFoundError, ParetoLtlError
 from pareto_ltl.support.reading import Advice, parse_json, read_json, shown_json
 from pareto_ltl_apps.desk import backdrop, missions, views

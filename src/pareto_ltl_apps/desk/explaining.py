@@ -16,11 +16,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from pareto_ltl import Settings
 from pareto_ltl.logic.automaton import translate
 from pareto_ltl.logic.formula import disputed_reading, parse_formula
 from pareto_ltl.logic.patterns import formula_of
 from pareto_ltl.settings import MissionConfig
-from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_apps.view.in_words import mission_in_words
 from pareto_ltl_apps.view.page.machine import shown_automaton
@@ -120,7 +120,7 @@ def explained_formula(asked: Mapping[str, Any]) -> dict[str, Any]:
     """A formula, or the formula of a pattern, in words and as an automaton; or its error and its column."""
     text = ""
     try:
-        mission = section_of("mission", {key: value for key, value in asked.items() if value})
+        mission = Settings.of_section("mission", {key: value for key, value in asked.items() if value})
         assert isinstance(mission, MissionConfig)
         text = formula_of(mission)
         tree = parse_formula(text)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.settings.building import section_of
+from pareto_ltl import Settings
 from pareto_ltl.support.errors import ConfigError, DataError, NotFoundError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import shown_json
@@ -87,7 +87,7 @@ def example_map(name: str) -> dict[str, Any]:
     """A ready map as GeoJSON with roles; NotFoundError if there is no such example."""
     if name not in EXAMPLES:
         raise NotFoundError(f"there is no example {shown_value(name)}; there are {', '.join(EXAMPLES)}")
-    cfg = section_of("scene", name)
+    cfg = Settings.of_section("scene", name)
     scene = scene_from_settings(cfg)
     assert scene.crs is not None
     lon, lat = scene.frame.to_geographic(scene.start[None])

@@ -14,10 +14,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.run.directory import RUN_LOG
 from pareto_ltl.support.errors import DataError, NotFoundError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl.support.run_status import RUN_LOG
 from pareto_ltl_apps.desk.folder import PLANS, DeskFolder
 
 WORKER = (sys.executable, "-m", "pareto_ltl_apps.cli.desk_worker")

@@ -9,9 +9,8 @@ from typing import NamedTuple
 from numpy.random import SeedSequence
 
 from pareto_ltl import Scene, Settings
-from pareto_ltl.extend import FailureRate, Plan, PlannedPath, Problem, simulate_flights
+from pareto_ltl.extend import FailureRate, FlownAir, Height, Plan, PlannedPath, Problem, simulate_flights
 from pareto_ltl.planning.records import NO_PROMISE
-from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl.support.medium import Medium
@@ -153,8 +152,8 @@ def exported_plan(settings: Settings, problem: Problem, plan: Plan, seed: SeedSe
     corridor_seed, held_seed = unspawned(seed).spawn(2)
     cfg, motion = settings.exports, problem.motion
     lower, upper = cfg.altitude_lower, cfg.altitude_upper
-    height = flight_height(settings)
-    air = plan.air or flight_air(settings, height)
+    height = settings.flight_height
+    air = plan.air or settings.flight_air(height)
     return ExportedPlan(
         name=settings.name,
         scene=problem.scene,

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pareto_ltl.extend import PlannedPath, Problem
+from pareto_ltl.extend import FlownAir, PlannedPath, Problem
 from pareto_ltl.planning.evaluate import propagate
-from pareto_ltl.settings.heights import FlownAir
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.exports.ellipses import axes_of, circle_radius
 

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 from pareto_ltl import Settings
-from pareto_ltl.settings.heights import FlownAir, flight_air, flight_height
+from pareto_ltl.extend import FlownAir
 from pareto_ltl.support.atmosphere import (
     FREEZING,
     Air,
@@ -34,7 +34,7 @@ def airspeeds_of(settings: Settings, planned: FlownAir | None = None) -> Airspee
     Without ``scene.ground`` a height above ground is taken as one above the sea: 300 m of ground change an
     airspeed by 1.5 %.
     """
-    air = planned or flight_air(settings, flight_height(settings))
+    air = planned or settings.flight_air(settings.flight_height)
     if air is None:
         return Airspeeds(measures=False, celsius=settings.robot.air_temperature)
     celsius = settings.robot.air_temperature

@@ -25,12 +25,12 @@ from pareto_ltl.extend import FailureRate, Fix, Front, Plan, PlannedPath, Proble
 from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
-from pareto_ltl.run.provenance import file_hashes
 from pareto_ltl.run.results import Planned, place_of, planned_run
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import Displayed, distance_text, probability_text
 from pareto_ltl.support.files import write_json
+from pareto_ltl.support.fingerprints import file_hashes
 from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl_apps.flight.known_errors import errors_text, settings_of_errors
 from pareto_ltl_apps.flight.position_fixes import Situation, fixes_from, planned_step, situation_at

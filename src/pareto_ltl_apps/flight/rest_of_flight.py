@@ -19,13 +19,14 @@ from pareto_ltl import Readings, Run, Scene, Settings, WindField
 from pareto_ltl.extend import Learnt, PlannedPath, Problem, evaluate
 from pareto_ltl.logic.timed import later_windows, remaining_automaton
 from pareto_ltl.planning.evaluate import completing_path
-from pareto_ltl.run.provenance import file_hashes, wanted_wind
+from pareto_ltl.run.provenance import wanted_wind
 from pareto_ltl.run.received import KnownFiles, law_file
 from pareto_ltl.settings import MissionConfig, PowerConfig, SelectionConfig, WindConfig
 from pareto_ltl.settings.wind import STATED, WIND_SOURCES, usual_level
 from pareto_ltl.support.arrays import FloatArray, square_matrices
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.fingerprints import file_hashes
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.wind.sources import source_of_path, wind_source
 from pareto_ltl_apps.flight.known_errors import robot_given

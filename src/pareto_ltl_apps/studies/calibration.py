@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.settings import preset
+from pareto_ltl import Settings
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import interval_text, probability_text
@@ -196,7 +196,7 @@ def promise_text(fidelity: str, promise: str) -> str:
     """Text for a column of promises, with its wind law: ``V + R, coherent winds``."""
     kind, _, law = promise.partition("_")
     if promise == "bound_paper":
-        planned = preset(fidelity).law
+        planned = Settings.preset(fidelity).law
         same = planned == "independent"
         return "f_o + R, independent winds" if same else f"f_o, independent winds, + R, {planned} winds"
     return f"{'V + R' if kind == 'bound' else kind}, {law} winds"

@@ -43,7 +43,6 @@ import numpy as np
 
 from pareto_ltl import Run, Settings
 from pareto_ltl.extend import Study
-from pareto_ltl.settings import preset
 from pareto_ltl.settings.studies import FACTOR_SECTIONS, FACTOR_TITLES
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError
@@ -75,7 +74,7 @@ COSTS = ("mission_risk_paper", "mission_risk_ordered", "collision_risk")
 
 def method(name: str, settings: Settings, world: Run) -> Run:
     """The run of the planner ``name``, with its settings and the wind that it plans in."""
-    models = preset("full" if name == "full" else "paper")
+    models = Settings.preset("full" if name == "full" else "paper")
     if name not in ("smoothed", "full", "calm_shortest"):
         models = replace(models, refine="none")
     # Seeds share the cores, not trees. Without other parents to try there is no re-selection.
@@ -222,7 +221,7 @@ def _methods_text(rows: Sequence[Columns], pairs: Sequence[Columns]) -> str:
 
 def _planned_risk(row: Columns, name: str) -> str:
     """A bound of the plan, and the winds that the method plans for; f_o does not hold in coherent winds."""
-    law = preset("full" if row["method"] == "full" else "paper").law
+    law = Settings.preset("full" if row["method"] == "full" else "paper").law
     winds = "calm air" if row["method"] in CALM else f"{law} winds"
     if name == "bound_paper" and winds == "coherent winds":
         return "-"

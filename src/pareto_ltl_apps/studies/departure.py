@@ -24,7 +24,6 @@ from pareto_ltl.extend import PlannedPath, Study, which_fail
 from pareto_ltl.planning.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.planning.selection_rules import within_capacity
 from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.pipeline import carry_out, check_pipeline
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.run.progress import ProgressBar
@@ -218,7 +217,7 @@ def departure_part(context: DepartureContext, time: float, repeat: int) -> Colum
     paths = within_capacity(settings.selection, run.front, problem).paths
     seeds = stage_seeds(context.settings.seed, STREAM)
     flown = which_fail(problem, paths, settings.departure.flights, seeds)
-    numbers = run_metrics(run.records, {})
+    numbers = run.metrics
     return {
         "planned": True,
         "law": problem.fidelity.law,

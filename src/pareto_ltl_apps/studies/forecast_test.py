@@ -22,7 +22,7 @@ import numpy as np
 
 from pareto_ltl import Run, Settings
 from pareto_ltl.extend import Front, GeoBox, PlannedPath, Snapshot, Study
-from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig, preset
+from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig
 from pareto_ltl.settings.fidelity import FidelityConfig
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_fingerprint
@@ -146,7 +146,7 @@ def mission_part(known: KnownWinds, k: int) -> Columns:
     }
     plans: list[Columns] = []
     for fidelity in cfg.fidelities:
-        run = known.run_of(task, mission_settings(settings, cfg, task, preset(fidelity)))
+        run = known.run_of(task, mission_settings(settings, cfg, task, Settings.preset(fidelity)))
         try:
             chosen = run.plan.path
         except (InfeasibleError, DataError) as error:
@@ -306,12 +306,12 @@ def _score_numbers(cfg: ForecastTestConfig, tables: Mapping[str, Sequence[Column
 
 def _is_own(entry: Mapping[str, Any]) -> bool:
     """Whether the entry is about the promise of a plan: its simulated failure under the law of the plan."""
-    return bool(entry["promise"] == f"simulated_{preset(entry['fidelity']).law}")
+    return bool(entry["promise"] == f"simulated_{Settings.preset(entry['fidelity']).law}")
 
 
 def _of_own_law(row: Mapping[str, Any]) -> bool:
     """Whether the row has the promise of its plan under the law it was planned in."""
-    return math.isfinite(row.get(f"simulated_{preset(row['fidelity']).law}", math.nan))
+    return math.isfinite(row.get(f"simulated_{Settings.preset(row['fidelity']).law}", math.nan))
 
 
 def _is_chosen(entry: Mapping[str, Any]) -> bool:
@@ -351,7 +351,8 @@ def _verdict(cfg: ForecastTestConfig, numbers: Mapping[str, float]) -> str:
     chosen = "_chosen" if cfg.plans else ""
     bins = [
         f"{numbers[f'{name}{chosen}_bins_kept']:.0f} of {numbers[f'{name}{chosen}_bins']:.0f} bins of at "
-        f"least {ENOUGH} missions keep their promise, simulated in {preset(name).law} winds (fidelity={name})"
+        f"least {ENOUGH} missions keep their promise, simulated in {Settings.preset(name).law} winds "
+        f"(fidelity={name})"
         for name in cfg.fidelities
         if f"{name}{chosen}_bins" in numbers
     ]

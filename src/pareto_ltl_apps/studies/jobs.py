@@ -26,10 +26,11 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from pareto_ltl.run import provenance
-from pareto_ltl.run.directory import RUN_LOG
+from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.fingerprints import unchanged
 from pareto_ltl.support.locks import has_note, hold_lock, is_held, process_note
-from pareto_ltl.support.run_status import RUN_LOCK
+from pareto_ltl.support.run_status import ANSWERS, RUN_LOCK, RUN_LOG
 from pareto_ltl.support.schemas import read_document
 
 JOB_LOG = logging.getLogger("pareto_ltl.studies.jobs")
@@ -66,7 +67,7 @@ class JobState:
     @property
     def answered(self) -> bool:
         """Whether the job has an answer."""
-        return self.status in provenance.ANSWERS
+        return self.status in ANSWERS
 
     @property
     def cut_off(self) -> bool:
@@ -165,7 +166,7 @@ class RunJob(StoredJob):
         status, error = str(record.get("status")), record.get("error")
         if status == "running" or self.abandoned():
             return self._unfinished(record)
-        if status not in provenance.ANSWERS:
+        if status not in ANSWERS:
             return JobState("failed", str(error), record=record)
         if not record.get("measured", status == "ok"):
             return JobState(status, error, record=record)
@@ -191,7 +192,7 @@ class RunJob(StoredJob):
         return (
             state.answered
             and str(state.record.get("config_hash", "")).startswith(self.key)
-            and provenance.unchanged(state.record.get("inputs") or {})
+            and unchanged(state.record.get("inputs") or {})
         )
 
     def clear(self) -> None:
@@ -252,7 +253,7 @@ class JobQueue(Generic[AnyJob]):
         try:
             self.launch(batch)
         except self.breaks as error:
-            reason = provenance.one_line(error)
+            reason = one_line(error)
             JOB_LOG.info("a launch of %d jobs broke: %s", len(batch), reason)
         else:
             return []

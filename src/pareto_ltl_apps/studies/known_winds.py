@@ -12,7 +12,7 @@ from pareto_ltl import Readings, Run, Scene, Settings, WindField
 from pareto_ltl.extend import PlannedPath, Problem, Snapshot
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.run.plan_run import UnpricedRun
-from pareto_ltl.settings import ForecastTestConfig, preset
+from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.files import write_text
@@ -70,7 +70,7 @@ class KnownWinds:
         wind = random_missions.real_wind(self.cfg, run.settings.wind, self.truth, run.scene, run.wind)
         world = run.make("scene", "cells", "automaton")  # they do not depend on the fidelity
         # Without modes: the field is known, and gusts are independent at each step.
-        models = replace(preset("paper"), collision_bound=run.settings.fidelity.collision_bound)
+        models = replace(Settings.preset("paper"), collision_bound=run.settings.fidelity.collision_bound)
         return Run(replace(run.settings, fidelity=models), world | {"wind": wind}).problem
 
     def run_of(self, task: Mission, mine: Settings) -> Run:
@@ -202,7 +202,7 @@ class AllWinds(KnownWinds):
 
     def promised(self, run: Run, paths: Iterable[PlannedPath], seed: int) -> list[dict[str, float]]:
         """V + R and the share of failures with ``fidelity=full`` under each law, and f_o + R."""
-        full = replace(run.settings, fidelity=preset("full"))
+        full = replace(run.settings, fidelity=Settings.preset("full"))
         laws = self.settings.evaluation.laws
         model = UnpricedRun(full, {"scene": run.scene}).problem
         promises = []

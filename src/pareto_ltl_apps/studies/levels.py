@@ -19,9 +19,7 @@ import numpy as np
 from pareto_ltl import ConfigError, DataError, InfeasibleError, Run, Settings
 from pareto_ltl.extend import Study, which_fail
 from pareto_ltl.planning.selection_rules import within_capacity
-from pareto_ltl.run.metrics import run_metrics
 from pareto_ltl.run.plan_run import UnpricedRun
-from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.files import plain_data, write_json
 from pareto_ltl.support.seeds import stage_seeds
@@ -169,7 +167,7 @@ def level_part(context: LevelsContext, number: float, repeat: int) -> Columns:
     problem, path = run.problem, run.plan.path
     paths = within_capacity(settings.selection, run.front, problem).paths
     flown = which_fail(problem, paths, settings.levels.flights, stage_seeds(context.settings.seed, STREAM))
-    numbers = run_metrics(run.records, {})
+    numbers = run.metrics
     return {
         "planned": True,
         "law": problem.fidelity.law,
@@ -177,7 +175,7 @@ def level_part(context: LevelsContext, number: float, repeat: int) -> Columns:
         "paths": [path_columns(other, failed) for other, failed in zip(paths, flown, strict=True)],
         "metrics": {name: numbers[name] for name in METRICS if name in numbers},
         "conditions": route_conditions(problem, path),
-        "height_m": flight_height(settings).metres,
+        "height_m": settings.flight_height.metres,
     }
 
 

@@ -15,8 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl import Settings
-from pareto_ltl.run.provenance import input_files
+from pareto_ltl import Run, Settings
 from pareto_ltl.settings import EvaluationConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data, remove_dead_drafts, write_json
@@ -69,7 +68,7 @@ def part_key(settings: Settings, *more: Any) -> str:
     one = replace(settings, evaluation=EvaluationConfig())
     relevant = {name: value for name, value in asdict(one).items() if name not in OTHER_SECTIONS}
     relevant["planner"].pop("threads")
-    inputs = [file_fingerprint(file) for file in sorted(input_files(settings))]
+    inputs = [file_fingerprint(file) for file in sorted(Run(settings).input_files())]
     code = code_fingerprint(without=OTHER_CODE)
     return data_fingerprint([relevant, plain_data(list(more)), inputs, code])
 

@@ -19,7 +19,6 @@ import numpy as np
 from pareto_ltl import Run, Settings, WindField
 from pareto_ltl.extend import Deployment, Plan, Problem, law_seeds
 from pareto_ltl.planning.evaluate import forecast
-from pareto_ltl.settings import preset
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.seeds import stage_seeds
@@ -59,7 +58,9 @@ def unsmoothed(settings: Settings, **planner: Any) -> Settings:
 def truth(settings: Settings, world: Run) -> Problem:
     """The problem in which plans are flown: ``fidelity=full``, all wind laws."""
     laws = list(settings.evaluation.laws)
-    real = replace(settings, fidelity=preset("full"), deployment=replace(settings.deployment, laws=laws))
+    real = replace(
+        settings, fidelity=Settings.preset("full"), deployment=replace(settings.deployment, laws=laws)
+    )
     return world.with_settings(real).problem
 
 

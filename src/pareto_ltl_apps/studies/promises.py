@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.settings import PRESETS, preset
+from pareto_ltl import Settings
+from pareto_ltl.settings import PRESETS
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
@@ -99,7 +100,7 @@ def read_promises(directory: Path, fidelity: str | None = None, name: str | None
     if wanted not in there:
         held = f"plans of {', '.join(there)}" if there else "none"
         raise DataError(f"{path}: has no chosen plans with fidelity {shown_value(wanted)}; it has {held}")
-    column = f"simulated_{preset(wanted).law}"
+    column = f"simulated_{Settings.preset(wanted).law}"
     mine = sorted((row for row in chosen if row["fidelity"] == wanted), key=lambda row: row["departure"])
     pairs = [(_rate(path, row, column), _rate(path, row, "failure")) for row in mine]
     return Promises(

@@ -18,7 +18,6 @@ from pareto_ltl import Run, Settings
 from pareto_ltl.extend import Deployment, Frame, Plan, Problem, Study
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.settings import SitlConfig
-from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation import flights
 from pareto_ltl.simulation.robot_errors import own_errors
@@ -81,7 +80,7 @@ def run_sitl(settings: Settings, world: Run, place: Path, progress: Progress = N
             "an aircraft that flies by the table does not measure its position: set "
             "robot.feedback_time=null and remove the landmarks of the map"
         )
-    height = flight_height(settings).above_sea_level(settings.scene.ground)
+    height = settings.flight_height.above_sea_level(settings.scene.ground)
     seeds, orders = stage_seeds(settings.seed, "sitl"), jsbsim.read_orders(table, COLUMNS[cfg.airspeed])
     flown = fly_both(cfg, problem, plan, orders, height, seeds, progress)
     return sitl_study(cfg, flown)

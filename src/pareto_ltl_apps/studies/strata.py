@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.settings import ForecastTestConfig, preset
+from pareto_ltl import Settings
+from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl.support.resources import PACKAGE
@@ -95,7 +96,7 @@ def level_table(rows: Sequence[Mapping[str, Any]]) -> list[Columns]:
 
 
 def _own_promise(row: Mapping[str, Any]) -> str:
-    return f"simulated_{preset(row['fidelity']).law}"
+    return f"simulated_{Settings.preset(row['fidelity']).law}"
 
 
 def level_text(cards: Sequence[Columns]) -> str:

@@ -7,10 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl import Settings
-from pareto_ltl.run import provenance
+from pareto_ltl import Run, Settings
 from pareto_ltl.run.record import BaseRun
-from pareto_ltl.settings.heights import flight_air, flight_height
 from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.reading import read_json, read_text
@@ -45,13 +43,13 @@ def shown_run(run: BaseRun, origin: Origin, why: str = "") -> ShownRun:
     """The records of ``run`` for the page; points of the front are flown in the winds of the plan."""
     from pareto_ltl_apps.view.records import ShownRun
 
-    settings, height, plan = run.settings, flight_height(run.settings), run.get("plan")
+    settings, height, plan = run.settings, run.settings.flight_height, run.get("plan")
     return ShownRun(
         name=settings.name,
         seeds=run.seeds("deployment"),
         origin=origin,
         height=height,
-        air=(plan and plan.air) or flight_air(settings, height),
+        air=(plan and plan.air) or settings.flight_air(height),
         runs=min(settings.deployment.runs, MOST_RUNS),
         why=why,
         automaton=run.get("automaton"),
@@ -73,8 +71,8 @@ def drawn_records(run: BaseRun) -> dict[str, Any]:
 
 def origin_in_memory(settings: Settings) -> Origin:
     """The origin of a plan that was made in this process and has no directory."""
-    record = provenance.begin(settings, ())
-    return _origin(record, provenance.input_hashes(settings), provenance.settings_text(settings))
+    record = Run(settings).provenance
+    return _origin(record, Run(settings).input_hashes(), settings.as_yaml())
 
 
 def origin_of(directory: Path, record: Mapping[str, Any], inputs: Mapping[str, str]) -> Origin:

@@ -12,8 +12,18 @@ if TYPE_CHECKING:
     from numpy.random import SeedSequence
 
     from pareto_ltl import Scene, WindField
-    from pareto_ltl.extend import Automaton, Decomposition, Deployment, Forecast, Forest, Front, Plan, Problem
-    from pareto_ltl.settings.heights import FlownAir, Height
+    from pareto_ltl.extend import (
+        Automaton,
+        Decomposition,
+        Deployment,
+        FlownAir,
+        Forecast,
+        Forest,
+        Front,
+        Height,
+        Plan,
+        Problem,
+    )
     from pareto_ltl.support.arrays import FloatArray
 
 

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 from pareto_ltl import Settings
 from pareto_ltl.extend import Study
-from pareto_ltl.settings import preset
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import (
@@ -51,7 +50,7 @@ def forecast_test_figures(_: Settings, study: Study) -> Figures:
     plans = [row for row in study.tables["forecast_test"] if row["kind"] == CHOSEN]
     made: Figures = {}
     for name in dict.fromkeys(row["fidelity"] for row in plans):
-        promise = f"simulated_{preset(name).law}"
+        promise = f"simulated_{Settings.preset(name).law}"
         bins, regions = (
             [row for row in _of(study.tables[table], name) if row["promise"] == promise]
             for table in ("reliability", "regions")
@@ -198,7 +197,7 @@ def reliability_figure(groups: Sequence[FigureRow], plans: Sequence[FigureRow]) 
 
 def _prediction_label(name: str, rows: Sequence[FigureRow]) -> str:
     """Title of a panel: the prediction and its wind law; R of a plan is in the law it was planned in."""
-    law = preset(rows[0].get("fidelity", "paper")).law
+    law = Settings.preset(rows[0].get("fidelity", "paper")).law
     if name == "bound_paper" and law != "independent":
         return f"f_o, independent, + R, {law} winds"
     return PREDICTION_LABELS[name]
@@ -265,7 +264,7 @@ def promises_figure(shown: PromiseDiagrams) -> Figure:
 
 def _draw_isotonic(ax: Axes, shown: PromiseDiagrams) -> None:
     """The isotonic rates over the range of exact promises, each plan, and a histogram of the promises."""
-    law = preset(shown.fidelity).law
+    law = Settings.preset(shown.fidelity).law
     colour = style.law_colour(law)
     p = shown.promised
     ax.fill_between(p, shown.low, shown.high, color=style.MIST, alpha=0.45, lw=0)
@@ -288,7 +287,7 @@ def _draw_isotonic(ax: Axes, shown: PromiseDiagrams) -> None:
 
 def _draw_murphy(ax: Axes, shown: PromiseDiagrams) -> None:
     """Mean elementary scores; the area below a curve is the Brier score."""
-    own = {"color": style.law_colour(preset(shown.fidelity).law), "lw": 1.4, "zorder": 4}
+    own = {"color": style.law_colour(Settings.preset(shown.fidelity).law), "lw": 1.4, "zorder": 4}
     for (name, curve), look in zip(shown.curves.items(), (own, *OTHER_LOOKS), strict=False):
         ax.plot(shown.thresholds, curve, label=name if len(name) <= 24 else f"{name[:21]}...", **look)
     ax.set_xlabel("threshold of a decision [%]")
@@ -300,7 +299,7 @@ def _draw_murphy(ax: Axes, shown: PromiseDiagrams) -> None:
 
 def _draw_difference(ax: Axes, shown: PromiseDiagrams) -> None:
     """Differences of the elementary scores with their 95 % intervals, threshold by threshold."""
-    colour = style.law_colour(preset(shown.fidelity).law)
+    colour = style.law_colour(Settings.preset(shown.fidelity).law)
     low, high = (np.nan_to_num(ends) for ends in (shown.difference.curve_low, shown.difference.curve_high))
     ax.fill_between(shown.thresholds, low, high, color=colour, alpha=0.25, lw=0)
     ax.axhline(0.0, color=style.STONE, lw=0.8, ls=(0, (3, 2)))
