@@ -15,15 +15,20 @@ if TYPE_CHECKING:
     from pareto_ltl.logic.automaton import Automaton
     from pareto_ltl.planning.conditioning import Fix, Learnt
     from pareto_ltl.planning.cost import Cost
+    from pareto_ltl.planning.costs import cost_named, known_costs
     from pareto_ltl.planning.evaluate import Forecast, completing_path, evaluate
-    from pareto_ltl.planning.limits import Price
+    from pareto_ltl.planning.limits import Price, SegmentLimits
     from pareto_ltl.planning.problem import Problem
     from pareto_ltl.planning.rates import FailureRate, Promise
     from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
+    from pareto_ltl.planning.selection import accepted_rows, non_dominated
     from pareto_ltl.planning.wind_lookup import LinearWind, LocalWind
+    from pareto_ltl.run.pipeline import Pipeline
+    from pareto_ltl.run.plan_run import UnpricedRun
     from pareto_ltl.run.record import Record, record
     from pareto_ltl.run.study import Study
     from pareto_ltl.settings.heights import FlownAir, Height
+    from pareto_ltl.simulation.beacons import BeaconMap
     from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
     from pareto_ltl.simulation.failure_modes import FlightEvent
     from pareto_ltl.simulation.flights import law_seeds, simulate_flights
@@ -41,9 +46,11 @@ if TYPE_CHECKING:
     from pareto_ltl.world.cells import Decomposition
     from pareto_ltl.world.map_file import MapFile, MapFormats, Unread
     from pareto_ltl.world.projection import Frame
+    from pareto_ltl.world.windows import Window
 
 __all__ = [
     "Automaton",
+    "BeaconMap",
     "Cost",
     "Decomposition",
     "Deployment",
@@ -68,28 +75,36 @@ __all__ = [
     "MapFormats",
     "NodeAir",
     "Objectives",
+    "Pipeline",
     "Plan",
     "PlannedPath",
     "Price",
     "Problem",
     "Promise",
     "Record",
+    "SegmentLimits",
     "Snapshot",
     "Study",
     "Tree",
+    "UnpricedRun",
     "Unread",
     "Wanted",
     "WindFormats",
     "WindSource",
+    "Window",
+    "accepted_rows",
     "completing_path",
+    "cost_named",
     "count_agrees",
     "data_files",
     "draw_flights",
     "evaluate",
     "first_law",
+    "known_costs",
     "law_of_newer_runs",
     "law_of_parts_named",
     "law_seeds",
+    "non_dominated",
     "packaged_laws",
     "plain_sample",
     "readings_of",
@@ -101,6 +116,7 @@ __all__ = [
 
 _EXPORTS = {
     "Automaton": "pareto_ltl.logic.automaton",
+    "BeaconMap": "pareto_ltl.simulation.beacons",
     "Cost": "pareto_ltl.planning.cost",
     "Decomposition": "pareto_ltl.world.cells",
     "Deployment": "pareto_ltl.simulation.records",
@@ -125,28 +141,36 @@ _EXPORTS = {
     "MapFormats": "pareto_ltl.world.map_file",
     "NodeAir": "pareto_ltl.wind.air",
     "Objectives": "pareto_ltl.planning.records",
+    "Pipeline": "pareto_ltl.run.pipeline",
     "Plan": "pareto_ltl.planning.records",
     "PlannedPath": "pareto_ltl.planning.records",
     "Price": "pareto_ltl.planning.limits",
     "Problem": "pareto_ltl.planning.problem",
     "Promise": "pareto_ltl.planning.rates",
     "Record": "pareto_ltl.run.record",
+    "SegmentLimits": "pareto_ltl.planning.limits",
     "Snapshot": "pareto_ltl.wind.snapshots",
     "Study": "pareto_ltl.run.study",
     "Tree": "pareto_ltl.planning.records",
+    "UnpricedRun": "pareto_ltl.run.plan_run",
     "Unread": "pareto_ltl.world.map_file",
     "Wanted": "pareto_ltl.wind.area",
     "WindFormats": "pareto_ltl.wind.sources",
     "WindSource": "pareto_ltl.wind.sources",
+    "Window": "pareto_ltl.world.windows",
+    "accepted_rows": "pareto_ltl.planning.selection",
     "completing_path": "pareto_ltl.planning.evaluate",
+    "cost_named": "pareto_ltl.planning.costs",
     "count_agrees": "pareto_ltl.simulation.promise",
     "data_files": "pareto_ltl.wind.sources",
     "draw_flights": "pareto_ltl.simulation.common_flights",
     "evaluate": "pareto_ltl.planning.evaluate",
     "first_law": "pareto_ltl.wind.named_laws",
+    "known_costs": "pareto_ltl.planning.costs",
     "law_of_newer_runs": "pareto_ltl.wind.named_laws",
     "law_of_parts_named": "pareto_ltl.wind.named_laws",
     "law_seeds": "pareto_ltl.simulation.flights",
+    "non_dominated": "pareto_ltl.planning.selection",
     "packaged_laws": "pareto_ltl.wind.named_laws",
     "plain_sample": "pareto_ltl.simulation.samples",
     "readings_of": "pareto_ltl.wind.snapshots",

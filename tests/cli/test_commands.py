@@ -13,12 +13,11 @@ from typing import Any
 import pytest
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 
-from pareto_ltl.run.pipeline import Pipeline, check_pipeline
+from pareto_ltl.run.pipeline import Pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices, resource_folder
 from pareto_ltl_apps.cli import composition, output
-from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.cli.command_table import COMMANDS, PIPELINE_COMMANDS
 from pareto_ltl_apps.cli.commands import run_command_line
 
@@ -41,7 +40,7 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[Settings]:
         found.append(pipeline.settings)
         return {"run_seconds": 0.0}
 
-    monkeypatch.setattr(app, "run_claimed", run)
+    monkeypatch.setattr(Pipeline, "run_claimed", run)
     return found
 
 
@@ -229,7 +228,7 @@ def test_a_configuration_is_shown_and_nothing_runs(here: Path, capsys: pytest.Ca
 
 def test_settings_made_by_hand_are_checked_by_the_runner() -> None:
     with pytest.raises(ConfigError, match=r"pipelines\.stages is empty"):
-        check_pipeline(Settings())
+        Pipeline.of(Settings())
 
 
 def test_python_3_14_is_one_line_until_hydra_1_4(

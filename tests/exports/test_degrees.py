@@ -9,7 +9,7 @@ from pyproj import Geod
 
 from pareto_ltl.extend import Frame
 from pareto_ltl.world.projection import local_plane
-from pareto_ltl_apps.exports.degrees import crosses, line_degrees, line_parts, outline_degrees, polygon_parts
+from pareto_ltl_apps.exports.degrees import crosses, line_parts, polygon_parts
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
@@ -18,7 +18,7 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 def test_a_reader_that_joins_points_is_never_a_metre_off(lat: float) -> None:
     crs = local_plane(lat, 10.0)
     line = np.array([[-150e3, 90e3], [140e3, -20e3], [120e3, 130e3]])
-    drawn = line_degrees(crs, line)
+    drawn = Frame(crs).line_degrees(line)
     way = shapely.LineString(line)
     share = np.linspace(0, 1, 11)[:, None, None]
     on_sheet = drawn[:-1] + share * np.diff(drawn, axis=0)  # joined by straight lines in degrees
@@ -32,7 +32,7 @@ def test_a_reader_that_joins_points_is_never_a_metre_off(lat: float) -> None:
 
 def test_lines_and_polygons_are_cut_at_the_180th_meridian() -> None:
     crs = local_plane(52.0, 179.5)
-    outline = outline_degrees(crs, 100e3 * SQUARE)
+    outline = Frame(crs).outline_degrees(100e3 * SQUARE)
     assert crosses(outline)
     parts = polygon_parts([outline])
     assert len(parts) == 2
@@ -43,7 +43,7 @@ def test_lines_and_polygons_are_cut_at_the_180th_meridian() -> None:
     area = sum(abs(Geod(ellps="WGS84").geometry_area_perimeter(shape)[0]) for shape in shapes)
     assert area == pytest.approx(200e3**2, rel=1e-3)
 
-    east, west = line_parts(line_degrees(crs, 100e3 * SQUARE[:2]))
+    east, west = line_parts(Frame(crs).line_degrees(100e3 * SQUARE[:2]))
     assert east[-1, 0] == 180.0
     assert west[0, 0] == -180.0
     assert east[-1, 1] == pytest.approx(west[0, 1], abs=1e-9)
@@ -51,7 +51,7 @@ def test_lines_and_polygons_are_cut_at_the_180th_meridian() -> None:
 
 def test_a_hole_is_cut_with_its_polygon() -> None:
     crs = local_plane(52.0, 179.9)
-    rings = [outline_degrees(crs, 100e3 * SQUARE), outline_degrees(crs, 20e3 * SQUARE[::-1])]
+    rings = [Frame(crs).outline_degrees(100e3 * SQUARE), Frame(crs).outline_degrees(20e3 * SQUARE[::-1])]
     parts = polygon_parts(rings)
     shapes = [shapely.Polygon(part[0], part[1:]) for part in parts]
     area = sum(abs(Geod(ellps="WGS84").geometry_area_perimeter(shape)[0]) for shape in shapes)
@@ -60,7 +60,7 @@ def test_a_hole_is_cut_with_its_polygon() -> None:
 
 def test_what_lies_on_one_side_stays_as_it_is() -> None:
     crs = local_plane(37.0, -92.0)
-    outline = outline_degrees(crs, 100e3 * SQUARE)
+    outline = Frame(crs).outline_degrees(100e3 * SQUARE)
     ((kept,),) = polygon_parts([outline])
     np.testing.assert_array_equal(kept, outline)
     lon, lat = Frame(crs).to_geographic(100e3 * SQUARE)

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 import pareto_ltl
-from pareto_ltl.run.directory import BOOKKEEPING, RECORD_FILES, RUN_LOCK, claimed_directory
-from pareto_ltl.run.pipeline import check_pipeline, files_of, known_stages, run_pipeline
+from pareto_ltl.extend import Pipeline
+from pareto_ltl.run.directory import BOOKKEEPING, RUN_LOCK, claimed_directory
+from pareto_ltl.run.pipeline import files_of, known_stages
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.settings.outputs import EXPORT_FILES
@@ -99,14 +100,23 @@ def test_a_file_in_the_place_of_a_directory_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with (
         pytest.raises(DataError, match="is a file, and results need a folder"),
-        claimed_directory(tmp_path / "file"),
+        claimed_directory(tmp_path / "file", ()),
     ):
         pass
 
 
-def test_every_file_of_a_stage_is_among_those_that_are_cleared() -> None:
-    declared = set(files_of(known_stages()))
-    assert declared <= {*RECORD_FILES, *BOOKKEEPING}
+def test_files_of_every_stage_are_cleared_also_of_studies_that_do_not_run(tmp_path: Path) -> None:
+    old = [tmp_path / pattern.replace("*", "old") for pattern in files_of(known_stages())]
+    old += [tmp_path / "exports_point_3" / "plan.kml", tmp_path / "replan.json"]
+    for path in old:
+        path.parent.mkdir(exist_ok=True)
+        path.touch()
+    (tmp_path / "sitl.txt").touch()
+    settings = build_settings({"pipelines": "plan", "scene": MAP, "mission": {"formula": "F a"}} | QUICK)
+    with Pipeline.of(settings).claimed(tmp_path):
+        left = {path.name for path in tmp_path.rglob("*") if path.is_file()}
+    assert left == {"sitl.txt", RUN_LOCK}
+    assert len(old) > 40
 
 
 def test_a_run_writes_what_its_stages_declare_and_nothing_else(tmp_path: Path) -> None:
@@ -120,8 +130,8 @@ def test_a_run_writes_what_its_stages_declare_and_nothing_else(tmp_path: Path) -
         | {"report": {"dpi": 30, "formats": ["png", "svg", "pdf"]}}
         | {"exports": {"formats": list(EXPORT_FILES), "altitude_lower": 100.0, "altitude_upper": 200.0}}
     )
-    pipeline = check_pipeline(settings)
-    run_pipeline(pipeline, tmp_path)
+    pipeline = Pipeline.of(settings)
+    pipeline.run(tmp_path)
     declared = {name for stage in pipeline.stages for name in (*stage.writes, *stage.shows)}
     found = {path for pattern in (*declared, *BOOKKEEPING) for path in tmp_path.glob(pattern)}
     assert found == {path for path in tmp_path.rglob("*") if path.is_file()}

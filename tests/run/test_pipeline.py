@@ -15,7 +15,7 @@ import yaml
 import small_study
 from pareto_ltl.planning.records import Forest
 from pareto_ltl.run import front_stage
-from pareto_ltl.run.pipeline import Pipeline, check_pipeline, known_stages, make_all, run_pipeline
+from pareto_ltl.run.pipeline import Pipeline, known_stages, make_all
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import BaseRun, Record, record
 from pareto_ltl.settings import (
@@ -88,7 +88,7 @@ def kitchen(**given: str) -> tuple[Kitchen, list[str]]:
 @pytest.mark.parametrize("names", [("flour", "dough", "baking"), ("baking", "flour", "dough")])
 def test_stages_run_in_the_order_of_the_list_after_what_they_need(names: tuple[str, ...]) -> None:
     run, made = kitchen()
-    make_all(run, check_pipeline(listing(*names), STAGES).stages)
+    make_all(run, Pipeline.of(listing(*names), STAGES).stages)
     assert made == ["flour", "dough", "bread"]
 
 
@@ -102,7 +102,7 @@ def test_stages_run_in_the_order_of_the_list_after_what_they_need(names: tuple[s
 )
 def test_a_list_that_cannot_run_is_refused(names: tuple[str, ...], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        check_pipeline(listing(*names), STAGES)
+        Pipeline.of(listing(*names), STAGES)
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_a_map_or_a_formula_that_is_missing_is_named_whatever_asks_for_it(
 ) -> None:
     settings = listing(record_name, **changes)
     with pytest.raises(ConfigError, match=message):
-        check_pipeline(settings)
+        Pipeline.of(settings)
     with pytest.raises(ConfigError, match=message):
         Run(replace(settings, wind=WindConfig(source="calm"))).make("plan")
 
@@ -137,7 +137,7 @@ def test_the_formula_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     cfg = small_study.settings()
     cfg.scene.bounds = [[0, 0], [1, 1]]
     cfg.pipelines.stages = ["readings", "scene", "decomposition", "automaton"]
-    check_pipeline(cfg)
+    Pipeline.of(cfg)
     small_study.world(cfg)
     assert parsed == ["F(a & F b)"]
 
@@ -155,7 +155,7 @@ def test_each_wind_file_is_opened_once(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(csv_files, "read_csv_file", counted)
     settings = listing("readings", "scene", "decomposition", "observations", "wind")
     settings.scene = phi1()
-    run_pipeline(check_pipeline(settings), tmp_path)
+    Pipeline.of(settings).run(tmp_path)
     assert len(opened) == 1
 
 
@@ -272,7 +272,7 @@ def test_a_record_that_cannot_be_is_tried_once() -> None:
 
 def test_a_run_in_a_directory_is_read_back_and_nothing_is_made_or_written(tmp_path: Path) -> None:
     settings = listing("scene", "decomposition", "wind", scene=phi1(), wind=WindConfig(source="calm"))
-    run_pipeline(check_pipeline(settings), tmp_path)
+    Pipeline.of(settings).run(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     run = Run.open(tmp_path)
     assert run.records == {}
@@ -320,7 +320,7 @@ def test_an_infeasible_mission_still_gets_its_trees_its_figure_and_metrics(tmp_p
     stages = (forest, front, plan, report, late)
     settings = listing(*(stage.stage for stage in stages))
     with pytest.raises(InfeasibleError, match="no path"):
-        run_pipeline(Pipeline(settings, stages), tmp_path)
+        Pipeline(settings, stages).run(tmp_path)
     assert drawn == [None]
     assert "stage late failed after" in (tmp_path / "run.log").read_text()
     assert "seconds_plan" not in json.loads((tmp_path / "metrics.json").read_text())
@@ -337,7 +337,7 @@ def test_numbers_of_a_record_of_ones_own_are_metrics(tmp_path: Path) -> None:
     def bake(run: Run) -> Loaf:
         return Loaf()
 
-    table = run_pipeline(Pipeline(listing("bake"), (bake,)), tmp_path)
+    table = Pipeline(listing("bake"), (bake,)).run(tmp_path)
     assert table["crust_mm"] == 4.0
     assert table["completed"] == 0.0
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import small_study
-from pareto_ltl.extend import Study
+from pareto_ltl.extend import Pipeline, Study
 from pareto_ltl.planning import growth
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.run.plan_run import Run
@@ -64,7 +64,6 @@ def row_of(study: Study, method: str) -> dict[str, Any]:
 
 
 def test_a_plan_of_a_study_is_the_plan_of_the_pipeline(cfg: Settings, tmp_path: Path) -> None:
-    from pareto_ltl.run import pipeline
     from pareto_ltl.settings import SceneConfig, WindConfig
 
     # not the small world: its wind is no file
@@ -79,7 +78,7 @@ def test_a_plan_of_a_study_is_the_plan_of_the_pipeline(cfg: Settings, tmp_path: 
         "problem", "forest", "front", "plan",
     ]  # fmt: skip
     mine.seed = 3
-    pipeline.run_pipeline(pipeline.check_pipeline(mine), tmp_path)
+    Pipeline.of(mine).run(tmp_path)
     path = Run(replace(mine, seed=0)).with_seed(3).plan.path
     np.testing.assert_array_equal(Run.open(tmp_path).plan.path.x, path.x)
 

@@ -15,8 +15,9 @@ from pathlib import Path
 
 import pytest
 
+from pareto_ltl.extend import Pipeline
 from pareto_ltl.logic.patterns import formula_of
-from pareto_ltl.run.pipeline import check_pipeline, stages_by_name
+from pareto_ltl.run.pipeline import stages_by_name
 from pareto_ltl.settings import MissionConfig, PipelineConfig, SelectionConfig, Settings, WindConfig
 from pareto_ltl.settings.planner import SELECTION_RULES as RULE_NAMES
 from pareto_ltl.settings.wind import WIND_SOURCES as SOURCE_NAMES
@@ -200,7 +201,7 @@ def test_an_entry_point_that_does_not_work_is_one_line(
 ) -> None:
     added["pareto_ltl.stages"] = {"mine": value}
     with pytest.raises(ConfigError, match="sitl, mine, and"):  # known, and not loaded
-        check_pipeline(listing("other"))
+        Pipeline.of(listing("other"))
     with pytest.raises(ConfigError) as caught:
         stages_by_name(listing("mine"))
     assert reason in str(caught.value)

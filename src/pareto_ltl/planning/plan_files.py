@@ -111,6 +111,12 @@ def _tree(arrays: Mapping[str, NDArray[Any]], name: str) -> Tree:
 
 def write_front(directory: Path, front: Front) -> None:
     """Write ``front.csv`` and ``front.npz``."""
+    write_npz(directory / "front.npz", _front_arrays(front))
+    write_csv(directory / "front.csv", *front_table(front))  # where it is, the other one is too
+
+
+def front_table(front: Front) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+    """The columns of ``front.csv`` and their values, one row for each path."""
     rows = [
         (
             number,
@@ -127,8 +133,7 @@ def write_front(directory: Path, front: Front) -> None:
         )
     ]
     further = [cost_named(name).column for path in front.paths[:1] for name in path.objectives.further_costs]
-    write_npz(directory / "front.npz", _front_arrays(front))
-    write_csv(directory / "front.csv", (*FRONT_HEADER, *further), rows)  # where it is, the other one is too
+    return (*FRONT_HEADER, *further), rows
 
 
 def _length_and_risks(o: Objectives) -> list[float]:

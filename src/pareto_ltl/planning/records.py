@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,9 +17,13 @@ from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.settings.heights import FlownAir, Height
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed, distance_text, interval_text, probability_text
+from pareto_ltl.support.extras import require_extra
 from pareto_ltl.wind.coverage import level_gap
-from pareto_ltl.world.projection import Navigation
+from pareto_ltl.world.projection import Frame, Navigation
 from pareto_ltl.world.scene import Scene
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 NO_PROMISE = "no failure rate is promised: the law of the plan does not explain what was measured"
 
@@ -244,6 +248,16 @@ class Front(Displayed):
         if self.failed.ndim != 2 or len(self.failed) != len(self.rates):
             raise ValueError(f"{len(self.rates)} rates need flights as rows, got shape {self.failed.shape}")
 
+    def to_pandas(self) -> DataFrame:
+        """The paths as a table of pandas, with the columns of ``front.csv``; its index is their number."""
+        from pareto_ltl.planning.plan_files import front_table
+
+        require_extra("netcdf", "Front.to_pandas")
+        import pandas as pd
+
+        columns, rows = front_table(self)
+        return pd.DataFrame(rows, columns=list(columns)).set_index(columns[0])
+
     def facts(self) -> Mapping[str, str]:
         """Number of paths, and the ranges of their objectives."""
         lengths = [path.objectives.length for path in self.paths] or [0.0]
@@ -321,6 +335,17 @@ class Plan(Displayed):
 
     def __post_init__(self) -> None:
         models_of(self.fidelity)
+
+    @property
+    def __geo_interface__(self) -> dict[str, Any]:
+        """The path as a GeoJSON line with formula, length and promise; in metres without a place on Earth."""
+        from pareto_ltl.world.geo_interface import line_feature
+
+        about: dict[str, Any] = {"formula": self.formula, "length_m": self.path.objectives.length}
+        if self.promise is not None:
+            about["failure"] = self.promise.rate.failure
+        known = self.navigation
+        return line_feature(Frame(None if known is None else known.crs), self.path.x, about)
 
     @property
     def models(self) -> FidelityConfig:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from pareto_ltl.settings.outputs import EXPORT_FILES, PAGE_FILE
+from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import FULL_DISK, remove_dead_drafts
 from pareto_ltl.support.locks import claim_folder
@@ -17,28 +17,17 @@ BOOKKEEPING = (  # the first is removed first: without it, the other files are n
     "metrics.json", "run.json", "config_resolved.yaml", RUN_LOG,
     ".hydra/config.yaml", ".hydra/hydra.yaml", ".hydra/overrides.yaml",
 )  # fmt: skip
-RECORD_FILES = (
-    "scene.json", "cells.json", "automaton.json", "automaton.hoa", "wind.nc", "trees.npz", "front.csv",
-    "front.npz", "plan.json", "plan.csv", "deployments.npz", "figures/*.png", "figures/*.svg",
-    "figures/*.pdf", "tables.md",
-    "compare.csv", "compare_seeds.csv", "differences.csv", "no_plan.csv", "convergence.csv",
-    "convergence_seeds.csv", "first_answer.csv", "ablation.csv", "hindcast.csv", "reliability.csv",
-    "scorecard.csv", "forecast_test.csv", "leads.csv", "regions.csv", "departures.csv", "departures.json",
-    "departure_lengths.csv", "replan.json", "surfaces.csv", "promise_levels.csv", "conformal_limits.csv",
-    "levels.csv", "level_lengths.csv", "levels.json",
-    "replanning.csv", "replanning_flights.csv",
-    PAGE_FILE,
-    "sitl.csv",
-    *(f"{folder}{name}" for folder in ("", "exports/", "exports_point_*/") for name in EXPORT_FILES.values()),
-)  # fmt: skip
+OTHER_FILES = (  # of no stage: of a replan, and of exports that were asked for later
+    "replan.json",
+    *(f"{folder}{name}" for folder in ("exports/", "exports_point_*/") for name in EXPORT_FILES.values()),
+)
 
 EARLY_FILES = ("scene.json", "cells.json", "automaton.json", "automaton.hoa", RUN_LOCK)
 STUDY_FOLDERS = ("parts", "starts", "recommended")  # of studies, whose content stays
-FOLDERS = tuple({name.partition("/")[0] for name in (*BOOKKEEPING, *RECORD_FILES) if "/" in name})
 
 
 @contextmanager
-def claimed_directory(directory: Path, written: Iterable[str] = ()) -> Iterator[None]:
+def claimed_directory(directory: Path, written: Collection[str]) -> Iterator[None]:
     """Reserve ``directory`` for one run: make it if it is missing, lock it, remove files of an earlier run.
 
     Parts of a study stay: their names are fingerprints of all that they depend on, and ``evaluation.resume``
@@ -46,8 +35,8 @@ def claimed_directory(directory: Path, written: Iterable[str] = ()) -> Iterator[
 
     Parameters
     ----------
-    written : iterable of str
-        Patterns of files that the run writes besides :data:`RECORD_FILES`, as stages of other packages do.
+    written : collection of str
+        Patterns of the files of all stages that a run may have (``Pipeline.files``).
 
     Raises
     ------
@@ -58,7 +47,7 @@ def claimed_directory(directory: Path, written: Iterable[str] = ()) -> Iterator[
     """
     if directory.exists() and not directory.is_dir():
         raise DataError(f"{directory} is a file, and results need a folder: give the name of a folder")
-    refuse_links(directory)
+    refuse_links(directory, written)
     with claim_folder(directory / RUN_LOCK, "a run", "name another folder (hydra.run.dir=FOLDER)"):
         clear_results(directory, written)
         try:
@@ -84,9 +73,18 @@ def discard_try(directory: Path) -> bool:
     return not directory.exists()
 
 
-def refuse_links(directory: Path) -> None:
+def _patterns(written: Iterable[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys((*BOOKKEEPING, *OTHER_FILES, *written)))
+
+
+def _folders(written: Iterable[str]) -> tuple[str, ...]:
+    """The folders of these files."""
+    return tuple(dict.fromkeys(name.partition("/")[0] for name in _patterns(written) if "/" in name))
+
+
+def refuse_links(directory: Path, written: Iterable[str]) -> None:
     """Raise DataError if a folder that a run writes to in ``directory`` is a link to another place."""
-    for pattern in (*FOLDERS, *STUDY_FOLDERS):
+    for pattern in (*_folders(written), *STUDY_FOLDERS):
         for folder in sorted(directory.glob(pattern)):
             if folder.is_symlink():
                 raise DataError(
@@ -95,14 +93,14 @@ def refuse_links(directory: Path) -> None:
                 )
 
 
-def clear_results(directory: Path, written: Iterable[str] = ()) -> None:
+def clear_results(directory: Path, written: Collection[str]) -> None:
     """Remove files of a run, also unfinished ones, from ``directory``, whose folders are no links.
 
     All other files stay.
     """
-    for folder in (directory, *(directory / name for name in FOLDERS)):
+    for folder in (directory, *(directory / name for name in _folders(written))):
         remove_dead_drafts(folder)
-    for pattern in dict.fromkeys((*BOOKKEEPING, *RECORD_FILES, *written)):
+    for pattern in _patterns(written):
         for path in directory.glob(pattern):
             if path.is_symlink() or path.is_file():
                 path.unlink()

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.pipeline import Pipeline, carry_out, check_pipeline
+from pareto_ltl.run.pipeline import Pipeline, carry_out
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.progress import Caller, ProgressBar
 from pareto_ltl.run.results import Planned, planned_run
@@ -24,6 +24,7 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choices
 from pareto_ltl.world.scene import Scene
+from pareto_ltl.world.scene_settings import read_map
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import PlannedPath
@@ -54,9 +55,9 @@ def plan(
 
     Parameters
     ----------
-    scene : str, Path, mapping, SceneConfig or Scene
+    scene : str, Path, mapping, SceneConfig, Scene or GeoDataFrame
         The name of a ready map (``"phi2"``), a GeoJSON or ``scene.json`` file, the keys of section ``scene``,
-        or a map in metres.
+        a map in metres, or what :func:`pareto_ltl.read_map` reads.
     formula : str, mapping or MissionConfig
         A formula over the regions of the map (``"F(a & F b)"``), or the keys of section ``mission``.
     seed : int
@@ -69,7 +70,7 @@ def plan(
     sections : mapping, str or settings object
         Any section of :class:`Settings`: ``wind="calm"``, ``planner={"trees": 4}``. A string names a choice
         in ``conf/``; ``mission`` gives the keys other than the formula. ``wind``, or its key ``source``, may
-        also be a file, a :class:`Readings`, to which a field is fitted, or a :class:`WindField`.
+        also be a file, a dataset of xarray, a :class:`Readings`, or a :class:`WindField`.
 
     Raises
     ------
@@ -79,6 +80,8 @@ def plan(
         If no path completes the mission.
     """
     given, sections = _given_wind(sections)
+    if hasattr(scene, "__geo_interface__") and not isinstance(scene, Scene):
+        scene = read_map(scene)
     if isinstance(scene, Scene):
         given["scene"] = scene
     settings = build_settings(
@@ -88,7 +91,7 @@ def plan(
         | {"robot": _robot_settings(sections.get("robot"))}
         | {"mission": _mission_settings(formula, sections.get("mission"))}
     )
-    pipeline = check_pipeline(settings, given=given)
+    pipeline = Pipeline.of(settings, given=given)
     if not any(stage.name == "plan" for stage in pipeline.stages):
         raise ConfigError(
             f"pipelines.stages makes no plan; it lists {', '.join(settings.pipelines.stages)}: use "
@@ -119,11 +122,15 @@ def _given_wind(sections: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, 
     """The records that section ``wind`` gives, and all sections with the settings that describe them."""
     from pareto_ltl.wind.readings import CALM, Readings
     from pareto_ltl.wind.records import WindField
-    from pareto_ltl.wind.sources import source_of_path
+    from pareto_ltl.wind.sources import is_dataset, read_wind, source_of_path
 
     section = sections.get("wind")
-    others = dict(section) if isinstance(section, Mapping) else {}
-    wind = others.get("source") if isinstance(section, Mapping) else section
+    # A dataset of xarray is a mapping, too.
+    keys = section if isinstance(section, Mapping) and not is_dataset(section) else None
+    others = dict(keys or {})
+    wind = section if keys is None else others.get("source")
+    if is_dataset(wind):
+        wind = read_wind(wind, level=others.get("level"))
     given: dict[str, Any] = {}
     if isinstance(wind, WindField):
         given, found = {"wind": wind, "readings": CALM}, _given_level(wind, others)

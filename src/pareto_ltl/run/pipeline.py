@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -55,6 +55,67 @@ class Pipeline:
     stages: tuple[Record[Any], ...]
     files: tuple[str, ...] = ()
 
+    @classmethod
+    def of(
+        cls, settings: Settings, stages: Iterable[Record[Any]] | None = None, given: Collection[str] = ()
+    ) -> Pipeline:
+        """The stages that ``settings.pipelines.stages`` lists, without the stages of the records ``given``.
+
+        Raises
+        ------
+        ConfigError, FormulaError
+            If the list cannot run, or the settings lack the map or the formula that it needs.
+        """
+        table, listed = stages_by_name(settings, stages), settings.pipelines.stages
+        names = dict.fromkeys((*table, *extension_names(STAGE_GROUP)))
+        known = ", ".join(name for name in names if not name.endswith(FIGURES))
+        known = f"{known}, and the {FIGURES} of studies"
+        if not listed:
+            raise ConfigError(f"pipelines.stages is empty: list at least one of {known}")
+        for number, name in enumerate(listed):
+            if name not in table:
+                raise ConfigError(
+                    f"pipelines.stages: there is no stage {shown_value(name, 40)}; there are {known}"
+                )
+            if name in listed[:number]:
+                raise ConfigError(f"pipelines.stages lists {name!r} twice; list it once")
+        chosen = tuple(table[name] for name in listed if table[name].name not in given)
+        made = [stage.name for stage in chosen]
+        if "scene" in made:
+            require_map(settings.scene)
+        if "automaton" in made:
+            require_formula(settings.mission)
+        _check_selection(settings, made)
+        check_sizes(settings, [table[name] for name in listed])
+        return cls(settings, chosen, files_of(table.values()))
+
+    def claimed(self, directory: Path | str) -> AbstractContextManager[None]:
+        """In the block, ``directory`` is locked for this run, and cleared of files of an earlier one."""
+        return claimed_directory(Path(directory), self.files)
+
+    def run(
+        self, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = ()
+    ) -> dict[str, float]:
+        """Run all stages into ``directory``, which is locked and cleared first, and return the metrics.
+
+        An error that stops the run is written to ``run.json`` and ``run.log`` and then raised. Raises
+        ConfigError if another run uses the directory.
+        """
+        with self.claimed(directory):
+            return self.run_claimed(directory, argv, overrides)
+
+    def run_claimed(
+        self, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = (),
+        progress: ProgressBar | None = None,
+    ) -> dict[str, float]:  # fmt: skip
+        """:meth:`run` in a directory that this process has already locked; ``progress`` shows it."""
+        run = Run(self.settings, directory=Path(directory), progress=progress)
+        return carry_out(run, self.stages, argv, overrides)
+
+    def complete(self, run: Run) -> dict[str, float]:
+        """Make the stages that ``run`` has no records of, in its directory, which is locked already."""
+        return carry_out(run, [stage for stage in self.stages if stage.name not in run.records])
+
 
 @lru_cache
 def known_stages() -> tuple[Record[Any], ...]:
@@ -86,40 +147,6 @@ def stages_by_name(settings: Settings, stages: Iterable[Record[Any]] | None = No
 def files_of(stages: Iterable[Record[Any]]) -> tuple[str, ...]:
     """Patterns of the files that ``stages`` write or show."""
     return tuple(name for stage in stages for name in (*stage.writes, *stage.shows))
-
-
-def check_pipeline(
-    settings: Settings, stages: Iterable[Record[Any]] | None = None, given: Collection[str] = ()
-) -> Pipeline:
-    """The stages that ``settings.pipelines.stages`` lists, without the stages of the records ``given``.
-
-    Raises
-    ------
-    ConfigError, FormulaError
-        If the list cannot run, or the settings lack the map or the formula that it needs.
-    """
-    table, listed = stages_by_name(settings, stages), settings.pipelines.stages
-    names = dict.fromkeys((*table, *extension_names(STAGE_GROUP)))
-    known = ", ".join(name for name in names if not name.endswith(FIGURES))
-    known = f"{known}, and the {FIGURES} of studies"
-    if not listed:
-        raise ConfigError(f"pipelines.stages is empty: list at least one of {known}")
-    for number, name in enumerate(listed):
-        if name not in table:
-            raise ConfigError(
-                f"pipelines.stages: there is no stage {shown_value(name, 40)}; there are {known}"
-            )
-        if name in listed[:number]:
-            raise ConfigError(f"pipelines.stages lists {name!r} twice; list it once")
-    chosen = tuple(table[name] for name in listed if table[name].name not in given)
-    made = [stage.name for stage in chosen]
-    if "scene" in made:
-        require_map(settings.scene)
-    if "automaton" in made:
-        require_formula(settings.mission)
-    _check_selection(settings, made)
-    check_sizes(settings, [table[name] for name in listed])
-    return Pipeline(settings, chosen, files_of(table.values()))
 
 
 def _check_selection(settings: Settings, made: Sequence[str]) -> None:
@@ -193,27 +220,6 @@ def make_all(run: BaseRun, stages: Iterable[Record[Any]]) -> None:
 # --- a run with a results directory --------------------------------------------------------------
 
 
-def run_pipeline(
-    pipeline: Pipeline, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = ()
-) -> dict[str, float]:
-    """Run ``pipeline`` into ``directory``, which is locked and cleared first, and return the metrics.
-
-    An error that stops the run is written to ``run.json`` and ``run.log`` and then raised. Raises ConfigError
-    if another run uses the directory.
-    """
-    with claimed_directory(Path(directory), pipeline.files):
-        return run_claimed(pipeline, directory, argv, overrides)
-
-
-def run_claimed(
-    pipeline: Pipeline, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = (),
-    progress: ProgressBar | None = None,
-) -> dict[str, float]:  # fmt: skip
-    """:func:`run_pipeline` in a directory that this process has already locked; ``progress`` shows it."""
-    run = Run(pipeline.settings, directory=Path(directory), progress=progress)
-    return carry_out(run, pipeline.stages, argv, overrides)
-
-
 def _bar_of(run: BaseRun) -> ProgressBar:
     return run.progress or ProgressBar(preset=run.settings.fidelity.name)
 
@@ -221,7 +227,7 @@ def _bar_of(run: BaseRun) -> ProgressBar:
 def carry_out(
     run: BaseRun, stages: Iterable[Record[Any]], argv: Sequence[str] = (), overrides: Sequence[str] = ()
 ) -> dict[str, float]:
-    """Make the records of ``stages`` in the directory of ``run``; result and errors as :func:`run_claimed`.
+    """Make the records of ``stages`` in the directory of ``run``; result and errors as :meth:`Pipeline.run`.
 
     If ``run`` already has a progress bar, it is used: a run inside another one shows no second bar.
     """

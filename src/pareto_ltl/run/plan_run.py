@@ -28,6 +28,8 @@ from pareto_ltl.support.run_status import ANSWERS
 from pareto_ltl.support.schemas import read_document
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from pareto_ltl.logic import Automaton
     from pareto_ltl.planning.evaluate import Forecast
     from pareto_ltl.planning.problem import Problem
@@ -305,6 +307,12 @@ class Run(BaseRun):
         from pareto_ltl.run.metrics import run_metrics
 
         return run_metrics(self.records, self.seconds)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Wind and plan as a dataset of xarray; without the plan if the run has none yet."""
+        from pareto_ltl.run.datasets import dataset_of
+
+        return dataset_of(self.scene, self.wind, self.get("plan"))
 
     def facts(self) -> Mapping[str, str]:
         """The facts of the plan, and the size of the front; of a results directory, what run it holds."""

@@ -22,8 +22,7 @@ _EXPECTED = (
 @lru_cache(maxsize=4096)  # many rows of a table share few times
 def seconds(text: str) -> float:
     """Seconds since 1970 of an ISO 8601 time; UTC if it has no offset. ValueError if it is not a time."""
-    stamp = datetime.fromisoformat(text.strip())
-    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+    return utc_moment(text).timestamp()
 
 
 def iso(time: float) -> str:
@@ -32,9 +31,17 @@ def iso(time: float) -> str:
 
 
 def utc_moment(text: str) -> datetime:
-    """The moment of an ISO 8601 time, in UTC unless it names a zone; ValueError for other texts."""
-    moment = datetime.fromisoformat(text)
-    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+    """The moment of an ISO 8601 time, in UTC unless it names a zone.
+
+    ValueError for other texts, and for a moment whose year in UTC is not within 1 to 9999.
+    """
+    moment = datetime.fromisoformat(text.strip())
+    if moment.tzinfo is None:
+        return moment.replace(tzinfo=UTC)
+    try:
+        return moment.astimezone(UTC)
+    except OverflowError:
+        raise ValueError(f"{text} is outside of the calendar in UTC") from None
 
 
 def lacks_zone(value: Any) -> bool:
@@ -72,7 +79,7 @@ def seconds_after(what: str, value: Any, departure: str | None) -> float:
         return duration
     try:
         moment = utc_moment(text)
-    except (ValueError, OverflowError):
+    except ValueError:
         raise DataError(f"{what} is {shown_text(repr(value))}; {_EXPECTED}") from None
     if departure is None:
         raise DataError(f"{what} is {shown_text(text)}; the departure has no date: set mission.start_time")

@@ -11,10 +11,12 @@ with the radius R of the Earth: 0.3 % at 700 km.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from datetime import timedelta
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -26,6 +28,11 @@ from pareto_ltl.support.times import utc_moment
 
 if TYPE_CHECKING:
     import pyproj
+
+
+SAG = 0.5  # [m] largest distance between a line of the plane and the line that a reader draws
+EARTH = 6.371e6  # [m]
+MOST_POINTS = 200  # added to a line
 
 
 def local_plane(lat: float, lon: float) -> str:
@@ -122,6 +129,7 @@ class Frame:
         The time that seconds count from, ISO 8601 UTC; None if it is not known.
     """
 
+    DECIMALS: ClassVar[int] = 8  # of degrees: a millimetre
     crs: str | None
     time_zero: str | None = None
 
@@ -195,6 +203,40 @@ class Frame:
         except OverflowError:
             return None
         return tuple(time.isoformat().replace("+00:00", "Z") for time in times)
+
+    def lonlat(self, points: FloatArray) -> FloatArray:
+        """Longitude, -180 to 180, and latitude of ``points`` (..., 2) [m], of the same shape [deg]."""
+        lon, lat = self.to_geographic(points.reshape(-1, 2))
+        both = np.stack([lon, lat], axis=-1).round(self.DECIMALS)
+        return np.asarray(both, float).reshape(points.shape)
+
+    def line_degrees(self, points: FloatArray, sag: float = SAG) -> FloatArray:
+        """Longitude and latitude (M, 2) [deg] of the line through ``points`` (N, 2) [m], M at least 2.
+
+        Straight lines of the plane are not straight on other maps. Points are added, so that a reader that
+        joins them by great circles or by straight lines in degrees deviates by at most ``sag`` [m].
+        """
+        return self.lonlat(self._denser(points, sag))
+
+    def outline_degrees(self, corners: FloatArray, sag: float = SAG) -> FloatArray:
+        """Longitude and latitude (M, 2) [deg] around a polygon of ``corners`` (N, 2) [m], closed."""
+        return self.line_degrees(np.concatenate([corners, corners[:1]]), sag)
+
+    def _denser(self, points: FloatArray, sag: float) -> FloatArray:
+        """``points`` (N, 2) [m] of a line, with more along each segment, (M, 2) [m], M at least 2.
+
+        A chord of length l along a parallel at the latitude φ is l² tan φ / 8 R from the parallel.
+        """
+        if len(points) == 1:
+            return np.repeat(points, 2, axis=0)
+        _, lat = self.to_geographic(points)
+        bend = max(math.tan(math.radians(min(float(np.abs(lat).max()), 89.0))), 0.1)
+        longest = math.sqrt(8.0 * EARTH * sag / bend)
+        parts = []
+        for a, b in pairwise(points):
+            n = min(max(1, math.ceil(math.dist(a, b) / longest)), MOST_POINTS)
+            parts.append(a + (b - a) * (np.arange(n) / n)[:, None])
+        return np.concatenate([*parts, points[-1:]])
 
     def navigation(self, t: FloatArray, x: FloatArray, u: FloatArray) -> Navigation:
         """A plan for navigators: ``t`` (T+1,) [s], ``x`` (T+1, 2) [m], controls ``u`` (T, 2) [m/s]."""

@@ -143,6 +143,13 @@ class Scene(Displayed):
         return Frame(self.crs, self.time_zero)
 
     @property
+    def __geo_interface__(self) -> dict[str, Any]:
+        """The map as GeoJSON, with the roles of its places; in metres if it has no place on Earth."""
+        from pareto_ltl.world.geo_interface import scene_features
+
+        return scene_features(self)
+
+    @property
     def walled(self) -> bool:
         """Whether leaving the map is a failure."""
         return self.border == "wall"

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from string import ascii_lowercase
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, listed_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.faults import Faults
+from pareto_ltl.support.files import write_json
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.times import lacks_zone
 from pareto_ltl.world import projection
@@ -101,11 +103,13 @@ def scene_from_settings(
     return replace(scene, time_zero=departure, border=known, windows=windows, forbidden=forbidden)
 
 
-def read_map(path: str | Path, altitude: float | None = None) -> Scene:
-    """The checked map of a file: GeoJSON, KML, KMZ, or a run's ``scene.json``.
+def read_map(path: Any, altitude: float | None = None) -> Scene:
+    """The checked map of a file: GeoJSON, KML, KMZ, or a run's ``scene.json``; or of features in memory.
 
     Parameters
     ----------
+    path : str, Path, GeoDataFrame or another object with ``__geo_interface__``
+        Columns of a GeoDataFrame are properties of its features: ``role`` and ``name``.
     altitude : float, optional
         Height of the flight [m], in the datum of the map: places that are not active there are left out.
 
@@ -114,7 +118,20 @@ def read_map(path: str | Path, altitude: float | None = None) -> Scene:
     DataError
         If the file cannot be read or the map has faults; one message names all of them.
     """
-    return scene_from_settings(SceneConfig(file=str(path), altitude=altitude))
+    if isinstance(path, Scene) and altitude is None:
+        return path
+    if not hasattr(path, "__geo_interface__"):
+        return scene_from_settings(SceneConfig(file=str(path), altitude=altitude))
+    if getattr(path, "crs", None) is not None and hasattr(path, "to_crs"):
+        path = path.to_crs("EPSG:4326")  # of GeoPandas, in any system
+    with TemporaryDirectory(prefix="pareto_ltl_") as folder:
+        file = Path(folder) / "features.geojson"
+        write_json(file, path.__geo_interface__)
+        try:
+            return scene_from_settings(SceneConfig(file=str(file), altitude=altitude))
+        except DataError as error:
+            text = str(error).replace(f"scene file {file}", "the given features")
+            raise DataError(text.replace(str(file), "the given features")) from None
 
 
 def opened_features(path: Path) -> tuple[list[dict[str, Any]], tuple[str, ...], Mapping[str, Any]]:

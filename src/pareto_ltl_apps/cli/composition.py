@@ -34,8 +34,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from pareto_ltl import Settings, __version__
-from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.pipeline import Pipeline, check_pipeline
+from pareto_ltl.extend import Pipeline
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl.support.extras import install_command
@@ -226,7 +225,7 @@ class Prepared:
             return
         directory = Path(str(self.config.hydra.run.dir))
         OmegaConf.update(self.config, "hydra.run.dir", str(directory))  # the same time of day in both
-        with claimed_directory(directory, self.pipeline.files):
+        with self.pipeline.claimed(directory):
             hydra.run(config_name=name, task_function=job, overrides=[])
 
 
@@ -255,7 +254,7 @@ def prepare(hydra: ComposedHydra, arguments: argparse.Namespace) -> Prepared:
 
 def check_settings(settings: Settings) -> Pipeline:
     """The pipeline of ``settings``, checked across sections; each section was checked when it was made."""
-    return check_pipeline(settings)
+    return Pipeline.of(settings)
 
 
 def _prepare_sweep(

@@ -16,8 +16,8 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from pareto_ltl.extend import Pipeline
 from pareto_ltl.run.directory import discard_try
-from pareto_ltl.run.pipeline import Pipeline, run_claimed
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, InfeasibleError
@@ -244,7 +244,7 @@ class HydraJob:
             checked = self.pipeline or check_settings(settings_from(config))
             with collected_warnings() as warnings:
                 quiet = ProgressBar(shown=False) if self.output is Output.QUIET else None
-                metrics = run_claimed(checked, directory, self.argv, _task_overrides(), quiet)
+                metrics = checked.run_claimed(directory, self.argv, _task_overrides(), quiet)
         except Exception as error:
             before_stages = isinstance(error, ConfigError | DataError | FormulaError)
             gone = before_stages and not _chosen_directory() and discard_try(directory)
@@ -274,7 +274,7 @@ class HydraJob:
             metrics: dict[str, float] = {}
 
             def work() -> None:
-                metrics.update(run_claimed(checked, directory, self.argv, _task_overrides()))
+                metrics.update(checked.run_claimed(directory, self.argv, _task_overrides()))
 
             done = RunJob(directory).do_once(work, resume=checked.settings.sweep.resume)
             ended = f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"

@@ -22,7 +22,7 @@ from pareto_ltl_apps.cli.output import Answer
 
 if TYPE_CHECKING:
     from pareto_ltl import Settings
-    from pareto_ltl.run.pipeline import Pipeline
+    from pareto_ltl.extend import Pipeline
 
 CODE_VERSIONS = ("version", "code_hash", "python")
 TIME_COLUMN = "second"  # part of the name of columns of computing times
@@ -58,7 +58,6 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
     DataError
         If the directory holds no result, or if none of its files can be compared.
     """
-    from pareto_ltl.run import pipeline
     from pareto_ltl.run.received import allowed_settings
 
     refuse_links_out(directory)
@@ -75,9 +74,9 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
         told = differences or [f"the same, byte for byte: {', '.join(compared)}"]
         return Answer(document, [*(f"note: {note}" for note in notes), *told], code=0 if same else 1)
 
-    checked = pipeline.check_pipeline(settings)
+    checked = Pipeline.of(settings)
     try:
-        pipeline.run_pipeline(checked, place, before["argv"], before["overrides"])
+        checked.run(place, before["argv"], before["overrides"])
     except InfeasibleError as error:
         same = before["status"] == "infeasible" and before["error"] == one_line(error)
         return answer(same, "infeasible again, for the same reason" if same else f"now infeasible: {error}")

@@ -168,7 +168,7 @@ def summary_rows(
 
 
 def _cost_rows(metrics: Mapping[str, float], medium: Medium) -> Iterator[tuple[str, str]]:
-    from pareto_ltl.planning.costs import known_costs
+    from pareto_ltl.extend import known_costs
 
     yield "length", f"{metrics['length_m'] / 1e3:,.1f} km"
     steps = f" in steps of {metrics['dt_s']:,.6g} s" if "dt_s" in metrics else ""

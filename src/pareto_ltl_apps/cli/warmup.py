@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl import Settings
+from pareto_ltl.extend import Pipeline
 from pareto_ltl.settings import PRESETS
 from pareto_ltl.support.compiling import compilation_watched
 from pareto_ltl.support.errors import InfeasibleError
@@ -177,13 +178,12 @@ def _plan(kind: Kind, folder: Path) -> None:
 def _plan_given_path(kind: Kind, folder: Path) -> None:
     """Plan ``F a``, with a tree that is one path."""
     from pareto_ltl import Run
-    from pareto_ltl.run.pipeline import carry_out, check_pipeline
 
     settings = Settings.of({"pipelines": "plan", "mission": {"formula": "F a"}, **small_sections(kind)})
     made = Run(settings)
     forest = path_forest(made.problem)
     run = Run(settings, made.records | {"forest": forest}, directory=folder)
-    carry_out(run, check_pipeline(settings, given=run.records).stages)
+    Pipeline.of(settings, given=run.records).complete(run)
 
 
 def path_forest(problem: Problem) -> Forest:

@@ -14,14 +14,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pareto_ltl import choose, export, load_results
-from pareto_ltl.extend import Deployment, Front
-from pareto_ltl.planning.costs import cost_named
+from pareto_ltl.extend import Deployment, Front, cost_named
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import DataError, InfeasibleError, NotFoundError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
-from pareto_ltl_apps.exports.degrees import lonlat
 from pareto_ltl_apps.flight.rest_of_flight import issued
 from pareto_ltl_apps.view.limits import PlanLimits, chosen_number
 from pareto_ltl_apps.view.page.ground import map_places, rounded, shown_wind
@@ -136,7 +134,7 @@ def beacons_view(directory: Path) -> dict[str, Any]:
     rows = list(csv.DictReader(io.StringIO(read_text(folder / "beacons.csv"))))
     places = np.array([[float(row["x_m"]), float(row["y_m"])] for row in rows])
     return {
-        "at": None if scene.crs is None else rounded(lonlat(scene.crs, places), DEGREES - 1),
+        "at": None if scene.crs is None else rounded(scene.frame.lonlat(places), DEGREES - 1),
         "failure": [float(row["failure"]) for row in rows],
         "said": read_text(folder / "beacons.txt").splitlines(),
     }

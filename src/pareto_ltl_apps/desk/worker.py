@@ -22,7 +22,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from pareto_ltl.extend import PlannedPath
+from pareto_ltl.extend import Frame, PlannedPath
 from pareto_ltl.run.progress import Found, Watcher, watched_by
 from pareto_ltl.support.arrays import FloatArray
 
@@ -86,13 +86,12 @@ class Reporter(Watcher):
             self._send_paths("front", paths or _by_bound(front.paths), bound=not paths)
 
     def _send_paths(self, source: str, paths: Iterable[Known], bound: bool) -> None:
-        from pareto_ltl_apps.exports.degrees import lonlat
 
         points = [
             {
                 "failure": failure,
                 "length_m": length,
-                "line": None if self.crs is None else lonlat(self.crs, x).round(5).tolist(),
+                "line": None if self.crs is None else Frame(self.crs).lonlat(x).round(5).tolist(),
             }
             for failure, length, x in paths
         ]

@@ -16,13 +16,14 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene
+from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.world.polygons import united_rings
 from pareto_ltl.world.scene import fix_document
 from pareto_ltl_apps.exports.corridor import Corridor
-from pareto_ltl_apps.exports.degrees import line_degrees, line_parts, lonlat, outline_degrees, polygon_parts
+from pareto_ltl_apps.exports.degrees import line_parts, polygon_parts
 from pareto_ltl_apps.exports.exported import ExportedPlan
 
 Feature = dict[str, Any]
@@ -61,7 +62,7 @@ def _position(exported: ExportedPlan, k: int) -> Feature:
     log = exported.log
     about = {"role": "position", "step": k, "time_utc": log.time_utc(k), "t_s": log.t[k], **log.spread(k)}
     about |= {"regions": exported.plan.path.label[k], "fix": k in log.fixes, "wind_law": log.law}
-    return feature("Point", lonlat(exported.crs, log.x[k]), about)
+    return feature("Point", Frame(exported.crs).lonlat(log.x[k]), about)
 
 
 def _map_features(exported: ExportedPlan) -> list[Feature]:
@@ -73,7 +74,7 @@ def _map_features(exported: ExportedPlan) -> list[Feature]:
         )
         for role, name, outlines in named_outlines(scene)
     ]
-    return [*drawn, feature("Point", lonlat(crs, scene.start), {"role": "start", "name": "start"})]
+    return [*drawn, feature("Point", Frame(crs).lonlat(scene.start), {"role": "start", "name": "start"})]
 
 
 def named_outlines(scene: Scene) -> list[tuple[str, str, Sequence[FloatArray]]]:
@@ -110,7 +111,7 @@ def border_corners(bounds: FloatArray) -> FloatArray:
 
 
 def _ellipses(exported: ExportedPlan, corridor: Corridor) -> Iterable[Feature]:
-    log, outlines = exported.log, lonlat(exported.crs, corridor.outlines(corridor.at_time))
+    log, outlines = exported.log, Frame(exported.crs).lonlat(corridor.outlines(corridor.at_time))
     for level, share in enumerate(corridor.shares):
         for k, outline in enumerate(outlines[level]):
             about = _about(corridor, "at_time", share, corridor.at_time[level, k])
@@ -125,7 +126,8 @@ def tube_rings(crs: str, corridor: Corridor, size: float) -> list[FloatArray]:
     outlines = corridor.outlines(np.full(len(corridor.mean), size))
     tube: Any = shapely.orient_polygons(shapely.union_all(leg_hulls(outlines)))  # one part: legs are a chain
     return [
-        outline_degrees(crs, shapely.get_coordinates(ring)[:-1]) for ring in (tube.exterior, *tube.interiors)
+        Frame(crs).outline_degrees(shapely.get_coordinates(ring)[:-1])
+        for ring in (tube.exterior, *tube.interiors)
     ]
 
 
@@ -148,7 +150,7 @@ def _about(corridor: Corridor, meaning: str, share: float, size: float) -> dict[
 
 
 def _line(crs: str, points: FloatArray, about: Mapping[str, Any]) -> Feature:
-    return _one_or_several("LineString", line_parts(line_degrees(crs, points)), about)
+    return _one_or_several("LineString", line_parts(Frame(crs).line_degrees(points)), about)
 
 
 def _polygon(rings: Sequence[FloatArray], about: Mapping[str, Any]) -> Feature:
@@ -157,7 +159,7 @@ def _polygon(rings: Sequence[FloatArray], about: Mapping[str, Any]) -> Feature:
 
 def _area(crs: str, outlines: Sequence[FloatArray], about: Mapping[str, Any]) -> Feature:
     """The area of ``outlines``, each (n, 2) [m], which may touch."""
-    polygons = [[outline_degrees(crs, ring) for ring in rings] for rings in united_rings(outlines)]
+    polygons = [[Frame(crs).outline_degrees(ring) for ring in rings] for rings in united_rings(outlines)]
     return _one_or_several("Polygon", [part for rings in polygons for part in polygon_parts(rings)], about)
 
 
@@ -216,7 +218,7 @@ def operational_intent(exported: ExportedPlan) -> bytes:
     volumes = []  # a plan without a step has a hull and no leg
     for hull, ends, times in zip(hulls, pairwise(corridor.mean), pairwise(log.utc), strict=False):
         area = hull.union(shapely.LineString(ends).buffer(LATERAL_FLOOR)).convex_hull
-        corners = lonlat(exported.crs, shapely.get_coordinates(area)[:-1]).tolist()
+        corners = Frame(exported.crs).lonlat(shapely.get_coordinates(area)[:-1]).tolist()
         outline = {"vertices": [{"lng": lon, "lat": lat} for lon, lat in corners]}
         start, end = ({"value": time, "format": "RFC3339"} for time in times)
         volume = {"outline_polygon": outline, "altitude_lower": lower, "altitude_upper": upper}

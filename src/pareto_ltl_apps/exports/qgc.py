@@ -13,9 +13,10 @@ import json
 from dataclasses import asdict
 from typing import Any
 
+from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import plain_data
-from pareto_ltl_apps.exports.degrees import closes, crosses, outline_degrees, polygon_parts
+from pareto_ltl_apps.exports.degrees import closes, crosses, polygon_parts
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import border_corners
 from pareto_ltl_apps.exports.mavlink import AIRSPEED, GROUND_SPEED, POSITION_FRAMES
@@ -107,12 +108,12 @@ def fence_polygons(exported: ExportedPlan) -> list[dict[str, Any]]:
     take several areas to stay in as areas that all contain the vehicle.
     """
     fences = list[tuple[bool, FloatArray]]()
-    border = outline_degrees(exported.crs, border_corners(exported.scene.bounds), FENCE_SAG)
+    border = Frame(exported.crs).outline_degrees(border_corners(exported.scene.bounds), FENCE_SAG)
     cut = crosses(border) and closes(border)  # one around a pole crosses the meridian too
     if exported.scene.walled and not cut:
         fences.append((True, border))
     for corners in exported.scene.obstacles:
-        ring = outline_degrees(exported.crs, corners, FENCE_SAG)
+        ring = Frame(exported.crs).outline_degrees(corners, FENCE_SAG)
         parts = polygon_parts([ring]) if closes(ring) else [[ring]]
         fences += [(False, outline) for outline, *_ in parts]
     return [{"version": 1, "inclusion": inside, "polygon": ring[:-1, ::-1]} for inside, ring in fences]

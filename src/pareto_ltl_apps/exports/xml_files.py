@@ -13,10 +13,10 @@ from xml.etree import ElementTree as Xml
 
 import numpy as np
 
+from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.names import joined_names
 from pareto_ltl.world.polygons import united_rings
-from pareto_ltl_apps.exports.degrees import line_degrees, outline_degrees
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import named_outlines, tube_rings
 from pareto_ltl_apps.exports.navigation_log import LEG_COLUMNS
@@ -67,7 +67,7 @@ AT_LEGS = [*LEG_COLUMNS][:6]  # numbers of a leg that its position states
 def plan_kml(exported: ExportedPlan) -> bytes:
     """The document: the route and the positions at their height, the map and the areas on the ground."""
     styles = [style_of(name, *drawn) for name, drawn in STYLES.items()]
-    line = coordinates_text(line_degrees(exported.crs, exported.log.x), _height(exported))
+    line = coordinates_text(Frame(exported.crs).line_degrees(exported.log.x), _height(exported))
     tube = exported.corridor.whole[exported.corridor.level(TUBE)]
     areas = f"{TUBE * 100:g} % of whole flights, {exported.law_words}"
     return kml_bytes(
@@ -136,7 +136,7 @@ def _shape(tag: str, coordinates: str, exported: ExportedPlan) -> Xml.Element:
 def _map(exported: ExportedPlan) -> Iterator[Xml.Element]:
     for role, name, outlines in named_outlines(exported.scene):
         polygons = [
-            _polygon([outline_degrees(exported.crs, ring) for ring in rings])
+            _polygon([Frame(exported.crs).outline_degrees(ring) for ring in rings])
             for rings in united_rings(outlines)
         ]
         shape = polygons[0] if len(polygons) == 1 else element("MultiGeometry", *polygons)

@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Scene
+from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl_apps.exports.corridor import FINEST
-from pareto_ltl_apps.exports.degrees import outline_degrees
 from pareto_ltl_apps.exports.ellipses import ellipse_outlines, ellipse_scale
 from pareto_ltl_apps.exports.geojson import feature
 from pareto_ltl_apps.exports.xml_files import (
@@ -152,7 +152,7 @@ def search_areas(scene: Scene, ahead: Sequence[Event]) -> list[dict[str, Any]]:
         scale = np.full(len(mean), ellipse_scale(share))
         for k, outline in enumerate(ellipse_outlines(mean, cov, scale, CORNERS)):
             about = {"probability": share, "t_s": times[k], "time_utc": None if utc is None else utc[k]}
-            found.append(feature("Polygon", [np.round(outline_degrees(crs, outline), 7)], about))
+            found.append(feature("Polygon", [np.round(Frame(crs).outline_degrees(outline), 7)], about))
     return found
 
 

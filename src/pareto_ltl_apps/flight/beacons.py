@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Scene
+from pareto_ltl.extend import BeaconMap
 from pareto_ltl.run.results import Planned, planned_run
-from pareto_ltl.simulation.beacons import BeaconMap, BeaconPlaces, beacon_map
+from pareto_ltl.simulation.beacons import BeaconPlaces, beacon_map
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import write_csv, write_text

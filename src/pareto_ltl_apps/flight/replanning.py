@@ -21,10 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl import Readings, Run, WindField
-from pareto_ltl.extend import FailureRate, Fix, Front, Plan, PlannedPath, Problem
+from pareto_ltl.extend import FailureRate, Fix, Front, Pipeline, Plan, PlannedPath, Problem
 from pareto_ltl.planning.records import NO_PROMISE
-from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
 from pareto_ltl.run.results import Planned, place_of, planned_run
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
@@ -313,8 +311,7 @@ def _carried_on(
 
 def write_replanned(done: Replanned, run: Run, place: Path, source: str) -> None:
     """Write a results directory of the new plan; without a fix, the rest of the old one as ``plan.json``."""
-    stages = stages_by_name(run.settings)
-    with claimed_directory(place, files_of(stages.values())):
+    with Pipeline.of(run.settings).claimed(place):
         if done.run is not None:
             settings, records = done.run.settings, done.run.records
             mission = replace(settings.mission, automaton=str(place / AUTOMATON_FILE))
@@ -326,8 +323,7 @@ def write_replanned(done: Replanned, run: Run, place: Path, source: str) -> None
                 replace(settings, mission=mission), dict(records), place, seconds=dict(done.run.seconds),
                 read=None if done.run.read is None else {**done.run.read, **flown_hashes(source)},
             )  # fmt: skip
-            listed = [stages[name] for name in settings.pipelines.stages]
-            carry_out(written, [stage for stage in listed if stage.name not in records])
+            Pipeline.of(settings, given=records).complete(written)
         else:
             place.mkdir(parents=True, exist_ok=True)
             Run.plan.save(place, done.plan)

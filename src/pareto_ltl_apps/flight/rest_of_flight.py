@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
-from pareto_ltl.extend import Learnt, PlannedPath, Problem, evaluate
+from pareto_ltl.extend import Learnt, PlannedPath, Problem, completing_path, evaluate
 from pareto_ltl.logic.timed import later_windows, remaining_automaton
-from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.run.provenance import wanted_wind
 from pareto_ltl.run.received import KnownFiles, law_file
 from pareto_ltl.settings import MissionConfig, PowerConfig, SelectionConfig, WindConfig

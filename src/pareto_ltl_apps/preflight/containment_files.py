@@ -16,7 +16,7 @@ from pareto_ltl.extend import FailureRate
 from pareto_ltl.support.display import distance_text, interval_text, plain_power, probability_text
 from pareto_ltl.support.files import plain_data, write_bytes, write_json, write_text
 from pareto_ltl.support.fingerprints import file_fingerprint
-from pareto_ltl_apps.exports.degrees import lonlat, outline_degrees, polygon_parts
+from pareto_ltl_apps.exports.degrees import polygon_parts
 from pareto_ltl_apps.exports.formats import holds_pole
 from pareto_ltl_apps.exports.geojson import feature, listed_json
 from pareto_ltl_apps.exports.xml_files import boundary, coordinates_text, element, kml_bytes, style_of
@@ -220,7 +220,7 @@ def volumes_geojson(scene: Scene, found: Containment, about: str) -> bytes:
     utc = _times(found)
     for level in found.levels:
         for k, corners in enumerate(level.volumes.outlines):
-            parts = polygon_parts([outline_degrees(str(scene.crs), corners)])
+            parts = polygon_parts([scene.frame.outline_degrees(corners)])
             told = {
                 "role": "volume", "per_hour": level.per_hour, "leg": k,
                 "start_s": found.t[k], "end_s": found.t[k + 1],
@@ -251,7 +251,7 @@ def _placemark(scene: Scene, k: int, corners: Any, style: str, utc: tuple[str, .
     span = None
     if utc is not None:
         span = element("TimeSpan", element("begin", utc[k]), element("end", utc[k + 1]))
-    ring = boundary(coordinates_text(outline_degrees(str(scene.crs), corners)))
+    ring = boundary(coordinates_text(scene.frame.outline_degrees(corners)))
     shape = element("Polygon", element("tessellate", "1"), ring)
     return element("Placemark", element("name", f"leg {k}"), span, element("styleUrl", style), shape)
 
@@ -265,7 +265,7 @@ def intent_json(
     lower, upper = ({"value": h, "reference": "W84", "units": "M"} for h in band)
     volumes = []
     for corners, times in zip(level.volumes.outlines, pairwise(utc), strict=True):
-        places = lonlat(str(scene.crs), corners).tolist()
+        places = scene.frame.lonlat(corners).tolist()
         outline = {"vertices": [{"lng": lon, "lat": lat} for lon, lat in places]}
         start, end = ({"value": time, "format": "RFC3339"} for time in times)
         volume = {"outline_polygon": outline, "altitude_lower": lower, "altitude_upper": upper}

@@ -86,7 +86,7 @@ def _look(run: Run, truth: Problem, n: int) -> Columns:
 
 def trade_offs(forest: Forest) -> FloatArray:
     """Non-dominated (risk, length [m]) of the accepted vertices; risk is the sum of all stored risks."""
-    from pareto_ltl.planning.selection import accepted_rows, non_dominated
+    from pareto_ltl.extend import accepted_rows, non_dominated
 
     rows = accepted_rows(forest)
     table = np.column_stack([np.minimum(1.0, rows[:, :-1].sum(axis=1)), rows[:, -1]])

@@ -20,12 +20,9 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings
-from pareto_ltl.extend import PlannedPath, Study, which_fail
+from pareto_ltl.extend import Pipeline, PlannedPath, Study, UnpricedRun, which_fail
 from pareto_ltl.planning.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.planning.selection_rules import within_capacity
-from pareto_ltl.run.directory import claimed_directory
-from pareto_ltl.run.pipeline import carry_out, check_pipeline
-from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray
@@ -288,11 +285,11 @@ def plan_in_full(settings: Settings, world: Run, time: float, place: Path, extra
 def _make_rest(run: Run, place: Path, extra: Sequence[ExtraPath] = ()) -> Run:
     """Make what is left of ``run`` in the results directory ``place``, and return the run of all stages."""
     mine = Run(run.settings, dict(run.records), place, ProgressBar(False), dict(run.seconds))
-    checked = check_pipeline(run.settings)
-    with claimed_directory(place, checked.files):
+    checked = Pipeline.of(run.settings)
+    with checked.claimed(place):
         if extra:
             write_extra_paths(place / EXTRA_FILE, extra)
-        carry_out(mine, [stage for stage in checked.stages if stage.name not in run.records])
+        checked.complete(mine)
     return mine
 
 

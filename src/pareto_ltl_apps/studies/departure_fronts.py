@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pareto_ltl.planning.selection import non_dominated
+from pareto_ltl.extend import non_dominated
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
-from pareto_ltl.extend import PlannedPath, Problem, Snapshot
+from pareto_ltl.extend import PlannedPath, Problem, Snapshot, UnpricedRun
 from pareto_ltl.planning.evaluate import forecast
-from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import ConfigError, DataError, InfeasibleError, Run, Settings
-from pareto_ltl.extend import Study, which_fail
+from pareto_ltl.extend import Study, UnpricedRun, which_fail
 from pareto_ltl.planning.selection_rules import within_capacity
-from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.files import plain_data, write_json
 from pareto_ltl.support.seeds import stage_seeds

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl import Readings, Run, Settings
-from pareto_ltl.extend import Frame, Problem, law_of_newer_runs
-from pareto_ltl.run.plan_run import UnpricedRun
+from pareto_ltl.extend import Frame, Problem, UnpricedRun, law_of_newer_runs
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_json

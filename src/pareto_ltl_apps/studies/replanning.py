@@ -21,9 +21,8 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl import Run, Settings, WindField
-from pareto_ltl.extend import DrawnFlights, Fix, LawPart, PlannedPath, Study, draw_flights
+from pareto_ltl.extend import DrawnFlights, Fix, LawPart, PlannedPath, Study, UnpricedRun, draw_flights
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings import ReplanningConfig
 from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.counts import paired_difference

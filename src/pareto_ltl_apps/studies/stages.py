@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import Run
-from pareto_ltl.extend import Record
+from pareto_ltl.extend import Record, UnpricedRun
 from pareto_ltl.run.pipeline import FIGURES
-from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings.outputs import FIGURE_FORMATS
 
 if TYPE_CHECKING:

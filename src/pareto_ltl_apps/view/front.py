@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from pareto_ltl.extend import FailureRate, Front, Objectives, Plan
-from pareto_ltl.planning.selection import accepted_rows
+from pareto_ltl.extend import FailureRate, Front, Objectives, Plan, accepted_rows
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import hide_frame, scale_rate_axis, set_rate_ticks

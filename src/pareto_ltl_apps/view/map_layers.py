@@ -15,11 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from pareto_ltl import Scene
-from pareto_ltl.extend import Decomposition, Deployment, Forest, Plan
+from pareto_ltl.extend import Decomposition, Deployment, Forest, Plan, Window
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import in_kilometres
 from pareto_ltl.support.times import hours_text
-from pareto_ltl.world.windows import Window
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.lattice import oldest_edges

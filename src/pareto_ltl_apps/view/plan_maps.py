@@ -16,9 +16,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from pareto_ltl import Scene
-from pareto_ltl.extend import Deployment, Plan
-from pareto_ltl.planning.limits import SegmentLimits
-from pareto_ltl.simulation.beacons import BeaconMap
+from pareto_ltl.extend import BeaconMap, Deployment, Plan, SegmentLimits
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.medium import AIR, Medium

@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.settings.building import section_of
@@ -20,6 +21,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import FORMAT_GROUP, installed_object, known_kind
 from pareto_ltl.support.file_formats import is_data_file
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, table_level
+from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.readings import CALM, Readings
@@ -169,13 +171,35 @@ def read_readings(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> Readings:
     return wind_source(cfg).read(cfg, wanted)
 
 
-def read_wind(path: str | Path, source: str | None = None, level: str | None = None) -> Readings:
-    """The winds, or currents, of a file, a folder or a pattern, everywhere and at all times.
+def is_dataset(wind: Any) -> bool:
+    """Whether ``wind`` is a dataset of xarray; nothing is imported to know it."""
+    return hasattr(wind, "to_netcdf") and hasattr(wind, "data_vars")
+
+
+def read_dataset(data: Any, source: str | None = None, level: str | None = None) -> Readings:
+    """:func:`read_wind` of a dataset of xarray, whose variables say what they are as CF files do."""
+    with TemporaryDirectory(prefix="pareto_ltl_") as folder:
+        file = Path(folder) / "dataset.nc"
+        try:
+            data.to_netcdf(file, engine="h5netcdf")
+        except (ValueError, TypeError, NotImplementedError) as error:
+            reason = shown_text(" ".join(str(error).split()), 200)
+            raise DataError(f"the given dataset cannot be written as NetCDF ({reason}); check it") from None
+        try:
+            found = read_wind(file, source, level)
+        except DataError as error:
+            text = str(error).replace(f"wind file {file}", "the given dataset")
+            raise DataError(text.replace(str(file), "the given dataset")) from None
+    return replace(found, files=(), origins=((),) * len(found.times))
+
+
+def read_wind(path: Any, source: str | None = None, level: str | None = None) -> Readings:
+    """The winds, or currents, of a file, a folder, a pattern or a dataset, everywhere and at all times.
 
     Parameters
     ----------
-    path : str or Path
-        GRIB, NetCDF, a table (CSV), or reports of stations (CSV, JSON).
+    path : str, Path or xarray.Dataset
+        GRIB, NetCDF, a table (CSV), reports of stations (CSV, JSON); or what xarray has opened.
     source : str, optional
         The value of ``wind.source``; without it, it follows from the content.
     level : str, optional
@@ -188,6 +212,8 @@ def read_wind(path: str | Path, source: str | None = None, level: str | None = N
     ConfigError
         If ``source`` or ``level`` is not known.
     """
+    if is_dataset(path):
+        return read_dataset(path, source, level)
     chosen = source or source_of_path(path)
     stated = usual_level(chosen, None) if level in (None, "auto") else level
     cfg = section_of("wind", {"source": chosen, "path": str(path), "level": stated})

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.extend import Deployment, FailureRate, Front, Plan
-from pareto_ltl.planning.costs import cost_named
+from pareto_ltl.extend import Deployment, FailureRate, Front, Plan, cost_named
 from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
 from pareto_ltl_apps.exports.exported import absent_sentence, height_sentence, vehicle_of

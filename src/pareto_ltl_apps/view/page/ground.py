@@ -9,7 +9,7 @@ import numpy as np
 from pareto_ltl import Scene, WindField
 from pareto_ltl.extend import Forest, Frame
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl_apps.exports.degrees import crosses, lonlat, outline_degrees
+from pareto_ltl_apps.exports.degrees import crosses
 from pareto_ltl_apps.exports.formats import holds_pole
 from pareto_ltl_apps.exports.geojson import titled_outlines
 from pareto_ltl_apps.view import lattice
@@ -53,7 +53,9 @@ def map_places(scene: Scene, points: FloatArray, coarser: int = 0) -> list[Any]:
     ``coarser`` digits are left out of those that positions have.
     """
     digits, crs = metre_digits(scene) - coarser, shown_crs(scene)
-    return rounded(points, digits) if crs is None else rounded(lonlat(crs, points), DEGREE_DIGITS + digits)
+    return (
+        rounded(points, digits) if crs is None else rounded(Frame(crs).lonlat(points), DEGREE_DIGITS + digits)
+    )
 
 
 def shown_map(scene: Scene) -> dict[str, Any]:
@@ -69,7 +71,9 @@ def shown_map(scene: Scene) -> dict[str, Any]:
 
     def ring_of(corners: FloatArray) -> FloatArray:
         some = corners if len(corners) < 3 * stride else corners[::stride]
-        return np.concatenate([some, some[:1]]) if crs is None else outline_degrees(crs, some, FENCE_SAG)
+        return (
+            np.concatenate([some, some[:1]]) if crs is None else Frame(crs).outline_degrees(some, FENCE_SAG)
+        )
 
     rings = [(role, name, ring_of(corners)) for role, name, corners in named]
     return {

@@ -7,8 +7,16 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Scene
-from pareto_ltl.extend import Deployment, Front, Objectives, PlannedPath, Problem, law_seeds, simulate_flights
-from pareto_ltl.planning.costs import cost_named
+from pareto_ltl.extend import (
+    Deployment,
+    Front,
+    Objectives,
+    PlannedPath,
+    Problem,
+    cost_named,
+    law_seeds,
+    simulate_flights,
+)
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.files import plain_data
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
