@@ -14,9 +14,9 @@ from scipy.stats import binom
 from levels import BY_DAY
 from oracle.path_risk import ordered_bound
 from oracle.segments import meeting_bounds, states_of_flight
-from pareto_ltl.extend import simulate_flights
+from pareto_ltl.extend import Forecast, simulate_flights
 from pareto_ltl.kernels.letters import states_along
-from pareto_ltl.planning.evaluate import forecast, ordered_mission_risk, propagate
+from pareto_ltl.planning.evaluate import ordered_mission_risk, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import PlannerConfig
@@ -148,7 +148,7 @@ def test_v_bounds_the_flights_that_meet_a_forbidden_strip(law: str, heights: tup
         line = np.array([[2, 10], [7, height], [9.5, height], [15, 10]]) * KM
         x = np.vstack([np.linspace(p, q, 7)[:-1] for p, q in itertools.pairwise(line)] + [line[-1:]])
         u = propagate(problem, x, problem.laws[law]).u
-        bound = forecast(problem, u, law).mission_risk
+        bound = Forecast.of(problem, u, law).mission_risk
         flights = simulate_flights(problem, u, 4000, law, SeedSequence(3), x)
         missed = int((~flights.accepted).sum())
         assert binom.sf(missed - 1, 4000, bound) > RARE

@@ -9,7 +9,8 @@ import pytest
 
 from coherent import STEPS, coherent_problem
 from oracle import path_risk as risk
-from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, forecast
+from pareto_ltl.extend import Forecast
+from pareto_ltl.planning.evaluate import completes_mission, evaluate_path
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support.errors import InfeasibleError
 from problems import KM, box, make_problem, make_scene, rough_wind, two_goals
@@ -85,7 +86,7 @@ def test_the_forecast_of_a_plan_is_the_plan():
     """Flying the controls forward gives back the means that they were made for."""
     p = coherent_problem()
     path = evaluate_path(p, STEPS, "by hand")
-    seen = forecast(p, path.u, "coherent")
+    seen = Forecast.of(p, path.u, "coherent")
     np.testing.assert_allclose(seen.x, STEPS, atol=0.1)
     np.testing.assert_allclose(seen.cov, path.cov, rtol=1e-4)
     assert seen.mission_risk == pytest.approx(path.objectives.mission_risk, abs=1e-6)
@@ -104,7 +105,7 @@ def test_the_answer_hardly_depends_on_the_time_step(dt):
             [np.interp(np.linspace(0, 1, n + 1), np.linspace(0, 1, len(STEPS)), STEPS[:, i]) for i in (0, 1)]
         )
         u = evaluate_path(p, x, "").u
-        return np.sqrt(np.trace(forecast(p, u, law).cov[-1]))
+        return np.sqrt(np.trace(Forecast.of(p, u, law).cov[-1]))
 
     assert spread(dt, "coherent") == pytest.approx(spread(100.0, "coherent"), rel=0.06)
     assert abs(np.log(spread(dt, "independent") / spread(100.0, "independent"))) > 0.25

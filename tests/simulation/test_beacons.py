@@ -9,11 +9,11 @@ import pytest
 from numpy.random import SeedSequence
 
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
-from pareto_ltl.extend import which_fail
+from pareto_ltl.extend import BeaconMap, which_fail
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.pack import with_landmarks
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.beacons import SHORTLIST, beacon_map, beacon_places, disc
+from pareto_ltl.simulation.beacons import SHORTLIST, beacon_places, disc
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError
 from problems import KM
@@ -54,7 +54,7 @@ def test_a_disc_is_a_polygon_of_its_area():
 
 @pytest.mark.statistical
 def test_the_best_place_saves_what_a_landmark_there_saves(problem, path):
-    found = beacon_map(problem, ROBOT, path, 1.0 * KM, 2, 500, SeedSequence(5))
+    found = BeaconMap.of(problem, ROBOT, path, 1.0 * KM, 2, 500, SeedSequence(5))
     one, two = found.sites
     assert found.failure[one.number] in np.sort(found.failure)[:SHORTLIST]
     assert found.failure.max() > 1.5 * found.failure.min()

@@ -7,10 +7,10 @@ import pytest
 from numpy.random import SeedSequence
 
 from coherent import STEPS, coherent_problem, rate_interval
-from pareto_ltl.extend import simulate_flights
+from pareto_ltl.extend import Forecast, simulate_flights
 from pareto_ltl.kernels.flight import link_fields
 from pareto_ltl.kernels.pilots import Autopilot
-from pareto_ltl.planning.evaluate import evaluate_path, forecast, propagate
+from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.flights import draw_coherent, draw_innovations, fly_draws, kept_by_epoch
@@ -38,7 +38,7 @@ def test_the_mean_shift_is_what_flights_show():
     robot = RobotConfig(dt=100.0, u_max=60.0)
     p = coherent_problem(speed=8.0, sd=2.0, length=8 * KM, hours=2.0, rho=1.0, robot=robot)
     plain = propagate(p, STEPS, p.laws["independent"])
-    seen = forecast(p, plain.u, "coherent")
+    seen = Forecast.of(p, plain.u, "coherent")
     ends = simulate_flights(p, plain.u, 60_000, "coherent", SeedSequence(2)).x[:, -1]
     error = 5.0 * ends.std(axis=0) / np.sqrt(len(ends))
     shift = seen.x[-1] - plain.x[-1]

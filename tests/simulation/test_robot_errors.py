@@ -30,7 +30,7 @@ from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation import failure_modes, importance
 from pareto_ltl.simulation.common_flights import is_certain
 from pareto_ltl.simulation.flights import fly_draws
-from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
+from pareto_ltl.simulation.robot_errors import erring_pilot
 from pareto_ltl.support.arrays import FloatArray, square_matrices
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choice_file
@@ -121,7 +121,7 @@ def test_as_many_flights_fail_as_in_a_plain_simulator(errors):
 
 def moved_by(p: Problem, u: FloatArray, errors: FloatArray) -> FloatArray:
     """Positions (n, T+1, 2) of flights that meet the expected wind, with the coefficients ``errors``."""
-    law, n, own = p.laws["coherent"], len(errors), own_errors(p, "coherent")
+    law, n, own = p.laws["coherent"], len(errors), p.own_errors("coherent")
     epochs, modes = int(p.modes.epoch.max()) + 1, p.modes.psi.shape[-1]
     draws = CoherentDraws(law, np.zeros((len(u), n, 2)), np.zeros((epochs, n, 2, modes), np.float32))
     x = np.empty((n, len(u) + 1, 2))
@@ -222,7 +222,7 @@ def test_linear_flights_deviate_as_the_law_says(errors):
 
 def test_the_independent_law_has_an_exact_robot():
     p, exact = erring_problem(), coherent_problem(robot=RobotConfig(**BASE))
-    assert len(own_errors(p, "independent").mean) == 0
+    assert len(p.own_errors("independent").mean) == 0
     u = propagate(exact, STEPS).u
     ours, others = (simulate_flights(q, u, 100, "independent", SeedSequence(3)).x for q in (p, exact))
     np.testing.assert_array_equal(ours, others)
@@ -382,7 +382,7 @@ def test_an_error_of_zero_is_answered_by_null():
         RobotConfig(airspeed_sd=0.0)
     with pytest.raises(ConfigError, match=r"at most 0.5 \(0.015: 1.5 %;.*got 0.51"):
         RobotConfig(airspeed_sd=0.51)
-    assert len(own_errors(erring_problem({}), "coherent").mean) == 0
+    assert len(erring_problem({}).own_errors("coherent").mean) == 0
 
 
 def test_every_robot_preset_states_its_errors():

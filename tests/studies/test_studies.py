@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 import small_study
-from pareto_ltl.extend import Pipeline, Study
+from pareto_ltl.extend import Forecast, Pipeline, Study
 from pareto_ltl.planning import growth
-from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import (
     PRESETS,
@@ -341,7 +340,7 @@ def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Run, tmp
 def test_the_mean_path_is_the_planned_one(cfg: Settings, world: Run) -> None:
     shop = world.with_settings(unsmoothed(cfg))
     path = shop.plan.path
-    np.testing.assert_allclose(forecast(shop.problem, path.u, "independent").x, path.x, atol=1e-6)
+    np.testing.assert_allclose(Forecast.of(shop.problem, path.u, "independent").x, path.x, atol=1e-6)
 
 
 def test_independent_winds_promise_more_the_finer_the_step(cfg: Settings, world: Run, tmp_path: Path) -> None:
@@ -364,7 +363,7 @@ def test_a_flight_to_the_last_hour_of_the_wind_can_be_cut_into_pieces(cfg: Setti
     for pieces in (1, 4):
         finer = planning.truth(compare.cut(cfg, pieces), world)
         controls = np.repeat(u, pieces, axis=0)
-        assert np.isfinite(forecast(finer, controls, "independent").x).all()
+        assert np.isfinite(Forecast.of(finer, controls, "independent").x).all()
         assert np.isfinite(fly_seeded(finer, controls, 3, "independent", 0).x).all()
 
 

@@ -15,7 +15,7 @@ from pareto_ltl.support.atmosphere import temperature_scale
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.levels import Level, nearest_level, parse_level
 from pareto_ltl.wind import sources
-from pareto_ltl.wind.air import MapAir, NodeAir, check_air, map_air, mean_of_members
+from pareto_ltl.wind.air import MapAir, NodeAir, map_air
 from pareto_ltl.wind.readings import Readings
 
 DIMS = "time", "lat", "lon"
@@ -278,10 +278,10 @@ def test_nodes_below_the_ground_and_without_a_value_do_not_count() -> None:
 
 def test_members_are_averaged() -> None:
     one, two = air_at(INSIDE, [280.0] * 4), air_at(INSIDE, [284.0] * 4)
-    found = mean_of_members([one, None, two])
+    found = NodeAir.mean_of([one, None, two])
     assert found is not None
     assert found.temperature.tolist() == [282.0] * 4
-    assert mean_of_members([None]) is None
+    assert NodeAir.mean_of([None]) is None
 
 
 def test_the_level_of_a_temperature_is_near_that_of_the_wind() -> None:
@@ -302,7 +302,7 @@ def test_units_become_kelvin() -> None:
 
 def test_pressures_that_no_air_has_are_refused() -> None:
     with pytest.raises(DataError, match=r"x: pressure 950 Pa is not plausible|x: pressure 200 Pa is not"):
-        check_air(air_at(INSIDE, [280.0] * 4, pressure=np.full(4, 200.0)), "x")
+        air_at(INSIDE, [280.0] * 4, pressure=np.full(4, 200.0)).check("x")
 
 
 def test_a_map_has_one_temperature_a_time() -> None:

@@ -8,7 +8,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.world.polygons import outlines_of, united_rings
+from pareto_ltl.world.polygons import outlines_of
+from pareto_ltl_apps.exports.degrees import united_rings
 from strategies import star_polygons
 
 some = settings(max_examples=60, deadline=None)

@@ -84,8 +84,3 @@ def costs_with(names: Iterable[str]) -> tuple[Cost, ...]:
 def known_costs() -> tuple[Cost, ...]:
     """All costs, also of other packages."""
     return tuple(map(cost_named, (*COSTS, *extension_names(COST_GROUP, COSTS))))
-
-
-def cost_in_column(column: str) -> Cost | None:
-    """The cost in a column of ``front.csv``, None if there is none."""
-    return next((cost for cost in known_costs() if cost.column == column), None)

@@ -421,12 +421,12 @@ class Forecast:
     mission_risk: float
     collision_risk: float
 
-
-def forecast(problem: Problem, u: FloatArray, law: str) -> Forecast:
-    """V and R of the controls ``u`` (T, 2) [m/s] under ``law``, which may differ from the law of the plan."""
-    model = problem.laws[law]
-    flight = propagate_controls(problem, u, model)
-    return Forecast(
-        law, flight.x, square_matrices(flight.cov), ordered_mission_risk(problem, flight),
-        collision_risk(problem, flight, model),
-    )  # fmt: skip
+    @classmethod
+    def of(cls, problem: Problem, u: FloatArray, law: str) -> Forecast:
+        """V and R of the controls ``u`` (T, 2) [m/s] under ``law``, which may be another one than planned."""
+        model = problem.laws[law]
+        flight = propagate_controls(problem, u, model)
+        return cls(
+            law, flight.x, square_matrices(flight.cov), ordered_mission_risk(problem, flight),
+            collision_risk(problem, flight, model),
+        )  # fmt: skip

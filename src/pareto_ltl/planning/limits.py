@@ -121,6 +121,11 @@ class Price:
     error: float = 0.0
 
     @property
+    def change(self) -> str:
+        """The change in words, with ``{}`` for its size: ``{} smaller on every side``."""
+        return PRICE_KINDS[self.kind]
+
+    @property
     def significant(self) -> bool:
         """Whether the interval of 95 % of the saving reaches from at least half of it to one and a half."""
         return self.saving >= SIGNIFICANT * self.error

@@ -177,6 +177,10 @@ class Problem(Displayed):
         world = self.world._replace(law=laws[self.fidelity.law])
         return replace(self, laws=laws, world=world)
 
+    def own_errors(self, law: str) -> kd.RobotErrors:
+        """The law of the robot's own errors under the wind law ``law``; none under the independent law."""
+        return errors_of(self.laws[law])
+
     def from_known_place(self) -> Problem:
         """The problem of a robot that starts where the map says, exactly, and takes no fixes."""
         law = unaided(self.world.law)

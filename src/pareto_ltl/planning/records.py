@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from pareto_ltl.planning.costs import cost_named, hours_text
-from pareto_ltl.planning.limits import Price, Remedy, SegmentLimits, WorstSegment
+from pareto_ltl.planning.limits import Price, Remedy, SegmentLimits, WorstSegment, remedies_text
 from pareto_ltl.planning.rates import FailureRate, Promise
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.settings.fidelity import models_of
@@ -309,6 +309,7 @@ class Plan(Displayed):
         Changes that were tried if epsilon is not kept, or if hardly any flight succeeds.
     """
 
+    NO_PROMISE: ClassVar[str] = NO_PROMISE
     path: PlannedPath
     formula: str
     atoms: tuple[str, ...]
@@ -373,6 +374,11 @@ class Plan(Displayed):
             f"departure, collides with a probability of {probability_text(self.worst.probability)}, "
             f"closest to {scene.barrier_title(self.worst.nearest)}{fails}"
         )
+
+    @property
+    def what_helps(self) -> str:
+        """The figures of changes that were tried and help, for people; empty if there are none."""
+        return remedies_text(self.remedies) if self.remedies else ""
 
     def without_promise(self) -> Plan:
         """The plan without any probability, for a flight whose wind is outside the law."""

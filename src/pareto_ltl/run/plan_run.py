@@ -223,9 +223,8 @@ class Run(BaseRun):
     def forecasts(self) -> Mapping[str, Forecast]:
         """V and R of the plan under every law of ``deployment.laws``."""
         plan = self.plan
-        from pareto_ltl.planning.evaluate import forecast
 
-        return {law: forecast(self.problem, plan.path.u, law) for law in self.settings.deployment.laws}
+        return {law: Forecast.of(self.problem, plan.path.u, law) for law in self.settings.deployment.laws}
 
     @record("deployments.npz", codec="pareto_ltl.simulation.records:deployments", stage="deployment")
     def deployments(self) -> Mapping[str, Deployment]:

@@ -240,6 +240,10 @@ class BaseRun(Displayed):
         """The files that the records depend on; raises ``DataError`` if those of the wind are missing."""
         return provenance.input_files(self.settings)
 
+    def wind_files(self) -> tuple[Path, ...]:
+        """The files of the wind among them."""
+        return provenance.wind_files(self.settings)
+
     def input_hashes(self) -> Mapping[str, str]:
         """SHA-256 of the files that the records depend on, by name; files of an earlier run are not read."""
         return provenance.input_hashes(self.settings) if self.read is None else self.read

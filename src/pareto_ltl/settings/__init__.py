@@ -13,8 +13,8 @@ from typing import Any
 
 from pareto_ltl.settings.checks import SEEDS, CheckedSettings, check_folder_name, setting
 from pareto_ltl.settings.checks import declarations as declarations
+from pareto_ltl.settings.fidelity import LAWS, FidelityConfig
 from pareto_ltl.settings.fidelity import PRESETS as PRESETS
-from pareto_ltl.settings.fidelity import FidelityConfig
 from pareto_ltl.settings.fidelity import preset as preset
 from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
 from pareto_ltl.settings.mission import MissionConfig, RobotConfig, SceneConfig
@@ -85,6 +85,8 @@ class Settings(CheckedSettings):
     replanning: ReplanningConfig = field(default_factory=ReplanningConfig)
     sitl: SitlConfig = field(default_factory=SitlConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
+
+    PRESETS, LAWS = PRESETS, LAWS  # names of presets with their values, of wind laws
 
     def check_combinations(self) -> None:
         """Reject a name that cannot be a folder and two heights; replace the level ``auto`` by its value."""

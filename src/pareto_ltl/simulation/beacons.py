@@ -90,43 +90,43 @@ class BeaconMap:
     flights: int
     sites: tuple[BeaconSite, ...]
 
+    @classmethod
+    def of(
+        cls, problem: Problem, robot: RobotConfig, path: PlannedPath, radius: float, number: int,
+        flights: int, seed: SeedSequence,
+    ) -> BeaconMap:  # fmt: skip
+        """Try beacons of ``radius`` [m] along and beside ``path``, and place ``number`` of them.
 
-def beacon_map(
-    problem: Problem, robot: RobotConfig, path: PlannedPath, radius: float, number: int, flights: int,
-    seed: SeedSequence,
-) -> BeaconMap:  # fmt: skip
-    """Try beacons of ``radius`` [m] along and beside ``path``, and place ``number`` of them.
+        ``robot`` has the error of a fix (``fix_sd``). The best places in ``flights`` common flights are
+        compared again in others, and the best of them is judged in fresh ones.
 
-    ``robot`` has the error of a fix (``fix_sd``). The best places in ``flights`` common flights are compared
-    again in others, and the best of them is judged in fresh ones.
-
-    Raises
-    ------
-    ConfigError
-        If the robot of these settings takes no position fixes.
-    """
-    places = beacon_places(problem, path, radius)
-    search, judge, again = seed.spawn(3)
-    marks: list[FloatArray] = []
-    marked = with_landmarks(problem, robot, [disc(places.at[0], radius)])
-    drawn, others = (
-        draw_flights(marked, problem.fidelity.law, runs, child)
-        for runs, child in ((flights, search), (AGAIN, again))
-    )
-    before = which_fail(problem, [path], FRESH, judge)[0]
-    law, first, sites = problem.fidelity.law, np.empty(0), list[BeaconSite]()
-    without = FailureRate.counted(law, int(before.sum()), FRESH)
-    for _ in range(number):
-        rates = tried(problem, robot, path, places.at, drawn, marks, radius)
-        first = rates if not len(first) else first
-        short = np.argsort(rates, kind="stable")[:SHORTLIST]
-        best = short[np.argmin(tried(problem, robot, path, places.at[short], others, marks, radius))]
-        marks.append(disc(places.at[best], radius))
-        failed = which_fail(with_landmarks(problem, robot, marks), [path], FRESH, judge)[0]
-        rate = FailureRate.counted(law, int(failed.sum()), FRESH)
-        sites.append(BeaconSite(int(best), rate, paired_difference(before, failed)))
-        before = failed
-    return BeaconMap(radius, places, without, first, flights, tuple(sites))
+        Raises
+        ------
+        ConfigError
+            If the robot of these settings takes no position fixes.
+        """
+        places = beacon_places(problem, path, radius)
+        search, judge, again = seed.spawn(3)
+        marks: list[FloatArray] = []
+        marked = with_landmarks(problem, robot, [disc(places.at[0], radius)])
+        drawn, others = (
+            draw_flights(marked, problem.fidelity.law, runs, child)
+            for runs, child in ((flights, search), (AGAIN, again))
+        )
+        before = which_fail(problem, [path], FRESH, judge)[0]
+        law, first, sites = problem.fidelity.law, np.empty(0), list[BeaconSite]()
+        without = FailureRate.counted(law, int(before.sum()), FRESH)
+        for _ in range(number):
+            rates = tried(problem, robot, path, places.at, drawn, marks, radius)
+            first = rates if not len(first) else first
+            short = np.argsort(rates, kind="stable")[:SHORTLIST]
+            best = short[np.argmin(tried(problem, robot, path, places.at[short], others, marks, radius))]
+            marks.append(disc(places.at[best], radius))
+            failed = which_fail(with_landmarks(problem, robot, marks), [path], FRESH, judge)[0]
+            rate = FailureRate.counted(law, int(failed.sum()), FRESH)
+            sites.append(BeaconSite(int(best), rate, paired_difference(before, failed)))
+            before = failed
+        return cls(radius, places, without, first, flights, tuple(sites))
 
 
 def beacon_places(problem: Problem, path: PlannedPath, radius: float) -> BeaconPlaces:

@@ -18,7 +18,7 @@ from pareto_ltl.planning.problem import Problem, merged_draws
 from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot, own_errors
+from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.machine import on_all_cores
 from pareto_ltl.support.seeds import later_child
@@ -116,7 +116,7 @@ class DrawnFlights:
 
     def _autopilot(self, u: FloatArray, mean: FloatArray) -> Any:
         """The pilot of robots that take no fixes."""
-        pilot, own = Autopilot(u, np.ascontiguousarray(mean)), own_errors(self.problem, self.law)
+        pilot, own = Autopilot(u, np.ascontiguousarray(mean)), self.problem.own_errors(self.law)
         return erring_pilot(pilot, u, own, self.errors, linear=self.linearised)
 
     def _flown_by(self, pilot: Any, mean: FloatArray, energy: EnergyModel | None, draws: Any) -> FloatArray:
@@ -182,7 +182,7 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
         errors.append(draw_errors(problem, law, n, later_child(child, sim.OWN_ERRORS)))
     off = math.sqrt(problem.start_variance) * np.random.default_rng(start).standard_normal((runs, 2))
     own = np.concatenate(errors)
-    off += own @ own_errors(problem, law).start.T
+    off += own @ problem.own_errors(law).start.T
     return DrawnFlights(problem, law, np.concatenate(noise, axis=1), own, off, draws)
 
 
@@ -190,7 +190,7 @@ def is_certain(problem: Problem) -> bool:
     """Whether every flight is the same: a start and a wind that are known exactly."""
     if problem.start_variance > 0.0 or problem.wind.gust.any() or problem.wind.between.any():
         return False
-    own = own_errors(problem, problem.fidelity.law)
+    own = problem.own_errors(problem.fidelity.law)
     if own.root.any() or own.start.any():
         return False
     return not problem.wind.latent.any() and problem.modes.psi.shape[-1] == 0

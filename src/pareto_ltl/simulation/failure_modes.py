@@ -40,7 +40,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.simulation.robot_errors import erring_pilot, own_errors
+from pareto_ltl.simulation.robot_errors import erring_pilot
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 PILOTS = 500  # common flights whose events are looked for
@@ -123,7 +123,7 @@ class FlownPlan:
         """
         problem, path, law = self.problem, self.path, self.problem.fidelity.law
         x = np.empty((len(z.start), len(path.x), 2))
-        own = own_errors(problem, law)
+        own = problem.own_errors(law)
         x[:, 0] = problem.scene.start + self.linear.start_sd * z.start + z.errors @ own.start.T
         pilot = erring_pilot(Autopilot(path.u, np.ascontiguousarray(path.x)), path.u, own, z.errors)
         sim.fly_draws(problem, _winds(problem, z, theta), pilot, x, problem.energy)
@@ -281,7 +281,7 @@ def _white_law(problem: Problem) -> kd.CoherentLaw:
 
 SMOOTH_LAWS: Mapping[str, Callable[[Problem], kd.CoherentLaw]] = {
     "coherent": lambda problem: kd.CoherentLaw(
-        problem.wind, problem.modes, problem.motion, own_errors(problem, "coherent")
+        problem.wind, problem.modes, problem.motion, problem.own_errors("coherent")
     ),
     "independent": _white_law,
 }

@@ -36,7 +36,7 @@ from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import DeploymentConfig
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot, own_errors
+from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot
 from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import InfeasibleError
@@ -217,7 +217,7 @@ def draw_block(problem: Problem, law: str, runs: int, steps: int, seed: SeedSequ
     draws = DRAWS[law](problem, runs, steps, rng)
     noise = fix_noise(problem, runs, steps, later_child(seed, FIX_NOISE))
     errors = draw_errors(problem, law, runs, later_child(seed, OWN_ERRORS))
-    return FlightBlock(start + errors @ own_errors(problem, law).start.T, draws, noise, errors)
+    return FlightBlock(start + errors @ problem.own_errors(law).start.T, draws, noise, errors)
 
 
 def fix_noise(problem: Problem, runs: int, steps: int, seed: SeedSequence) -> FloatArray:
@@ -270,7 +270,7 @@ def pilot_maker(
     ``linear`` as in :func:`erring_pilot`.
     """
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
-    planned, own = problem.laws["coherent"], own_errors(problem, law)
+    planned, own = problem.laws["coherent"], problem.own_errors(law)
 
     def autopilot(_noise: FloatArray, errors: FloatArray) -> Pilot:
         return erring_pilot(Autopilot(u, held), u, own, errors, linear=linear)

@@ -7,18 +7,13 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.pilots import ErringPilot, Pilot
-from pareto_ltl.planning.problem import Problem, errors_of
+from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray
 
 
 def draw_errors(problem: Problem, law: str, runs: int, seed: SeedSequence) -> FloatArray:
     """κ ~ N(0, I) (runs, Q) of the robot's own errors under ``law``; none under the independent law."""
-    return np.random.default_rng(seed).standard_normal((runs, len(own_errors(problem, law).mean)))
-
-
-def own_errors(problem: Problem, law: str) -> kd.RobotErrors:
-    """The law of the robot's own errors under ``law``; none under the independent law."""
-    return errors_of(problem.laws[law])
+    return np.random.default_rng(seed).standard_normal((runs, len(problem.own_errors(law).mean)))
 
 
 def erring_pilot(

@@ -38,6 +38,39 @@ class NodeAir(NamedTuple):
     pressure: FloatArray
     pressure_level: str = GROUND
 
+    def check(self, where: str, rows: Sequence[int] | None = None) -> None:
+        """Raise a DataError for temperatures and pressures that no air has, with the first of each.
+
+        The messages begin with ``where`` and, of a table, with the first of the ``rows`` of its nodes.
+        """
+        faults = Faults(where)
+        limits = (
+            ("temperature", self.temperature, COLDEST, WARMEST, "K"),
+            ("pressure", self.pressure, LEAST_PRESSURE, LARGEST_PRESSURE, "Pa"),
+        )
+        for name, values, low, high, unit in limits:
+            bad = np.flatnonzero(np.isfinite(values) & ~((values >= low) & (values <= high)))
+            if len(bad):
+                row = "" if rows is None else f", row {rows[bad[0]]}"
+                several = f" ({len(bad)} such values)" if len(bad) > 1 else ""
+                faults.add(
+                    f"{where}{row}: {name} {values[bad[0]]:.6g} {unit} is not plausible for air{several}; "
+                    f"expected {low:g} to {high:g} {unit}: correct its unit or its values, or write the file "
+                    "without it"
+                )
+        faults.refuse()
+
+    @staticmethod
+    def mean_of(airs: Sequence[NodeAir | None]) -> NodeAir | None:
+        """The mean air of the members of an ensemble that have it on the same nodes as the first one."""
+        there = [air for air in airs if air is not None]
+        alike = [air for air in there if np.array_equal(air.points, there[0].points)]
+        if not alike:
+            return None
+        stacks = (np.stack([getattr(air, name) for air in alike]) for name in ("temperature", "pressure"))
+        temperature, pressure = (stack.mean(axis=0) for stack in stacks)
+        return alike[0]._replace(temperature=temperature, pressure=pressure)
+
 
 @dataclass(frozen=True, slots=True)
 class MapAir:
@@ -71,40 +104,6 @@ class MapAir:
         known = np.isfinite(self.pressure)
         pressure = float(np.interp(t, self.times, self.pressure).mean()) if known.all() else None
         return MeasuredAir(warmth, self.level, pressure, self.pressure_level)
-
-
-def check_air(air: NodeAir, where: str, rows: Sequence[int] | None = None) -> None:
-    """Raise a DataError for temperatures and pressures that no air has, with the first of each.
-
-    The messages begin with ``where`` and, of a table, with the first of the ``rows`` of its nodes.
-    """
-    faults = Faults(where)
-    limits = (
-        ("temperature", air.temperature, COLDEST, WARMEST, "K"),
-        ("pressure", air.pressure, LEAST_PRESSURE, LARGEST_PRESSURE, "Pa"),
-    )
-    for name, values, low, high, unit in limits:
-        bad = np.flatnonzero(np.isfinite(values) & ~((values >= low) & (values <= high)))
-        if len(bad):
-            row = "" if rows is None else f", row {rows[bad[0]]}"
-            several = f" ({len(bad)} such values)" if len(bad) > 1 else ""
-            faults.add(
-                f"{where}{row}: {name} {values[bad[0]]:.6g} {unit} is not plausible for air{several}; "
-                f"expected {low:g} to {high:g} {unit}: correct its unit or its values, or write the file "
-                "without it"
-            )
-    faults.refuse()
-
-
-def mean_of_members(airs: Sequence[NodeAir | None]) -> NodeAir | None:
-    """The mean air of the members of an ensemble that have it on the same nodes as the first one."""
-    there = [air for air in airs if air is not None]
-    alike = [air for air in there if np.array_equal(air.points, there[0].points)]
-    if not alike:
-        return None
-    stacks = (np.stack([getattr(air, name) for air in alike]) for name in ("temperature", "pressure"))
-    temperature, pressure = (stack.mean(axis=0) for stack in stacks)
-    return alike[0]._replace(temperature=temperature, pressure=pressure)
 
 
 def map_air(airs: Mapping[float, NodeAir | None], bounds: FloatArray) -> MapAir | None:

@@ -16,7 +16,7 @@ from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.observations import FEWEST_READINGS
-from pareto_ltl.wind.readings import Readings, farthest_points, node_rows, shared_nodes
+from pareto_ltl.wind.readings import Readings, farthest_points, shared_nodes
 from pareto_ltl.wind.sources.csv_files import write_csv_table
 
 NOAA = (
@@ -50,7 +50,7 @@ def write_wind_table(cfg: WindConfig, readings: Readings, ingest: IngestConfig, 
         raise DataError(f"{readings.name} has x,y columns; ingest expects latitude and longitude")
     selected = _times_between(readings, ingest)
     nodes = common_nodes(readings, selected, ingest)
-    winds = np.stack([winds_at(readings, k, nodes) for k in selected])
+    winds = np.stack([readings.at_nodes(k, nodes) for k in selected])
     write_csv_table(out, readings.times[selected], nodes, winds, readings.leads[selected])
     text = json.dumps(_table_provenance(cfg, ingest, readings, selected, nodes), indent=1, ensure_ascii=False)
     write_text(out.with_suffix(".json"), text + "\n")
@@ -92,11 +92,6 @@ def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> Fl
     first = int(np.argmax(sphere @ sphere.mean(axis=0)))
     chosen = nodes[farthest_points(sphere, ingest.points, first)]
     return chosen[np.lexsort((chosen[:, 0], -chosen[:, 1]))]
-
-
-def winds_at(readings: Readings, k: int, nodes: FloatArray) -> FloatArray:
-    """Winds (N, 2) [m/s] at time index ``k`` and ``nodes`` (N, 2) [deg], which must be nodes of that time."""
-    return readings.winds[k][node_rows(readings.points[k], nodes)]
 
 
 def _table_provenance(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.faults import Faults
+from pareto_ltl.support.levels import DEPTH, Level
 from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.air import NodeAir
@@ -138,6 +139,19 @@ class Readings:
     def first_time(self) -> str | None:
         """The first time, ISO 8601 UTC; None if there are no readings."""
         return iso(float(self.times[0])) if len(self.times) else None
+
+    def at_stated_level(self, level: Level) -> Readings:
+        """The readings of a table that states no level, with the one that ``wind.level`` states."""
+        if level.text == self.level:
+            return self
+        what = "current" if level.kind == DEPTH else "wind"
+        note = f"taken as the {what} {level.phrase}, as wind.level states; the table does not state its level"
+        airs = tuple(air and air._replace(level=level.text, pressure_level=level.text) for air in self.airs)
+        return replace(self, level=level.text, notes=(*self.notes, note), airs=airs)
+
+    def at_nodes(self, k: int, nodes: FloatArray) -> FloatArray:
+        """Winds (N, 2) [m/s] at time index ``k`` and ``nodes`` (N, 2) [deg], which are nodes of that time."""
+        return self.winds[k][node_rows(self.points[k], nodes)]
 
     def check(self, max_speed: float) -> None:
         """Check every time as :func:`check_readings` does; one DataError names all faults."""

@@ -136,20 +136,6 @@ def outlines_of(shape: shapely.Geometry) -> tuple[FloatArray, ...]:
     return tuple(found)
 
 
-def united_rings(outlines: Sequence[FloatArray]) -> list[list[FloatArray]]:
-    """The union of ``outlines`` as polygons: the rings (n, 2) of each, the outer one first.
-
-    This is the inverse of :func:`outlines_of`.
-    """
-    if len(outlines) < 2:
-        return [[outline] for outline in outlines]
-    whole = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
-    return [
-        [shapely.get_coordinates(ring)[:-1] for ring in (part.exterior, *part.interiors)]
-        for part in shapely.get_parts(shapely.orient_polygons(whole)).tolist()
-    ]
-
-
 def _without_holes(polygon: Any) -> list[FloatArray]:
     """Simple polygons that tile a polygon with holes.
 

@@ -211,6 +211,13 @@ class FixShape(NamedTuple):
         x, y, one, two = math.sin(angle), math.cos(angle), self.along**2, self.across**2
         return np.array([one * x * x + two * y * y, (one - two) * x * y, one * y * y + two * x * x])
 
+    @property
+    def document(self) -> dict[str, float]:
+        """The fix as in ``scene.json``; :func:`read_fix` reads it again."""
+        if self.along == self.across:
+            return {"sd": self.along}
+        return {"along": self.along, "across": self.across, "bearing": self.bearing}
+
     def in_area(self, where: str, what: str, area: shapely.Geometry) -> FixShape:
         """The same with a bearing; DataError if it needs one, and ``area`` has no longer side."""
         if self.along == self.across or not math.isnan(self.bearing):
@@ -264,12 +271,3 @@ def _number(begin: str, key: str, value: Any) -> float:
         return float(value)
     wanted = "degrees from -360 to 360" if key == "bearing" else f"metres, above 0 and at most {MOST_SD:g}"
     raise DataError(f"{begin}: {key} is {shown_text(repr(value))}; expected a number of {wanted}")
-
-
-def fix_document(fix: FixShape | None) -> dict[str, float] | None:
-    """``fix`` as in ``scene.json``; :func:`read_fix` reads it again."""
-    if fix is None:
-        return None
-    if fix.along == fix.across:
-        return {"sd": fix.along}
-    return {"along": fix.along, "across": fix.across, "bearing": fix.bearing}

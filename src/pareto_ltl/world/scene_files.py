@@ -21,7 +21,7 @@ from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.map_file import SCENE_FILES, MapFile, needs_a_map, read_map_file
-from pareto_ltl.world.scene import AbsentPlace, Scene, fix_document, read_fix
+from pareto_ltl.world.scene import AbsentPlace, Scene, read_fix
 from pareto_ltl.world.scene_features import FeatureReader
 from pareto_ltl.world.scene_geojson import sketch_features
 from pareto_ltl.world.scene_roles import RoleRules
@@ -51,7 +51,8 @@ def _added(scene: Scene) -> dict[str, Any]:
     windows = {name: window.as_dict() for name, window in scene.windows.items()}
     timed = {"windows": windows, "forbidden": list(scene.forbidden)} if windows else {}
     names = {"obstacle_names": list(scene.obstacle_names)} if scene.obstacle_names else {}
-    fixes = {"landmark_fixes": list(map(fix_document, scene.landmark_fixes))} if scene.landmark_fixes else {}
+    shapes = [fix and fix.document for fix in scene.landmark_fixes]
+    fixes = {"landmark_fixes": shapes} if shapes else {}
     absent = {"absent": [place.as_dict() for place in scene.absent]} if scene.absent else {}
     moved = {"simplified": scene.simplified} if scene.simplified else {}
     room = {"room": scene.room} if scene.room else {}

@@ -16,9 +16,8 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from pareto_ltl.extend import Pipeline
+from pareto_ltl.extend import Pipeline, ProgressBar
 from pareto_ltl.run.directory import discard_try
-from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, InfeasibleError
 from pareto_ltl.support.stopping import ends_process

@@ -68,7 +68,7 @@ def _open(address: str) -> bool:
 
 def warmup(options: Namespace) -> Answer:
     """What was compiled, by kind of run."""
-    from pareto_ltl.run.progress import ProgressBar
+    from pareto_ltl.extend import ProgressBar
     from pareto_ltl_apps.cli.warmup import DEFAULT, KINDS, warm_up_all
 
     if options.list:

@@ -15,7 +15,7 @@ NO_GO = 3  # exit code; 1 is for a crash, 2 for an input that cannot be read
 
 def contain(options: Namespace) -> Answer:
     """How often the flight leaves its border, and the air that it needs; writes volumes and figure."""
-    from pareto_ltl.run.results import planned_run
+    from pareto_ltl.extend import planned_run
     from pareto_ltl_apps.preflight.containment import contain
     from pareto_ltl_apps.preflight.containment_files import (
         FOLDER,
@@ -41,7 +41,7 @@ def contain(options: Namespace) -> Answer:
 
 def check(options: Namespace) -> Answer:
     """GO (exit code 0) or NO-GO (3) for a plan in a newer forecast."""
-    from pareto_ltl.run.results import planned_run
+    from pareto_ltl.extend import planned_run
     from pareto_ltl_apps.preflight.check import check, check_document, check_lines
     from pareto_ltl_apps.preflight.check_files import FOLDER, write_check
 

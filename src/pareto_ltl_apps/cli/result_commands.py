@@ -168,7 +168,7 @@ def _in_columns(line: str) -> list[str]:
 
 def beacons(options: Namespace) -> Answer:
     """The best places for beacons; writes table and figure."""
-    from pareto_ltl.run.results import planned_run
+    from pareto_ltl.extend import planned_run
     from pareto_ltl_apps.flight import beacons
 
     run = planned_run(options.directory)

@@ -41,9 +41,9 @@ def run_answer(
 
     plan = None
     if (directory / "plan.json").is_file():
-        from pareto_ltl.planning.plan_files import read_plan
+        from pareto_ltl import Run
 
-        plan = read_plan(directory)
+        plan = Run.plan.load(directory)
     covers = {key: text for key in ("covered", "not_covered") if (text := getattr(plan, key, ""))}
     document = {
         "directory": directory, "name": settings.name, "law": settings.fidelity.law, "metrics": metrics,
@@ -90,7 +90,6 @@ def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str
 
 def plan_paragraphs(settings: Settings, directory: Path, plan: Plan) -> Iterator[str]:
     """Which path of the front is the plan, where flights judge; what detours through landmarks would save."""
-    from pareto_ltl.planning.limits import remedies_text
     from pareto_ltl.planning.selection_rules import selection_rule
 
     cfg = settings.selection
@@ -99,7 +98,7 @@ def plan_paragraphs(settings: Settings, directory: Path, plan: Plan) -> Iterator
     elif settings.fidelity.judge == "flights" and (words := selection_rule(cfg).in_words(cfg)):
         yield f"The plan is {words}; `pareto-ltl choose {directory}` takes another point of the front."
     if plan.remedies:
-        yield f"What helps, {remedies_text(plan.remedies)}."
+        yield f"What helps, {plan.what_helps}."
     if not all((directory / name).is_file() for name in ("front.csv", "scene.json")):
         return
     from pareto_ltl import Run

@@ -24,7 +24,6 @@ import numpy as np
 
 from pareto_ltl import Settings
 from pareto_ltl.extend import Pipeline
-from pareto_ltl.settings import PRESETS
 from pareto_ltl.support.compiling import compilation_watched
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.files import process_lives
@@ -77,7 +76,7 @@ class Kind:
 
 def _changed(name: str) -> dict[str, Kind]:
     """The kinds of runs with one model of the preset ``name`` replaced by the model of the other preset."""
-    (other,) = (values for preset, values in PRESETS.items() if preset != name)
+    (other,) = (values for preset, values in Settings.PRESETS.items() if preset != name)
     models = ("law", "mission_bound", "collision_bound", "parents", "refine")
     return {
         f"{name}-{model.replace('_', '-')}": Kind(
@@ -93,7 +92,7 @@ def _both(name: str, meaning: str, formula: str, sections: Sections) -> dict[str
     """The kind ``name`` in both presets."""
     return {
         f"{preset}-{name}": Kind(f"fidelity={preset}, {meaning}", formula, {"fidelity": preset, **sections})
-        for preset in PRESETS
+        for preset in Settings.PRESETS
     }
 
 

@@ -40,8 +40,7 @@ def wind_error(options: Namespace) -> Answer:
             raise ConfigError(f"--stations {file}: there is no such file; name tables of METAR reports")
     import numpy as np
 
-    from pareto_ltl.extend import first_law
-    from pareto_ltl.settings import WindConfig
+    from pareto_ltl.extend import WindConfig, first_law
     from pareto_ltl.support.files import write_json
     from pareto_ltl_apps.view.wind_error import draw_wind_error
     from pareto_ltl_apps.wind_errors.error_estimate import error_document, estimate_errors, estimated_law
@@ -120,7 +119,7 @@ def _told_by_stations(
     """The error of analyses from station reports, or why it is not known."""
     if not files:
         return "not estimated: no station reports were given (--stations)"
-    from pareto_ltl.settings import WindConfig
+    from pareto_ltl.extend import WindConfig
     from pareto_ltl_apps.formats.station_files import read_station_files
     from pareto_ltl_apps.wind_errors.matched_fields import analysis_error
 

@@ -22,8 +22,8 @@ from typing import IO, Any
 
 import numpy as np
 
-from pareto_ltl.extend import Frame, PlannedPath
-from pareto_ltl.run.progress import Found, Watcher, watched_by
+from pareto_ltl.extend import Frame, PlannedPath, Watcher, watched_by
+from pareto_ltl.run.progress import Found
 from pareto_ltl.support.arrays import FloatArray
 
 MOST_PATHS = 40  # paths of the search trees that are reported

@@ -62,3 +62,19 @@ def _cut(shape: Any) -> list[Any]:
                 places = np.round(shapely.get_coordinates(part) - [turn, 0.0], Frame.DECIMALS)
                 parts.append(shapely.set_coordinates(part, places))
     return parts
+
+
+def united_rings(outlines: Sequence[FloatArray]) -> list[list[FloatArray]]:
+    """The union of ``outlines`` as polygons: the rings (n, 2) of each, the outer one first.
+
+    This is the inverse of ``world.polygons.outlines_of``.
+    """
+    import shapely
+
+    if len(outlines) < 2:
+        return [[outline] for outline in outlines]
+    whole = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
+    return [
+        [shapely.get_coordinates(ring)[:-1] for ring in (part.exterior, *part.interiors)]
+        for part in shapely.get_parts(shapely.orient_polygons(whole)).tolist()
+    ]

@@ -10,7 +10,6 @@ from numpy.random import SeedSequence
 
 from pareto_ltl import Scene, Settings
 from pareto_ltl.extend import FailureRate, FlownAir, Height, Plan, PlannedPath, Problem, simulate_flights
-from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl.support.medium import Medium
@@ -113,7 +112,7 @@ class ExportedPlan:
             if promise.rate.failure < promise.floor:
                 told.append(f"Promised: {promise.fails}.")
         pilot = f"by an autopilot that knows and holds the positions (robot.feedback_time={HELD_TIME:g})"
-        told.append(f"{NO_PROMISE.capitalize()}." if self.held is None else fails(self.held, pilot))
+        told.append(f"{Plan.NO_PROMISE.capitalize()}." if self.held is None else fails(self.held, pilot))
         if self.log.swing > 0.0:
             told.append(
                 f"Turns take {self.log.late:.0f} s, which the times of the legs include. They lead up to "

@@ -20,10 +20,8 @@ from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import plain_data
-from pareto_ltl.world.polygons import united_rings
-from pareto_ltl.world.scene import fix_document
 from pareto_ltl_apps.exports.corridor import Corridor
-from pareto_ltl_apps.exports.degrees import line_parts, polygon_parts
+from pareto_ltl_apps.exports.degrees import line_parts, polygon_parts, united_rings
 from pareto_ltl_apps.exports.exported import ExportedPlan
 
 Feature = dict[str, Any]
@@ -89,10 +87,10 @@ def true_fix(scene: Scene, number: int) -> dict[str, Any]:
     """The property ``fix`` of a landmark, with its bearing from true north; none with robot.fix_sd."""
     fix = scene.landmark_fixes[number - 1]
     if fix is None or math.isnan(fix.bearing):
-        return {} if fix is None else {"fix": fix_document(fix)}
+        return {} if fix is None else {"fix": fix.document}
     middle = scene.landmarks[number - 1].mean(axis=0)
     turn = math.degrees(float(scene.frame.north(middle)[0]))
-    return {"fix": fix_document(fix._replace(bearing=(fix.bearing + turn) % 360.0))}
+    return {"fix": fix._replace(bearing=(fix.bearing + turn) % 360.0).document}
 
 
 def titled_outlines(scene: Scene) -> list[tuple[str, str, FloatArray]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl import DataError, choose
-from pareto_ltl.run.results import Planned, planned_run
+from pareto_ltl.extend import Planned, planned_run
 from pareto_ltl_apps.exports.exported import exported_plan
 from pareto_ltl_apps.exports.formats import writable_formats, write_exports
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pareto_ltl.extend import FlownAir, PlannedPath, Problem
-from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.extend import FlownAir, PlannedPath, Problem, evaluate
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.exports.ellipses import axes_of, circle_radius
 
@@ -183,7 +182,7 @@ def expected_winds(problem: Problem, path: PlannedPath) -> tuple[FloatArray, Flo
     With the mean, the controls lead from one expected position to the next. It includes what the robot's
     heading errors take from its speed in the mean, 0.02 % of the speed at 1 degree.
     """
-    flight, motion = propagate(problem, path.x), problem.motion
+    flight, motion = evaluate(problem, x=path.x), problem.motion
     wind = (path.x[1:] - path.x[:-1] @ motion.a.T) / motion.dt - path.u @ motion.b.T
     variance = (flight.psi.astype(float) ** 2).sum(axis=-1) + flight.white
     return wind, np.maximum(variance, 0.0)

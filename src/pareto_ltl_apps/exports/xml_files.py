@@ -16,7 +16,7 @@ import numpy as np
 from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.names import joined_names
-from pareto_ltl.world.polygons import united_rings
+from pareto_ltl_apps.exports.degrees import united_rings
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import named_outlines, tube_rings
 from pareto_ltl_apps.exports.navigation_log import LEG_COLUMNS

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Scene
-from pareto_ltl.extend import BeaconMap
-from pareto_ltl.run.results import Planned, planned_run
-from pareto_ltl.simulation.beacons import BeaconPlaces, beacon_map
+from pareto_ltl.extend import BeaconMap, Planned, planned_run
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import write_csv, write_text
@@ -57,7 +55,7 @@ def beacons(
     if flights < 100:
         raise ConfigError(f"beacons: flights must be at least 100, got {flights}")
     seed = run.seeds(STREAM)
-    return beacon_map(problem, run.settings.robot, run.plan.path, wide, number, flights, seed)
+    return BeaconMap.of(problem, run.settings.robot, run.plan.path, wide, number, flights, seed)
 
 
 def beacon_lines(run: Run, found: BeaconMap) -> list[str]:
@@ -73,7 +71,7 @@ def beacon_lines(run: Run, found: BeaconMap) -> list[str]:
         hours = found.places.step[site.number] * plan.dt / 3600.0
         lines += [
             f"beacon {count} of {distance_text(found.radius)} at "
-            f"{place_text(scene, found.places, site.number)}, "
+            f"{place_text(scene, found, site.number)}, "
             f"which the plan passes {hours:.3g} h after departure"
             f"{_beside(found.places.aside[site.number])}:",
             f"  {probability_text(site.rate.failure)} fail, {gap:+.2g} points [{low:+.2g}, {high:+.2g}]",
@@ -86,7 +84,7 @@ def beacon_document(run: Run, found: BeaconMap) -> dict[str, Any]:
     scene, places = run.scene, found.places
     sites = [
         {
-            "place": place_text(scene, places, site.number),
+            "place": place_text(scene, found, site.number),
             "x_m": places.at[site.number, 0],
             "y_m": places.at[site.number, 1],
             "step": places.step[site.number],
@@ -112,12 +110,12 @@ def _beside(aside: float) -> str:
     return f", {distance_text(abs(aside))} to the {'left' if aside > 0.0 else 'right'} of it"
 
 
-def place_text(scene: Scene, places: BeaconPlaces, number: int) -> str:
+def place_text(scene: Scene, found: BeaconMap, number: int) -> str:
     """A place as latitude and longitude, or on a map without a place on Earth in metres."""
-    x, y = places.at[number]
+    x, y = found.places.at[number]
     if scene.crs is None:
         return f"x {x:,.0f} m, y {y:,.0f} m"
-    lon, lat = scene.frame.to_geographic(places.at[number])
+    lon, lat = scene.frame.to_geographic(found.places.at[number])
     return f"{lat[0]:.4f}, {lon[0]:.4f}"
 
 

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl import Scene, Settings
-from pareto_ltl.extend import FlownAir
-from pareto_ltl.run.results import planned_run
+from pareto_ltl.extend import FlownAir, planned_run
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_apps.flight.airspeeds import airspeeds_of
 from pareto_ltl_apps.flight.journal import NAME, SCHEMA, Journal, read_journal, require_place

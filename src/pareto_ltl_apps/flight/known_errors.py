@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.extend import Learnt
-from pareto_ltl.settings import RobotConfig
+from pareto_ltl.extend import Learnt, RobotConfig
 from pareto_ltl_apps.flight.position_fixes import FAR
 
 NAMES = ("airspeed", "heading", "clock")

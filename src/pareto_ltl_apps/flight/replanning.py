@@ -21,9 +21,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl import Readings, Run, WindField
-from pareto_ltl.extend import FailureRate, Fix, Front, Pipeline, Plan, PlannedPath, Problem
-from pareto_ltl.planning.records import NO_PROMISE
-from pareto_ltl.run.results import Planned, place_of, planned_run
+from pareto_ltl.extend import (
+    FailureRate,
+    Fix,
+    Front,
+    Pipeline,
+    Plan,
+    Planned,
+    PlannedPath,
+    Problem,
+    planned_run,
+)
+from pareto_ltl.run.results import place_of
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import Displayed, distance_text, probability_text
@@ -58,7 +67,7 @@ ADVICE = {
     "either": "neither is safer beyond chance",
     "outlasted": "the newer forecast ends before the rest of the old plan would arrive: how often that fails "
     "is not known, and the new plan arrives before",
-    "alarm": f"{NO_PROMISE}; check the alarm before the new plan is flown",
+    "alarm": f"{Plan.NO_PROMISE}; check the alarm before the new plan is flown",
 }
 
 

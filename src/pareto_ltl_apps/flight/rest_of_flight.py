@@ -16,18 +16,26 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
-from pareto_ltl.extend import Learnt, PlannedPath, Problem, completing_path, evaluate
+from pareto_ltl.extend import (
+    Learnt,
+    MissionConfig,
+    PlannedPath,
+    PowerConfig,
+    Problem,
+    SelectionConfig,
+    WindConfig,
+    completing_path,
+    evaluate,
+)
 from pareto_ltl.logic.timed import later_windows, remaining_automaton
-from pareto_ltl.run.provenance import wanted_wind
 from pareto_ltl.run.received import KnownFiles, law_file
-from pareto_ltl.settings import MissionConfig, PowerConfig, SelectionConfig, WindConfig
 from pareto_ltl.settings.wind import STATED, WIND_SOURCES, usual_level
 from pareto_ltl.support.arrays import FloatArray, square_matrices
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_hashes
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.wind.sources import source_of_path, wind_source
+from pareto_ltl.wind.sources import source_of_path
 from pareto_ltl_apps.flight.known_errors import robot_given
 from pareto_ltl_apps.flight.position_fixes import FAR, Situation, chance
 
@@ -251,7 +259,7 @@ def require_known_law(settings: Settings, read: Mapping[str, str], wind: NewWind
 def wind_hashes(settings: Settings, cfg: WindConfig) -> dict[str, str]:
     """SHA-256 of the files of a newer forecast, by name."""
     changed = replace(settings, wind=cfg)
-    return file_hashes(wind_source(cfg).files(cfg, wanted_wind(changed)))
+    return file_hashes(Run(changed).wind_files())
 
 
 def newer_settings(cfg: WindConfig, wind: NewWind) -> WindConfig:

@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pareto_ltl import Readings
-from pareto_ltl.extend import Wanted
-from pareto_ltl.settings import WindConfig
+from pareto_ltl.extend import Wanted, WindConfig
 from pareto_ltl.support.download import ByteRange, NotThereError, fetch_bytes
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level

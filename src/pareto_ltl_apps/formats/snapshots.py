@@ -13,16 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.extend import GeoBox, Snapshot, readings_of
-from pareto_ltl.settings import WindConfig
+from pareto_ltl import Readings
+from pareto_ltl.extend import GeoBox, NodeAir, Snapshot, WindConfig, readings_of
 from pareto_ltl.support.arrays import FloatArray, IntArray, rotate_vectors
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import PRESSURE, Level, parse_level
 from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl.support.times import iso
-from pareto_ltl.wind.air import check_air, mean_of_members
-from pareto_ltl.wind.readings import Readings, check_readings
+from pareto_ltl.wind.readings import check_readings
 from pareto_ltl.wind.snapshots import one_level
 
 FEWEST_MEMBERS = 2
@@ -119,7 +118,7 @@ def earth_relative(
         with faults.noted():
             check_readings(points, winds, True, max_speed, where)
             if snap.air is not None:
-                check_air(snap.air, where)
+                snap.air.check(where)
         turned.append(replace(snap, points=points, winds=winds))
     faults.refuse()
     more = []
@@ -285,7 +284,7 @@ def _mean_and_deviations(
     deviations[..., [names.index(name) for name in aligned]] = weight * (stack - mean[..., None])
     lead = min(snap.lead for snap in group.values())
     files = tuple(dict.fromkeys(file for snap in group.values() for file in snap.files))
-    air = mean_of_members([snap.air for snap in group.values()])
+    air = NodeAir.mean_of([snap.air for snap in group.values()])
     mean_wind = replace(first, lead=lead, points=first.points[everywhere], winds=mean, files=files, air=air)
     return mean_wind, deviations
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from pareto_ltl import DataError, Readings
-from pareto_ltl.extend import Wanted, WindFormats, data_files
-from pareto_ltl.settings import WindConfig
+from pareto_ltl.extend import Wanted, WindConfig, WindFormats, data_files
 from pareto_ltl.settings.wind import WIND_SOURCES
 from pareto_ltl.support.file_formats import first_bytes, format_of, is_data_file
 from pareto_ltl.support.levels import HEIGHT, table_level
-from pareto_ltl.wind.sources import at_stated_level
 from pareto_ltl_apps.formats.content import source_of_path
 from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
 from pareto_ltl_apps.formats.live import live_files, read_live
@@ -22,7 +20,7 @@ from pareto_ltl_apps.formats.station_files import read_station_files
 
 def _read_stations(cfg: WindConfig, wanted: Wanted) -> Readings:
     level = table_level(cfg.level, (HEIGHT,), "stations report winds near the ground")
-    return at_stated_level(read_station_files(data_files(cfg), cfg.max_speed, wanted.area), level)
+    return read_station_files(data_files(cfg), cfg.max_speed, wanted.area).at_stated_level(level)
 
 
 def _read_grib(cfg: WindConfig, wanted: Wanted) -> Readings:

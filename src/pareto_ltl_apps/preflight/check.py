@@ -15,8 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl import ConfigError, DataError, InfeasibleError, Run, Scene
-from pareto_ltl.extend import Deployment, FailureRate, FlightSample, completing_path, plain_sample
-from pareto_ltl.run.results import planned_run
+from pareto_ltl.extend import (
+    Deployment,
+    FailureRate,
+    FlightSample,
+    completing_path,
+    plain_sample,
+    planned_run,
+)
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import (
     Displayed,

@@ -17,8 +17,14 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl import ConfigError, DataError, Run, Scene
-from pareto_ltl.extend import FailureRate, FlightEvent, FlightSample, plain_sample, weighted_samples
-from pareto_ltl.run.results import planned_run
+from pareto_ltl.extend import (
+    FailureRate,
+    FlightEvent,
+    FlightSample,
+    plain_sample,
+    planned_run,
+    weighted_samples,
+)
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.display import Displayed, distance_text, plain_power, probability_text
 from pareto_ltl_apps.exports.geojson import LATERAL_FLOOR

@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings
-from pareto_ltl.extend import Forest, Problem, Study, Tree
-from pareto_ltl.settings import FidelityConfig
+from pareto_ltl.extend import FidelityConfig, Forest, Problem, Study, Tree
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl_apps.studies import planning, tables

@@ -20,10 +20,9 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings
-from pareto_ltl.extend import Pipeline, PlannedPath, Study, UnpricedRun, which_fail
+from pareto_ltl.extend import Pipeline, PlannedPath, ProgressBar, Study, UnpricedRun, which_fail
 from pareto_ltl.planning.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.planning.selection_rules import within_capacity
-from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError

@@ -21,9 +21,8 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings
-from pareto_ltl.extend import Front, GeoBox, PlannedPath, Snapshot, Study
-from pareto_ltl.settings import ForecastTestConfig, IngestConfig, MissionConfig
-from pareto_ltl.settings.fidelity import FidelityConfig
+from pareto_ltl.extend import FidelityConfig, Front, GeoBox, MissionConfig, PlannedPath, Snapshot, Study
+from pareto_ltl.settings import ForecastTestConfig, IngestConfig
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.ingest import common_nodes

@@ -25,9 +25,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from pareto_ltl.run import provenance
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.files import write_json
 from pareto_ltl.support.fingerprints import unchanged
 from pareto_ltl.support.locks import has_note, hold_lock, is_held, process_note
 from pareto_ltl.support.run_status import ANSWERS, RUN_LOCK, RUN_LOG
@@ -208,7 +208,7 @@ class RunJob(StoredJob):
     def note_failure(self, error: str) -> None:
         """Write ``error`` into the record of the run."""
         self.directory.mkdir(exist_ok=True)
-        provenance.write(self.directory, {**self.look().record, "status": "failed", "error": error})
+        write_json(self.directory / "run.json", {**self.look().record, "status": "failed", "error": error})
 
 
 # --- the queue -------------------------------------------------------------------------------

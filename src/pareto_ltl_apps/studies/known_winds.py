@@ -9,14 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
-from pareto_ltl.extend import PlannedPath, Problem, Snapshot, UnpricedRun
-from pareto_ltl.planning.evaluate import forecast
+from pareto_ltl.extend import Forecast, PlannedPath, Problem, Snapshot, UnpricedRun
 from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.times import HOUR, iso, seconds
-from pareto_ltl.wind.ingest import winds_at
 from pareto_ltl_apps.formats.snapshots import known_at, latest_readings
 from pareto_ltl_apps.studies import random_missions
 from pareto_ltl_apps.studies.planning import fly_seeded
@@ -96,7 +94,7 @@ class KnownWinds:
         """Places (n, 2) [deg] and winds (n, 2) [m/s] of time ``k`` of ``readings`` that planning gets."""
         if (nodes := self.nodes.get(spell.name)) is None:
             return readings.points[k], readings.winds[k]
-        return nodes, winds_at(readings, k, nodes)
+        return nodes, readings.at_nodes(k, nodes)
 
     def simulated(
         self, model: Problem, path: PlannedPath, laws: Sequence[str], seed: int
@@ -207,7 +205,7 @@ class AllWinds(KnownWinds):
         promises = []
         for path in paths:
             costs = path.objectives
-            ahead = {law: forecast(model, path.u, law) for law in laws}
+            ahead = {law: Forecast.of(model, path.u, law) for law in laws}
             promises.append(
                 {"bound_paper": min(1.0, costs.mission_risk_paper + costs.collision_risk)}
                 | {f"bound_{law}": min(1.0, f.mission_risk + f.collision_risk) for law, f in ahead.items()}

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Run, Settings, WindField
-from pareto_ltl.extend import Deployment, Plan, Problem, law_seeds
-from pareto_ltl.planning.evaluate import forecast
+from pareto_ltl.extend import Deployment, Forecast, Plan, Problem, law_seeds
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.seeds import stage_seeds
@@ -170,7 +169,7 @@ def outcomes(
     found: dict[str, Columns] = {}
     for law in laws:
         u, x = flight
-        ahead = forecast(problem, u, law)
+        ahead = Forecast.of(problem, u, law)
         flown = fly_seeded(problem, u, runs, law, seed, ahead.x if x is None else x)
         found[law] = {name: tables.flags_to_text(getattr(flown, name)) for name in FLAGS}
         found[law] |= {"bound": min(1.0, ahead.mission_risk + ahead.collision_risk)}

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl import Settings
-from pareto_ltl.settings import PRESETS
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_value
@@ -94,7 +93,11 @@ def read_promises(directory: Path, fidelity: str | None = None, name: str | None
         If the directory holds no such plans, or its table is damaged.
     """
     path = directory / TABLE
-    chosen = [row for row in _rows(path) if row["kind"] == calibration.CHOSEN and row["fidelity"] in PRESETS]
+    chosen = [
+        row
+        for row in _rows(path)
+        if row["kind"] == calibration.CHOSEN and row["fidelity"] in Settings.PRESETS
+    ]
     there = list(dict.fromkeys(row["fidelity"] for row in chosen))
     wanted = fidelity or next(iter(there), "full")
     if wanted not in there:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from pareto_ltl import Readings, Scene, WindField
-from pareto_ltl.extend import Frame
-from pareto_ltl.settings import ForecastTestConfig, WindConfig
+from pareto_ltl.extend import Frame, WindConfig
+from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.support.arrays import FloatArray, rotate_vectors
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.file_formats import is_data_file

@@ -20,7 +20,6 @@ from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.settings import SitlConfig
 from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation import flights
-from pareto_ltl.simulation.robot_errors import own_errors
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import DataError
@@ -93,7 +92,7 @@ def fly_both(
     """Fly ``cfg.flights`` pairs, the aircraft and ours in the same wind."""
     law, u = problem.fidelity.law, plan.path.u
     flights.require_known_wind(problem, u, plan.path.x)
-    blocks, own = flights.block_rows(cfg.flights), own_errors(problem, law)
+    blocks, own = flights.block_rows(cfg.flights), problem.own_errors(law)
     pilot = flights.pilot_maker(problem, u, plan.path.x, law)
     ours, theirs, tracks = np.empty((cfg.flights, len(u) + 1, 2)), np.empty((cfg.flights, len(u) + 1, 2)), []
     for rows, child in zip(blocks, unspawned(seeds).spawn(len(blocks)), strict=True):

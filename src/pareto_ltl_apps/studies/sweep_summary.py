@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from pareto_ltl.settings.fidelity import LAWS
+from pareto_ltl import Settings
 from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import write_csv, write_json, write_text
@@ -40,7 +40,7 @@ PROMISED = "promise_failure"
 SHOWN_METRICS = (  # risks by wind law: fidelity.law may differ from job to job
     "length_m",
     "mission_risk_paper",
-    *(f"{risk}_{law}" for law in LAWS for risk in ("mission_risk", "collision_risk")),
+    *(f"{risk}_{law}" for law in Settings.LAWS for risk in ("mission_risk", "collision_risk")),
     "front_size",
     "hypervolume",
 )

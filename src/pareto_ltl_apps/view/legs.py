@@ -13,7 +13,6 @@ from pareto_ltl import Scene
 from pareto_ltl.extend import Deployment, FailureRate, Plan, PlannedPath, Problem, cost_named
 from pareto_ltl.logic.automaton import show_letter
 from pareto_ltl.logic.timed import places_of
-from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
 from pareto_ltl.support.medium import Medium
@@ -278,7 +277,7 @@ def _promise_lines(plan: Plan, flown: Deployment, medium: Medium) -> Iterator[st
         return f"fails {rate_text(rate.failure, rate.low, rate.high)} of {rate.sample}, {rate.law} {flows}"
 
     if plan.alarmed:
-        yield NO_PROMISE
+        yield Plan.NO_PROMISE
     else:
         if promise is not None:
             yield f"promised: {fails(promise.rate)}"

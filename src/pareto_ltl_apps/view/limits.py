@@ -14,7 +14,6 @@ import numpy as np
 
 from pareto_ltl import Scene
 from pareto_ltl.extend import Front, Plan, Price
-from pareto_ltl.planning.limits import PRICE_KINDS
 from pareto_ltl.support.display import SLOW, distance_text, probability_text
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.view.legs import step_times
@@ -101,9 +100,7 @@ class PlanLimits:
                 kind=price.kind,
                 limit=self._limit_text(price),
                 time="" if price.step is None else times[price.step],
-                change=PRICE_KINDS[price.kind].format(
-                    faster_text if price.kind == "airspeed" else metres_text(unit)
-                ),
+                change=price.change.format(faster_text if price.kind == "airspeed" else metres_text(unit)),
                 saving=saving_of(price, unit, faster),
                 error=saving_of(replace(price, saving=price.error), unit, faster),
             )

@@ -14,7 +14,6 @@ from matplotlib.patches import Patch
 
 from pareto_ltl import Scene
 from pareto_ltl.extend import Forest, Plan, Promise
-from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
@@ -125,7 +124,7 @@ def _heading(run: DrawnRun) -> list[str]:
     hours, steps = (path.t[-1] - path.t[0]) / 3600, len(path.u)
     lines = [
         f"{distance_text(path.objectives.length)}, {hours:,.1f} h, {steps} steps of {run.plan.dt:,.8g} s",
-        NO_PROMISE
+        Plan.NO_PROMISE
         if run.plan.alarmed
         else f"planned in {models.law} {run.medium.flows}: {models.mission_symbol} ≤ "
         f"{shown_probability(path.objectives.mission_risk)}, "

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pareto_ltl.planning.costs import cost_in_column
-from pareto_ltl.settings.fidelity import LAWS
+from pareto_ltl import Settings
+from pareto_ltl.extend import Cost, known_costs
 
 METRIC_LABELS = {
     "duration_s": "flight time [h]",
@@ -45,7 +45,7 @@ ENDS = {"": "", "_low": ", lower end", "_high": ", upper end"}  # of an interval
 LAW_NAMES = {
     f"{stem}_{law}{end}": f"{words}{where}, {law} winds"
     for stem, words in LAW_METRICS.items()
-    for law in LAWS
+    for law in Settings.LAWS
     for end, where in ENDS.items()
 }
 SHARES = ("mission_risk", "collision_risk", "safest", "least_failure", "promise_", "completed")
@@ -63,3 +63,8 @@ def metric_label(name: str) -> str:
 def is_probability(name: str) -> bool:
     """Whether a metric is a probability or a share of flights or runs."""
     return name in LAW_NAMES or (name.startswith(SHARES) and name not in COUNTS)
+
+
+def cost_in_column(column: str) -> Cost | None:
+    """The cost in a column of ``front.csv``, None if there is none."""
+    return next((cost for cost in known_costs() if cost.column == column), None)

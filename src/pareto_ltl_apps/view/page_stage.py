@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import Run, Settings
-from pareto_ltl.run.record import BaseRun
 from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.reading import read_json, read_text
@@ -21,7 +20,7 @@ MOST_RUNS = 500  # flights of each point of the front
 SHOWN_FACTS = ("seed", "fidelity", "version", "code_hash", "config_hash", "python")
 
 
-def make_page(run: BaseRun) -> Path:
+def make_page(run: Run) -> Path:
     """``report.html`` from the records that exist; without a plan the page states the reason."""
     from pareto_ltl_apps.view.records import Origin
 
@@ -39,7 +38,7 @@ def write_page(path: Path, shown: ShownRun) -> Path:
     return path
 
 
-def shown_run(run: BaseRun, origin: Origin, why: str = "") -> ShownRun:
+def shown_run(run: Run, origin: Origin, why: str = "") -> ShownRun:
     """The records of ``run`` for the page; points of the front are flown in the winds of the plan."""
     from pareto_ltl_apps.view.records import ShownRun
 
@@ -58,7 +57,7 @@ def shown_run(run: BaseRun, origin: Origin, why: str = "") -> ShownRun:
     )
 
 
-def drawn_records(run: BaseRun) -> dict[str, Any]:
+def drawn_records(run: Run) -> dict[str, Any]:
     """The records that figures and page show, as arguments of their ``DrawnRun``; None if not made."""
     shown = {name: run.get(name) for name in ("forest", "front", "plan", "deployments", "forecasts")}
     for name in ("deployments", "forecasts"):

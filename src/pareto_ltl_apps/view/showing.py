@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import Run, choose, load_results, simulate
-from pareto_ltl.run.results import Planned, place_of, planned_run
+from pareto_ltl.extend import Planned, planned_run
+from pareto_ltl.run.results import place_of
 from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.medium import medium_of

@@ -10,11 +10,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
-from pareto_ltl.planning.costs import cost_in_column
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import hide_frame
-from pareto_ltl_apps.view.metric_names import is_probability, metric_label
+from pareto_ltl_apps.view.metric_names import cost_in_column, is_probability, metric_label
 
 SERIES_COLOURS = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY, style.INK)
 SERIES_MARKS = ("o", "s", "^", "D", "v", "P", "X")

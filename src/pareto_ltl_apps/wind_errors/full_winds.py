@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl import Readings
-from pareto_ltl.extend import GeoBox, Snapshot
-from pareto_ltl.settings import WindConfig
+from pareto_ltl.extend import GeoBox, Snapshot, WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart

@@ -20,7 +20,7 @@ from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import FORMAT_GROUP, installed_object, known_kind
 from pareto_ltl.support.file_formats import is_data_file
-from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, table_level
+from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, table_level
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
@@ -89,17 +89,7 @@ def _read_csv(cfg: WindConfig, _wanted: Wanted) -> Readings:
     """Readings of CSV tables at ``wind.level``, which they do not state; at a depth, they are currents."""
     level = table_level(cfg.level, (HEIGHT, PRESSURE, DEPTH), "a table of winds or currents")
     current = level.kind == DEPTH
-    return at_stated_level(read_csv_files(data_files(cfg), cfg.max_speed, current), level)
-
-
-def at_stated_level(readings: Readings, level: Level) -> Readings:
-    """``readings`` of a table that does not state its level, with the level that ``wind.level`` states."""
-    if level.text == readings.level:
-        return readings
-    what = "current" if level.kind == DEPTH else "wind"
-    note = f"taken as the {what} {level.phrase}, as wind.level states; the table does not state its level"
-    airs = tuple(air and air._replace(level=level.text, pressure_level=level.text) for air in readings.airs)
-    return replace(readings, level=level.text, notes=(*readings.notes, note), airs=airs)
+    return read_csv_files(data_files(cfg), cfg.max_speed, current).at_stated_level(level)
 
 
 def _read_given(_cfg: WindConfig, _wanted: Wanted) -> Readings:

@@ -30,7 +30,7 @@ from pareto_ltl.support.speed_units import EXPECTED, KNOT, speed_factor
 from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl.support.tables import Table, read_table, seconds_of
 from pareto_ltl.support.times import HOUR, iso
-from pareto_ltl.wind.air import NodeAir, check_air
+from pareto_ltl.wind.air import NodeAir
 from pareto_ltl.wind.readings import Readings, check_readings
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
 
@@ -166,7 +166,7 @@ def read_csv_file(file: Path, max_speed: float, current: bool = False) -> tuple[
     with faults.noted():
         check_readings(points, winds, not planar, max_speed, faults.where, numbers)
     with faults.noted():
-        check_air(NodeAir(points, air[0], "", air[1]), faults.where, numbers)
+        NodeAir(points, air[0], "", air[1]).check(faults.where, numbers)
     faults.refuse()
     if not planar:
         points[:, 0] = wrap_longitude(points[:, 0])

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl.extend import Deployment, FailureRate, Front, Plan, cost_named
-from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.support.display import distance_text, interval_text, probability_text
 from pareto_ltl_apps.exports.exported import absent_sentence, height_sentence, vehicle_of
 from pareto_ltl_apps.view.components import MODULES, STYLE, bundled, component, page_environment
@@ -168,7 +167,7 @@ def _headline(run: ShownRun, plan: Plan, chosen: int | None) -> Iterator[dict[st
         note = _interval_note(promise.rate, flows) + (f"; no promise: {gap}" if gap else "")
         yield fact("fails", promise.fails, note)
     elif plan.alarmed:
-        yield fact("fails", "no promise", NO_PROMISE)
+        yield fact("fails", "no promise", Plan.NO_PROMISE)
     else:
         note = f"upper bound of failures of the mission and collisions, under {plan.models.law} {flows}"
         yield fact("fails", _at_most(min(1.0, cost.mission_risk + cost.collision_risk)), note)
