@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         SelectionConfig,
         WindConfig,
     )
+    from pareto_ltl.settings.checks import Declaration, Setting
     from pareto_ltl.settings.heights import FlownAir, Height
     from pareto_ltl.simulation.beacons import BeaconMap
     from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
@@ -62,6 +63,7 @@ __all__ = [
     "Automaton",
     "BeaconMap",
     "Cost",
+    "Declaration",
     "Decomposition",
     "Deployment",
     "DrawnFlights",
@@ -100,6 +102,7 @@ __all__ = [
     "RobotConfig",
     "SegmentLimits",
     "SelectionConfig",
+    "Setting",
     "Snapshot",
     "Study",
     "Tree",
@@ -139,6 +142,7 @@ _EXPORTS = {
     "Automaton": "pareto_ltl.logic.automaton",
     "BeaconMap": "pareto_ltl.simulation.beacons",
     "Cost": "pareto_ltl.planning.cost",
+    "Declaration": "pareto_ltl.settings.checks",
     "Decomposition": "pareto_ltl.world.cells",
     "Deployment": "pareto_ltl.simulation.records",
     "DrawnFlights": "pareto_ltl.simulation.common_flights",
@@ -177,6 +181,7 @@ _EXPORTS = {
     "RobotConfig": "pareto_ltl.settings",
     "SegmentLimits": "pareto_ltl.planning.limits",
     "SelectionConfig": "pareto_ltl.settings",
+    "Setting": "pareto_ltl.settings.checks",
     "Snapshot": "pareto_ltl.wind.snapshots",
     "Study": "pareto_ltl.run.study",
     "Tree": "pareto_ltl.planning.records",

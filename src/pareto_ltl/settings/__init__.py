@@ -9,9 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
-from pareto_ltl.settings.checks import SEEDS, CheckedSettings, check_folder_name, setting
+from pareto_ltl.settings.checks import (
+    SEEDS,
+    CheckedSettings,
+    Setting,
+    check_folder_name,
+    setting,
+    settings_below,
+)
 from pareto_ltl.settings.checks import declarations as declarations
 from pareto_ltl.settings.fidelity import LAWS, FidelityConfig
 from pareto_ltl.settings.fidelity import PRESETS as PRESETS
@@ -109,6 +117,11 @@ class Settings(CheckedSettings):
 
         return build_settings(sections)
 
+    @classmethod
+    def by_key(cls) -> Mapping[str, Setting]:
+        """All settings and sections by their keys, with type, unit, range and meaning."""
+        return _settings_by_key()
+
     @staticmethod
     def of_section(name: str, value: Any) -> Any:
         """The section ``name`` of a mapping of its keys, or of the name of a choice in ``conf/``."""
@@ -143,3 +156,8 @@ class Settings(CheckedSettings):
         kind = WIND_SOURCES.get(self.wind.source)
         current = kind is not None and kind.current
         return WATER if current else medium_of(self.robot.level, self.wind.level)
+
+
+@lru_cache
+def _settings_by_key() -> dict[str, Setting]:
+    return {one.key: one for one in settings_below(Settings)}

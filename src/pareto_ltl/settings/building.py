@@ -5,9 +5,8 @@ The result is the same :class:`Settings` that the command line composes from the
 
 from __future__ import annotations
 
-import difflib
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import Any
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings, preset
 from pareto_ltl.settings.checks import field_kinds, kind_problem
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.messages import shown_text, shown_value
+from pareto_ltl.support.messages import shown_value, unknown_setting
 from pareto_ltl.support.resources import choice_file, choices
 from pareto_ltl.support.yaml_files import read_yaml
 
@@ -47,14 +46,6 @@ def settings_of(values: Mapping[str, Any]) -> Settings:
     built = _record(Settings, values, "")
     assert isinstance(built, Settings)
     return built
-
-
-def unknown_setting(section: str, name: str, known: Iterable[str]) -> ConfigError:
-    """The error for ``name`` in ``section`` (``"planner."``), with the closest of the ``known`` names."""
-    names = list(dict.fromkeys(known))  # sweep is a group and a section
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f"did you mean {section}{near[0]}?" if near else f"there are {', '.join(names)}"
-    return ConfigError(f"unknown setting {shown_text(f'{section}{name}')}; {hint}")
 
 
 def read_settings_file(path: Path, changes: Mapping[str, Any] | None = None) -> Settings:

@@ -205,6 +205,53 @@ def declarations(section: Any) -> Iterator[tuple[Field[Any], Declaration]]:
             yield item, item.metadata[DECLARED]
 
 
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """A setting, or a section of them: its key as a user types it, its type, and its declaration.
+
+    Attributes
+    ----------
+    kind : type
+        Of a section, its dataclass.
+    declared : Declaration or None
+        None for a section.
+    """
+
+    key: str
+    kind: Any
+    declared: Declaration | None
+
+    @property
+    def is_section(self) -> bool:
+        """Whether it is a section."""
+        return is_dataclass(self.kind)
+
+    @property
+    def kind_text(self) -> str:
+        """The type in words: "a whole number", "a list of numbers", "text or null"."""
+        return kind_text(self.kind)
+
+    def problem(self, value: Any) -> str:
+        """Message for a ``value`` that does not have the type."""
+        return kind_problem(self.key, value, self.kind)
+
+    def check(self, value: Any) -> None:
+        """Raise ConfigError for a ``value`` of another type or out of range."""
+        if not fits_kind(value, self.kind):
+            raise ConfigError(self.problem(value))
+        if self.declared is not None:
+            check_value(self.key, value, self.declared)
+
+
+def settings_below(schema: Any, where: str = "") -> Iterator[Setting]:
+    """All settings and sections of the dataclass ``schema``, a section before what is in it."""
+    for item in fields(schema):
+        kind = field_kinds(schema)[item.name]
+        yield Setting(where + item.name, kind, item.metadata.get(DECLARED))
+        if is_dataclass(kind):
+            yield from settings_below(kind, f"{where}{item.name}.")
+
+
 class CheckedSettings:
     """Base of all sections of the settings; ``section`` is the key on the command line.
 

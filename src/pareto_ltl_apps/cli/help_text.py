@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl import Settings
-from pareto_ltl.settings import declarations
-from pareto_ltl.settings.checks import Declaration
+from pareto_ltl.extend import Declaration
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import added_folders, resource_folder
 from pareto_ltl_apps.cli.command_table import COMMANDS, PipelineCommand
@@ -152,8 +151,9 @@ def _sections(section: Any) -> Iterator[Any]:
 def _described(section: Any) -> Iterator[tuple[str, tuple[Any, Declaration]]]:
     """Keys of a section as a user types them, each with its value and declaration."""
     prefix = f"{section.section}." if section.section else ""
-    for item, declared in declarations(section):
-        yield f"{prefix}{item.name}", (getattr(section, item.name), declared)
+    for item in fields(section):
+        if (declared := Settings.by_key()[f"{prefix}{item.name}"].declared) is not None:
+            yield f"{prefix}{item.name}", (getattr(section, item.name), declared)
 
 
 def _entry(key: str, value: Any, declared: Declaration) -> str:

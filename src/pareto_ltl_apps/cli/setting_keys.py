@@ -5,8 +5,6 @@ from __future__ import annotations
 import copy
 import re
 import sys
-import typing
-from dataclasses import is_dataclass
 from typing import Any
 
 from hydra.core.config_loader import ConfigLoader
@@ -22,11 +20,10 @@ from omegaconf.errors import (
 )
 
 from pareto_ltl import Settings
-from pareto_ltl.settings.building import settings_of, unknown_setting
-from pareto_ltl.settings.checks import field_kinds, kind_at, kind_problem, kind_text
+from pareto_ltl.settings.building import settings_of
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_text, shown_value
+from pareto_ltl.support.messages import shown_text, shown_value, unknown_setting
 from pareto_ltl_apps.cli.output import EXPECTED_ERRORS
 
 CONFIGURATION_ERRORS: tuple[type[Exception], ...] = (
@@ -65,16 +62,15 @@ def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
     if "." not in key and (choices := loader.get_group_options(key)):  # 10 ms, and no group has a dot
         _refuse_odd_choice(override, choices)
         return
-    known: Any = Settings
-    section = ""
+    known, section = Settings.by_key(), ""
     for part in key.split("."):
-        if not is_dataclass(known):
+        if section and not known[section[:-1]].is_section:
             return  # inside a mapping or a list: values are checked when they are merged
-        types = field_kinds(typing.cast(type, known))
-        if part not in types:
+        if section + part not in known:
+            names = [one.rpartition(".")[2] for one in known if one.rpartition(".")[0] == section[:-1]]
             groups = [] if section else [g for g in GROUPS_WITHOUT_SECTION if loader.get_group_options(g)]
-            raise unknown_setting(section, part, [*types, *groups])
-        known, section = types[part], f"{section}{part}."
+            raise unknown_setting(section, part, [*names, *groups])
+        section = f"{section}{part}."
 
 
 def _refuse_huge_number(key: str, value: Any) -> None:
@@ -139,17 +135,17 @@ def _explain_value(error: OmegaConfBaseException, place: str) -> str:
     if resolved:
         return f"{key}: {refusal}"
     setting = key.partition("[")[0]  # the list of an item
-    kind = kind_at(Settings, setting) if setting else None
+    known = Settings.by_key().get(setting)
     reason = shown_text(_first_line(error), LINE_WIDTH)
-    if isinstance(error, ValidationError) and kind is not None:
-        return kind_problem(setting, error.value, kind)
-    if (
-        isinstance(error, ConfigKeyError | ConfigAttributeError)
-        and kind_at(Settings, key.rpartition(".")[0]) is not None
-    ):
+    if isinstance(error, ValidationError) and known is not None:
+        return known.problem(error.value)
+    if isinstance(error, ConfigKeyError | ConfigAttributeError) and key.rpartition(".")[0] in {
+        "",
+        *Settings.by_key(),
+    }:
         return f"{shown_text(key)} is not there yet; write +{shown_text(key)}=... to add it"
-    if kind is not None:
-        return f"{setting} must be {kind_text(kind)} ({reason})"
+    if known is not None:
+        return f"{setting} must be {known.kind_text} ({reason})"
     return f"{key}: {reason}" if key else reason
 
 

@@ -11,21 +11,14 @@ from __future__ import annotations
 import math
 import re
 import typing
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import NoneType, UnionType
 from typing import Any
 
 from pareto_ltl import Settings
-from pareto_ltl.settings.checks import (
-    DECLARED,
-    Declaration,
-    check_value,
-    field_kinds,
-    fits_kind,
-    kind_problem,
-)
+from pareto_ltl.extend import Setting
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text, shown_value
@@ -63,12 +56,8 @@ DEPTH = 12  # of lists in lists
 
 
 @dataclass(frozen=True, slots=True)
-class Leaf:
-    """A setting: its type, and its declaration."""
-
-    key: str
-    kind: Any
-    declared: Declaration | None
+class Leaf(Setting):
+    """A setting at the desk."""
 
     @property
     def plain(self) -> bool:
@@ -99,16 +88,8 @@ def _item_kinds(kind: Any) -> set[Any]:
 @lru_cache
 def leaves() -> Mapping[str, Leaf]:
     """All settings by their keys."""
-    return {leaf.key: leaf for leaf in _below(Settings, "")}
-
-
-def _below(section: type, where: str) -> Iterator[Leaf]:
-    declared = {item.name: item.metadata.get(DECLARED) for item in fields(typing.cast(Any, section))}
-    for name, kind in field_kinds(section).items():
-        if is_dataclass(kind):
-            yield from _below(typing.cast(type, kind), f"{where}{name}.")
-        else:
-            yield Leaf(where + name, kind, declared[name])
+    found = (one for one in Settings.by_key().values() if not one.is_section)
+    return {one.key: Leaf(one.key, one.kind, one.declared) for one in found}
 
 
 # --- from a request to the words of a command line --------------------------------------------------------
@@ -168,10 +149,7 @@ def _written(folder: DeskFolder, key: str, value: Any) -> str:
             raise ConfigError(f"{key} must be one of {', '.join(choices(key))}; got {shown_json(value)}")
         return f"{'+' if key == 'experiment' else ''}{key}={value}"
     _refuse_odd(key, value)
-    if not fits_kind(value, leaf.kind):
-        raise ConfigError(kind_problem(key, value, leaf.kind))
-    if leaf.declared is not None:
-        check_value(key, value, leaf.declared)
+    replace(leaf, key=key).check(value)
     if key in PATHS and value is not None and value not in PATHS[key]:
         value = folder.path_of(key, value)
     added = "" if key in leaves() else "++"
