@@ -5,6 +5,8 @@
     result = pareto_ltl.plan("phi1", "F(a & F b & F c)", wind="calm")
     result.plan, result.front, result.wind       # its records, made when asked for, each with plot()
     result.given(wind=field).plan                # the same mission in another wind
+    pareto_ltl.plan(geodataframe, "F a", wind=dataset)  # a map of GeoPandas, a wind of xarray ...
+    result.front.to_pandas(), result.to_xarray()        # ... and back
     pareto_ltl.choose(result, failure=0.02)      # another path of the front, without planning again
     pareto_ltl.export(result, "flight")          # files for autopilots, maps and navigators
     pareto_ltl.show(result)                      # one page with map, front, flights, in a browser

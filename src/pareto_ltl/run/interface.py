@@ -17,7 +17,7 @@ from pareto_ltl.run.pipeline import Pipeline, carry_out
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.progress import Caller, ProgressBar
 from pareto_ltl.run.results import Planned, planned_run
-from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, WindConfig
+from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, Settings, WindConfig
 from pareto_ltl.settings.building import build_settings, choice_values, section_of
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError
@@ -91,6 +91,8 @@ def plan(
         | {"robot": _robot_settings(sections.get("robot"))}
         | {"mission": _mission_settings(formula, sections.get("mission"))}
     )
+    if isinstance(scene, Scene) and scene.time_zero is None:
+        given["scene"] = replace(scene, time_zero=_departure(settings, given.get("readings")))
     pipeline = Pipeline.of(settings, given=given)
     if not any(stage.name == "plan" for stage in pipeline.stages):
         raise ConfigError(
@@ -116,6 +118,11 @@ def _carried_out(run: Run, pipeline: Pipeline) -> None:
             run.made(stage)
             if stage.name == "plan":
                 break
+
+
+def _departure(settings: Settings, readings: Readings | None) -> str | None:
+    """When a map without a date is flown: at ``mission.start_time``, else at the first wind in memory."""
+    return settings.mission.start_time or (None if readings is None else readings.first_time)
 
 
 def _given_wind(sections: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

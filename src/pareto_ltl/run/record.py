@@ -237,7 +237,7 @@ class BaseRun(Displayed):
         return self.directory
 
     def input_files(self) -> list[Path]:
-        """The files that the records depend on; raises ``DataError`` if those of the wind are missing."""
+        """The files that the records depend on; raises ``DataError`` if wind files are missing."""
         return provenance.input_files(self.settings)
 
     def wind_files(self) -> tuple[Path, ...]:
