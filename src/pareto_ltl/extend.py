@@ -3,7 +3,7 @@
 - A run and its records: ``Pipeline``, ``planned_run``, ``Record``, ``record``, ``Study``, ``UnpricedRun``;
   ``Plan``, ``Front``, ``Forest``, ``Problem``, ``Decomposition``, ``Automaton``, ``Deployment``, their parts.
 - Flights: ``evaluate`` a path or controls, ``draw_flights`` and ``simulate_flights``, ``which_fail``, samples
-  and rates of any event; ``Learnt`` from position ``Fix``; the wind at a place: ``LocalWind``, ``LinearWind``.
+  and rates of any event; ``Learnt`` from position ``Fix``; wind at a place: ``LocalWind``, ``LinearWind``.
 - Kinds: ``Cost``; ``WindSource``, with what a reader of winds returns (``Snapshot``, ``readings_of``) and is
   asked for (``Wanted``, ``GeoBox``); readers of maps (``MapFile``, ``MapFormats``); laws of wind errors.
 - Sections of :class:`pareto_ltl.Settings` and their ``Declaration``; ``Frame``, the plane and clock of a map.
