@@ -223,6 +223,7 @@ class Run(BaseRun):
     def forecasts(self) -> Mapping[str, Forecast]:
         """V and R of the plan under every law of ``deployment.laws``."""
         plan = self.plan
+        from pareto_ltl.planning.evaluate import Forecast
 
         return {law: Forecast.of(self.problem, plan.path.u, law) for law in self.settings.deployment.laws}
 

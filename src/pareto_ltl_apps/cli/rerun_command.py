@@ -58,6 +58,7 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
     DataError
         If the directory holds no result, or if none of its files can be compared.
     """
+    from pareto_ltl.extend import Pipeline
     from pareto_ltl.run.received import allowed_settings
 
     refuse_links_out(directory)

@@ -40,7 +40,7 @@ def wind_error(options: Namespace) -> Answer:
             raise ConfigError(f"--stations {file}: there is no such file; name tables of METAR reports")
     import numpy as np
 
-    from pareto_ltl.extend import WindConfig, first_law
+    from pareto_ltl.extend import GeoBox, WindConfig, first_law
     from pareto_ltl.support.files import write_json
     from pareto_ltl_apps.view.wind_error import draw_wind_error
     from pareto_ltl_apps.wind_errors.error_estimate import error_document, estimate_errors, estimated_law
