@@ -9,10 +9,8 @@ from __future__ import annotations
 from itertools import combinations
 from pathlib import Path
 
-from pareto_ltl import Run
-from pareto_ltl.extend import record
-from pareto_ltl.settings import MissionConfig, SelectionConfig, WindConfig
-from pareto_ltl.support.errors import ConfigError, InfeasibleError
+from pareto_ltl import ConfigError, InfeasibleError, Run
+from pareto_ltl.extend import MissionConfig, SelectionConfig, WindConfig, record
 
 
 @record()
@@ -29,8 +27,8 @@ def read_steady(cfg: WindConfig, wanted):
     """5 m/s towards the east with noise of 1 m/s, at 49 places every six hours of 9 October 2018."""
     import numpy as np
 
+    from pareto_ltl import Readings
     from pareto_ltl.support.times import seconds
-    from pareto_ltl.wind.readings import Readings
 
     places = np.array([[lon, lat] for lon in range(-96, -88, 1) for lat in range(34, 41)], float)
     times = seconds("2018-10-09T00:00:00Z") + 3600.0 * np.arange(0, 49, 6)

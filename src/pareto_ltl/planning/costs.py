@@ -13,7 +13,7 @@ import numpy as np
 
 from pareto_ltl.planning.cost import Cost
 from pareto_ltl.planning.held_air import air_text, held_air
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.display import distance_text, energy_text
 from pareto_ltl.support.extensions import COST_GROUP, extension_names, known_kind
 
@@ -25,7 +25,7 @@ STILL = 1e-9  # [m] shorter steps have no course
 
 def path_length(_problem: Problem, x: FloatArray, _u: FloatArray) -> float:
     """Length of the expected path [m]."""
-    return float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+    return length_of(x)
 
 
 def path_energy(problem: Problem, _x: FloatArray, u: FloatArray) -> float | None:

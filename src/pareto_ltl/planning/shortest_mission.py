@@ -30,7 +30,7 @@ from pareto_ltl.planning.routes.taut_lines import CAP, longest_share, taut_line,
 from pareto_ltl.planning.wind_lookup import interpolate
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.display import energy_text
 from pareto_ltl.support.resources import choices
 
@@ -203,7 +203,7 @@ def _too_windy(problem: Problem, lines: Sequence[FloatArray]) -> str:
 
 def _strongest_wind(problem: Problem, lines: Sequence[FloatArray]) -> float:
     """Largest expected wind [m/s] in the data at places along the shortest line."""
-    line = min(lines, key=lambda one: float(np.linalg.norm(np.diff(one, axis=0), axis=1).sum()))
+    line = min(lines, key=length_of)
     wind, shares = problem.wind, np.linspace(0.0, 1.0, 33)[:, None]
     places = np.concatenate([a + shares * (b - a) for a, b in pairwise(line)])
     nodes = np.rint((places - [wind.west, wind.south]) * wind.per_metre).astype(int)

@@ -36,3 +36,8 @@ def rotate_vectors(vectors: FloatArray, angle: FloatArray) -> FloatArray:
 def square_matrices(cov3: FloatArray) -> FloatArray:
     """Covariances (T+1, 2, 2) from rows (xx, xy, yy)."""
     return cov3[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+
+def length_of(x: FloatArray) -> float:
+    """Length of the line through ``x`` (N, 2), in the unit of ``x``."""
+    return float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())

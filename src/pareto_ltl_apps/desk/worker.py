@@ -20,11 +20,9 @@ from contextlib import redirect_stderr, redirect_stdout, suppress
 from importlib import import_module
 from typing import IO, Any
 
-import numpy as np
-
 from pareto_ltl.extend import Frame, PlannedPath, Watcher, watched_by
 from pareto_ltl.run.progress import Found
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, length_of
 
 MOST_PATHS = 40  # paths of the search trees that are reported
 LAST_WORDS = 20.0  # [s] in which a run whose server has gone can record how it ended
@@ -61,7 +59,7 @@ class Reporter(Watcher):
     def progress(self, done: int, total: int, state: str, found: Found) -> None:
         """Report the progress of the present stage, and the paths of refinement so far."""
         if found:
-            lengths = [float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()) for _, x in found]
+            lengths = [length_of(x) for _, x in found]
             paths = [(failed, length, x) for (failed, x), length in zip(found, lengths, strict=True)]
             self._send_paths("refinement", paths, bound=False)
         elif (now := time.monotonic()) >= self.last + PAUSE:

@@ -30,7 +30,7 @@ from pareto_ltl.extend import (
 from pareto_ltl.logic.timed import later_windows, remaining_automaton
 from pareto_ltl.run.received import KnownFiles, law_file
 from pareto_ltl.settings.wind import STATED, WIND_SOURCES, usual_level
-from pareto_ltl.support.arrays import FloatArray, square_matrices
+from pareto_ltl.support.arrays import FloatArray, length_of, square_matrices
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_hashes
@@ -187,7 +187,7 @@ def rule_of_the_rest(cfg: SelectionConfig, path: PlannedPath, step: int) -> Sele
         return replace(cfg, rule="worth")
     if cfg.length is None:
         return cfg
-    flown = float(np.linalg.norm(np.diff(path.x[: step + 1], axis=0), axis=1).sum())
+    flown = length_of(path.x[: step + 1])
     return replace(cfg, length=max(cfg.length - flown, 1.0))
 
 

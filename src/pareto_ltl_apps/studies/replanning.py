@@ -24,7 +24,7 @@ from pareto_ltl import Run, Settings, WindField
 from pareto_ltl.extend import DrawnFlights, Fix, LawPart, PlannedPath, Study, UnpricedRun, draw_flights
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.settings import ReplanningConfig
-from pareto_ltl.support.arrays import Float32Array, FloatArray
+from pareto_ltl.support.arrays import Float32Array, FloatArray, length_of
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.seeds import stage_seeds
@@ -179,7 +179,7 @@ def fly_way(context: ReplanningContext, way: Way, number: int) -> Columns:
     return {
         "failed": bool(wind.failed(way.pilot(wind, u, x))[0]),
         "new_plans": taken,
-        "length_m": float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()),
+        "length_m": length_of(x),
     }
 
 
