@@ -17,7 +17,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pareto_ltl.logic.automaton import Automaton
+    from pareto_ltl.logic.automaton import Automaton, show_letter, translate
+    from pareto_ltl.logic.formula import Formula, disputed_reading, parse_formula
     from pareto_ltl.planning.conditioning import Fix, Learnt
     from pareto_ltl.planning.cost import Cost
     from pareto_ltl.planning.costs import cost_named, known_costs
@@ -80,6 +81,7 @@ __all__ = [
     "FlownAir",
     "Forecast",
     "Forest",
+    "Formula",
     "Frame",
     "Front",
     "GeoBox",
@@ -124,6 +126,7 @@ __all__ = [
     "cost_named",
     "count_agrees",
     "data_files",
+    "disputed_reading",
     "draw_flights",
     "evaluate",
     "first_law",
@@ -133,11 +136,14 @@ __all__ = [
     "law_seeds",
     "non_dominated",
     "packaged_laws",
+    "parse_formula",
     "plain_sample",
     "planned_run",
     "readings_of",
     "record",
+    "show_letter",
     "simulate_flights",
+    "translate",
     "watched_by",
     "weighted_samples",
     "which_fail",
@@ -159,6 +165,7 @@ _EXPORTS = {
     "FlownAir": "pareto_ltl.settings.heights",
     "Forecast": "pareto_ltl.planning.evaluate",
     "Forest": "pareto_ltl.planning.records",
+    "Formula": "pareto_ltl.logic.formula",
     "Frame": "pareto_ltl.world.projection",
     "Front": "pareto_ltl.planning.records",
     "GeoBox": "pareto_ltl.wind.area",
@@ -203,6 +210,7 @@ _EXPORTS = {
     "cost_named": "pareto_ltl.planning.costs",
     "count_agrees": "pareto_ltl.simulation.promise",
     "data_files": "pareto_ltl.wind.sources",
+    "disputed_reading": "pareto_ltl.logic.formula",
     "draw_flights": "pareto_ltl.simulation.common_flights",
     "evaluate": "pareto_ltl.planning.evaluate",
     "first_law": "pareto_ltl.wind.named_laws",
@@ -212,11 +220,14 @@ _EXPORTS = {
     "law_seeds": "pareto_ltl.simulation.flights",
     "non_dominated": "pareto_ltl.planning.selection",
     "packaged_laws": "pareto_ltl.wind.named_laws",
+    "parse_formula": "pareto_ltl.logic.formula",
     "plain_sample": "pareto_ltl.simulation.samples",
     "planned_run": "pareto_ltl.run.results",
     "readings_of": "pareto_ltl.wind.snapshots",
     "record": "pareto_ltl.run.record",
+    "show_letter": "pareto_ltl.logic.automaton",
     "simulate_flights": "pareto_ltl.simulation.flights",
+    "translate": "pareto_ltl.logic.automaton",
     "watched_by": "pareto_ltl.run.progress",
     "weighted_samples": "pareto_ltl.simulation.samples",
     "which_fail": "pareto_ltl.simulation.judging",

@@ -8,7 +8,6 @@ import pytest
 
 from pareto_ltl.logic import translate
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.logic.timed import remaining_automaton
 
 FORMULAS = ("F(a & F b)", "!b U a & F c", "F(a & X b)", "F a & F b & F c")
 
@@ -24,7 +23,7 @@ def test_the_rest_accepts_what_completes_the_mission(formula: str) -> None:
     automaton = translate(formula)
     letters = range(len(automaton.letters))
     for state in range(automaton.n_states):
-        rest = remaining_automaton(automaton, state)
+        rest = automaton.after(state)
         for first, word in product(letters, product(letters, repeat=2)):
             wanted = automaton.accepting[reads(automaton, word, state)]
             assert rest.accepting[reads(rest, (first, *word), rest.initial)] == wanted

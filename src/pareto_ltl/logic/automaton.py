@@ -8,7 +8,7 @@ occur satisfy the formula. Acceptance is final. Only the automaton of a tautolog
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 
@@ -82,6 +82,25 @@ class Automaton(Displayed):
             raise ValueError(f"initial must be one of the states 0..{states - 1}, got {self.initial}")
         if not self.accepting[self.delta[self.accepting]].all():
             raise ValueError("accepting states must be absorbing")
+
+    def after(self, state: int, moment: float = 0.0) -> Automaton:
+        """The automaton of the rest of the mission from ``state``, for a flight that departs at ``moment``.
+
+        From a new initial state every letter leads to ``state``, since the label at the position of departure
+        was already read. ``moment`` is in [s after the first departure]; time windows then count from there.
+        """
+        delta = np.vstack([np.full((1, len(self.letters)), state), self.delta]).astype(np.int64) + 1
+        accepting = np.concatenate([[False], self.accepting])
+        table = TransitionTable(delta, accepting)
+        rest = automaton_from_table(table, self.letters, self.atoms, f"the rest of {self.formula}")
+        windows = {name: window.later(moment) for name, window in self.windows.items()}
+        return replace(rest, windows=windows, forbidden=self.forbidden)
+
+    def to_hoa(self) -> str:
+        """The automaton in the Hanoi omega-automata format, version 1."""
+        from pareto_ltl.logic.hoa import hoa_text
+
+        return hoa_text(self)
 
     @property
     def n_states(self) -> int:

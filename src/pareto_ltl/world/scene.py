@@ -9,7 +9,7 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -148,6 +148,14 @@ class Scene(Displayed):
         from pareto_ltl.world.geo_interface import scene_features
 
         return scene_features(self)
+
+    def later(self, moment: float, start: FloatArray) -> Scene:
+        """The map of a flight that departs ``moment`` [s] later, from ``start`` (2,) [m]."""
+        departure = self.frame.utc([moment])
+        return replace(
+            self, start=np.array(start, float), time_zero=None if departure is None else departure[0],
+            windows={name: window.later(moment) for name, window in self.windows.items()},
+        )  # fmt: skip
 
     @property
     def walled(self) -> bool:

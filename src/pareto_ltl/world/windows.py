@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pareto_ltl.support.errors import DataError
@@ -56,6 +56,10 @@ class Window:
     def meets(self, first: float, last: float) -> bool:
         """Whether some moment between ``first`` and ``last`` [s after departure] is in the window."""
         return self.begin - ROUNDING <= last and first <= self.end + ROUNDING
+
+    def later(self, moment: float) -> Window:
+        """The window for times that count from ``moment`` [s after departure]."""
+        return replace(self, begin=self.begin - moment, end=self.end - moment)
 
     def as_dict(self) -> dict[str, Any]:
         """The window as a dictionary for JSON; infinite ends are None."""

@@ -20,8 +20,7 @@ from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl_apps.cli.output import Answer, Output, print_answer, print_problem, shown_table
 
 if TYPE_CHECKING:
-    from pareto_ltl.extend import Automaton
-    from pareto_ltl.logic.formula import Formula
+    from pareto_ltl.extend import Automaton, Formula
     from pareto_ltl_apps.studies.promises import Promises
     from pareto_ltl_apps.view.records import Compared
 
@@ -111,9 +110,8 @@ def formula(options: Namespace) -> Answer:
     """The meaning of a formula; after one line and a caret, exit code 2 for a mistake in it."""
     import numpy as np
 
-    from pareto_ltl.logic.automaton import translate
-    from pareto_ltl.logic.formula import caret_lines, disputed_reading, parse_formula
-    from pareto_ltl.logic.hoa import hoa_text
+    from pareto_ltl.extend import disputed_reading, parse_formula, translate
+    from pareto_ltl.logic.formula import caret_lines
     from pareto_ltl.logic.normal_form import positive_normal_form
     from pareto_ltl_apps.view.automaton_picture import dot_text, save_picture
 
@@ -130,7 +128,7 @@ def formula(options: Namespace) -> Answer:
     if options.dot:
         Path(options.dot).write_text(dot_text(automaton), encoding="utf-8")
     if options.hoa:
-        Path(options.hoa).write_text(hoa_text(automaton), encoding="utf-8")
+        Path(options.hoa).write_text(automaton.to_hoa(), encoding="utf-8")
     if options.picture:
         save_picture(automaton, options.picture)
     written = [path for path in (options.dot, options.hoa, options.picture) if path]
@@ -183,7 +181,7 @@ def _initial_distance(automaton: Automaton) -> str:
 
 
 def _extra_visits(automaton: Automaton) -> str:
-    from pareto_ltl.logic.automaton import show_letter
+    from pareto_ltl.extend import show_letter
 
     harm = automaton.harm()
     if harm is None:

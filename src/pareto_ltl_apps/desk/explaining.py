@@ -17,9 +17,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pareto_ltl import Settings
-from pareto_ltl.extend import MissionConfig
-from pareto_ltl.logic.automaton import translate
-from pareto_ltl.logic.formula import disputed_reading, parse_formula
+from pareto_ltl.extend import MissionConfig, disputed_reading, parse_formula, translate
 from pareto_ltl.logic.patterns import formula_of
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_apps.view.in_words import mission_in_words

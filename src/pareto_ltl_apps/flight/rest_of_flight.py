@@ -27,7 +27,6 @@ from pareto_ltl.extend import (
     completing_path,
     evaluate,
 )
-from pareto_ltl.logic.timed import later_windows, remaining_automaton
 from pareto_ltl.run.received import KnownFiles, law_file
 from pareto_ltl.settings.wind import STATED, WIND_SOURCES, usual_level
 from pareto_ltl.support.arrays import FloatArray, length_of, square_matrices
@@ -133,7 +132,7 @@ def conditioned_run(run: Run, situation: Situation, *, quick: bool) -> Run:
     learnt = situation.learnt
     assert learnt is not None
     scene = scene_from(run.scene, learnt.mean, situation.time)
-    automaton = remaining_automaton(run.automaton, situation.state, situation.time)
+    automaton = run.automaton.after(situation.state, situation.time)
     if automaton.contradiction:
         raise ConfigError("the mission is lost at that time: no continuation completes it")
     if run.problem.logic.distance[situation.state] == 0.0:
@@ -198,11 +197,7 @@ def scene_from(scene: Scene, start: FloatArray, moment: float) -> Scene:
         raise ConfigError(
             "the position expected after the fix lies outside the map, where no path can begin; check the fix"
         )
-    later = scene.frame.utc(np.array([moment]))
-    windows = later_windows(scene.windows, moment)
-    return replace(
-        scene, start=np.array(start, float), time_zero=None if later is None else later[0], windows=windows
-    )
+    return scene.later(moment, start)
 
 
 def wind_from(field: WindField, learnt: Learnt, moment: float, law: str) -> WindField:

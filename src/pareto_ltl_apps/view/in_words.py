@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from pareto_ltl.logic.formula import Formula, parse_formula
+from pareto_ltl.extend import Formula, parse_formula
 from pareto_ltl.support.errors import FormulaError
 from pareto_ltl.support.times import hours_text
 

@@ -10,8 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from pareto_ltl import Scene
-from pareto_ltl.extend import Deployment, FailureRate, Plan, PlannedPath, Problem, cost_named
-from pareto_ltl.logic.automaton import show_letter
+from pareto_ltl.extend import Deployment, FailureRate, Plan, PlannedPath, Problem, cost_named, show_letter
 from pareto_ltl.logic.timed import places_of
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
