@@ -14,6 +14,7 @@ import shapely
 import xarray as xr
 
 import pareto_ltl
+from pareto_ltl.extend import Frame
 from pareto_ltl.planning.plan_files import write_front
 from quick_plan import QUICK_PLAN
 
@@ -137,3 +138,16 @@ def test_a_map_without_a_place_on_earth_is_drawn_in_metres() -> None:
     assert region["properties"] == {"role": "region", "name": "a"}
     with pytest.raises(pareto_ltl.DataError, match="the map has no place on Earth"):
         scene.frame.to_geographic(square)
+
+
+@pytest.mark.parametrize(
+    ("mission", "begins"), [(None, "00"), ({"start_time": "2026-03-01T02:00:00Z"}, "02")]
+)
+def test_a_map_in_memory_departs_as_the_mission_says_or_with_the_wind(mission: Any, begins: str) -> None:
+    square = 30e3 + 4e3 * np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    plane = Frame.at(37.0, -92.0).crs
+    scene = pareto_ltl.Scene(np.array([[0.0, 0], [5e4, 5e4]]), np.full(2, 1e4), {"a": square}, crs=plane)
+    wind: dict[str, Any] = {"source": dataset(), "forecast_error": "none"}
+    options = QUICK_PLAN | {"robot": {"dt": 300.0}} | ({} if mission is None else {"mission": mission})
+    result = pareto_ltl.plan(scene, "F a", wind=wind, **options)
+    assert result.plan.navigation.time_utc[0] == f"2026-03-01T{begins}:00:00Z"

@@ -92,7 +92,8 @@ def plan(
         | {"mission": _mission_settings(formula, sections.get("mission"))}
     )
     if isinstance(scene, Scene) and scene.time_zero is None:
-        given["scene"] = replace(scene, time_zero=_departure(settings, given.get("readings")))
+        departure = _departure(settings, given.get("readings"))
+        given["scene"] = scene if departure is None else replace(scene, time_zero=departure)
     pipeline = Pipeline.of(settings, given=given)
     if not any(stage.name == "plan" for stage in pipeline.stages):
         raise ConfigError(
