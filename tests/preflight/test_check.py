@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -136,7 +136,8 @@ def test_the_largest_likely_wind_has_the_quantile_of_its_law(made: Path) -> None
     strong = wind._replace(
         mean=level, latent=np.ones_like(wind.latent), gust=0.0 * wind.gust, between=0.0 * wind.between
     )
-    middle, high = wind_at(SimpleNamespace(wind=strong), x, 3)
+    law = problem.world.law._replace(wind=strong)
+    middle, high = wind_at(replace(problem, world=problem.world._replace(law=law)), x, 3)
     assert middle == pytest.approx(40.0)
     assert high == pytest.approx(40.0 + 1.645, abs=0.12)
 
