@@ -20,6 +20,7 @@ import psutil
 import pytest
 
 from desk import HOP, MOST, SMALL, RunningDesk, running_desk
+from pareto_ltl.extend import Frame
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.desk import views
@@ -271,7 +272,8 @@ def test_the_age_of_a_forecast_is_that_of_its_start(tmp_path: Path, monkeypatch:
     field = SimpleNamespace(
         times=np.array([0.0, 3600.0]), leads=np.array([6.0, 7.0]) * 3600.0, known_until=1.0
     )
-    scene = SimpleNamespace(crs="EPSG:4326", time_zero="2026-11-25T18:00:00Z")
+    frame = Frame(None, "2026-11-25T18:00:00Z")
+    scene = SimpleNamespace(crs=Frame.at(50.0, 8.0).crs, time_zero=frame.time_zero, frame=frame)
     monkeypatch.setattr(views, "load_results", lambda _: SimpleNamespace(wind=field, scene=scene))
     monkeypatch.setattr(views, "shown_wind", lambda *_: {})
     assert views.wind_view(tmp_path) == {"issued": "2026-11-25T12:00:00Z"}
