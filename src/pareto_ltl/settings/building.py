@@ -16,6 +16,7 @@ from typing import Any
 
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings, preset
 from pareto_ltl.settings.checks import field_kinds, kind_problem
+from pareto_ltl.settings.fidelity import ONLY_PARENTS
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import choice_file, choices
@@ -49,8 +50,13 @@ def settings_of(values: Mapping[str, Any]) -> Settings:
     return built
 
 
+GONE = {"ablation.parents": ONLY_PARENTS}  # settings of earlier versions, and why they left
+
+
 def unknown_setting(section: str, name: str, known: Iterable[str]) -> ConfigError:
     """The error for ``name`` in ``section`` (``"planner."``), with the closest of the ``known`` names."""
+    if reason := GONE.get(f"{section}{name}"):
+        return ConfigError(f"{section}{name} is no setting any more: {reason}; leave it out")
     names = list(dict.fromkeys(known))  # sweep is a group and a section
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {section}{near[0]}?" if near else f"there are {', '.join(names)}"
@@ -60,9 +66,13 @@ def unknown_setting(section: str, name: str, known: Iterable[str]) -> ConfigErro
 def read_settings_file(path: Path, changes: Mapping[str, Any] | None = None) -> Settings:
     """The settings that a run wrote as ``config_resolved.yaml``, with ``changes`` by ``section.key``.
 
-    DataError if the file is damaged.
+    What earlier versions wrote about the models of trees is left out. DataError if the file is damaged.
     """
     content = _yaml(path)
+    for key in (*GONE, "fidelity.parents"):
+        section, _, name = key.partition(".")
+        if isinstance(content.get(section), dict):
+            content[section].pop(name, None)
     for key, value in (changes or {}).items():
         section, _, name = key.partition(".")
         if not isinstance(before := content.get(section, {}), dict):
