@@ -229,7 +229,7 @@ class Motion(NamedTuple):
 
     ``a`` = A, ``b`` = B, ``b_inv`` = B^-1; ``gain`` = K; ``closed`` = A - K I propagates deviations;
     ``exposed`` is the share of a step's wind error that feedback leaves, 1 without it; ``effort`` is the
-    quantile r / √λ of :func:`~pareto_ltl.kernels.propagation.airspeed_left`, which reserves airspeed for
+    quantile r / √λ of :func:`~pareto_ltl.kernels.motion.airspeed_left`, which reserves airspeed for
     feedback; ``ball`` is the radius of the maximum-trace rule in standard deviations.
     """
 

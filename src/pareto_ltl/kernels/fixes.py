@@ -36,6 +36,7 @@ from pareto_ltl.kernels.data import (
 from pareto_ltl.kernels.gaussian import FixWeights, fix_weights
 from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.jit import implements, kernel, vector
+from pareto_ltl.kernels.motion import scaled_cov
 from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.kernels.propagation import (
     advance,
@@ -43,7 +44,6 @@ from pareto_ltl.kernels.propagation import (
     clear_theta,
     closed_loop,
     forget,
-    scaled_cov,
 )
 from pareto_ltl.kernels.robot_errors import (
     add_errors,

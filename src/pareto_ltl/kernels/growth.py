@@ -15,8 +15,8 @@ from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import entry, inlined, kernel
 from pareto_ltl.kernels.letters import epoch_at, next_state, too_late
 from pareto_ltl.kernels.mission_risk import visit_risk
+from pareto_ltl.kernels.motion import airspeed, least_airspeed
 from pareto_ltl.kernels.neighbours import kd_nearest
-from pareto_ltl.kernels.propagation import airspeed, least_airspeed
 from pareto_ltl.kernels.tree import (
     ACCEPTED,
     AGE,

@@ -15,9 +15,9 @@ from pareto_ltl.kernels.dijkstra import Heap
 from pareto_ltl.kernels.jit import inlined, kernel
 from pareto_ltl.kernels.letters import epoch_at, next_state, too_late
 from pareto_ltl.kernels.mission_risk import visit_risk
+from pareto_ltl.kernels.motion import airspeed, independent_step, least_airspeed
 from pareto_ltl.kernels.neighbours import Bins, bin_of, kd_insert, remember
 from pareto_ltl.kernels.parents import Candidate, Dominance, improves
-from pareto_ltl.kernels.propagation import advance, airspeed, least_airspeed
 from pareto_ltl.support.arrays import FloatArray, Int32Array, IntArray
 
 ROUNDING = 1.0 + 1e-9  # a full step may exceed u_max by this factor and no more
@@ -260,7 +260,7 @@ def look_ahead(s: Search, v: int, cov: Cov) -> None:
     """Store mean, covariance and airspeed left one step after ``v``, whose covariance is ``cov``."""
     tree = s.tree
     step = int(np.int64(tree.step[v]))  # one type, or every helper compiles twice
-    ahead = advance(s.world.law, None, step, Gaussian(vertex_point(tree, v), cov), v, v)
+    ahead = independent_step(s.world.law, step, Gaussian(vertex_point(tree, v), cov))
     tree.free[v, 0], tree.free[v, 1] = ahead.mean
     tree.speed[v] = ahead.speed
     tree.spread[v, 0], tree.spread[v, 1], tree.spread[v, 2] = ahead.cov
