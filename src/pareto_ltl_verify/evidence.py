@@ -271,17 +271,29 @@ class Evidence:
         """The Gaussian along the planned means, under the law that the plan is judged in."""
         return self.course_of(self.x)
 
-    def course_of(self, x: FloatArray, *, exact: bool = False) -> Course:
-        """The Gaussian along means ``x`` (T+1, 2) [m], under the law that the plan is judged in.
+    def course_of(self, x: FloatArray) -> Course:
+        """The Gaussian along means ``x`` (T+1, 2) [m], under the law that the plan is judged in."""
+        return laws.fly_means(self.law(self.planned_law, len(x) - 1), x)
 
-        ``exact``: of a robot without errors, whose start is as uncertain as with them.
+    def grown_course(self, x: FloatArray) -> Course:
+        """The Gaussian along means ``x`` (T+1, 2) [m] in a tree: under the independent law.
+
+        Its start is as uncertain as the start of the plan.
         """
-        law = self.law(self.planned_law, len(x) - 1)
-        if not exact:
-            return laws.fly_means(law, x)
-        lean = law.errors.start
-        law = replace(law, robot=replace(self.robot, airspeed_sd=None, heading_sd=None, clock_sd=None))
-        return laws.fly_means(law, x, lean @ lean.T)
+        lean = self.law(self.planned_law).errors.start
+        return laws.fly_means(self.law("independent", len(x) - 1), x, lean @ lean.T)
+
+    @property
+    def grown_as_published(self) -> bool:
+        """Whether trees grew by the models of the paper; earlier versions wrote the rule of other trees."""
+        return bool(self.settings["fidelity"]["parents"] == "dominance")
+
+    @property
+    def planned_as_published(self) -> bool:
+        """Whether the plan has the models of the paper, so that a vertex costs what its path costs."""
+        fidelity = self.settings["fidelity"]
+        chosen = fidelity["law"], fidelity["mission_bound"], fidelity["collision_bound"]
+        return chosen == ("independent", "theorem2", "step")
 
     @cached_property
     def paper_course(self) -> Course:
