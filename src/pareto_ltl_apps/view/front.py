@@ -30,8 +30,8 @@ CHOSEN = style.mark_key("chosen plan", "o", 7.0, "none", style.VERMILLION, 1.3)
 def front_figure(run: DrawnRun, front: Front) -> Figure:
     """Mission risk against path length, collision risk as colour, before and after smoothing.
 
-    A front of failure rates has another figure (:func:`flown_front_figure`). Accepted vertices of the trees
-    are a cloud of dots where the front has their mission risk, and the path of the plan is marked with a ring.
+    A front of failure rates has another figure (:func:`flown_front_figure`). Where the front has the mission
+    risk of trees, accepted vertices are a cloud of dots. The path of the plan is marked with a ring.
     """
     if front.rates:
         return flown_front_figure(run, front)
