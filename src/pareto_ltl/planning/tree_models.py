@@ -1,8 +1,7 @@
-"""The models in which trees grow, in every preset: those of the paper, in the mean wind of the plan's law.
+"""The models in which trees of every preset grow: the models of the paper, in the mean wind of the plan.
 
-Where the plan has other models, its paths are judged more strictly or more loosely than vertices. Trees then
-leave airspeed for what they do not compute, and are never closer to a barrier than Eq. (10) allows or the
-start is.
+Where the plan has other models, its paths are judged by other limits than vertices. Trees then leave airspeed
+for what they do not compute, and may be closer to a barrier than Eq. (10) allows, as close as the start is.
 """
 
 from __future__ import annotations
