@@ -47,6 +47,14 @@ def test_a_choice_has_the_values_that_the_command_line_composes(section: str, na
     assert repr(section_of(section, name)) == repr(getattr(composed(f"{section}={name}"), section))
 
 
+def test_a_choice_of_several_sections_has_the_values_that_the_command_line_composes() -> None:
+    quick = build_settings({"planner": "quick", "refine": {"points": 5}})
+    line = composed("planner=quick", "refine.points=5")
+    for section in ("planner", "refine", "selection"):
+        assert repr(getattr(quick, section)) == repr(getattr(line, section))
+    assert (quick.refine.flights, quick.selection.draws, quick.planner.trees) == (500, 4000, 4)
+
+
 @pytest.mark.parametrize("source", choices("wind"))
 def test_a_wind_by_its_source_has_the_values_that_the_command_line_composes(source: str) -> None:
     """``noise_min`` and ``max_speed`` of a current are not those of a wind."""

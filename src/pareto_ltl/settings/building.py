@@ -37,7 +37,20 @@ def build_settings(sections: Mapping[str, Any]) -> Settings:
     ConfigError
         If a key is unknown, or a value of the wrong type or out of range.
     """
-    return settings_of({name: _value(name, value) for name, value in sections.items()})
+    values = {name: _value(name, value) for name, value in sections.items()}
+    for name in sections:
+        if isinstance(values[name], Mapping) and isinstance(values[name].get(name), Mapping):
+            values = _of_several(values.pop(name), values)
+    return settings_of(values)
+
+
+def _of_several(chosen: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """``values`` with those of a choice of several sections (``@package _global_``), which they override."""
+    more = dict(values)
+    for section, keys in chosen.items():
+        given = values.get(section, {})
+        more[section] = {**keys, **given} if isinstance(given, Mapping) else given
+    return more
 
 
 def settings_of(values: Mapping[str, Any]) -> Settings:
