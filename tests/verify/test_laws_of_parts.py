@@ -23,7 +23,7 @@ from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_distribution
 from pareto_ltl_verify.judge import Finding, verify
 from pareto_ltl_verify.tails import drawn_scales, scaled_field
-from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, LASTING, LOCAL, OF_FORECASTS, SLOW
+from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, LASTING, LOCAL, OF_FORECASTS, SLOW, TIME
 from small_plans import COMMON
 from wind_files import U10, V10, grib_message
 
@@ -162,7 +162,7 @@ def test_the_judge_draws_the_scales_of_the_planner(made: tuple[pareto_ltl.Run, P
     run, place = made
     law, tail = open_evidence(place).law("coherent"), run.problem.tail
     own = drawn_scales(law, 100_000, np.random.default_rng(5))
-    slots = list(own)
+    slots = list(own.forecasts)
     assert len(slots) == 2
     stated = law.wind.error.tail
     moments = np.interp(law.wind.leads[slots], stated.leads, stated.moment)
@@ -171,11 +171,19 @@ def test_the_judge_draws_the_scales_of_the_planner(made: tuple[pareto_ltl.Run, P
     epochs = len(tail.moment)
     planner = draw_scales(tail, epochs, 100_000, np.random.default_rng(6))
     rows = [int(np.flatnonzero(run.problem.modes.slot == k)[0]) for k in slots]
-    for scales in (np.array([own[k] for k in slots]), planner[run.problem.modes.epoch[rows]]):
+    for scales in (
+        np.array([own.forecasts[k] for k in slots]),
+        planner.forecasts[run.problem.modes.epoch[rows]],
+    ):
         logs = np.log(scales)
         np.testing.assert_allclose(np.cov(logs), cov, atol=0.01)
         np.testing.assert_allclose(logs.mean(axis=1), -np.diag(cov), atol=0.015)
         np.testing.assert_allclose((scales**2).mean(axis=1), 1.0, atol=0.06)
+    rule = law.wind.error.of_winds
+    drawn = np.random.default_rng(7).chisquare(rule.freedom + 2.0, 100_000)
+    for scale in (own.change, planner.change):
+        assert np.log(scale).std() == pytest.approx(np.std(0.5 * np.log(drawn)), rel=0.03)
+        assert np.mean(scale**2) == pytest.approx(1.0, abs=0.03)
 
 
 def test_the_judge_flies_in_the_tails_of_the_planner(made: tuple[pareto_ltl.Run, Path]) -> None:
@@ -197,12 +205,13 @@ def test_the_judge_flies_in_the_tails_of_the_planner(made: tuple[pareto_ltl.Run,
     assert same_distribution(gaussian, flown, result.grain) < RARE
 
 
-def test_only_the_parts_of_forecasts_have_tails(made: tuple[pareto_ltl.Run, Path]) -> None:
+def test_only_forecasts_and_changes_in_time_have_tails(made: tuple[pareto_ltl.Run, Path]) -> None:
     law = open_evidence(made[1]).law("coherent")
     scales = drawn_scales(law, 9, np.random.default_rng(1))
     found = scaled_field(law, 0, np.ones((9, law.coefficients)), scales)
     parts = np.concatenate([np.tile(law.wind.modes.part, 2), np.full(len(law.errors), -1)])
-    ours = np.isin(parts, list(OF_FORECASTS.values()))
-    np.testing.assert_array_equal(found[:, ours], np.tile(scales[0][:, None], (1, ours.sum())))
-    np.testing.assert_array_equal(found[:, ~ours], 1.0)
+    ours, changes = np.isin(parts, list(OF_FORECASTS.values())), parts == TIME
+    np.testing.assert_array_equal(found[:, ours], np.tile(scales.forecasts[0][:, None], (1, ours.sum())))
+    np.testing.assert_array_equal(found[:, changes], np.tile(scales.change[:, None], (1, changes.sum())))
+    np.testing.assert_array_equal(found[:, ~(ours | changes)], 1.0)
     assert 0 < ours.sum() < law.modes < law.coefficients
