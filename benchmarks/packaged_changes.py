@@ -36,7 +36,7 @@ from pareto_ltl.support.files import write_json
 from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.change_law import ChangeLaw
 from pareto_ltl.wind.law_of_parts import LawOfParts
-from pareto_ltl.wind.named_laws import PARTS_FOLDER, law_of_parts_named
+from pareto_ltl.wind.named_laws import PARTS_FOLDER, law_named, law_of_parts_named
 from pareto_ltl.wind.scale_mixture import quantiles
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl.wind.variability import variability_of
@@ -235,6 +235,16 @@ def coverage(of: Changes, law: LawOfParts, start: FloatArray) -> list[str]:
     return lines
 
 
+def one_part_lines(of: Changes) -> Iterator[str]:
+    """Coverage by the law of version 1, whose level is of the United States, normal."""
+    law = law_named("gfs_one_part")
+    for source, name in enumerate(("GFS", "ERA5")):
+        rows = (of.source == source) & (of.lag >= 6) & (of.lag <= 15)
+        z = np.abs(of.change[rows]) / np.sqrt(law.change_variance(HOUR * of.lag[rows]))[:, None]
+        shares = ", ".join(f"{100 * (z <= limit).mean():.1f}" for limit in stats.norm.ppf(0.5 + SHARES / 2))
+        yield f"{name} 6 to 15 h, gfs_one_part: {shares} %; rms z {np.sqrt((z**2).mean()):.2f}"
+
+
 def log_variance(x: FloatArray) -> FloatArray:
     """Variance of the logarithm of a Gamma variable."""
     from scipy.special import polygamma
@@ -414,7 +424,7 @@ def main() -> None:
     ):
         one = found if name == "all" else fit(some, law, numbers)[0]
         print(name, len(some.lag), "sd", np.round(np.exp(one.logs / 2), 2), *(f"{v:.4g}" for v in one[1:]))
-    print(*coverage(changes, law, numbers), sep="\n")
+    print(*coverage(changes, law, numbers), *one_part_lines(changes), sep="\n")
     origin = (
         "10 m winds of GFS (9 to 15 October 2018, analyses and forecasts for 3 h) and ERA5 (25 to 28 March "
         "2026), all latitudes to 65 degrees: changes of held fields up to 50 h at the middles of maps of "

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pareto_ltl.simulation.promise import count_agrees
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.simulation.samples import FlightSample, plain_sample, weighted_samples
+    from pareto_ltl.wind.between import with_interpolation_errors
     from pareto_ltl.wind.error_law import LawPart
     from pareto_ltl.wind.law_of_parts import LawOfParts
     from pareto_ltl.wind.named_laws import first_law, law_of_newer_runs, law_of_parts_named, packaged_laws
@@ -63,6 +64,7 @@ __all__ = [
     "plain_sample",
     "record",
     "weighted_samples",
+    "with_interpolation_errors",
 ]
 
 _EXPORTS = {
@@ -91,6 +93,7 @@ _EXPORTS = {
     "completing_path": "pareto_ltl.planning.evaluate",
     "count_agrees": "pareto_ltl.simulation.promise",
     "first_law": "pareto_ltl.wind.named_laws",
+    "with_interpolation_errors": "pareto_ltl.wind.between",
     "law_of_newer_runs": "pareto_ltl.wind.named_laws",
     "law_of_parts_named": "pareto_ltl.wind.named_laws",
     "packaged_laws": "pareto_ltl.wind.named_laws",

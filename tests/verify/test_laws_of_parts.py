@@ -59,7 +59,7 @@ def planned(place: Path, wind: dict[str, Any]) -> pareto_ltl.Run:
     """A small plan with its flights, in ``place``."""
     small = {"deployment": {"runs": 300}, "selection": {"draws": 20, "runs": 300}}
     mission = {"formula": "F a", "start_time": DEPARTURE}
-    wind = {**COMMON["wind"], "modes_max": 32, "hold_last": True} | wind
+    wind = {**COMMON["wind"], "modes_max": 64, "hold_last": True} | wind
     return pareto_ltl.plan("phi1", mission, **COMMON | small | {"wind": wind, "out": place})
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
-from pareto_ltl.extend import PlannedPath, Problem
+from pareto_ltl.extend import PlannedPath, Problem, with_interpolation_errors
 from pareto_ltl.planning.evaluate import forecast
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings import ForecastTestConfig, preset
@@ -111,7 +111,24 @@ class KnownWinds:
 
 
 class DepartureWinds(KnownWinds):
-    """``known=departure``: forecasts that are ``delay`` old at departure; each plan promises in its law."""
+    """``known=departure``: forecasts that are ``delay`` old at departure; each plan promises in its law.
+
+    If planning knows every node, nobody knows the wind between nodes and between the times of fields: flights
+    in the real wind draw it, as planning does.
+    """
+
+    @property
+    def law_of_reality(self) -> str:
+        """Errors of interpolation last, as in planning."""
+        return "coherent" if self.cfg.points is None else "independent"
+
+    def reality(self, run: Run) -> Problem:
+        """The later fields, with errors of interpolation if planning knows every node."""
+        if self.cfg.points is not None:
+            return super().reality(run)
+        wind = random_missions.real_wind(self.cfg, run.settings.wind, self.truth, run.scene, run.wind)
+        world = run.make("scene", "cells", "automaton")
+        return Run(run.settings, world | {"wind": with_interpolation_errors(wind, run.wind)}).problem
 
     def readings(self, task: Mission, after: float = 0.0) -> Readings:
         """The readings known ``after`` [s] departure: in its period, the newest of each time, thinned."""
