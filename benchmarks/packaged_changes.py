@@ -426,9 +426,9 @@ def main() -> None:
         print(name, len(some.lag), "sd", np.round(np.exp(one.logs / 2), 2), *(f"{v:.4g}" for v in one[1:]))
     print(*coverage(changes, law, numbers), *one_part_lines(changes), sep="\n")
     origin = (
-        "10 m winds of GFS (9 to 15 October 2018, analyses and forecasts for 3 h) and ERA5 (25 to 28 March "
-        "2026), all latitudes to 65 degrees: changes of held fields up to 50 h at the middles of maps of "
-        "300 km; python benchmarks/packaged_changes.py"
+        "10 m analyses of GFS (9 to 15 October 2018) and ERA5 (25 to 28 March 2026), all latitudes to 65 "
+        "degrees: changes of held fields up to 50 h at the middles of maps of 300 km; python "
+        "benchmarks/packaged_changes.py"
     )
     rule = ChangeLaw(
         SPREAD, found.power, LATITUDE, found.slope, found.freedom, found.most_freedom, INDEPENDENT, origin

@@ -184,13 +184,15 @@ class DepartureWinds(KnownWinds):
     def explanation(self, numbers: Mapping[str, float]) -> str:
         """Errors that the later fields show, and those that they do not."""
         wind, planned = self.settings.wind, numbers["missions_planned"] / numbers["missions"]
+        drawn = " (drawn in the real wind too)" if self.cfg.points is None else ""
         return (
             f"Tested: the promise of a plan under its law, wind.forecast_error={wind.forecast_error}, in "
             f"the winds that came within {self.cfg.hours:g} h of departure; {probability_text(planned)} of "
             "the missions have a plan. Covered: errors of forecasts and of the last known field, of "
-            f"interpolation in space and time, level {wind.level}. Not covered: what the fields themselves "
-            f"have wrong, winds smaller than their grid beyond {self.cfg.gusts:g} times the fitted white "
-            "part, other seasons; missions of one period share its weather, which the intervals ignore.\n"
+            f"interpolation in space and time{drawn}, level {wind.level}. Not covered: what the fields "
+            f"themselves have wrong, winds smaller than their grid beyond {self.cfg.gusts:g} times the "
+            "fitted white part, other seasons; missions of one period share its weather, which the intervals "
+            "ignore.\n"
         )
 
 
