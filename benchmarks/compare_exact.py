@@ -164,7 +164,7 @@ def compared(folder: str, flights: int, spacing: float) -> str:
         x = winds.fly(path.x[0], path.u, run.settings.robot.start_sd, np.random.default_rng(seed))
         failed += int(judge_flights(problem, "coherent", x).failed.sum())
         spread.append(x[:, -1].var(axis=0).mean())
-    rich = replace(run.settings, wind=replace(cfg, modes_max=MANY, energy=1.0))
+    rich = replace(run.settings, wind=replace(cfg, modes_max=MANY, energy=0.9999))
     roads = {f"{field.modes.psi.shape[-1]} modes": problem}
     roads[f"{MANY} modes"] = Run(rich, {"scene": run.scene}).problem
     counts = {"exact": failed}

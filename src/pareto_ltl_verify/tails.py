@@ -2,7 +2,7 @@
 
 In slot k the logarithm of the scale is Gaussian, with the variance s² = s_f² + s_k² and the mean -s², so that
 the mean square of the scale is 1. Its part s_f lasts for the flight; the other one is renewed from slot to
-slot. Changes of the wind in time have a scale of their own, which lasts for the flight.
+slot. Changes of the wind in time have another scale, which lasts for the flight.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ SHORT_TIME_POWER = 1.3  # of D(τ) below the shortest time of a table
 ONE_PART, LOCAL = "forecast", "local"
 VERSION_1 = "pareto_ltl.forecast_error/1"
 SHORTEST = 1e-9  # [s] memory of errors that do not persist
-SPREAD_RANGE = (0.25, 2.5)  # of the spread at hand, in those of the law, outside of which D does not change
+SPREAD_RANGE = (0.25, 2.5)  # least and largest spread at hand over the spread of the law
 FACTS = ("schema", "n", "truth", "intervals")  # of the data of a law
 
 

@@ -113,8 +113,8 @@ class KnownWinds:
 class DepartureWinds(KnownWinds):
     """``known=departure``: forecasts that are ``delay`` old at departure; each plan promises in its law.
 
-    If planning knows every node, nobody knows the wind between nodes and between the times of fields: flights
-    in the real wind draw it, as planning does.
+    If planning knows every node, the wind between nodes and between the times of fields is not known at all:
+    flights in the real wind draw it, as planning does.
     """
 
     @property
