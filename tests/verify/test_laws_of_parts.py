@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -123,6 +124,31 @@ def _longer(file: Any) -> None:
     for part in law["parts"]:
         part["memory_hours"] = [hours and 10.0 * hours for hours in part["memory_hours"]]
     file.attrs["forecast_error"] = json.dumps(law)
+
+
+def _other_winds(name: str, factor: float) -> Any:
+    """Another spread or latitude in wind.nc, and the change of the wind that follows from it."""
+
+    def edit(file: Any) -> None:
+        law = json.loads(file.attrs["forecast_error"])
+        stated, rule = law["variability"], law["change"]["winds"]
+        was = stated[name]
+        stated[name] = factor * was
+        power = factor ** rule["power"] if name == "spread" else np.exp(rule["slope"] * (factor - 1.0) * was)
+        stated["factor"] *= power
+        law["change"]["sd"] = [np.sqrt(power) * value for value in law["change"]["sd"]]
+        file.attrs["forecast_error"] = json.dumps(law)
+
+    return in_wind(edit)
+
+
+@pytest.mark.parametrize(("name", "factor"), [("spread", 0.8), ("latitude", 0.5)])
+def test_another_spread_or_latitude_with_a_change_that_follows_is_found(
+    name: str, factor: float, made: tuple[pareto_ltl.Run, Path], tmp_path: Path
+) -> None:
+    shutil.copytree(made[1], tmp_path / "plan")
+    _other_winds(name, factor)(tmp_path / "plan")
+    assert "wind: variability of the wind" in {finding.claim for finding in wrong(tmp_path / "plan")}
 
 
 @pytest.mark.skipif(BY_DAY, reason="not by day: two further plans")
