@@ -6,6 +6,8 @@ WINDS is a folder with ``icon_eu_22_points.npz``, ``gefcom2012_7_sites.npz`` and
 they come from stands in ``SOURCES``. Printed are the laws and the table of coverages of docs/wind_error.md;
 ``--write`` writes the laws into the package.
 
+The change of the wind in time is of ``packaged_changes.py``, and stays as it is.
+
 ``gfs`` has no table of its own. Its variance is c² L / 6 h with c = 0.60 m/s, between 0.62 m/s from 26 pairs
 of cycles at 6 h over the United States and 0.58 to 0.62 m/s from New York at 60 to 120 h, where the source is
 GFS; the shares, memories, lengths and tails are those of ``icon_eu``.
@@ -24,7 +26,7 @@ from pareto_ltl.support.files import write_json
 from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import LASTING
 from pareto_ltl.wind.law_of_parts import LawOfParts
-from pareto_ltl.wind.named_laws import PARTS_FOLDER
+from pareto_ltl.wind.named_laws import PARTS_FOLDER, law_of_parts_named
 from pareto_ltl_apps.wind_errors.law_estimate import LawEstimate, estimate_law
 from pareto_ltl_apps.wind_errors.point_tables import read_point_table
 
@@ -79,13 +81,11 @@ def gfs_law(icon: LawOfParts) -> LawOfParts:
         memory = np.interp(HOUR * hours, part.leads, part.memory)
         variance = share * GFS_SCALE**2 * hours / 6.0
         parts.append(replace(part, leads=HOUR * hours, sd=np.sqrt(variance), memory=memory))
-    lags = HOUR * np.array([3.0, 6, 9, 12, 15, 18, 21, 24, 30])
-    change = np.array([1.46, 2.29, 2.80, 3.15, 3.44, 3.59, 3.71, 3.83, 4.13])
     origin = (
         "GFS, 10 m winds: variance c^2 L / 6 h with c = 0.60 m/s, between 0.62 m/s from 26 pairs of cycles "
         "at 6 h over the United States (2016 and 2018) and 0.58 to 0.62 m/s from forecasts for New York at "
-        "60 to 120 h; shares, memories, lengths and tails of icon_eu, and its n; change of the wind as in "
-        "the first version of the law. " + icon.origin[icon.origin.index("The lasting part") :]
+        "60 to 120 h; shares, memories, lengths and tails of icon_eu, and its n. "
+        + icon.origin[icon.origin.index("The lasting part") :]
     )
     return replace(
         icon,
@@ -93,8 +93,6 @@ def gfs_law(icon: LawOfParts) -> LawOfParts:
         spread=3.2,
         parts=tuple(parts),
         origin=origin,
-        lags=lags,
-        change_sd=change,
         intervals={},
     )
 
@@ -111,7 +109,14 @@ def packaged(folder: Path) -> tuple[dict[str, LawOfParts], dict[str, LawEstimate
         runs = f"{len(estimate.table.runs)} runs, verified by newer runs"
         law = replace(law, origin=f"{SOURCES[name][1]}; {runs}. {tail}")
         laws[name] = law if name == "icon_eu" else with_lengths(law, estimates["icon_eu"].law)
-    return laws | {"gfs": gfs_law(laws["icon_eu"])}, estimates
+    laws |= {"gfs": gfs_law(laws["icon_eu"])}
+    return {name: with_change(law, law_of_parts_named(name)) for name, law in laws.items()}, estimates
+
+
+def with_change(law: LawOfParts, other: LawOfParts) -> LawOfParts:
+    """``law`` with the change of the wind in time of ``other``."""
+    names = ("lags", "change_sd", "change_length", "winds")
+    return replace(law, **{name: getattr(other, name) for name in names})
 
 
 def coverage_lines(estimates: dict[str, LawEstimate]) -> list[str]:

@@ -42,6 +42,7 @@ NOT_FAST = [
 
 # Modules or tests that start processes, plan whole missions or read files of every kind: not by day.
 NOT_BY_DAY = [
+    "test_published::test_the_published_plans_have_the_ranks_that_the_page_states",
     "test_corpus",
     "test_documented_commands",
     "test_environment",
@@ -131,6 +132,9 @@ NOT_SAMPLED = ["planning/test_uncompiled_plans", "test_machine_code_wheel"]  # a
 
 # Tests whose cases all run at night alone, the number of those that run before too, and why these are enough.
 FEWER: dict[str, tuple[int, str]] = {
+    "test_published::test_every_mission_has_a_map_and_winds_that_were_known_and_that_came": (
+        8, "the missions are drawn and written by one program, and are read in the test of the ranks too",
+    ),
     "run/test_choosing::test_a_choice_has_the_bytes_of_a_whole_run_and_passes_the_judge": (
         4, "each plans anew and judges; all wishes go through one function, which its own tests cover",
     ),

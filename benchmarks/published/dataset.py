@@ -30,6 +30,7 @@ from pareto_ltl_apps.studies.random_missions import at_times
 
 FOLDER = Path(__file__).parent
 SPACING = 20_000.0  # of the lattice of the true winds [m]
+PADDING = 100_000.0  # of true winds around a map [m]; beyond them the wind at the edge is used
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +96,7 @@ def true_wind(mission: Mission, scene: Scene, folder: Path = FOLDER) -> WindFiel
     readings = read_readings(WindConfig(source="csv", path=str(folder / mission.truth)))
     times = readings.times - seconds(mission.departure)
     times = times[: np.searchsorted(times, mission.hours * HOUR) + 1]
-    lattice = wind_lattice(WindConfig(spacing=SPACING), scene)
+    lattice = wind_lattice(WindConfig(spacing=SPACING, padding=PADDING), scene)
     origin, spacing, shape = lattice
     nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
     mean = at_times(readings, scene, times, origin + spacing * nodes).reshape(len(times), *shape, 2)

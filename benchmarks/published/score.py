@@ -1,8 +1,9 @@
-"""Score plans in the winds that came: ``python -m published.score PLANS`` in the folder ``benchmarks``.
+"""Score plans in the winds that came: ``python -m published.score PLANS ...`` in the folder ``benchmarks``.
 
 PLANS has a table for each mission, NAME.csv, with the columns duration_s, heading_true_deg and airspeed_m_s.
 A file promises.json, {"NAME": 0.05, ...}, may state the failure rates that the planner promises. A mission
-without a table counts as failed.
+without a table counts as failed. Of several folders the planners are ranked by the mean rate of failure;
+intervals hold 95 % and are from a bootstrap over situations, which draws the same ones for all planners.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,7 @@ from published.plans import controls, read_orders
 
 SEED = 0
 RUNS = 2000
+DRAWS = 4000  # of the bootstrap
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +76,71 @@ def summary(rows: Sequence[Row]) -> dict[str, float]:
         "floor": 1.0 / (situations + 1),
         "failure": float(np.mean([row.failure for row in rows])),
     }
+    drawn = drawn_weights([row.situation for row in rows]) @ np.array([row.failure for row in rows])
+    found |= dict(zip(("failure_low", "failure_high"), _interval(drawn), strict=True))
     promised = [row.promised for row in rows if row.promised is not None]
     if len(promised) < len(rows):
         return found
     p, f = np.array(promised), np.array([row.failure for row in rows])
     brier = float(np.mean(f * (1 - p) ** 2 + (1 - f) * p**2))
     return found | {"promised": float(p.mean()), "brier": brier, "log_score": log_score(p, f)}
+
+
+@dataclass(frozen=True, slots=True)
+class Rank:
+    """A planner among others: the mean rate of failure, the difference from the first one, and the rank."""
+
+    planner: str
+    failure: float
+    failure_interval: tuple[float, float]
+    behind: float
+    behind_interval: tuple[float, float]
+    rank: tuple[int, int]
+
+
+def ranks(scores: Mapping[str, Sequence[Row]]) -> list[Rank]:
+    """Planners from the lowest mean rate of failure to the highest; ``rank`` is an interval."""
+    names = sorted(scores, key=lambda name: float(np.mean([row.failure for row in scores[name]])))
+    rates = np.array([[row.failure for row in scores[name]] for name in names])
+    situation = [row.situation for row in scores[names[0]]]
+    weights = drawn_weights(situation)
+    drawn = rates @ weights.T  # (planners, draws)
+    means, behind = rates.mean(axis=1), drawn - drawn[0]
+    places = 1 + (drawn[None] < drawn[:, None] - 1e-12).sum(axis=1)
+    return [
+        Rank(
+            name, float(means[k]), _interval(drawn[k]), float(means[k] - means[0]), _interval(behind[k]),
+            (int(np.quantile(places[k], 0.025)), int(np.ceil(np.quantile(places[k], 0.975)))),
+        )
+        for k, name in enumerate(names)
+    ]  # fmt: skip
+
+
+def drawn_weights(situation: Sequence[str]) -> np.ndarray:
+    """Weights (``DRAWS``, missions) that sum to 1, of situations drawn with replacement."""
+    names, member = np.unique(situation, return_inverse=True)
+    drawn = np.random.default_rng(SEED).multinomial(len(names), np.full(len(names), 1 / len(names)), DRAWS)
+    weights = drawn[:, member].astype(float)
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+
+
+def _interval(values: np.ndarray) -> tuple[float, float]:
+    low, high = np.quantile(values, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def ranks_text(found: Sequence[Rank]) -> str:
+    """The planners, a line each."""
+    lines = [f"{'planner':<14}{'fails':>8}{'95 %':>18}{'behind':>9}{'95 %':>18}{'rank':>9}"]
+    for row in found:
+        low, high = row.failure_interval
+        less, more = row.behind_interval
+        first, last = row.rank
+        lines.append(
+            f"{row.planner:<14}{row.failure:>8.1%}{f'{low:.1%} to {high:.1%}':>18}{row.behind:>9.1%}"
+            f"{f'{less:.1%} to {more:.1%}':>18}{f'{first}' if first == last else f'{first} to {last}':>9}"
+        )
+    return "\n".join(lines)
 
 
 def read_promises(folder: Path) -> dict[str, float]:
@@ -119,33 +181,52 @@ def table_text(rows: Sequence[Row], total: Mapping[str, float]) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the scores; 2 if a table cannot be read."""
     parser = argparse.ArgumentParser(prog="python -m published.score", description=__doc__)
-    parser.add_argument("plans", type=Path, help="folder with NAME.csv for each mission")
+    parser.add_argument("plans", type=Path, nargs="+", help="folders with NAME.csv for each mission")
     parser.add_argument("--runs", type=int, default=RUNS, help="flights of each plan")
     parser.add_argument("--only", default="", help="names of missions, with commas")
     parser.add_argument("--json", action="store_true", help="one JSON document instead of a table")
     parser.add_argument("--data", type=Path, default=FOLDER, help=argparse.SUPPRESS)
     asked = parser.parse_args(argv)
-    only = [name for name in asked.only.split(",") if name]
     try:
-        if not asked.plans.is_dir():
-            raise DataError(f"{asked.plans}: no such folder")
-        promises = read_promises(asked.plans)
-        rows = [
-            score_mission(m, asked.plans / f"{m.name}.csv", promises.get(m.name), asked.runs, asked.data)
-            for m in missions(asked.data)
-            if not only or m.name in only
-        ]
-        if not rows:
-            raise DataError(f"--only {asked.only}: there is no such mission")
+        found = scores_of(asked.plans, asked.only, asked.runs, asked.data)
     except DataError as error:
         print(f"published.score: {error}", file=sys.stderr)
         return 2
-    total = summary(rows)
-    if asked.json:
-        print(json.dumps({"missions": [asdict(row) for row in rows], "summary": total}, indent=1))
+    told: dict[str, Any] = {
+        name: {"missions": [asdict(row) for row in rows], "summary": summary(rows)}
+        for name, rows in found.items()
+    }
+    if len(found) > 1:
+        told = {"planners": told, "ranks": [asdict(row) for row in ranks(found)]}
     else:
-        print(table_text(rows, total))
+        (told,) = told.values()
+    if asked.json:
+        print(json.dumps(told, indent=1))
+    elif len(found) > 1:
+        print(ranks_text(ranks(found)))
+    else:
+        (rows,) = found.values()
+        print(table_text(rows, told["summary"]))
     return 0
+
+
+def scores_of(folders: Sequence[Path], only: str, runs: int, data: Path) -> dict[str, list[Row]]:
+    """The scores of the plans in each folder, by its name."""
+    wanted = [name for name in only.split(",") if name]
+    chosen = [m for m in missions(data) if not wanted or m.name in wanted]
+    if not chosen:
+        raise DataError(f"--only {only}: there is no such mission")
+    found = {}
+    for folder in folders:
+        if not folder.is_dir():
+            raise DataError(f"{folder}: no such folder")
+        promises = read_promises(folder)
+        found[folder.name] = [
+            score_mission(m, folder / f"{m.name}.csv", promises.get(m.name), runs, data) for m in chosen
+        ]
+    if len(found) < len(folders):
+        raise DataError(f"{folders[0]}: folders of planners have different names")
+    return found
 
 
 if __name__ == "__main__":

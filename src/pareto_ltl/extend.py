@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from pareto_ltl.simulation.samples import FlightSample, plain_sample, weighted_samples
     from pareto_ltl.wind.air import NodeAir
     from pareto_ltl.wind.area import GeoBox, Wanted
+    from pareto_ltl.wind.between import with_interpolation_errors
     from pareto_ltl.wind.error_law import LawPart
     from pareto_ltl.wind.law_of_parts import LawOfParts
     from pareto_ltl.wind.named_laws import first_law, law_of_newer_runs, law_of_parts_named, packaged_laws
@@ -147,6 +148,7 @@ __all__ = [
     "watched_by",
     "weighted_samples",
     "which_fail",
+    "with_interpolation_errors",
 ]
 
 _EXPORTS = {
@@ -231,6 +233,7 @@ _EXPORTS = {
     "watched_by": "pareto_ltl.run.progress",
     "weighted_samples": "pareto_ltl.simulation.samples",
     "which_fail": "pareto_ltl.simulation.judging",
+    "with_interpolation_errors": "pareto_ltl.wind.between",
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -30,6 +30,7 @@ from pareto_ltl_verify.wind_tables import CURRENTS, ENSEMBLE, clock, read_wind_f
 
 T = TypeVar("T")
 LAWS = ("independent", "coherent")
+BATCH = 20_000  # new flights that are in memory together, at most
 HELD_RUNS = 2000  # new flights with position feedback
 HELD_TIME = 60.0  # time constant of the position feedback of exports [s]
 ROBOT = ("dt", "u_max", "start_sd", "feedback_time", "effort_risk", "fix_sd", "fix_time")  # used as set
@@ -271,17 +272,29 @@ class Evidence:
         """The Gaussian along the planned means, under the law that the plan is judged in."""
         return self.course_of(self.x)
 
-    def course_of(self, x: FloatArray, *, exact: bool = False) -> Course:
-        """The Gaussian along means ``x`` (T+1, 2) [m], under the law that the plan is judged in.
+    def course_of(self, x: FloatArray) -> Course:
+        """The Gaussian along means ``x`` (T+1, 2) [m], under the law that the plan is judged in."""
+        return laws.fly_means(self.law(self.planned_law, len(x) - 1), x)
 
-        ``exact``: of a robot without errors, whose start is as uncertain as with them.
+    def grown_course(self, x: FloatArray) -> Course:
+        """The Gaussian along means ``x`` (T+1, 2) [m] in a tree: under the independent law.
+
+        Its start is as uncertain as the start of the plan.
         """
-        law = self.law(self.planned_law, len(x) - 1)
-        if not exact:
-            return laws.fly_means(law, x)
-        lean = law.errors.start
-        law = replace(law, robot=replace(self.robot, airspeed_sd=None, heading_sd=None, clock_sd=None))
-        return laws.fly_means(law, x, lean @ lean.T)
+        lean = self.law(self.planned_law).errors.start
+        return laws.fly_means(self.law("independent", len(x) - 1), x, lean @ lean.T)
+
+    @property
+    def grown_as_published(self) -> bool:
+        """Whether trees grew by the models of the paper; earlier versions wrote the rule of other trees."""
+        return bool(self.settings["fidelity"]["parents"] == "dominance")
+
+    @property
+    def planned_as_published(self) -> bool:
+        """Whether the plan has the models of the paper, so that a vertex costs what its path costs."""
+        fidelity = self.settings["fidelity"]
+        chosen = fidelity["law"], fidelity["mission_bound"], fidelity["collision_bound"]
+        return chosen == ("independent", "theorem2", "step")
 
     @cached_property
     def paper_course(self) -> Course:
@@ -374,15 +387,16 @@ class Evidence:
 
     @cached_property
     def new_flights(self) -> dict[str, FloatArray]:
-        """Positions (n, T+1, 2) [m] of new flights under each law: n as in the results, 2,000 to 20,000.
+        """Positions (n, T+1, 2) [m] of new flights under each law.
 
-        As many as the promise has, if that is more: fewer could not contradict it.
+        As many as in the results or as the promise has, 2,000 to :data:`BATCH`: fewer could not contradict
+        it.
         """
         flights, promise = {}, self.plan["promise"] or {}
         for number, name in enumerate(LAWS):
             if f"{name}/x" in self.flights:
                 promised = promise["runs"] if promise.get("law") == name else 0
-                runs = min(max(len(self.flights[f"{name}/x"]), promised, 2000), 20_000)
+                runs = min(max(len(self.flights[f"{name}/x"]), promised, 2000), BATCH)
                 flights[name] = self.fly(name, self.x, self.u, runs, 20181009, number)
         return flights
 
@@ -396,6 +410,13 @@ class Evidence:
     def new_failures(self, name: str) -> BoolArray:
         """Which of :attr:`new_flights` under a law fail."""
         return failures(*self.new_verdicts[name], self.ground.walled)
+
+    def more_failures(self, name: str, runs: int) -> Iterator[tuple[int, int]]:
+        """Failed and all flights of further batches of new flights under a law, ``runs`` in all."""
+        for number, first in enumerate(range(0, runs, BATCH), 1):
+            few = min(BATCH, runs - first)
+            x = self.fly(name, self.x, self.u, few, 20181009, LAWS.index(name), number)
+            yield int(self.ground.failed(x).sum()), few
 
     @cached_property
     def held_failures(self) -> tuple[int, int]:

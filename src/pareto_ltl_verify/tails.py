@@ -1,29 +1,43 @@
-"""The scale of the errors of forecasts, which differs from one new flight to another: they have tails.
+"""The scale of wind errors, which differs from one new flight to another: they have tails.
 
 In slot k the logarithm of the scale is Gaussian, with the variance s² = s_f² + s_k² and the mean -s², so that
 the mean square of the scale is 1. Its part s_f lasts for the flight; the other one is renewed from slot to
-slot.
+slot. Changes of the wind in time have another scale, which lasts for the flight.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_verify.laws import Coherent, Law
-from pareto_ltl_verify.wind_tables import OF_FORECASTS
+from pareto_ltl_verify.wind_tables import HELD, OF_FORECASTS, TIME
 
 
-def drawn_scales(law: Law, runs: int, rng: Generator) -> dict[int, FloatArray]:
-    """The scale (runs,) in each slot whose modes are used, by slot; empty for errors without tails."""
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """The scales (runs,) of flights: of forecasts by slot, and of changes; None for errors without tails."""
+
+    forecasts: Mapping[int, FloatArray] = field(default_factory=dict)
+    change: FloatArray | None = None
+
+
+def drawn_scales(law: Law, runs: int, rng: Generator) -> Scales:
+    """The scales of ``runs`` new flights, in the slots whose modes are used."""
     wind, found = law.wind, dict[int, FloatArray]()
-    tail = None if wind.error is None else wind.error.tail
-    if tail is None or wind.modes is None or not isinstance(law, Coherent):
-        return found
+    error = wind.error
+    if error is None or wind.modes is None or not isinstance(law, Coherent):
+        return Scales()
+    spread, change = error.change_tail, None
+    if spread > 0.0:
+        change = np.exp(spread * rng.standard_normal(runs) - spread**2)
+    if (tail := error.tail) is None:
+        return Scales(found, change)
     lasting, renewed = rng.standard_normal((2, runs))
     before: float | None = None
     for k in np.unique(law.times.nearest).tolist():
@@ -34,14 +48,17 @@ def drawn_scales(law: Law, runs: int, rng: Generator) -> dict[int, FloatArray]:
         logarithm = tail.flight * lasting + moment * renewed
         found[k] = np.exp(logarithm - tail.flight**2 - moment**2)
         before = now
-    return found
+    return Scales(found, change)
 
 
-def scaled_field(law: Law, t: int, theta: FloatArray, scales: Mapping[int, FloatArray]) -> FloatArray:
-    """θ (n, N) of step t with the coefficients of the parts of forecasts times the scale of the flight."""
-    modes, scale = law.wind.modes, scales.get(int(law.times.nearest[t]))
-    if modes is None or scale is None:
+def scaled_field(law: Law, t: int, theta: FloatArray, scales: Scales) -> FloatArray:
+    """θ (n, N) of step t with the coefficients of errors that have tails times the scale of the flight."""
+    modes, scale = law.wind.modes, scales.forecasts.get(int(law.times.nearest[t]))
+    if modes is None:
         return theta
-    scaled = np.zeros(theta.shape[1], bool)
-    scaled[: law.modes] = np.tile(np.isin(modes.part, list(OF_FORECASTS.values())), 2)
-    return np.where(scaled, scale[:, None] * theta, theta)
+    for kinds, factor in ((tuple(OF_FORECASTS.values()), scale), ((TIME, HELD), scales.change)):
+        if factor is not None:
+            scaled = np.zeros(theta.shape[1], bool)
+            scaled[: law.modes] = np.tile(np.isin(modes.part, kinds), 2)
+            theta = np.where(scaled, factor[:, None] * theta, theta)
+    return theta

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,17 +20,62 @@ SHORT_TIME_POWER = 1.3  # of D(τ) below the shortest time of a table
 ONE_PART, LOCAL = "forecast", "local"
 VERSION_1 = "pareto_ltl.forecast_error/1"
 SHORTEST = 1e-9  # [s] memory of errors that do not persist
+SPREAD_RANGE = (0.25, 2.5)  # least and largest spread at hand over the spread of the law
 FACTS = ("schema", "n", "truth", "intervals")  # of the data of a law
 
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """Mean ``squares`` [m²/s²] of changes between analyses at ``pairs`` (P, 2) [s], and the factor of D."""
+    """Mean ``squares`` [m²/s²] of changes between analyses at ``pairs`` (P, 2) [s], and the factor of D.
+
+    ``spread`` [m/s] and ``latitude`` [deg] are the winds and the place that the factor depends on; None where
+    it does not.
+    """
 
     pairs: FloatArray
     squares: FloatArray
     freedom: float
     factor: float
+    spread: float | None = None
+    latitude: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class OfWinds:
+    """How D depends on the winds at hand: of a ``spread`` [m/s] and a ``latitude`` [deg] it is as stated.
+
+    It grows as the ``power`` of the spread and exponentially with the latitude, by ``slope`` [1/deg]. Before
+    data its inverse has ``freedom`` + 2 degrees of freedom; changes count at most as ``most_freedom``.
+    """
+
+    spread: float
+    power: float
+    latitude: float
+    slope: float
+    freedom: float
+    most_freedom: float
+
+    def expected(self, scaled: Scaled) -> float:
+        """The factor of D for the spread and the latitude at hand."""
+        exponent = 0.0
+        if scaled.spread is not None:
+            low, high = (math.log(edge) for edge in SPREAD_RANGE)
+            relative = math.log(max(scaled.spread, 1e-9) / self.spread)
+            exponent += self.power * min(max(relative, low), high)
+        if scaled.latitude is not None:
+            exponent += self.slope * (abs(scaled.latitude) - self.latitude)
+        return math.exp(exponent)
+
+    def counted(self, freedom: float) -> float:
+        """Degrees of freedom that ``freedom`` of changes between analyses add."""
+        return freedom * self.most_freedom / (freedom + self.most_freedom)
+
+    def tail(self, freedom: float) -> float:
+        """Standard deviation of half the logarithm of the inverse of a Gamma variable."""
+        from scipy.stats import loggamma
+
+        shape = (self.freedom + 2.0 + self.counted(freedom)) / 2.0
+        return 0.5 * float(loggamma.std(shape))
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +149,14 @@ class ErrorLaw:
     facts: Mapping[str, Any]
     floor: float | None = None
     scaled: Scaled | None = None
+    of_winds: OfWinds | None = None
+
+    @property
+    def change_tail(self) -> float:
+        """Standard deviation of the logarithm of the scale of changes; 0 if they are Gaussian."""
+        if self.of_winds is None:
+            return 0.0
+        return self.of_winds.tail(0.0 if self.scaled is None else self.scaled.freedom)
 
     @property
     def shortest_length(self) -> float:
@@ -129,7 +182,10 @@ class ErrorLaw:
             for key in ("flight", "leads", "moment", "memory")
             if self.tail is not None
         }
-        return {name: np.array(value, float) for name, value in (change | parts | tail).items()}
+        rule = self.of_winds
+        names = () if rule is None else [each.name for each in fields(rule)]
+        winds = {f"winds {name}": getattr(rule, name) for name in names}
+        return {name: np.array(value, float) for name, value in (change | parts | tail | winds).items()}
 
     def forecast_variance(self, lead: FloatArray) -> FloatArray:
         """Variance [m²/s²] of the error of a forecast at each lead [s], the sum over the parts."""
@@ -177,6 +233,7 @@ def error_law(document: Mapping[str, Any]) -> ErrorLaw:
         lags=_hours(change["lag_hours"]), change_sd=np.array(change["sd"], float),
         change_length=float(change["length"]), facts={key: document.get(key) or None for key in FACTS},
         floor=document.get("floor"), scaled=None if scaled is None else _scaled(scaled),
+        of_winds=_of_winds(change.get("winds")),
     )  # fmt: skip
 
 
@@ -207,7 +264,14 @@ def _tail(section: Mapping[str, Any]) -> Tail:
 def _scaled(document: Mapping[str, Any]) -> Scaled:
     pairs = np.stack([np.array(document[name], float) for name in ("from_seconds", "to_seconds")], axis=1)
     squares = np.array(document["mean_square"], float)
-    return Scaled(pairs, squares, float(document["freedom"]), float(document["factor"]))
+    known = (document.get(name) for name in ("spread", "latitude"))
+    return Scaled(pairs, squares, float(document["freedom"]), float(document["factor"]), *known)
+
+
+def _of_winds(section: Mapping[str, Any] | None) -> OfWinds | None:
+    if section is None:
+        return None
+    return OfWinds(**{each.name: float(section[each.name]) for each in fields(OfWinds)})
 
 
 def independent_changes(law: ErrorLaw, pairs: FloatArray, kinship: FloatArray) -> float:

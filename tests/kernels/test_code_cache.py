@@ -19,8 +19,8 @@ import pytest
 
 from pareto_ltl.kernels import code_cache, code_files, shipped_code
 from pareto_ltl.kernels.code_cache import FOREIGN, KERNELS, code_stamp, reachable_sources
+from pareto_ltl.kernels.collision_risk import step_allowed
 from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, source_file
-from pareto_ltl.kernels.parents import improves
 from unmeasured import untraced
 
 # One square cell. Each process of these tests imports again, so little is imported. One test renames Cells.
@@ -50,7 +50,7 @@ def names(file: str) -> set[str]:
 
 
 def test_a_file_reaches_what_it_imports_directly_or_through_others():
-    assert {"growth", "tree", "tree_models", "collision_risk", "polygon", "data", "jit"} <= names("growth.py")
+    assert {"growth", "tree", "parents", "collision_risk", "gaussian", "data", "jit"} <= names("growth.py")
     assert not {"margin", "flight", "visibility", "importance"} & names("growth.py")
     assert "growth" not in names("margin.py")
 
@@ -91,12 +91,12 @@ def test_a_file_that_reaches_a_choice_reaches_the_code_of_every_model(file):
 def test_code_that_others_add_to_a_model_changes_the_stamps_of_what_can_reach_it(monkeypatch):
     reaching, other = KERNELS / "growth.py", KERNELS / "visibility.py"
     before = code_stamp(reaching), code_stamp(other)
-    assert KERNELS / "parents.py" in reachable_sources(reaching) - reachable_sources(other)
-    monkeypatch.setitem(FOREIGN, KERNELS / "parents.py", set())
-    chosen = IMPLEMENTATIONS[improves]
+    assert KERNELS / "collision_risk.py" in reachable_sources(reaching) - reachable_sources(other)
+    monkeypatch.setitem(FOREIGN, KERNELS / "collision_risk.py", set())
+    chosen = IMPLEMENTATIONS[step_allowed]
     monkeypatch.setattr(chosen, "implementations", dict(chosen.implementations))
-    implements(improves, complex)(lambda rule, risks, new, old, strict: True)
-    assert FOREIGN[KERNELS / "parents.py"] == {Path(__file__)}
+    implements(step_allowed, complex)(lambda bound, before, here: True)
+    assert FOREIGN[KERNELS / "collision_risk.py"] == {Path(__file__)}
     assert code_stamp(reaching) != before[0]
     assert code_stamp(other) == before[1]
 

@@ -16,9 +16,8 @@ from pareto_ltl.kernels import bounds, data, flight, pilots
 from pareto_ltl.kernels.claim_lists import ClaimLists
 from pareto_ltl.kernels.claim_rows import ClaimRows
 from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
-from pareto_ltl.kernels.parents import Dominance, Scaled
-from pareto_ltl.planning import evaluate, growth
-from pareto_ltl.settings.fidelity import LAWS, PARENT_RULES
+from pareto_ltl.planning import evaluate
+from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.simulation import flights
 
 for module in pkgutil.iter_modules(pareto_ltl.kernels.__path__):
@@ -27,21 +26,14 @@ PACKAGED = [chosen for chosen in IMPLEMENTATIONS.values() if chosen.chosen.__mod
 
 FAMILIES = {
     "law": set(get_args(data.Law)),
-    "mission": set(get_args(bounds.MissionBound)),
     "collision": set(get_args(bounds.CollisionBound)),
-    "rule": {Dominance, Scaled},
     "draws": {flight.IndependentDraws, flight.CoherentDraws, flight.LinearDraws},
     "pilot": {pilots.Autopilot, pilots.Navigator, pilots.ErringPilot},
     "claims": {ClaimLists, ClaimRows},
 }
 CHOSEN_BY = {
     "law": {"advance", "forget", "note_linear_law", "add_lure", "with_errors"},
-    "mission": {"plant_mission", "appraise_mission", "keep_mission"},
-    "collision": {
-        "plant_collision", "appraise_collision", "keep_collision", "collision_column",
-        "largest_risk", "judge_candidate", "step_allowed",
-    },
-    "rule": {"improves", "collision_limit", "rank_parent", "put_first"},
+    "collision": {"step_allowed"},
     "draws": {"meet_winds"},
     "pilot": {"begin_flights", "observe", "command"},
     "claims": {"mission_margins"},
@@ -111,9 +103,7 @@ def test_every_function_has_code_for_every_model_of_its_family():
 
 def test_every_model_has_its_memory_its_strategy_and_its_name():
     assert set(evaluate.LAW_MEMORY) == FAMILIES["law"]
-    assert set(evaluate.COLLISION_MEMORY) == FAMILIES["collision"]
     assert set(flights.DRAWS) == set(LAWS)
-    assert set(growth.RULE_MAKERS) == set(PARENT_RULES)
 
 
 HELPERS = {"kernel", "inlined", "vector"}  # a run that calls one from Python compiles a second copy of it
@@ -143,7 +133,7 @@ def kernels_read(path):
 
 def test_python_calls_no_helper_of_kernels():
     helpers = set(marked_functions(HELPERS))
-    assert "pareto_ltl.kernels.propagation.left_time" in helpers
+    assert "pareto_ltl.kernels.motion.left_time" in helpers
     package = Path(pareto_ltl.kernels.__path__[0]).parent
     called = {
         str(path.relative_to(package)): found

@@ -15,7 +15,6 @@ from pareto_ltl.kernels.bounds import StateLists
 from pareto_ltl.kernels.data import Cells, Corners, Faces
 from pareto_ltl.kernels.ordered_bound import (
     begin_bound,
-    live_value,
     note_letters,
     read_letter,
     stays,
@@ -93,6 +92,12 @@ def dense_step(case: Case, V, t):
     return after
 
 
+def live_value(bound, rows, row, p):
+    """V(p) of a row: the least V of its entries whose state is ≥ p, or 1."""
+    entries = range(rows.first[row], rows.first[row] + rows.size[row])
+    return min((rows.value[k] for k in entries if bound.logic.covers[rows.state[k], p]), default=1.0)
+
+
 def rows_after(case: Case, bound, rows, letters, planned=-1):
     """The rows of V step by step, as entries of the current row."""
     begin_bound(bound, rows, 0)
@@ -107,7 +112,7 @@ def rows_after(case: Case, bound, rows, letters, planned=-1):
 @given(cases())
 def test_the_entries_of_a_small_automaton_say_v_to_the_last_bit(case):
     bound = bound_of(case.logic)
-    rows, letters = live_rows(bound, 2), empty_letters(bound)
+    rows, letters = live_rows(bound), empty_letters(bound)
     V = np.where(case.logic.covers[0], 0.0, 1.0)
     for t, row in rows_after(case, bound, rows, letters, 0):
         V = dense_step(case, V, t)
@@ -124,7 +129,7 @@ def test_left_out_entries_raise_v_and_nothing_else(case, most, planned):
     bound = bound_of(logic)
     none = StateLists(np.zeros(len(logic.delta) + 1, np.int64), np.empty(0, np.int64))
     bound = bound._replace(targets=none, begin=np.zeros(1, np.int64))
-    wide = live_rows(bound, 2, 64)
+    wide = live_rows(bound, 64)
     rows = wide._replace(most=min(most, wide.most), first=2 * wide.most * np.arange(2))
     letters = empty_letters(bound)
     column = np.arange(logic.delta.shape[1])
@@ -145,7 +150,7 @@ def test_left_out_entries_raise_v_and_nothing_else(case, most, planned):
 @given(cases())
 def test_a_row_that_the_empty_letter_leaves_alone_is_v_after_it(case):
     bound = bound_of(case.logic)
-    rows, letters = live_rows(bound, 2), empty_letters(bound)
+    rows, letters = live_rows(bound), empty_letters(bound)
     for _, row in rows_after(case, bound, rows, letters, 0):
         if stays(bound, letters, rows, row):
             before = [live_value(bound, rows, row, p) for p in range(len(case.logic.delta))]

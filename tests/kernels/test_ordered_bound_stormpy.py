@@ -15,7 +15,7 @@ import pytest
 from one_epoch import one_epoch, reading_of
 from oracle import path_risk
 from pareto_ltl.kernels.data import Cells, Corners, Faces
-from pareto_ltl.kernels.ordered_bound import begin_bound, live_value, note_letters, read_letter
+from pareto_ltl.kernels.ordered_bound import begin_bound, note_letters, read_letter
 from pareto_ltl.planning.pack_logic import Reading, empty_letters, follow_states, live_rows
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 
@@ -84,19 +84,20 @@ def logic_of(delta: IntArray, goal: int) -> Reading:
 
 
 def bound_of_kernel(logic: Reading, goal: int, P: FloatArray) -> float:
-    """V after the letters ``P`` (T, S), by the recursion that the trees and paths use."""
+    """V after the letters ``P`` (T, S), by the recursion that paths use."""
     none = Faces(np.zeros(1, np.int64), np.empty((0, 2)), np.empty(0))
     cells = Cells(0.0, 0.0, 1.0, 1.0, 1, np.zeros(2, np.int64), np.zeros(0, np.int64), none)
     letters = np.arange(P.shape[1] - 1)
     corners = Corners(letters, np.empty((0, 2)), np.empty(0), np.zeros(1, np.int64), np.empty((0, 2)))
     bound = follow_states(corners, cells, one_epoch(logic))
-    rows, letters = live_rows(bound, 2), empty_letters(bound)
+    rows, letters = live_rows(bound), empty_letters(bound)
     begin_bound(bound, rows, 0)
     for t in range(len(P)):
         letters.seen[:] = P[t]
         note_letters(bound, letters)
         read_letter(bound, letters, rows, t % 2, rows, (t + 1) % 2, goal)
-    return float(live_value(bound, rows, len(P) % 2, goal))
+    entries = slice(rows.first[len(P) % 2], rows.first[len(P) % 2] + rows.size[len(P) % 2])
+    return float(min(rows.value[entries][logic.covers[rows.state[entries], goal]], default=1.0))
 
 
 def bound_of_reference(logic: Reading, P: FloatArray, monkeypatch: pytest.MonkeyPatch) -> float:

@@ -1,4 +1,4 @@
-"""The choice of a parent: Eqs. (11) and (12), and the scaled and scored rules."""
+"""The choice of a parent: Eqs. (11) and (12)."""
 
 from __future__ import annotations
 
@@ -12,19 +12,11 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import tree as kernel
 from pareto_ltl.kernels.data import Point
-from pareto_ltl.kernels.parents import (
-    APPRAISED,
-    Candidate,
-    Dominance,
-    Scaled,
-    improves,
-    put_first,
-    rank_parent,
-)
-from pareto_ltl.kernels.tree_models import appraise_mission
+from pareto_ltl.kernels.parents import Candidate, Dominance, improves
 from pareto_ltl.planning import growth
 from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.product_graph import cell_fans, product_graph
+from pareto_ltl.planning.tree_models import tree_models
 from pareto_ltl.settings import PlannerConfig
 from problems import KM, box, make_problem, make_scene, steady_wind
 
@@ -42,7 +34,7 @@ class Bench:
     def __init__(self, problem, beta=(0.0, 0.0)):
         cfg = PlannerConfig(trees=1, n_max=50)
         graph = product_graph(problem.decomposition, problem.logic, problem.scene.bounds)
-        grove = growth.GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
+        grove = growth.GrowthTask(cfg, problem, tree_models(problem), graph, cell_fans(problem.decomposition))
         self.problem = problem
         self.tree = growth.plant_tree(grove, SeedSequence(0), 0, GrowthOptions())
         search = self.tree.search
@@ -74,7 +66,7 @@ class Bench:
         length = v.length[original] + math.dist(v.x[original], there)
         q = int(delta[v.q[original], cell])
         first = kernel.propose(s, original, there, cell, q, kernel.BEST)
-        appraise_mission(s.world.mission, v, s.state, first)
+        kernel.appraise(s, first)
         parent, q_new, length_new = kernel.choose_parent(s, first, length, self.tree.rng)
         assert length_new == pytest.approx(v.length[parent] + math.dist(v.x[parent], there))
         assert q_new == delta[v.q[parent], cell]
@@ -121,11 +113,9 @@ def test_a_risk_may_grow_up_to_beta(problem):
         assert (bench.choose((9.5, 9.5), safe) == short) == taken
 
 
-@pytest.mark.parametrize("rule", [Dominance, Scaled])
 @pytest.mark.parametrize(("longer", "allowed"), [(9.0, True), (11.0, False)])
-def test_a_lower_risk_may_cost_at_most_the_slack_of_length(rule, longer, allowed):
-    fields = dict.fromkeys(rule._fields, 0)
-    slack = rule(**fields)._replace(beta_length=10.0, beta_risk=0.0)
+def test_a_lower_risk_may_cost_at_most_the_slack_of_length(longer, allowed):
+    slack = Dominance(beta_length=10.0, beta_risk=0.0)
     risks = np.array([[0.01], [0.02]])
     new, old = Candidate(1.0, 100.0 + longer, 0), Candidate(1.0, 100.0, 1)
     assert improves(slack, risks, new, old, False) == allowed  # Eq. (11)
@@ -165,48 +155,3 @@ def test_a_chain_of_exchanges_still_improves_on_the_original(problem, seed):
         assert np.all(gain <= np.array([slack * KM, more_risk, more_risk]) + 1e-9)
     else:  # then nobody dominates it
         assert not any(np.all(objectives(w) < objectives(chosen)) for w in vertices[1:])
-
-
-# --- which parents are appraised ---------------------------------------------------------------
-
-
-def scaled(weight=(0.5, 0.3, 0.2), scored=True):
-    """The rule of ``fidelity.parents=tchebycheff``, or of ``scaled`` with equal weights."""
-    return Scaled(1e4, 1.0, np.array(weight), 1e-6, 1, scored)
-
-
-def ranked_pool(rng, rule, count):
-    """A pool in random order, its ranks, and the risks, distances and lengths that they come from."""
-    risks = np.column_stack([rng.uniform(-1, 1, count), rng.uniform(0, 1, count)])
-    distance, length = rng.integers(0, 3, count).astype(float), rng.uniform(1e5, 1e6, count)
-    pool = np.column_stack([rng.permutation(count), rng.integers(0, 9, count)])
-    ranks = np.array([
-        rank_parent(rule, risks, Candidate(distance[v], length[v], int(v))) for v in pool[:, 0]
-    ])  # fmt: skip
-    return pool, ranks, risks, distance, length
-
-
-@settings(deadline=None, max_examples=25)
-@given(st.integers(0, 2**32 - 1), st.integers(0, 40))
-def test_the_parents_that_come_first_lead_nearest_to_acceptance_and_score_best(seed, count):
-    rng = np.random.default_rng(seed)
-    rule = scaled(rng.dirichlet(np.ones(3)))
-    pool, ranks, risks, distance, length = ranked_pool(rng, rule, count)
-    v = (np.log10(np.maximum(risks[:, 0], 0) + 1e-6) + 6) / 6 * rule.weight[0]
-    c = (np.log10(risks[:, 1] + 1e-6) + 6) / 6 * rule.weight[1]
-    d = length * rule.per_length * rule.weight[2]
-    score = np.maximum(np.maximum(v, c), d) + 0.05 * (v + c + d)
-    best = np.lexsort([score, distance])[:APPRAISED]
-    states = dict(pool.tolist())
-    kept = put_first(rule, pool, ranks, count)
-    assert kept == min(count, APPRAISED)
-    np.testing.assert_array_equal(pool[:kept, 0], best)
-    assert dict(pool.tolist()) == states  # none is lost, each keeps its state
-
-
-def test_the_papers_rule_appraises_all_parents_in_the_order_they_came():
-    pool = np.array([[3, 0], [1, 0], [2, 1]])
-    rule = Dominance(0.0, 0.0)
-    ranks = np.full(3, rank_parent(rule, np.zeros((4, 2)), Candidate(1.0, 5.0, 3)))
-    assert put_first(rule, pool, ranks, 3) == 3
-    np.testing.assert_array_equal(pool[:, 0], [3, 1, 2])

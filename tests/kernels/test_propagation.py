@@ -10,6 +10,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from coherent import STEPS, coherent_problem
 from oracle import path_risk as risk
+from pareto_ltl.kernels import motion as steps
 from pareto_ltl.kernels import propagation as kernel
 from pareto_ltl.kernels.data import Cov, Gaussian, Point
 from pareto_ltl.kernels.interpolation import gust_variance, wind_at
@@ -52,7 +53,7 @@ def test_the_worst_variance_has_the_largest_trace_of_centre_and_rim(problem, see
     rim = x + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     latent = latent_at(step, np.vstack([x, rim]))
     gust = np.array(gust_variance(problem.wind, step))
-    found = kernel.worst_variance(problem.wind, step, Point(*x), radius)
+    found = steps.worst_variance(problem.wind, step, Point(*x), radius)
     best = latent.sum(axis=1).max() + gust.sum()
     assert sum(found) == pytest.approx(best, rel=1e-9)
     assert np.min(np.abs(latent + gust - found).sum(axis=1)) < 1e-9  # a pair that occurs, not a mixture
@@ -61,7 +62,7 @@ def test_the_worst_variance_has_the_largest_trace_of_centre_and_rim(problem, see
 def test_a_certain_position_meets_the_variance_where_it_is(problem):
     wind, at = problem.wind, Point(5e3, 6e3)
     here = np.add(wind_at(wind.latent, wind, 7, at), gust_variance(wind, 7))
-    np.testing.assert_allclose(kernel.worst_variance(wind, 7, at, 0.0), here)
+    np.testing.assert_allclose(steps.worst_variance(wind, 7, at, 0.0), here)
 
 
 @some
@@ -73,14 +74,14 @@ def test_mean_and_covariance_move_by_the_matrices(problem, seed):
     (cov,) = random_covariances(rng, 1, 800.0)
     here = Gaussian(Point(*x), Cov(cov[0, 0], cov[0, 1], cov[1, 1]))
     mean = interpolate(wind, wind.mean, step, x)
-    np.testing.assert_allclose(kernel.drift(wind, motion, step, here.mean), np.array(A) @ x + 100 * mean)
+    np.testing.assert_allclose(steps.drift(wind, motion, step, here.mean), np.array(A) @ x + 100 * mean)
     radius = motion.ball * np.sqrt(np.trace(cov) / 2)
-    variance = kernel.worst_variance(wind, step, here.mean, radius)
+    variance = steps.worst_variance(wind, step, here.mean, radius)
     after = np.array(A) @ cov @ np.array(A).T + 100.0**2 * np.diag(variance)
-    xx, xy, yy = kernel.spread(wind, motion, step, here)
+    xx, xy, yy = steps.spread(wind, motion, step, here)
     np.testing.assert_allclose([[xx, xy], [xy, yy]], after, rtol=1e-9)
     ahead = kernel.advance(problem.world.law, None, step, here, 0, 0)
-    assert ahead.mean == kernel.drift(wind, motion, step, here.mean)
+    assert ahead.mean == steps.drift(wind, motion, step, here.mean)
     assert ahead.cov == (xx, xy, yy)
     assert ahead.speed == motion.u_max  # there is no feedback
 
@@ -90,7 +91,7 @@ def test_mean_and_covariance_move_by_the_matrices(problem, seed):
 def test_airspeed_is_the_length_of_the_control_that_makes_the_move(problem, seed):
     u = np.random.default_rng(seed).uniform(-10, 10, 2)
     moved = 100.0 * np.array(B) @ u
-    assert kernel.airspeed(problem.motion, *moved) == pytest.approx(np.linalg.norm(u), rel=1e-9)
+    assert steps.airspeed(problem.motion, *moved) == pytest.approx(np.linalg.norm(u), rel=1e-9)
 
 
 # --- the coherent law -------------------------------------------------------------------------

@@ -45,7 +45,7 @@ def propagate_independent(problem: Problem, x: FloatArray) -> tuple[FloatArray, 
 
     Eq. (M21) of docs/mathematics.md.
     """
-    from pareto_ltl.kernels.propagation import BALL
+    from pareto_ltl.kernels.motion import BALL
 
     motion, wind = problem.motion, problem.wind
     cov, u = [np.eye(2) * problem.start_variance], []

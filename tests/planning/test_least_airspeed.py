@@ -10,6 +10,7 @@ import pytest
 from numpy.random import SeedSequence
 
 from pareto_ltl.extend import draw_flights, simulate_flights
+from pareto_ltl.kernels.bounds import World
 from pareto_ltl.planning.evaluate import airspeed_limits, completes_mission, evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
@@ -24,6 +25,7 @@ from pareto_ltl.planning.refine.sampled import (
     steps_needed,
 )
 from pareto_ltl.planning.selection import tree_front
+from pareto_ltl.planning.tree_models import tree_models
 from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, SmoothingConfig
 from pareto_ltl.settings.fidelity import preset
 from pareto_ltl.support.arrays import FloatArray
@@ -83,9 +85,11 @@ def test_a_slow_step_is_refused_with_its_place() -> None:
     "robot", [{"u_min": 7.0}, {"u_min": 10.0}, {"u_min": 4.0, "feedback_time": 900.0, "start_sd": 50.0}]
 )
 def test_no_edge_of_a_tree_is_too_slow_or_too_fast(fidelity: str, robot: dict[str, float]) -> None:
+    """In the models of the trees, which leave airspeed for what only the law of the plan shifts."""
     problem = task(fidelity, **robot)
     forest = grow_forest(SMALL, problem, SeedSequence(0))
     assert len(forest.accepted) > 0
+    problem = replace(problem, world=World(*tree_models(problem)))
     slowest = np.inf
     for tree in forest.trees:
         childless = np.setdiff1d(np.arange(len(tree)), tree.parent)

@@ -10,9 +10,9 @@ import pytest
 import shapely
 from scipy.stats import norm
 
-from pareto_ltl.planning.pack import NO_LIMIT, TREES_EPSILON, pack_faces, pack_wind
+from pareto_ltl.planning.pack import pack_faces, pack_wind
 from pareto_ltl.planning.wind_lookup import interpolate
-from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
+from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world import cells as workspace
 from problems import KM, box, make_problem, make_scene, rough_wind, steady_wind, two_goals
@@ -161,14 +161,3 @@ def test_the_share_of_an_obstacle_sets_the_quantile():
 
 def test_reach_is_a_full_step_in_still_air(problem):
     assert problem.reach == pytest.approx(1000.0)
-
-
-def test_trees_have_a_looser_limit_only_where_flights_judge_refined_paths():
-    def limit(fidelity, epsilon=0.05):
-        scene = make_scene({"a": box(10, 10, 12, 12)}, [box(2, 15, 3, 16)])
-        return make_problem("F a", scene, planner=PlannerConfig(epsilon=epsilon), fidelity=fidelity)
-
-    assert limit("full").world.collision.epsilon == TREES_EPSILON
-    assert limit("full", 0.4).world.collision.epsilon == 0.4
-    assert limit("full", None).epsilon == NO_LIMIT
-    assert limit(replace(preset("full"), judge="bound")).world.collision.epsilon == 0.05

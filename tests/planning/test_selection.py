@@ -443,14 +443,3 @@ def test_a_mission_risk_far_below_the_ordered_bound_is_a_warning(risk, ordered, 
         assert "f_o of the plan" in warning
         assert "in independent winds" in warning
         assert "fidelity.mission_bound=ordered" in warning
-
-
-def test_of_rows_in_one_box_the_safest_is_kept() -> None:
-    rows = np.array([[0.30, 0.10, 1000.0], [0.29, 0.10, 1001.0], [0.301, 0.10, 999.0], [0.05, 0.10, 1500.0]])
-    assert selection.unlike_rows(rows).tolist() == [1, 3]
-
-
-def test_of_too_many_boxes_the_safest_are_kept() -> None:
-    count = selection.MOST + 30
-    rows = np.column_stack([np.linspace(0.9, 0.1, count), np.zeros(count), 1000.0 * 1.1 ** np.arange(count)])
-    assert sorted(selection.unlike_rows(rows)) == list(range(30, count))

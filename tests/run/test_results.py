@@ -79,7 +79,7 @@ def bounded_front() -> Front:
 def flown_front() -> Front:
     """The front of judge=flights."""
     failed = np.random.default_rng(4).random((2, 2000)) < 0.15
-    models = replace(preset("full"), parents="scaled")
+    models = replace(preset("full"), collision_bound="step")
     return replace(
         bounded_front(), reference=np.array([1.0, 3e6]), rates=(rate(300), rate(310)), failed=failed,
         raw_rates=(rate(80, 500),), models=models,
@@ -102,7 +102,7 @@ def promised_plan() -> Plan:
     flown.u[2] = 0.0  # no heading
     return replace(
         plan(), path=flown, rule="threshold", rule_settings={"alpha": 0.02},
-        fidelity="full with parents=scaled",
+        fidelity="full with collision_bound=step",
         promise=Promise(rate(), rate(560, 4000), 0.1 + 0.2, 0.2, False),
         navigation=on_earth.frame.navigation(flown.t, flown.x, flown.u),
     )  # fmt: skip
@@ -370,7 +370,7 @@ def test_a_promise_says_what_it_was_held_against(tmp_path: Path) -> None:
         "bound": 0.1 + 0.2, "linearity": 0.2, "passed": False,
     }  # fmt: skip
     assert content["selection"] == {"rule": "threshold", "weights": [0.5, 0.25, 0.25], "alpha": 0.02}
-    assert content["models"]["parents"] == "scaled"
+    assert content["models"]["collision_bound"] == "step"
     assert content["heading_true"][2] is None
     assert content["airspeed"][2] == 0.0
 

@@ -28,7 +28,7 @@ def test_each_preset_has_a_kind_and_one_for_every_model_changed() -> None:
     assert all(kind.meaning and kind.formula for kind in warmup.KINDS.values())
     changed = [kind.sections.get("fidelity") for name, kind in warmup.KINDS.items() if "-" in name]
     models = [sections for sections in changed if isinstance(sections, dict)]
-    assert len(models) == 5 * len(PRESETS)
+    assert len(models) == 4 * len(PRESETS)
     for sections in models:
         (model,) = set(sections) - {"name"}
         assert sections[model] != PRESETS[sections["name"]][model]

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from hydra.types import RunMode
 
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import PRESETS, PlannerConfig, Settings, preset
 from pareto_ltl.settings.building import build_settings, read_settings_file, section_of
+from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import choices
 from pareto_ltl_apps.cli import composition
@@ -43,6 +45,14 @@ def test_nothing_said_is_the_default() -> None:
 )
 def test_a_choice_has_the_values_that_the_command_line_composes(section: str, name: str) -> None:
     assert repr(section_of(section, name)) == repr(getattr(composed(f"{section}={name}"), section))
+
+
+def test_a_choice_of_several_sections_has_the_values_that_the_command_line_composes() -> None:
+    quick = build_settings({"planner": "quick", "refine": {"points": 5}})
+    line = composed("planner=quick", "refine.points=5")
+    for section in ("planner", "refine", "selection"):
+        assert repr(getattr(quick, section)) == repr(getattr(line, section))
+    assert (quick.refine.flights, quick.selection.draws, quick.planner.trees) == (500, 4000, 4)
 
 
 @pytest.mark.parametrize("source", choices("wind"))
@@ -104,6 +114,14 @@ def test_one_model_changes_on_top_of_its_preset(name: str) -> None:
             "unknown setting selection.margin; there are rule, saving, weights, alpha, ",
         ),
         ({"plannr": {}}, "unknown setting plannr; did you mean planner?"),
+        (
+            {"ablation": {"parents": ["scaled"]}},
+            "ablation.parents is no setting any more: trees of every preset grow by the paper's models",
+        ),
+        (
+            {"fidelity": {"parents": "mixed"}},
+            "fidelity.parents=mixed is no rule: trees of every preset grow by the paper's models and choose",
+        ),
         ({"planner": {"trees": 2.5}}, "planner.trees must be a whole number, got 2.5"),
         ({"planner": {"trees": True}}, "planner.trees must be a whole number, got True"),
         ({"planner": {"trees": 0}}, "planner.trees must lie in [1, 10000], got 0"),
@@ -148,3 +166,14 @@ def test_a_choice_that_is_no_name_of_a_file_is_refused_in_one_line(name: str) ->
         build_settings({"scene": name})
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 500
+
+
+def test_what_earlier_versions_wrote_about_trees_is_read_and_left_out(tmp_path: Path) -> None:
+    path, content = tmp_path / "config_resolved.yaml", asdict(Settings())
+    content["fidelity"]["parents"] = "mixed"
+    content["ablation"]["parents"] = ["dominance", "scaled"]
+    path.write_text(yaml.safe_dump(content))
+    assert read_settings_file(path) == Settings()
+    assert models_of("full with parents=scaled, refine=none") == replace(preset("full"), refine="none")
+    with pytest.raises(ValueError, match="is not a label of a fidelity"):
+        models_of("full with parnts=scaled")

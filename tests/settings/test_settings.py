@@ -175,7 +175,7 @@ def test_the_files_of_conf_fidelity_are_the_presets() -> None:
         assert written == {"name": name, **PRESETS[name]}
         assert preset(name) == FidelityConfig(**written)
         assert preset(name).label == name
-    assert FidelityConfig(parents="scaled").label == "full with parents=scaled"
+    assert FidelityConfig(refine="none").label == "full with refine=none"
 
 
 def test_the_schema_gives_the_settings_back() -> None:

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.random import SeedSequence
+from scipy.special import polygamma
 from scipy.stats import kurtosis, norm
 
 from coherent import coherent_problem
 from pareto_ltl.extend import simulate_flights
-from pareto_ltl.planning.error_tail import ErrorTail, draw_scales, error_tail, weighted_scales
+from pareto_ltl.planning.error_tail import ErrorTail, draw_scales, error_tail, scaled_fields, weighted_scales
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
@@ -20,17 +21,21 @@ from pareto_ltl.simulation.importance import weighted_rate
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import TailScale
-from pareto_ltl.wind.records import FORECAST, FORECAST_PARTS, WindField
+from pareto_ltl.wind.named_laws import law_of_parts_named
+from pareto_ltl.wind.records import FORECAST, FORECAST_PARTS, TIME, WindField
 from point_forecasts_made import made_law
 from problems import QUICK_ERROR, along, box, make_problem, make_scene, smooth_wind
 
-TAIL = ErrorTail(0.3, np.array([0.4, 0.5, 0.2]), np.array([0.0, 0.6, 0.9]), np.array([True, False]))
+TAIL = ErrorTail(
+    0.3, np.array([0.4, 0.5, 0.2]), np.array([0.0, 0.6, 0.9]), np.array([True, False, False]), 0.35,
+    np.array([False, True, False]),
+)  # fmt: skip
 N = 400_000
 GROWING = FORECAST_PARTS["growing"]
 
 
 def test_scales_keep_the_mean_square_and_their_correlation() -> None:
-    c = draw_scales(TAIL, 3, N, np.random.default_rng(1))
+    c, change = draw_scales(TAIL, 3, N, np.random.default_rng(1))
     s2 = TAIL.flight**2 + TAIL.moment**2
     spread = np.sqrt(np.exp(4 * s2) - 1.0)  # of c², with mean 1
     assert (np.abs((c**2).mean(axis=1) - 1.0) < 6.0 * spread / np.sqrt(N)).all()
@@ -39,22 +44,27 @@ def test_scales_keep_the_mean_square_and_their_correlation() -> None:
     expected = TAIL.flight**2 + 0.6 * TAIL.moment[0] * TAIL.moment[1]
     assert covariance[0, 1] == pytest.approx(expected, abs=0.004)
     np.testing.assert_allclose(np.diag(covariance), s2, atol=0.004)
+    assert np.log(change).std() == pytest.approx(0.35, abs=0.002)
+    assert np.mean(change**2) == pytest.approx(1.0, abs=6.0 * np.sqrt((np.exp(0.49) - 1.0) / N))
+    assert abs(np.corrcoef(np.log(change), log[0])[0, 1]) < 6.0 / np.sqrt(N)
 
 
 def test_a_longer_flight_has_the_scales_of_a_shorter_one_first() -> None:
     two, three = (draw_scales(TAIL, n, 50, np.random.default_rng(2)) for n in (2, 3))
-    np.testing.assert_array_equal(two, three[:2])
+    np.testing.assert_array_equal(two.forecasts, three.forecasts[:2])
+    np.testing.assert_array_equal(two.change, three.change)
 
 
 def test_weighted_scales_give_the_law_back() -> None:
-    c, weight = weighted_scales(TAIL, 3, N, np.random.default_rng(3))
+    (c, change), weight = weighted_scales(TAIL, 3, N, np.random.default_rng(3))
     assert weight.max() <= 2.0
     assert weight.mean() == pytest.approx(1.0, abs=6.0 / np.sqrt(N))
     s = np.sqrt(TAIL.flight**2 + TAIL.moment**2)
     for k in range(3):
         exact = norm.sf((np.log(3.0) + s[k] ** 2) / s[k])
         assert np.mean(weight * (c[k] > 3.0)) == pytest.approx(exact, rel=0.06)
-    plain = draw_scales(TAIL, 1, N, np.random.default_rng(3))[0] > 3.0
+    assert np.mean(weight * (change > 2.0)) == pytest.approx(norm.sf(np.log(2.0) / 0.35 + 0.35), rel=0.06)
+    plain = draw_scales(TAIL, 1, N, np.random.default_rng(3)).forecasts[0] > 3.0
     assert np.sum(c[0] > 3.0) > 10 * plain.sum()  # what the weights are for
 
 
@@ -112,6 +122,31 @@ def test_only_the_forecast_is_scaled_and_every_other_draw_is_the_same() -> None:
     ratio = drawn.theta[..., own] / plain.theta[..., own]
     np.testing.assert_allclose(ratio, np.broadcast_to(ratio[..., :1, :1], ratio.shape), rtol=1e-5)
     assert ratio.std() > 0.2
+
+
+def test_changes_in_time_have_one_scale_for_the_flight() -> None:
+    scales = draw_scales(TAIL, 3, 50, np.random.default_rng(2))
+    found = scaled_fields(TAIL, np.ones((3, 50, 2, 3), np.float32), scales)
+    np.testing.assert_allclose(found[..., 0], np.repeat(scales.forecasts[..., None], 2, 2), rtol=1e-6)
+    np.testing.assert_allclose(found[..., 1], np.tile(scales.change[:, None], (3, 1, 2)), rtol=1e-6)
+    np.testing.assert_array_equal(found[..., 2], 1.0)
+
+
+def test_a_law_whose_change_depends_on_the_winds_gives_changes_tails() -> None:
+    """Without errors of forecasts too; a law of the first version has none."""
+    scene = make_scene({"a": box(13, 13, 19, 19)}, [])
+    wind = smooth_wind(scene, sd=0.5, error=QUICK_ERROR)
+    assert wind.modes is not None
+    wind = replace(wind, modes=replace(wind.modes, part=np.full(len(wind.modes.part), TIME)))
+    p = make_problem("F a", scene, wind, RobotConfig(dt=100.0, u_max=25.0), fidelity=preset("full"))
+    assert error_tail(wind, p.modes) is None
+    law = law_of_parts_named("gfs").shared(0.0)
+    found = error_tail(replace(wind, error=law), p.modes)
+    assert found is not None
+    assert found.changed.all()
+    assert not found.scaled.any()
+    assert found.change == law.change_tail == pytest.approx(0.5 * np.sqrt(polygamma(1, 2.39)), abs=0.01)
+    np.testing.assert_array_equal(found.gradient, [0.0, 0.0, found.change])
 
 
 @pytest.mark.statistical

@@ -30,7 +30,7 @@ from pareto_ltl_apps.studies import compare, convergence, planning, tables
 from pareto_ltl_apps.studies.planning import fly_seeded, still, unsmoothed
 from pareto_ltl_apps.view.study_planners import FACTOR_LABELS
 
-DEFAULT_MODELS = (("parents", "mixed"), ("collision_bound", "path"), ("refine", "none"))
+DEFAULT_MODELS = (("mission_bound", "ordered"), ("collision_bound", "path"), ("refine", "none"))
 
 
 @pytest.fixture(scope="module")
@@ -309,18 +309,13 @@ def test_models_are_not_changed_unless_asked_for() -> None:
 
 @pytest.mark.no_cover  # coverage slows the compiler down, and other tests run the same lines
 def test_plans_of_every_model_meet_the_same_winds(cfg: Settings, world: Run, tmp_path: Path) -> None:
-    """Parts of the default are shared; the flights of a level fly its plan in the run's world.
-
-    Only the level ``step`` has kernels of its own, those of ``choices.COMPILED``.
-    """
-    wanted = AblationConfig(
-        factors=["parents", "collision_bound", "refine"], parents=["mixed", "tchebycheff"]
-    )
+    """Parts of the default are shared; the flights of a level fly its plan in the run's world."""
+    wanted = AblationConfig(factors=["mission_bound", "collision_bound", "refine"])
     one_seed = EvaluationConfig(seeds=[0], jobs=1, laws=["independent", "coherent"])
     models = replace(preset("full"), judge="bound")
     few = replace(cfg, fidelity=models, ablation=wanted, evaluation=one_seed)
     study = compare.run_ablation(few, world, tmp_path)
-    assert len(list((tmp_path / "parts").iterdir())) == 5  # default, tchebycheff, step, convex, sampled
+    assert len(list((tmp_path / "parts").iterdir())) == 5  # default, theorem2, step, convex, sampled
     rows = {(row["factor"], row["level"], row["law"]): row for row in study.tables["ablation"]}
     assert len(rows) == 14
     truth = planning.truth(few, world)

@@ -43,7 +43,6 @@ PASSING = {
     r"front\.csv: \*/(mission_risk.*|collision_risk)": "V and R of six paths of the front are computed again",
     r"front\.npz: (path_#/(cov|u)|judged|reference|raw).*": "six paths of the front, and the search itself",
     r"trees\.npz: tree_#/(beta|causes|counts|risk).*": "the search, and risks of most vertices",
-    r"trees\.npz: collision_columns.*": "the search itself",
     r"deployments\.npz: .*/x.*": "one position among thousands: verdicts and distributions are judged",
     r"plan\.json: (prices|air|segments/\*/deviations).*": "prices and the air are known within limits",
     r"plan\.json: (schema|promise/linearity)": "the version of the file",

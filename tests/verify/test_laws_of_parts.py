@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_distribution
 from pareto_ltl_verify.judge import Finding, verify
 from pareto_ltl_verify.tails import drawn_scales, scaled_field
-from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, LASTING, LOCAL, OF_FORECASTS, SLOW
+from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, LASTING, LOCAL, OF_FORECASTS, SLOW, TIME
 from small_plans import COMMON
 from wind_files import U10, V10, grib_message
 
@@ -58,7 +59,7 @@ def planned(place: Path, wind: dict[str, Any]) -> pareto_ltl.Run:
     """A small plan with its flights, in ``place``."""
     small = {"deployment": {"runs": 300}, "selection": {"draws": 20, "runs": 300}}
     mission = {"formula": "F a", "start_time": DEPARTURE}
-    wind = {**COMMON["wind"], "modes_max": 32, "hold_last": True} | wind
+    wind = {**COMMON["wind"], "modes_max": 64, "hold_last": True} | wind
     return pareto_ltl.plan("phi1", mission, **COMMON | small | {"wind": wind, "out": place})
 
 
@@ -124,6 +125,31 @@ def _longer(file: Any) -> None:
     file.attrs["forecast_error"] = json.dumps(law)
 
 
+def _other_winds(name: str, factor: float) -> Any:
+    """Another spread or latitude in wind.nc, and the change of the wind that follows from it."""
+
+    def edit(file: Any) -> None:
+        law = json.loads(file.attrs["forecast_error"])
+        stated, rule = law["variability"], law["change"]["winds"]
+        was = stated[name]
+        stated[name] = factor * was
+        power = factor ** rule["power"] if name == "spread" else np.exp(rule["slope"] * (factor - 1.0) * was)
+        stated["factor"] *= power
+        law["change"]["sd"] = [np.sqrt(power) * value for value in law["change"]["sd"]]
+        file.attrs["forecast_error"] = json.dumps(law)
+
+    return in_wind(edit)
+
+
+@pytest.mark.parametrize(("name", "factor"), [("spread", 0.8), ("latitude", 0.5)])
+def test_another_spread_or_latitude_with_a_change_that_follows_is_found(
+    name: str, factor: float, made: tuple[pareto_ltl.Run, Path], tmp_path: Path
+) -> None:
+    shutil.copytree(made[1], tmp_path / "plan")
+    _other_winds(name, factor)(tmp_path / "plan")
+    assert "wind: variability of the wind" in {finding.claim for finding in wrong(tmp_path / "plan")}
+
+
 @pytest.mark.skipif(BY_DAY, reason="not by day: two further plans")
 @pytest.mark.parametrize("name", ["gfs_one_part", "file"])
 def test_all_claims_under_other_laws_hold(
@@ -161,7 +187,7 @@ def test_the_judge_draws_the_scales_of_the_planner(made: tuple[pareto_ltl.Run, P
     run, place = made
     law, tail = open_evidence(place).law("coherent"), run.problem.tail
     own = drawn_scales(law, 100_000, np.random.default_rng(5))
-    slots = list(own)
+    slots = list(own.forecasts)
     assert len(slots) == 2
     stated = law.wind.error.tail
     moments = np.interp(law.wind.leads[slots], stated.leads, stated.moment)
@@ -170,11 +196,19 @@ def test_the_judge_draws_the_scales_of_the_planner(made: tuple[pareto_ltl.Run, P
     epochs = len(tail.moment)
     planner = draw_scales(tail, epochs, 100_000, np.random.default_rng(6))
     rows = [int(np.flatnonzero(run.problem.modes.slot == k)[0]) for k in slots]
-    for scales in (np.array([own[k] for k in slots]), planner[run.problem.modes.epoch[rows]]):
+    for scales in (
+        np.array([own.forecasts[k] for k in slots]),
+        planner.forecasts[run.problem.modes.epoch[rows]],
+    ):
         logs = np.log(scales)
         np.testing.assert_allclose(np.cov(logs), cov, atol=0.01)
         np.testing.assert_allclose(logs.mean(axis=1), -np.diag(cov), atol=0.015)
         np.testing.assert_allclose((scales**2).mean(axis=1), 1.0, atol=0.06)
+    rule = law.wind.error.of_winds
+    drawn = np.random.default_rng(7).chisquare(rule.freedom + 2.0, 100_000)
+    for scale in (own.change, planner.change):
+        assert np.log(scale).std() == pytest.approx(np.std(0.5 * np.log(drawn)), rel=0.03)
+        assert np.mean(scale**2) == pytest.approx(1.0, abs=0.03)
 
 
 def test_the_judge_flies_in_the_tails_of_the_planner(made: tuple[pareto_ltl.Run, Path]) -> None:
@@ -196,12 +230,13 @@ def test_the_judge_flies_in_the_tails_of_the_planner(made: tuple[pareto_ltl.Run,
     assert same_distribution(gaussian, flown, result.grain) < RARE
 
 
-def test_only_the_parts_of_forecasts_have_tails(made: tuple[pareto_ltl.Run, Path]) -> None:
+def test_only_forecasts_and_changes_in_time_have_tails(made: tuple[pareto_ltl.Run, Path]) -> None:
     law = open_evidence(made[1]).law("coherent")
     scales = drawn_scales(law, 9, np.random.default_rng(1))
     found = scaled_field(law, 0, np.ones((9, law.coefficients)), scales)
     parts = np.concatenate([np.tile(law.wind.modes.part, 2), np.full(len(law.errors), -1)])
-    ours = np.isin(parts, list(OF_FORECASTS.values()))
-    np.testing.assert_array_equal(found[:, ours], np.tile(scales[0][:, None], (1, ours.sum())))
-    np.testing.assert_array_equal(found[:, ~ours], 1.0)
+    ours, changes = np.isin(parts, list(OF_FORECASTS.values())), parts == TIME
+    np.testing.assert_array_equal(found[:, ours], np.tile(scales.forecasts[0][:, None], (1, ours.sum())))
+    np.testing.assert_array_equal(found[:, changes], np.tile(scales.change[:, None], (1, changes.sum())))
+    np.testing.assert_array_equal(found[:, ~(ours | changes)], 1.0)
     assert 0 < ours.sum() < law.modes < law.coefficients

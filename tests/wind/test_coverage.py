@@ -196,7 +196,7 @@ HELD = {"hold_last": True, "max_gap": 12.0}
 
 def test_a_flight_through_a_held_field_is_told_what_forecasts_would_give():
     seen = place_readings(cfg(**HELD), readings([0, 3], [3.0, 6.0]), SCENE)
-    wind, law = field.fit_wind_field(cfg(**HELD), seen, SCENE), law_named("gfs")
+    wind, law = field.fit_wind_field(cfg(**HELD), seen, SCENE), seen.error
     said = held_warning(wind, 8 * 3600.0, SCENE.time_zero)  # departure at 1 h, the last field at 3 h
     assert "no field covers the last 6 h of the flight: the last one (2018-10-09T03:00:00Z) is held" in said
     for hours in (3, 6):  # halfway through the held part, and at its end

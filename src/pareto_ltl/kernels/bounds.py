@@ -1,14 +1,11 @@
-"""Bounds on the risk of missions and collisions as named tuples, their memories, and the world of all models.
-
-Rows of a memory belong to the vertices of a tree or the steps of a path.
-"""
+"""Bounds on the risk of missions and collisions as named tuples, and the world of all models."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from pareto_ltl.kernels.data import Cells, Corners, Faces, Law, Logic, Nearby
-from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, Int32Array, IntArray
 
 # --- mission bounds ---------------------------------------------------------------------------
 
@@ -17,8 +14,7 @@ class Theorem2(NamedTuple):
     """The paper's bound f_o.
 
     ``faces`` are the faces of the convex parts of the regions, ``atom`` is the proposition of each part,
-    ``holds`` (E, C, P) whether a proposition holds in a cell in each epoch of ``logic``. Its memory is None,
-    as the risks of the propositions are objectives of the vertex.
+    ``holds`` (E, C, P) whether a proposition holds in a cell in each epoch of ``logic``.
     """
 
     faces: Faces
@@ -52,17 +48,15 @@ class Ordered(NamedTuple):
 
 
 class LiveRows(NamedTuple):
-    """Rows of entries (automaton state, V); several rows may refer to the same entries.
+    """Rows of entries (automaton state, V).
 
-    Row v consists of the ``size[v]`` entries (at most ``most``) of ``state`` and ``value`` from ``first[v]``
-    on; ``first[v]`` is -1 before the row is stored. Entries from ``used[0]`` on are free.
+    Row v consists of the ``size[v]`` entries (at most ``most``) of ``state`` and ``value`` from ``first[v]``.
     """
 
     first: IntArray
     size: Int32Array
     state: Int32Array
     value: FloatArray
-    used: IntArray
     most: int
 
 
@@ -83,18 +77,6 @@ class Letters(NamedTuple):
     epoch: IntArray
 
 
-class OrderedMemory(NamedTuple):
-    """``rows`` of V; ``letters`` is scratch memory, None in trees.
-
-    ``same`` (2,) belongs to the two scratch rows: the row of the tree with the same V, -1 if the scratch row
-    has separate entries.
-    """
-
-    rows: LiveRows
-    same: IntArray
-    letters: Any
-
-
 MissionBound: TypeAlias = Theorem2 | Ordered
 
 
@@ -104,7 +86,7 @@ MissionBound: TypeAlias = Theorem2 | Ordered
 class StepBound(NamedTuple):
     """Eqs. (9) and (10): epsilon is divided equally among the m barriers (obstacles and walls).
 
-    ``z`` is the quantile of 1 - epsilon / m. Its memory is None.
+    ``z`` is the quantile of 1 - epsilon / m.
     """
 
     barriers: Faces
@@ -121,19 +103,7 @@ class PathBound(NamedTuple):
     delta: float
 
 
-class PathMemory(NamedTuple):
-    """Runs with a cost above 0, up to K per row.
-
-    ``face`` (N, K): the separating face of each run, -1 after the last one; ``run`` (N, K, 3): Σ p, smallest
-    gap [m] and largest variance [m²] of its steps.
-    """
-
-    face: Int32Array
-    run: Float32Array
-
-
 CollisionBound: TypeAlias = StepBound | PathBound
-CollisionMemory: TypeAlias = PathMemory | None
 
 
 class World(NamedTuple):

@@ -229,7 +229,7 @@ class Motion(NamedTuple):
 
     ``a`` = A, ``b`` = B, ``b_inv`` = B^-1; ``gain`` = K; ``closed`` = A - K I propagates deviations;
     ``exposed`` is the share of a step's wind error that feedback leaves, 1 without it; ``effort`` is the
-    quantile r / √λ of :func:`~pareto_ltl.kernels.propagation.airspeed_left`, which reserves airspeed for
+    quantile r / √λ of :func:`~pareto_ltl.kernels.motion.airspeed_left`, which reserves airspeed for
     feedback; ``ball`` is the radius of the maximum-trace rule in standard deviations.
     """
 
@@ -312,30 +312,27 @@ class FlightErrors(NamedTuple):
 
 
 class CoherentMemory(NamedTuple):
-    """Row v is the input for the children of vertex v: ``theta`` (N, 2, 2, P) = Cov(e, θ)."""
+    """Row t is the input for step t + 1: ``theta`` (T+1, 2, 2, P) = Cov(e, θ)."""
 
     theta: Float32Array
 
 
 class LandmarkMemory(NamedTuple):
-    """Row v is the input for the children of vertex v.
+    """Row t is the input for step t + 1.
 
-    ``at`` (N, 2) is the mean of vertex v [m], ``chance`` (N,) the probability of the fix that it counts on, 0
-    for none; ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃); ``known`` (N, 3) = Cov(ê); ``fix`` (N,): number of the last
-    fix, -1 for none; ``faded`` (N, G): its factor s of :mod:`~pareto_ltl.kernels.fixes`. Fix f has ``gain``
-    (M, 2, 2, P) = D, the fix before it ``previous`` (M,), and the factor ``share`` (M, G) of that one at the
-    time of f. ``used`` (1,) is the number of fixes stored. ``errors`` are the robot's errors, along a path
-    only: trees grow without them (Q = 0).
+    ``at`` (N, 2) is the mean [m], ``chance`` (N,) the probability of the fix that it counts on, 0 for none;
+    ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃); ``known`` (N, 3) = Cov(ê); ``faded`` (N, G): factor s of the last fix
+    (:mod:`~pareto_ltl.kernels.fixes`). Fix f has ``gain`` (M, 2, 2, P) = D and the factor ``share`` (M, G) of
+    the fix before it at the time of f. ``used`` (1,) is the number of fixes stored. ``errors`` are the
+    robot's errors.
     """
 
     at: FloatArray
     chance: FloatArray
     theta: Float32Array
     known: FloatArray
-    fix: IntArray
     faded: FloatArray
     gain: Float32Array
-    previous: IntArray
     share: FloatArray
     used: IntArray
     errors: FlightErrors

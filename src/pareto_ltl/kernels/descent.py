@@ -19,8 +19,8 @@ from pareto_ltl.kernels.interpolation import wind_slopes
 from pareto_ltl.kernels.jit import by_type, entry, implements, kernel, shared_entry
 from pareto_ltl.kernels.margin import Slope, smoothed_failure
 from pareto_ltl.kernels.margin_events import MarginModel, Scratch
+from pareto_ltl.kernels.motion import least_airspeed
 from pareto_ltl.kernels.path import Flight, propagate_flight
-from pareto_ltl.kernels.propagation import least_airspeed
 from pareto_ltl.kernels.step_solver import MOST, StepModel, Work, X, solve_step
 from pareto_ltl.support.arrays import FloatArray, IntArray
 

@@ -11,7 +11,7 @@ before, with the remaining Cov(θ),
 where s_f is the product of ρ since fix f, one for each part of the error, and p_f the probability that the
 robot is inside the landmark. The update with the weight p is the expected covariance of a filter whose
 measurement arrives with that probability (Sinopoli et al., IEEE Trans. Automat. Contr. 49, 2004,
-doi:10.1109/TAC.2004.834121). It is smooth in the path, and the Gaussian that trees, corridors and chance
+doi:10.1109/TAC.2004.834121). It is smooth in the path, and the Gaussian that corridors and chance
 constraints see; the failure rate of a plan comes from flights whose filters take each fix or not
 (:mod:`pareto_ltl.kernels.navigator`).
 """
@@ -36,6 +36,7 @@ from pareto_ltl.kernels.data import (
 from pareto_ltl.kernels.gaussian import FixWeights, fix_weights
 from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.jit import implements, kernel, vector
+from pareto_ltl.kernels.motion import scaled_cov
 from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.kernels.propagation import (
     advance,
@@ -43,7 +44,6 @@ from pareto_ltl.kernels.propagation import (
     clear_theta,
     closed_loop,
     forget,
-    scaled_cov,
 )
 from pareto_ltl.kernels.robot_errors import (
     add_errors,
@@ -157,7 +157,6 @@ def _forget_fixes(_law: LandmarkLaw, memory: LandmarkMemory) -> None:
     clear_theta(memory.theta)
     memory.known[0, 0], memory.known[0, 1], memory.known[0, 2] = 0.0, 0.0, 0.0
     memory.at[0, 0], memory.at[0, 1], memory.chance[0] = 0.0, 0.0, 0.0
-    memory.fix[0] = -1
     keep_shares(memory.faded, 0, UNFADED)
     memory.used[0] = 0
     begin_errors(memory.errors)
@@ -170,18 +169,17 @@ def _advance_with_fixes(
     motion, marks, at = law.motion, law.landmarks, here.mean
     known = Cov(memory.known[row, 0], memory.known[row, 1], memory.known[row, 2])
     unknown = without(here.cov, known)
-    fix, faded = memory.fix[row], shares_of(memory.faded, row)
+    faded = shares_of(memory.faded, row)
     begin = Point(memory.at[row, 0], memory.at[row, 1]) if step > 0 else at
     memory.at[target, 0], memory.at[target, 1], memory.chance[target] = at.x, at.y, 0.0
     if row != target:
         copy_theta(memory.theta, row, target)
     sight = likely_sight(marks, begin, here)
-    if sight.chance > 0.0 and memory.used[0] < len(memory.previous):
+    if sight.chance > 0.0 and memory.used[0] < len(memory.gain):
         error = fix_error(law, step, sight, at)
         if sight.chance * variance_gained(unknown, error) > WORTHWHILE * (unknown.xx + unknown.yy):
             f = memory.used[0]
             memory.used[0] += 1
-            memory.previous[f] = fix
             memory.chance[target] = sight.chance
             keep_shares(memory.share, f, faded)
             weights = fix_weights(unknown, error)
@@ -190,13 +188,12 @@ def _advance_with_fixes(
             gained = covariance_gained(weights.gain, unknown, sight.chance)
             known = Cov(known.xx + gained.xx, known.xy + gained.xy, known.yy + gained.yy)
             unknown = without(unknown, gained)
-            fix, faded = f, UNFADED
+            faded = UNFADED
     mean, cov = carry(law, step, Gaussian(at, unknown), memory.theta, target, target)
     cov = add_errors(memory.errors, motion, step, closed_loop(law, step, at), mean, cov)
-    steered = steer_against(law, memory, step, at, fix, faded, target)
+    steered = steer_against(law, memory, step, at, faded, target)
     after = known_after(closed_loop(law, step, at), marks.gain, known)
     memory.known[target, 0], memory.known[target, 1], memory.known[target, 2] = after
-    memory.fix[target] = fix
     keep_shares(memory.faded, target, faded_by(faded, law.modes.keep, step + 1))
     against = scaled_cov(motion.dt * motion.dt, steered)
     total = Cov(
@@ -283,19 +280,19 @@ def covariance_gained(gain: Linear, unknown: Cov, chance: float) -> Cov:
 
 @kernel
 def steer_against(
-    law: LandmarkLaw, memory: LandmarkMemory, step: int, at: Point, fix: int, faded: Shares, target: int
+    law: LandmarkLaw, memory: LandmarkMemory, step: int, at: Point, faded: Shares, target: int
 ) -> Cov:
     """Subtract the wind and the robot's errors that are known from fixes from row ``target`` of ``theta``.
 
-    Returns the covariance of the velocity by what is known [m²/s²]. Fixes are visited backwards from ``fix``,
-    with factors ``faded``.
+    Returns the covariance of the velocity by what is known [m²/s²]. Fixes are visited backwards from the last
+    one, whose factors are ``faded``.
 
     Eq. (M28) of docs/mathematics.md.
     """
     modes, dt = law.modes, law.motion.dt
     kept, square = modes.kept[step + 1], mode_square(modes, at)
     xx, xy, yy = 0.0, 0.0, 0.0
-    f, s = fix, faded
+    f, s = memory.used[0] - 1, faded
     lasting = len(memory.errors.law.mean) > 0  # the robot's errors do not fade
     while f >= 0 and (lasting or max(s[0], s[1], s[2], s[3], s[4]) > FADED):
         for r in range(2):
@@ -307,7 +304,7 @@ def steer_against(
             subtract_fix(memory.theta[target, 0], memory.gain[f, r], dt * e, kept, modes.part, s)
             subtract_fix(memory.theta[target, 1], memory.gain[f, r], dt * n, kept, modes.part, s)
             subtract_errors(memory.errors, step, f, r, dt * e, dt * n)
-        s, f = faded_by(s, memory.share, f), memory.previous[f]
+        s, f = faded_by(s, memory.share, f), f - 1
     return Cov(xx, xy, yy)
 
 

@@ -8,13 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
+from pareto_ltl.kernels.collision_risk import step_is_clear
 from pareto_ltl.kernels.data import Gaussian, Logic, Point
 from pareto_ltl.kernels.dijkstra import Product, find_lead
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.jit import entry, inlined, kernel
 from pareto_ltl.kernels.letters import epoch_at, next_state, too_late
+from pareto_ltl.kernels.mission_risk import visit_risk
+from pareto_ltl.kernels.motion import airspeed, least_airspeed
 from pareto_ltl.kernels.neighbours import kd_nearest
-from pareto_ltl.kernels.propagation import airspeed, forget, least_airspeed
 from pareto_ltl.kernels.tree import (
     ACCEPTED,
     AGE,
@@ -30,22 +32,18 @@ from pareto_ltl.kernels.tree import (
     WINDBOUND,
     Search,
     add_vertex,
+    appraise,
     choose_parent,
     distance,
     file_vertex,
     in_time,
+    keeps_distance,
     look_ahead,
     note_swap,
     passed,
     propose,
     steer,
     vertex_point,
-)
-from pareto_ltl.kernels.tree_models import (
-    appraise_collision,
-    appraise_mission,
-    plant_collision,
-    plant_mission,
 )
 from pareto_ltl.support.arrays import FloatArray, IntArray
 
@@ -86,8 +84,8 @@ def extend(s: Search, v: int, target: Point, until: int, limit: int, rng: Genera
     Returns the last vertex. Before step ``until`` the robot hovers, if it can. A vertex that waits keeps its
     parent, since a shorter path to the same position would arrive too early again.
     """
-    world, tree, state = s.world, s.tree, s.state
-    cells, logic, tally, best = world.mission.cells, world.mission.logic, state.tally, int(np.int64(BEST))
+    world, tree, tally, best = s.world, s.tree, s.state.tally, int(np.int64(BEST))
+    cells, logic = world.mission.cells, world.mission.logic
     while tally[VERTICES] < limit:
         start, free = vertex_point(tree, v), Point(tree.free[v, 0], tree.free[v, 1])
         there, moved = steer(world.law.motion, start, free, tree.speed[v], target)
@@ -110,10 +108,10 @@ def extend(s: Search, v: int, target: Point, until: int, limit: int, rng: Genera
             tally[BEYOND] += 1
             return v
         new = propose(s, v, there, cell, q, best)
-        if not appraise_collision(world.collision, tree, state, new):
+        if not keeps_distance(s, new):
             tally[BLOCKED] += 1
             return v
-        appraise_mission(world.mission, tree, state, new)
+        appraise(s, new)
         length = tree.length[v] + distance(start, there)
         parent = v
         if s.settings.reselect and not waits:
@@ -250,15 +248,15 @@ def plant(s: Search, here: Gaussian, rng: Generator) -> bool:
     tree.length[0] = 0.0
     tree.child[0, 0], tree.child[0, 1] = -1, -1
     tree.spread[-1, 0], tree.spread[-1, 1], tree.spread[-1, 2] = here.cov
-    forget(world.law, tree.memory)
-    if not plant_collision(world.collision, tree, here):
+    if not step_is_clear(world.collision, here, here):
         return False
-    plant_mission(world.mission, tree, state, here)
+    for atom in range(tree.risk.shape[1]):
+        tree.risk[0, atom] = visit_risk(world.mission, world.mission.logic.epoch[0], atom, cell, here, -1.0)
     state.tally[VERTICES] = 1
     if world.mission.logic.distance[q] == 0.0:
         state.tally[ACCEPTED] = 1
     if len(world.law.wind.slot) > 0:
-        look_ahead(s, root, root, here.cov)
+        look_ahead(s, root, here.cov)
     file_vertex(s, root, rng)
     return True
 

@@ -28,16 +28,6 @@ STEP_WORTH = 0.25  # weight of one transition to acceptance against V when entri
 
 
 @kernel
-def live_value(bound: Ordered, rows: LiveRows, row: int, p: int) -> float:
-    """V(p) of a row."""
-    covers, best = bound.logic.covers, 1.0
-    for k in range(rows.first[row], rows.first[row] + rows.size[row]):
-        if rows.value[k] < best and covers[rows.state[k], p]:
-            best = rows.value[k]
-    return best
-
-
-@kernel
 def begin_bound(bound: Ordered, rows: LiveRows, row: int) -> None:
     """V(p) before the first letter: 0 if the initial state accepts all that p accepts, else 1.
 
@@ -237,15 +227,6 @@ def keep_useful(bound: Ordered, rows: LiveRows, first: int, count: int) -> int:
             if kept == rows.most:
                 break
     return kept
-
-
-@kernel
-def copy_entries(rows: LiveRows, row: int, to: LiveRows, target: int) -> None:
-    """Copy the entries of a row to another one."""
-    source, goal = rows.first[row], to.first[target]
-    to.size[target] = rows.size[row]
-    for k in range(rows.size[row]):
-        to.state[goal + k], to.value[goal + k] = rows.state[source + k], rows.value[source + k]
 
 
 @allocating

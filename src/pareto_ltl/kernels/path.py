@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from pareto_ltl.kernels import fixes  # noqa: F401 - the code of the law with landmarks
-from pareto_ltl.kernels.bounds import CollisionMemory, World
+from pareto_ltl.kernels.bounds import World
 from pareto_ltl.kernels.collision_risk import step_allowed
 from pareto_ltl.kernels.data import (
     CoherentLaw,
@@ -22,15 +22,8 @@ from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.interpolation import corner_weights, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.jit import allocating, by_type, entry, implements, kernel
 from pareto_ltl.kernels.letters import next_state
-from pareto_ltl.kernels.propagation import (
-    advance,
-    airspeed,
-    closed_loop,
-    forget,
-    least_airspeed,
-    left_time,
-    white_variance,
-)
+from pareto_ltl.kernels.motion import airspeed, least_airspeed, left_time
+from pareto_ltl.kernels.propagation import advance, closed_loop, forget, white_variance
 from pareto_ltl.kernels.robot_errors import begin_errors, set_control, start_covariance, with_errors
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 
@@ -160,19 +153,12 @@ def propagate_flight(law: Law, flight: Flight, variance: float, steered: bool) -
 
 @allocating
 def check_path(
-    world: World,
-    flight: Flight,
-    known: int,
-    fast: float,
-    memory: CollisionMemory,
-    q: IntArray,
-    cell: IntArray,
+    world: World, flight: Flight, known: int, fast: float, q: IntArray, cell: IntArray
 ) -> tuple[int, int]:
     """The first constraint that a path breaks, ``FLOWN`` for none, and the step where it does.
 
     The path was propagated for ``known`` steps. Fills ``q`` and ``cell`` (T+1,) up to that step. ``fast`` is
-    the factor by which the airspeed may exceed its limits, ``memory`` two rows of memory of the collision
-    bound.
+    the factor by which the airspeed may exceed its limits.
     """
     motion, x, free = world.law.motion, flight.x, flight.free
     cells, logic = world.mission.cells, world.mission.logic
@@ -198,7 +184,7 @@ def check_path(
             start, end = before.mean, here.mean
             state = next_state(cells, logic, t, state, start, cell[t - 1], end, cell[t])
         q[t] = state
-        if not step_allowed(world.collision, memory, t, before, here):
+        if not step_allowed(world.collision, before, here):
             return CROSSING, t
         before = here
     return FLOWN, len(x) - 1

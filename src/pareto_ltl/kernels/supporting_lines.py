@@ -123,6 +123,10 @@ def best_line(polygons: Corners, j: int, here: Gaussian, there: Gaussian, least:
         return best_edge(polygons, j, here, there, least)
     from_here = line_of(polygons, j, c0.x, c0.y, here, there, least)
     from_there = line_of(polygons, j, c1.x, c1.y, here, there, least)
+    if is_best(from_here, here, there, least):
+        return from_here
+    if is_best(from_there, there, here, least):
+        return from_there
     best = from_here if from_here.z >= from_there.z else from_there
     angle = math.atan2(from_here.north, from_here.east)
     turn = math.atan2(
@@ -139,6 +143,16 @@ def best_line(polygons: Corners, j: int, here: Gaussian, there: Gaussian, least:
         if edge.z > best.z:
             return edge
     return best
+
+
+@kernel
+def is_best(line: Line, own: Gaussian, other: Gaussian, least: float) -> bool:
+    """Whether the other end is as far beyond ``line``, the best one for its own end, as that end is.
+
+    No line is then farther from the nearer end: it is needless to search between the normals of both ends.
+    """
+    first = deviations(line.east, line.north, line.offset, own, least)
+    return first >= 0.0 and deviations(line.east, line.north, line.offset, other, least) >= first
 
 
 @kernel

@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
-from pareto_ltl.kernels import fixes  # noqa: F401 - the code of the law with landmarks
-from pareto_ltl.kernels.bounds import World
-from pareto_ltl.kernels.data import Cov, Gaussian, Logic, Memory, Motion, Point
+from pareto_ltl.kernels.bounds import StepBound, Theorem2
+from pareto_ltl.kernels.collision_risk import step_is_clear
+from pareto_ltl.kernels.data import Cov, Gaussian, IndependentLaw, Logic, Motion, Point
 from pareto_ltl.kernels.dijkstra import Heap
 from pareto_ltl.kernels.jit import inlined, kernel
-from pareto_ltl.kernels.letters import next_state, too_late
+from pareto_ltl.kernels.letters import epoch_at, next_state, too_late
+from pareto_ltl.kernels.mission_risk import visit_risk
+from pareto_ltl.kernels.motion import airspeed, independent_step, least_airspeed
 from pareto_ltl.kernels.neighbours import Bins, bin_of, kd_insert, remember
-from pareto_ltl.kernels.parents import Candidate, collision_limit, put_first, rank_parent
-from pareto_ltl.kernels.propagation import advance, airspeed, least_airspeed
-from pareto_ltl.kernels.tree_models import (
-    Proposal,
-    Rivals,
-    collision_column,
-    judge_candidate,
-    keep_collision,
-    keep_mission,
-    largest_risk,
-)
+from pareto_ltl.kernels.parents import Candidate, Dominance, improves
 from pareto_ltl.support.arrays import FloatArray, Int32Array, IntArray
 
 ROUNDING = 1.0 + 1e-9  # a full step may exceed u_max by this factor and no more
@@ -45,9 +37,7 @@ class Vertices(NamedTuple):
     [m²] one step later with zero airspeed. They do not depend on the control, so a child needs no wind.
     The last row of ``spread``, of parent -1, is the covariance of the root. ``length`` (N,): of the path from
     the root [m]. ``speed`` (N,): airspeed left for the control [m/s]. ``child`` (N, 2): children in the k-d
-    tree of the vertex's state. ``risk`` (N, columns): objectives besides length, first of the mission bound,
-    then of the collision bound. ``memory``, ``mission`` and ``collision`` are the memories of the law and of
-    the bounds, None or without rows if they need none.
+    tree of the vertex's state. ``risk`` (N, P): f_o^i of Theorem 1, -1 before the first visit.
     """
 
     x: FloatArray
@@ -61,9 +51,6 @@ class Vertices(NamedTuple):
     cell: Int32Array
     child: Int32Array
     speed: FloatArray
-    memory: Memory
-    mission: Any
-    collision: Any
 
 
 class TreeState(NamedTuple):
@@ -77,13 +64,18 @@ class TreeState(NamedTuple):
     heap: Heap
     bins: Bins  # candidate parents, by square and automaton state
     pool: IntArray  # (near, 2) scratch: candidate parents, and the automaton state of the child of each
-    ranks: FloatArray  # (near,) scratch: the least rank is tried first
-    swaps: FloatArray  # (S, 2, 2 + columns) record of re-selections, S may be 0
+    swaps: FloatArray  # (S, 2, 2 + P) record of re-selections, S may be 0
     tally: IntArray  # (TALLIES,)
     stack: FloatArray  # (depth, 4)
-    risks: FloatArray  # (3, columns) scratch: with the proposed, the best and the original parent
-    mission: Any  # two scratch rows of memory of the mission bound
-    collision: Any  # two scratch rows of memory of the collision bound
+    risks: FloatArray  # (3, P) scratch: with the proposed, the best and the original parent
+
+
+class TreeModels(NamedTuple):
+    """The models of the paper, in which all trees grow: the wind law, f_o of Theorem 2, and Eq. (10)."""
+
+    law: IndependentLaw
+    mission: Theorem2
+    collision: StepBound
 
 
 class GrowthSettings(NamedTuple):
@@ -94,7 +86,7 @@ class GrowthSettings(NamedTuple):
     per_metre: float
     columns: int
     rows: int
-    rule: Any  # parents.Dominance or parents.Scaled
+    rule: Dominance
     reselect: bool
     explore: float
     refresh: int
@@ -103,9 +95,9 @@ class GrowthSettings(NamedTuple):
 
 
 class Search(NamedTuple):
-    """One tree, with the problem, its state and the settings of growth."""
+    """One tree, with the models, its state and the settings of growth."""
 
-    world: World
+    world: TreeModels
     tree: Vertices
     state: TreeState
     settings: GrowthSettings
@@ -200,11 +192,39 @@ def in_time(s: Search, step: int, q: int) -> bool:
     return step < last or (step == last and s.world.mission.logic.distance[q] == 0.0)
 
 
+class Proposal(NamedTuple):
+    """A proposed child of ``parent`` at ``there``, in ``cell`` and automaton state ``q``; scratch ``row``."""
+
+    parent: int
+    there: Gaussian
+    cell: int
+    q: int
+    row: int
+
+
 @inlined
 def propose(s: Search, parent: int, there: Point, cell: int, q: int, row: int) -> Proposal:
     """A child of ``parent`` at ``there``, whose risks will be computed in scratch row ``row``."""
     here = Gaussian(there, child_covariance(s.tree, parent))
     return Proposal(parent, here, cell, q, row)
+
+
+@kernel
+def keeps_distance(s: Search, new: Proposal) -> bool:
+    """Whether the step to a proposed child satisfies the chance constraint, Eq. (10)."""
+    tree, parent = s.tree, new.parent
+    here = Gaussian(vertex_point(tree, parent), child_covariance(tree, tree.parent[parent]))
+    return bool(step_is_clear(s.world.collision, here, new.there))
+
+
+@kernel
+def appraise(s: Search, new: Proposal) -> None:
+    """Compute f_o^i of a proposed child, in row ``new.row`` of the scratch."""
+    bound, risks = s.world.mission, s.state.risks
+    e = epoch_at(bound.logic.epoch, int(s.tree.step[new.parent]) + 1)
+    for atom in range(risks.shape[1]):
+        before = s.tree.risk[new.parent, atom]  # -1: not visited yet, T_i is empty
+        risks[new.row, atom] = visit_risk(bound, e, atom, new.cell, new.there, before)
 
 
 # --- storing a vertex -------------------------------------------------------------------------
@@ -216,7 +236,7 @@ def add_vertex(
 ) -> int:  # fmt: skip
     """Store a vertex and the data that its children need; return its number.
 
-    Its risks and memory are taken from the scratch rows ``BEST``.
+    Its risks are taken from the scratch row ``BEST``.
     """
     world, tree, state, best = s.world, s.tree, s.state, int(np.int64(BEST))
     v = int(state.tally[VERTICES])
@@ -227,22 +247,20 @@ def add_vertex(
     for i in range(tree.risk.shape[1]):
         tree.risk[v, i] = state.risks[best, i]
     tree.child[v, 0], tree.child[v, 1] = -1, -1
-    keep_mission(world.mission, state, best, tree.mission, v)
-    keep_collision(world.collision, state, best, tree.collision, v)
     if world.mission.logic.distance[q] == 0.0:
         state.tally[ACCEPTED] += 1
         return v
-    look_ahead(s, v, parent, child_covariance(tree, parent))
+    look_ahead(s, v, child_covariance(tree, parent))
     file_vertex(s, v, rng)
     return v
 
 
 @inlined
-def look_ahead(s: Search, v: int, parent: int, cov: Cov) -> None:
+def look_ahead(s: Search, v: int, cov: Cov) -> None:
     """Store mean, covariance and airspeed left one step after ``v``, whose covariance is ``cov``."""
     tree = s.tree
     step = int(np.int64(tree.step[v]))  # one type, or every helper compiles twice
-    ahead = advance(s.world.law, tree.memory, step, Gaussian(vertex_point(tree, v), cov), parent, v)
+    ahead = independent_step(s.world.law, step, Gaussian(vertex_point(tree, v), cov))
     tree.free[v, 0], tree.free[v, 1] = ahead.mean
     tree.speed[v] = ahead.speed
     tree.spread[v, 0], tree.spread[v, 1], tree.spread[v, 2] = ahead.cov
@@ -318,27 +336,30 @@ def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) ->
 
     A candidate must satisfy (11) and (12) against the original parent and (12) against the best one so far;
     if each were compared only with the last one, the result could be dominated by the original. The scratch
-    rows ``BEST`` hold the original parent's on entry and the chosen parent's on return.
+    row ``BEST`` holds the original parent's risks on entry and the chosen parent's on return.
+
+    Eq. (M44) of docs/mathematics_methods.md.
     """
     world, tree, state, rule = s.world, s.tree, s.state, s.settings.rule
     logic, there = world.mission.logic, first.there.mean
     proposed, best_row, old_row = int(np.int64(PROPOSED)), int(np.int64(BEST)), int(np.int64(ORIGINAL))
-    for i in range(state.risks.shape[1]):
-        state.risks[old_row, i] = state.risks[best_row, i]
+    copy_risks(state.risks, best_row, old_row)
     original = Candidate(logic.distance[first.q], length0, old_row)
     best, best_q, best_length = first.parent, first.q, length0
-    count = shortlist(s, first, length0, gather_parents(s, there, first.cell, first.q, rng))
-    for k in range(put_first(rule, state.pool, state.ranks, count)):
+    for k in range(shortlist(s, first, length0, gather_parents(s, there, first.cell, first.q, rng))):
         near, q = state.pool[k, 0], state.pool[k, 1]
         length = tree.length[near] + distance(vertex_point(tree, near), there)
         new = propose(s, near, there, first.cell, q, proposed)
-        rivals = Rivals(
-            rule, Candidate(logic.distance[q], length, proposed), original,
-            Candidate(logic.distance[best_q], best_length, best_row), best == first.parent,
-        )  # fmt: skip
-        if judge_candidate(world.collision, world, tree, state, new, rivals):
+        appraise(s, new)
+        candidate = Candidate(logic.distance[q], length, proposed)
+        if not improves(rule, state.risks, candidate, original, False):
+            continue
+        so_far = Candidate(logic.distance[best_q], best_length, best_row)
+        if best != first.parent and not improves(rule, state.risks, candidate, so_far, True):
+            continue
+        if keeps_distance(s, new):  # last: most candidates are rejected before
             best, best_q, best_length = near, q, length
-            adopt_proposal(s)
+            copy_risks(state.risks, proposed, best_row)
     return best, best_q, best_length
 
 
@@ -346,16 +367,14 @@ def choose_parent(s: Search, first: Proposal, length0: float, rng: Generator) ->
 def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
     """Move the candidates among the first ``count`` that can be parents to the front of the pool.
 
-    Returns their number. The automaton state of the new vertex and the rank are stored for each.
+    Returns their number. The automaton state of the new vertex is stored for each.
     """
     world, tree, state, rule = s.world, s.tree, s.state, s.settings.rule
     logic, motion, there, found = world.mission.logic, world.law.motion, first.there.mean, 0
-    risk = collision_column(world.collision, state.risks, int(np.int64(BEST)))
-    most = collision_limit(rule, risk, largest_risk(world.collision))
     longest = length0 + rule.beta_length
     for k in range(count):
         near = state.pool[k, 0]
-        if near == first.parent or collision_column(world.collision, tree.risk, near) > most:
+        if near == first.parent:
             continue
         at = vertex_point(tree, near)
         length = tree.length[near] + distance(at, there)
@@ -372,19 +391,15 @@ def shortlist(s: Search, first: Proposal, length0: float, count: int) -> int:
         if not in_time(s, step, q):
             continue
         state.pool[found, 0], state.pool[found, 1] = near, q
-        state.ranks[found] = rank_parent(rule, tree.risk, Candidate(logic.distance[q], length, near))
         found += 1
     return found
 
 
 @inlined
-def adopt_proposal(s: Search) -> None:
-    """Copy the scratch rows of the proposal to the rows of the best parent so far."""
-    state, best, proposed = s.state, int(np.int64(BEST)), int(np.int64(PROPOSED))
-    for i in range(state.risks.shape[1]):
-        state.risks[best, i] = state.risks[proposed, i]
-    keep_mission(s.world.mission, state, proposed, state.mission, best)
-    keep_collision(s.world.collision, state, proposed, state.collision, best)
+def copy_risks(risks: FloatArray, row: int, target: int) -> None:
+    """Copy one scratch row of ``risks`` to another."""
+    for i in range(risks.shape[1]):
+        risks[target, i] = risks[row, i]
 
 
 @inlined

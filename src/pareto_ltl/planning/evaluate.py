@@ -12,7 +12,7 @@ import numpy as np
 
 from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.planning.pack_logic import PATH_LIVE, empty_letters, helpful_delta, live_rows
+from pareto_ltl.planning.pack_logic import empty_letters, helpful_delta, live_rows
 from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons, errors_of
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray, square_matrices
@@ -34,7 +34,6 @@ FAULTS = (
 )
 
 EXPECTED = 0.5  # probability of a fix from which on a plan names it
-MOST_RUNS = 16  # runs of steps stored at a time; the cheapest are dropped, which can only make R larger
 
 # --- memory of the models ---------------------------------------------------------------------
 
@@ -48,8 +47,7 @@ def _landmark_memory(law: kd.LandmarkLaw, rows: int) -> kd.LandmarkMemory:
     return kd.LandmarkMemory(
         at=np.zeros((rows, 2)), chance=np.zeros(rows),
         theta=np.zeros((rows, 2, 2, modes), np.float32), known=np.empty((rows, 3)),
-        fix=np.full(rows, -1, np.int64), faded=np.ones((rows, law.modes.keep.shape[1])),
-        gain=np.empty((rows, 2, 2, modes), np.float32), previous=np.empty(rows, np.int64),
+        faded=np.ones((rows, law.modes.keep.shape[1])), gain=np.empty((rows, 2, 2, modes), np.float32),
         share=np.empty((rows, law.modes.keep.shape[1])), used=np.zeros(1, np.int64),
         errors=errors_along(kd.EXACT, np.empty((1, 2)), np.empty((0, 2)), 0),
     )  # fmt: skip
@@ -71,25 +69,9 @@ LAW_MEMORY: dict[type, Callable[[Any, int], kd.Memory]] = {
 }
 
 
-def _path_runs(bound: kb.PathBound, rows: int) -> kb.PathMemory:
-    runs = min(len(bound.barriers.ptr) - 1, MOST_RUNS)
-    return kb.PathMemory(np.full((rows, runs), -1, np.int32), np.empty((rows, runs, 3), np.float32))
-
-
-COLLISION_MEMORY: dict[type, Callable[[Any, int], kb.CollisionMemory]] = {
-    kb.StepBound: lambda _bound, _rows: None,
-    kb.PathBound: _path_runs,
-}
-
-
 def law_memory(law: kd.Law, rows: int) -> kd.Memory:
-    """Arrays of a wind law for ``rows`` vertices or steps; None for the independent law."""
+    """Arrays of a wind law for ``rows`` steps; None for the independent law."""
     return LAW_MEMORY[type(law)](law, rows)
-
-
-def collision_memory(bound: kb.CollisionBound, rows: int) -> kb.CollisionMemory:
-    """Arrays of a collision bound for ``rows`` vertices or steps; None for the step bound."""
-    return COLLISION_MEMORY[type(bound)](bound, rows)
 
 
 # --- one pass ---------------------------------------------------------------------------------
@@ -247,9 +229,8 @@ def _flown_until(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
 
     n, world = len(flight.x), judged_world(problem)
     q, cell = np.empty(n, np.int64), np.empty(n, np.int64)
-    memory = collision_memory(world.collision, 2)
     known = min(n - 1, len(problem.wind.slot))
-    fault, where = kernel.check_path(world, flight, known, fast, memory, q, cell)
+    fault, where = kernel.check_path(world, flight, known, fast, q, cell)
     return q, cell, int(fault), int(where)
 
 
@@ -297,7 +278,7 @@ def ordered_mission_risk(problem: Problem, flight: Flight) -> float:
     """
     from pareto_ltl.kernels.ordered_bound import ordered_risk
 
-    rows, letters = live_rows(problem.ordered, 2, PATH_LIVE), empty_letters(problem.ordered)
+    rows, letters = live_rows(problem.ordered), empty_letters(problem.ordered)
     return float(ordered_risk(problem.ordered, rows, letters, flight.x, flight.cov))
 
 

@@ -1,37 +1,33 @@
 """Trees of one run: Algorithm 1, ten times in parallel with different slack (Section IV-C).
 
-The first tree has beta = 0, so that a parent is only exchanged for one that dominates it (Theorem 4); the
-others draw beta at random. Each tree has a separate child of the root seed, so the forest does not depend on
-the number of threads.
+Trees grow by the models of the paper whatever the models of the plan: they are starts, and what V, R, modes
+of the wind and position fixes say is computed for paths. The first tree has beta = 0, so that a parent is
+only exchanged for one that dominates it (Theorem 4); the others draw beta at random. Each tree has a separate
+child of the root seed, so the forest does not depend on the number of threads.
 """
 
 from __future__ import annotations
 
-import logging
-import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import growth as kernel
 from pareto_ltl.kernels import tree as kt
 from pareto_ltl.kernels.dijkstra import Product
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.kernels.neighbours import Bins
-from pareto_ltl.kernels.parents import Dominance, Scaled
-from pareto_ltl.planning.evaluate import collision_memory, judged_world, law_memory
-from pareto_ltl.planning.pack_logic import empty_letters, live_rows, tree_rows
-from pareto_ltl.planning.problem import Problem, start_breach, start_risk
+from pareto_ltl.kernels.parents import Dominance
+from pareto_ltl.planning.problem import Problem, start_breach
 from pareto_ltl.planning.product_graph import cell_fans, empty_heap, product_graph
 from pareto_ltl.planning.records import Forest, Tree
+from pareto_ltl.planning.tree_models import tree_models
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
@@ -40,11 +36,9 @@ from pareto_ltl.support.machine import cores, require_memory
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.world.windows import missed_windows
 
-LOG = logging.getLogger(__name__)
 ITERATIONS_PER_VERTEX = 50  # growth ends after this many extensions for each vertex of planner.n_max
 LOOK = 0.02  # [s] between two checks of the time limits
 GROWTH_SHARE = 0.2  # share of a time budget after which growth ends
-SCALED_SLACK = 1.0  # slack on risks of the scaled rule is a factor drawn between 1 and 1 plus this
 PACKED_BYTES = 80  # a vertex of a tree that has ended: its 64-bit copies and its share of the archive
 CAPACITY = 8  # vertices that a square keeps as possible parents, for each automaton state
 # Columns of 64 bytes in all, one cache line (_cache_lines).
@@ -100,6 +94,7 @@ class GrowthTask:
 
     cfg: PlannerConfig
     problem: Problem
+    models: kt.TreeModels
     graph: Product
     fans: Fans
 
@@ -119,7 +114,7 @@ class Grove:
     """The trees of a run.
 
     A tree is planted when its turn comes, and packed when it ends: what only growth needs is in memory for as
-    many trees as there are threads. Ten trees of 10^6 vertices need 2.3 instead of 8.4 GB with full models.
+    many trees as there are threads.
     """
 
     task: GrowthTask
@@ -156,81 +151,6 @@ class Grove:
             tree.tally[kt.ENDED] = 1
 
 
-# --- parents ----------------------------------------------------------------------------------
-
-
-def _dominance(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> Dominance:
-    beta = _slack(cfg, problem, number, rng)
-    return Dominance(float(beta[0]), float(beta[1]))
-
-
-def _scaled(
-    cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator, *, scored: bool = False
-) -> Scaled:
-    beta = _slack(cfg, problem, number, rng)
-    factor = SCALED_SLACK / cfg.beta_risk if cfg.beta_risk > 0 else 0.0
-    weight = rng.dirichlet(np.ones(3)) if scored else np.full(3, 1.0 / 3.0)
-    per_length = 1.0 / float(np.hypot(*(problem.scene.bounds[1] - problem.scene.bounds[0])))
-    missions = mission_columns(problem)
-    return Scaled(float(beta[0]), float(beta[1] * factor), weight, per_length, missions, scored)
-
-
-def _mixed(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> Scaled:
-    return _scaled(cfg, problem, number, rng, scored=number % 2 == 1)  # half of the trees
-
-
-RULE_MAKERS: dict[str, Callable[..., Dominance | Scaled]] = {
-    "dominance": _dominance, "scaled": _scaled, "tchebycheff": partial(_scaled, scored=True), "mixed": _mixed,
-}  # fmt: skip
-
-
-def _slack(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> FloatArray:
-    """Slack of Eq. (11) for the length [m] and for risks; none for the first tree."""
-    draws = rng.random(2)
-    return np.zeros(2) if number == 0 else draws * [cfg.beta_length * problem.reach, cfg.beta_risk]
-
-
-# --- rows of the models -----------------------------------------------------------------------
-
-
-def mission_columns(problem: Problem) -> int:
-    """Columns of ``Tree.risk`` that hold mission risk: one per proposition (f_o), or only V."""
-    return {kb.Theorem2: len(problem.atoms), kb.Ordered: 1}[type(problem.world.mission)]
-
-
-def _mission_rows(problem: Problem, rows: int) -> kb.OrderedMemory | None:
-    """Arrays for what the mission bound stores for the vertices of a tree; None for Theorem 2."""
-    if isinstance(problem.world.mission, kb.Theorem2):
-        return None
-    return kb.OrderedMemory(tree_rows(problem.ordered, rows), np.empty(0, np.int64), None)
-
-
-def _mission_scratch(problem: Problem) -> kb.OrderedMemory | None:
-    """Two scratch rows of the mission bound, in which candidate vertices are evaluated."""
-    if isinstance(problem.world.mission, kb.Theorem2):
-        return None
-    rows, letters = live_rows(problem.ordered, 2), empty_letters(problem.ordered)
-    return kb.OrderedMemory(rows, np.full(2, -1, np.int64), letters)
-
-
-def _for_trees(cfg: PlannerConfig, problem: Problem) -> Problem:
-    """The problem as trees use it: the path bound limits single steps, and R is an objective without limit.
-
-    A path of a tree is not straight: its R is several times the R of the same path after smoothing. Only
-    finished paths are held to planner.delta. Where the start breaks planner.epsilon, so does every path, and
-    trees for flights grow without that limit.
-    """
-    bound = problem.world.collision
-    if start_risk(problem) > problem.epsilon:
-        if problem.fidelity.judge == "bound" or cfg.epsilon_strict:
-            raise InfeasibleError(start_breach(problem))
-        LOG.warning("%s", start_breach(problem))
-        return replace(problem, world=judged_world(problem))
-    if not isinstance(bound, kb.PathBound):
-        return problem
-    return replace(problem, world=problem.world._replace(collision=bound._replace(delta=math.inf)))
-
-
 # --- growth -----------------------------------------------------------------------------------
 
 
@@ -260,9 +180,9 @@ def grow_forest(
     ConfigError
         If the trees do not fit into memory.
     """
-    problem = _for_trees(cfg, problem)
     graph = product_graph(problem.decomposition, problem.logic, problem.scene.bounds)
-    task = GrowthTask(cfg, problem, graph, cell_fans(problem.decomposition))
+    models = tree_models(problem, strict=cfg.epsilon_strict)
+    task = GrowthTask(cfg, problem, models, graph, cell_fans(problem.decomposition))
     _require_memory(cfg, problem)
     grove = Grove(task, seeds.spawn(cfg.trees), options)
     _check_lead(task, grove.plant(0))
@@ -271,14 +191,12 @@ def grow_forest(
     trees = _grow_all(grove, budget, progress)
     accepted = [np.flatnonzero(problem.automaton.distance[tree.q] == 0.0) for tree in trees]
     pairs = [np.column_stack([np.full(len(v), j), v]) for j, v in enumerate(accepted)]
-    accepted_rows = np.vstack(pairs).astype(np.int64)
-    return Forest(trees, accepted_rows, time.perf_counter() - began, mission_columns(problem))
+    return Forest(trees, np.vstack(pairs).astype(np.int64), time.perf_counter() - began)
 
 
 def _require_memory(cfg: PlannerConfig, problem: Problem) -> None:
-    """Raise ConfigError if the trees do not fit into memory; the size of a vertex depends on the models."""
-    columns = mission_columns(problem) + isinstance(problem.world.collision, kb.PathBound)
-    vertex = _array_bytes(empty_vertices(problem, 64, columns)) / 64
+    """Raise ConfigError if the trees do not fit into memory."""
+    vertex = sum(array.nbytes for array in empty_vertices(64, len(problem.atoms))) / 64
     growing = _threads(cfg)
     each = growing * vertex + cfg.trees * PACKED_BYTES
     sizes = f"{vertex:.0f} bytes per vertex of {growing} that grow at a time, {PACKED_BYTES} of others"
@@ -290,13 +208,6 @@ def _require_memory(cfg: PlannerConfig, problem: Problem) -> None:
 def _threads(cfg: PlannerConfig) -> int:
     """How many trees grow at a time."""
     return min(cfg.trees, cfg.threads or cores())
-
-
-def _array_bytes(record: Any) -> int:
-    """Size of all arrays in a named tuple, at any depth."""
-    if isinstance(record, np.ndarray):
-        return record.nbytes
-    return sum(_array_bytes(part) for part in record) if isinstance(record, tuple) else 0
 
 
 def _grow_all(grove: Grove, budget: Budget, progress: Callable[[int, int], None] | None) -> tuple[Tree, ...]:
@@ -322,22 +233,26 @@ def plant_tree(task: GrowthTask, seed: SeedSequence, number: int, options: Growt
     """A tree with one vertex, the start, and a separate random stream."""
     cfg, problem = task.cfg, task.problem
     rng = np.random.Generator(np.random.PCG64(seed))
-    rule = RULE_MAKERS[problem.fidelity.parents](cfg, problem, number, rng)
-    settings = _growth_settings(cfg, problem, rule, options)
-    columns = mission_columns(problem) + isinstance(problem.world.collision, kb.PathBound)
-    vertices = empty_vertices(problem, cfg.n_max, columns)
-    swaps = cfg.n_max if options.record_swaps else 0
-    state = _tree_state(task, settings, columns, swaps)
-    search = kt.Search(problem.world, vertices, state, settings)
-    tree = GrowingTree(search, np.array([rule.beta_length, rule.beta_risk]), rng, state.tally)
+    beta = _slack(cfg, problem, number, rng)
+    settings = _growth_settings(cfg, problem, beta, options)
+    vertices = empty_vertices(cfg.n_max, len(problem.atoms))
+    state = _tree_state(task, settings, cfg.n_max if options.record_swaps else 0)
+    search = kt.Search(task.models, vertices, state, settings)
+    tree = GrowingTree(search, beta, rng, state.tally)
     task.grow(tree, 0, 0)  # makes the root, and loads compiled code before time is measured
     if tree.size == 0:
         raise InfeasibleError(start_breach(problem))
     return tree
 
 
+def _slack(cfg: PlannerConfig, problem: Problem, number: int, rng: np.random.Generator) -> FloatArray:
+    """Slack of Eq. (11) for the length [m] and for risks; none for the first tree."""
+    draws = rng.random(2)
+    return np.zeros(2) if number == 0 else draws * [cfg.beta_length * problem.reach, cfg.beta_risk]
+
+
 def _growth_settings(
-    cfg: PlannerConfig, problem: Problem, rule: Dominance | Scaled, options: GrowthOptions
+    cfg: PlannerConfig, problem: Problem, beta: FloatArray, options: GrowthOptions
 ) -> kt.GrowthSettings:
     """Settings of a tree, with a grid of squares of half a step each.
 
@@ -348,13 +263,14 @@ def _growth_settings(
     return kt.GrowthSettings(
         west=float(west), south=float(south), per_metre=1.0 / side,
         columns=max(1, int(np.ceil((east - west) / side))), rows=max(1, int(np.ceil((north - south) / side))),
-        rule=rule, reselect=options.reselect and cfg.near > 0, explore=cfg.explore, refresh=cfg.refresh,
-        max_steps=cfg.max_steps, stop_at_first=options.stop_at_first,
+        rule=Dominance(float(beta[0]), float(beta[1])), reselect=options.reselect and cfg.near > 0,
+        explore=cfg.explore, refresh=cfg.refresh, max_steps=cfg.max_steps,
+        stop_at_first=options.stop_at_first,
     )  # fmt: skip
 
 
-def empty_vertices(problem: Problem, n: int, columns: int) -> kt.Vertices:
-    """The arrays of ``n`` vertices whose risks fill ``columns``, not filled yet.
+def empty_vertices(n: int, atoms: int) -> kt.Vertices:
+    """The arrays of ``n`` vertices for a mission of so many propositions, not filled yet.
 
     The columns of ``VERTEX`` are interleaved, one cache line for each vertex: choosing a parent reads up to
     64 vertices in no order, and growth to 10^6 vertices takes 5.1 instead of 7.1 µs a vertex.
@@ -362,23 +278,19 @@ def empty_vertices(problem: Problem, n: int, columns: int) -> kt.Vertices:
     line = _cache_lines(VERTEX, n)
     return kt.Vertices(
         x=line["x"], free=line["free"], spread=np.empty((n + 1, 3)), length=line["length"],
-        risk=np.empty((n, columns)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32),
+        risk=np.empty((n, atoms)), parent=np.empty(n, np.int32), step=np.empty(n, np.int32),
         q=line["q"], cell=line["cell"], child=line["child"], speed=line["speed"],
-        memory=law_memory(problem.world.law, n), mission=_mission_rows(problem, n),
-        collision=collision_memory(problem.world.collision, n),
     )  # fmt: skip
 
 
-def _tree_state(task: GrowthTask, settings: kt.GrowthSettings, columns: int, swaps: int) -> kt.TreeState:
-    states = len(task.graph.goal) * len(task.graph.volume)
+def _tree_state(task: GrowthTask, settings: kt.GrowthSettings, swaps: int) -> kt.TreeState:
+    states, atoms = len(task.graph.goal) * len(task.graph.volume), len(task.problem.atoms)
     return kt.TreeState(
         root=np.full(states, -1, np.int32), members=np.zeros(states, np.int64),
         selected=np.zeros(states, np.int64), weight=np.empty(states), lead=np.empty(states, np.int64),
         heap=empty_heap(task.graph), bins=_empty_bins(settings.columns * settings.rows, task.cfg.n_max),
-        pool=np.empty((task.cfg.near, 2), np.int64), ranks=np.empty(task.cfg.near),
-        swaps=np.empty((swaps, 2, 2 + columns)),
-        tally=np.zeros(kt.TALLIES, np.int64), stack=np.empty((256, 4)), risks=np.zeros((3, columns)),
-        mission=_mission_scratch(task.problem), collision=collision_memory(task.problem.world.collision, 2),
+        pool=np.empty((task.cfg.near, 2), np.int64), swaps=np.empty((swaps, 2, 2 + atoms)),
+        tally=np.zeros(kt.TALLIES, np.int64), stack=np.empty((256, 4)), risks=np.zeros((3, atoms)),
     )  # fmt: skip
 
 

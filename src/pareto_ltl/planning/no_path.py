@@ -137,11 +137,18 @@ def explain_no_line(cfg: PlannerConfig, problem: Problem) -> str:
 
 
 def explain_no_safe_path(cfg: PlannerConfig, problem: Problem, seeds: SeedSequence) -> str:
-    """Text for paths that complete the mission but all exceed planner.delta; empty if there is no advice."""
+    """Text for paths that complete the mission but all exceed planner.delta; empty if there is no advice.
+
+    With other models than the paper's, trees may also have only paths that exceed planner.epsilon.
+    """
     trials = _Trials(cfg, problem, seeds)
     paths, open_border = trials.paths(problem.epsilon, LARGEST_DELTA, cfg.n_max), _open_border_advice(trials)
     if paths:
         return _risk_text(trials, problem.epsilon, paths) + open_border
+    if not problem.is_published:
+        found = _least_epsilon(trials)
+        if advised := _risk_text(trials, *found) if found else _step_bound_advice(trials):
+            return advised + open_border
     within = f"no path completes the mission within planner.delta = {cfg.delta:g}: raise it, or planner.n_max"
     return within + open_border if open_border else ""
 
@@ -184,12 +191,14 @@ def _tried_advice(trials: _Trials, forest: Forest) -> str:
         wider = replace(trials, cfg=replace(cfg, n_max=n_max))
         if blocked and (found := _least_epsilon(wider)):
             return _risk_text(wider, *found, more=n_max > cfg.n_max)
-    return _step_bound_advice(trials) if blocked and isinstance(problem.world.collision, kb.PathBound) else ""
+    return _step_bound_advice(trials) if blocked else ""
 
 
 def _step_bound_advice(trials: _Trials) -> str:
     """The advice where R of every path is above 1: the step bound limits only the risk of single steps."""
     problem = trials.problem
+    if not isinstance(problem.world.collision, kb.PathBound):
+        return ""
     models = replace(problem.fidelity, collision_bound="step")
     stepwise = with_limits(replace(problem, fidelity=models), EPSILONS[0], trials.cfg.delta)
     trials = replace(trials, budget=_Budget())

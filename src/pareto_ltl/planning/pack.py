@@ -36,9 +36,8 @@ NO_MODES = WindModes(
     np.zeros(2), 1.0, np.zeros((1, 2, 2, 2, 0), np.float32), np.zeros(0, np.int64), 1.0, 1.0, np.ones((1, 2)),
     np.ones((1, 2)),
 )  # fmt: skip
-NEARBY_ENTRIES, NEARBY_SQUARES = 4_000_000, 64  # table of near obstacles: entries; squares along one side
 NO_LIMIT = 1.0  # epsilon without a limit
-TREES_EPSILON = 0.25  # least limit of the trees with the path bound, if flights judge the refined paths
+NEARBY_ENTRIES, NEARBY_SQUARES = 4_000_000, 64  # table of near obstacles: entries; squares along one side
 
 # --- the map ----------------------------------------------------------------------------------
 
@@ -342,9 +341,7 @@ def build_problem(
     missions: dict[str, kb.MissionBound] = {"theorem2": theorem2, "ordered": ordered}
     barriers = pack_barriers(scene, obstacles)
     nearby = pack_nearby(barriers, scene.bounds)
-    loose = (fidelity.collision_bound, fidelity.judge) == ("path", "flights") and fidelity.refine != "none"
-    allowed = max(epsilon, TREES_EPSILON) if loose else epsilon
-    collision = pack_collision(fidelity.collision_bound, barriers, nearby, allowed, planner.delta)
+    collision = pack_collision(fidelity.collision_bound, barriers, nearby, epsilon, planner.delta)
     coherent = laws["coherent"]
     assert not isinstance(coherent, kd.IndependentLaw)
     return Problem(

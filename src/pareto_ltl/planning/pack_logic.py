@@ -18,8 +18,8 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.windows import Window
 
-LIVE = 64  # entries of V retained for a vertex; V is exact for automata with at most so many states
-PATH_LIVE = 256  # entries retained while a single path is evaluated
+LIVE = 64  # V follows all states of automata with at most so many, and is exact
+PATH_LIVE = 256  # entries of V retained along a path of a larger one
 
 
 def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corners:
@@ -154,21 +154,12 @@ def needed_states(better: BoolArray, reach: BoolArray) -> IntArray:
     return np.asarray(np.flatnonzero(~(instead & (~instead.T | first)).any(axis=0)), np.int64)
 
 
-def live_rows(bound: kb.Ordered, rows: int, live: int = LIVE) -> kb.LiveRows:
-    """Scratch rows, each for twice as many entries of V as are retained; at most ``live`` are retained."""
+def live_rows(bound: kb.Ordered, live: int = PATH_LIVE) -> kb.LiveRows:
+    """Two scratch rows for twice as many entries of V as are retained, which are at most ``live``."""
     limit = min(len(bound.logic.distance), live)
     return kb.LiveRows(
-        2 * limit * np.arange(rows, dtype=np.int64), np.zeros(rows, np.int32),
-        np.zeros(2 * limit * rows, np.int32), np.zeros(2 * limit * rows), np.zeros(1, np.int64), limit,
-    )  # fmt: skip
-
-
-def tree_rows(bound: kb.Ordered, rows: int) -> kb.LiveRows:
-    """Rows of a tree, each of the length that it needs; memory that is never written is never allocated."""
-    limit = min(len(bound.logic.distance), LIVE)
-    return kb.LiveRows(
-        np.full(rows, -1, np.int64), np.zeros(rows, np.int32), np.empty(rows * limit, np.int32),
-        np.empty(rows * limit), np.zeros(1, np.int64), limit,
+        2 * limit * np.arange(2, dtype=np.int64), np.zeros(2, np.int32), np.zeros(4 * limit, np.int32),
+        np.zeros(4 * limit), limit,
     )  # fmt: skip
 
 

@@ -31,7 +31,6 @@ from pareto_ltl.support.names import joined_names, split_names
 from pareto_ltl.support.reading import inside, read_text, shaped
 from pareto_ltl.world.projection import Navigation
 
-COLLISION_COLUMNS = "collision_columns"  # number of last columns of Tree.risk; missing if there are none
 TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "beta")
 RISK_COLUMNS = ("mission_risk", "collision_risk", "mission_risk_ordered", "mission_risk_paper")
 FRONT_HEADER = (
@@ -73,9 +72,6 @@ def _checked(path: PlannedPath, prefix: str = "") -> PlannedPath:
 def write_forest(directory: Path, forest: Forest) -> None:
     """Write ``trees.npz``."""
     arrays: dict[str, NDArray[Any]] = {"accepted": forest.accepted}
-    columns = {tree.risk.shape[1] for tree in forest.trees}
-    if collision := max(columns, default=forest.mission_columns) - forest.mission_columns:
-        arrays[COLLISION_COLUMNS] = np.array(collision)  # write_npz stores it with shape (1,)
     for number, tree in enumerate(forest.trees):
         arrays |= {f"tree_{number:03d}/{name}": getattr(tree, name) for name in TREE_ARRAYS}
         causes = sorted(tree.reach)
@@ -89,8 +85,7 @@ def read_forest(place: Path | str) -> Forest:
     with stored(place, "trees.npz", "a forest") as arrays:
         names = sorted({key.partition("/")[0] for key in arrays if "/" in key})
         trees = tuple(_tree(arrays, name) for name in names)
-        columns = trees[0].risk.shape[1] - int(np.asarray(arrays.get(COLLISION_COLUMNS, 0)).item())
-        return Forest(trees, arrays["accepted"], math.nan, columns)
+        return Forest(trees, arrays["accepted"], math.nan)
 
 
 def _tree(arrays: Mapping[str, NDArray[Any]], name: str) -> Tree:

@@ -120,6 +120,12 @@ class Problem(Displayed):
         return self.world.mission.logic
 
     @property
+    def is_published(self) -> bool:
+        """Whether the plan has the models of the paper, so that a tree vertex costs what its path costs."""
+        kinds = kd.IndependentLaw, kb.Theorem2, kb.StepBound
+        return all(isinstance(model, kind) for model, kind in zip(self.world, kinds, strict=True))
+
+    @property
     def motion(self) -> kd.Motion:
         """Motion of the robot."""
         return self.world.law.motion

@@ -43,8 +43,7 @@ class Tree(Displayed):
     length : (N,) float
         Length of the expected path [m].
     risk : (N, P) float
-        Mission risk: f_o^i of Theorem 1 for each proposition of the mission, or the ordered bound V alone.
-        With the path bound the collision risk R is one more column.
+        Mission risk: f_o^i of Theorem 1 for each proposition of the mission.
     swaps : (S, 2, 2 + P) float
         Objectives (d_A, length, risk...) of the original parent and of the chosen one, for every
         re-selection of a parent.
@@ -95,14 +94,11 @@ class Forest(Displayed):
     ----------
     accepted : (A, 2) int
         Tree and vertex of every accepted vertex.
-    mission_columns : int
-        How many of the first columns of ``Tree.risk`` add up to the mission risk; the rest is collision risk.
     """
 
     trees: tuple[Tree, ...]
     accepted: IntArray
     seconds: float
-    mission_columns: int = 1
 
     def facts(self) -> Mapping[str, str]:
         """Numbers of trees, vertices and accepted vertices."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,8 +17,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import binomial_tail
 from pareto_ltl.support.errors import InfeasibleError
 
-RISK_FLOOR = 1e-6  # risks below it count as equal
-MOST = 64  # paths of a tree front with three objectives that are evaluated, the safest first
+MOST = 64  # paths of the trees that are evaluated in other models than the paper's
 
 
 def non_dominated(rows: FloatArray) -> BoolArray:
@@ -61,37 +61,32 @@ def chance_of_failures(failed: BoolArray, others: BoolArray) -> FloatArray:
 
 
 def accepted_rows(forest: Forest) -> FloatArray:
-    """Objectives of every accepted vertex, (A, 2 or 3), in the order of ``forest.accepted``.
-
-    The mission risk, at most 1, then with the path bound the collision risk R, then the length [m].
-    """
-    columns = forest.mission_columns
+    """Mission risk, at most 1, and length [m] of every accepted vertex (A, 2), as ``forest.accepted``."""
     if not len(forest.accepted):
         return np.empty((0, 2))
-    stored = [np.column_stack([tree.risk, tree.length]) for tree in forest.trees]
+    stored = [np.column_stack([np.minimum(tree.risk.sum(axis=1), 1.0), tree.length]) for tree in forest.trees]
     first = np.cumsum([0, *map(len, stored)])
     tree, vertex = np.transpose(forest.accepted)
-    table = np.concatenate(stored)[first[tree] + vertex]
-    mission = np.minimum(table[:, :columns].sum(axis=1), 1.0)
-    return np.column_stack([mission, table[:, columns:]])
+    return np.asarray(np.concatenate(stored)[first[tree] + vertex])
 
 
 def tree_front(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
     """Non-dominated paths of the trees, by mission risk.
 
-    The front is taken in the objectives that vertices store. With the step bound, as in the paper, these are
-    mission risk and length; collisions are a constraint (Eqs. 8 and 9), and R is computed for the members.
-    With the path bound R is an objective too, and only members that differ by more than a few per cent are
-    evaluated.
+    With the models of the paper, the front is taken in the objectives that vertices store: mission risk and
+    length; collisions are a constraint (Eqs. 8 and 9), and R is computed for the members. With other models,
+    paths of all orders and lengths are evaluated, and those that they do not allow are left out.
     """
     rows = accepted_rows(forest)
     if len(rows) == 0:
         return ()
-    keep = np.flatnonzero(non_dominated(rows))
-    if rows.shape[1] == 3:
-        keep = keep[unlike_rows(rows[keep])]
-    # R may lie above delta where growth trusted the reflection and the deviations shrink.
-    paths = _feasible_paths(problem, forest, keep)
+    if not problem.is_published:
+        paths = list(_feasible_paths(problem, forest, _unlike_rows(problem, forest, rows)))
+        if paths:
+            keep = non_dominated(np.array([objective_row(path.objectives) for path in paths]))
+            paths = [path for path, kept in zip(paths, keep, strict=True) if kept]
+    else:
+        paths = list(_feasible_paths(problem, forest, np.flatnonzero(non_dominated(rows))))
     return tuple(sorted(paths, key=lambda p: tuple(objective_row(p.objectives))))
 
 
@@ -103,57 +98,54 @@ def _tree_path(forest: Forest, k: int) -> tuple[FloatArray, str]:
 def _feasible_paths(
     problem: Problem, forest: Forest, rows: IntArray, *, tight: bool = True
 ) -> Iterator[PlannedPath]:
-    """The paths to the accepted vertices ``rows``, except where rounding breaks a constraint at its limit."""
+    """The paths to the accepted vertices ``rows``, except those that break a constraint of the plan."""
     for k in rows.tolist():
         with suppress(InfeasibleError):
             yield evaluate_path(problem, *_tree_path(forest, k), tight=tight)
-
-
-def unlike_rows(rows: FloatArray) -> IntArray:
-    """Indices of rows (V, R, length) of which no two are alike, at most ``MOST``.
-
-    They are the safest row of each box of 10 % risk and 1 % length.
-    """
-    boxes = np.column_stack([np.log(rows[:, :2] + RISK_FLOOR) / 0.1, np.log(rows[:, 2] + 1.0) / 0.01]).round()
-    order = np.argsort(rows[:, :2].sum(axis=1), kind="stable")
-    _, first = np.unique(boxes[order], axis=0, return_index=True)
-    return (
-        np.asarray(np.sort(order[first])[:MOST], np.int64)
-        if len(first) <= MOST
-        else order[np.sort(first)][:MOST]
-    )
 
 
 def order_representatives(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
     """For every mission order that some accepted path of the trees follows, the best such path.
 
     An order is the sequence of automaton states and labels at which the state changes. The front alone may
-    contain only one of them, while another one is better after smoothing. R has its looser form and may lie
-    above delta: these paths are starts of smoothing.
+    contain only one of them, while another one is better after smoothing. These paths are starts of
+    smoothing: R has its looser form and may lie above delta, and limits of other models than the paper's are
+    not checked.
     """
     rows, orders = accepted_rows(forest), _accepted_orders(problem, forest)
     best: dict[int, int] = {}
-    for k in np.lexsort((rows[:, -1], rows[:, :-1].sum(axis=1))):
+    for k in np.lexsort((rows[:, -1], rows[:, 0])):
         best.setdefault(orders[k], int(k))
-    return tuple(evaluate_path(problem, *_tree_path(forest, k), tight=False) for k in best.values())
+    fast = 1e-6
+    if not problem.is_published:
+        problem, fast = replace(problem, fidelity=replace(problem.fidelity, judge="flights")), np.inf
+    return tuple(evaluate_path(problem, *_tree_path(forest, k), fast, tight=False) for k in best.values())
 
 
 def unlike_paths(problem: Problem, forest: Forest) -> tuple[PlannedPath, ...]:
     """Accepted paths of the trees for flights to judge: no two of the same mission order and similar length.
 
-    Lengths are similar within 2 %, or within more if there were more than ``MOST`` paths; of similar paths
-    the one with the least risk is taken. R has its looser form.
+    R has its looser form.
     """
-    rows, orders = accepted_rows(forest), np.array(_accepted_orders(problem, forest))
+    rows = accepted_rows(forest)
     if len(rows) == 0:
         return ()
-    order = np.argsort(rows[:, :-1].sum(axis=1), kind="stable")
+    return tuple(_feasible_paths(problem, forest, _unlike_rows(problem, forest, rows), tight=False))
+
+
+def _unlike_rows(problem: Problem, forest: Forest, rows: FloatArray) -> IntArray:
+    """Accepted vertices of which no two have the same mission order and similar length.
+
+    Lengths are similar within 2 %, or within more if there were more than ``MOST`` paths; of similar paths
+    the one with the least risk is taken.
+    """
+    orders, order = np.array(_accepted_orders(problem, forest)), np.argsort(rows[:, 0], kind="stable")
     width, chosen = 0.02, order
     while width == 0.02 or len(chosen) > MOST:
         boxes = np.column_stack([orders, (np.log(rows[:, -1] + 1.0) / width).astype(np.int64)])
         chosen = order[np.sort(np.unique(boxes[order], axis=0, return_index=True)[1])]
         width *= 1.5
-    return tuple(_feasible_paths(problem, forest, chosen, tight=False))
+    return np.asarray(chosen, np.int64)
 
 
 def _accepted_orders(problem: Problem, forest: Forest) -> list[int]:

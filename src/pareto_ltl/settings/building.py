@@ -5,8 +5,9 @@ The result is the same :class:`Settings` that the command line composes from the
 
 from __future__ import annotations
 
+import difflib
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -15,8 +16,9 @@ from typing import Any
 
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings, preset
 from pareto_ltl.settings.checks import field_kinds, kind_problem
+from pareto_ltl.settings.fidelity import ONLY_PARENTS
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.messages import shown_value, unknown_setting
+from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import choice_file, choices
 from pareto_ltl.support.yaml_files import read_yaml
 
@@ -35,7 +37,20 @@ def build_settings(sections: Mapping[str, Any]) -> Settings:
     ConfigError
         If a key is unknown, or a value of the wrong type or out of range.
     """
-    return settings_of({name: _value(name, value) for name, value in sections.items()})
+    values = {name: _value(name, value) for name, value in sections.items()}
+    for name in sections:
+        if isinstance(values[name], Mapping) and isinstance(values[name].get(name), Mapping):
+            values = _of_several(values.pop(name), values)
+    return settings_of(values)
+
+
+def _of_several(chosen: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """``values`` with those of a choice of several sections (``@package _global_``), which they override."""
+    more = dict(values)
+    for section, keys in chosen.items():
+        given = values.get(section, {})
+        more[section] = {**keys, **given} if isinstance(given, Mapping) else given
+    return more
 
 
 def settings_of(values: Mapping[str, Any]) -> Settings:
@@ -48,12 +63,29 @@ def settings_of(values: Mapping[str, Any]) -> Settings:
     return built
 
 
+GONE = {"ablation.parents": ONLY_PARENTS}  # settings of earlier versions, and why they left
+
+
+def unknown_setting(section: str, name: str, known: Iterable[str]) -> ConfigError:
+    """The error for ``name`` in ``section`` (``"planner."``), with the closest of the ``known`` names."""
+    if reason := GONE.get(f"{section}{name}"):
+        return ConfigError(f"{section}{name} is no setting any more: {reason}; leave it out")
+    names = list(dict.fromkeys(known))  # sweep is a group and a section
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {section}{near[0]}?" if near else f"there are {', '.join(names)}"
+    return ConfigError(f"unknown setting {shown_text(f'{section}{name}')}; {hint}")
+
+
 def read_settings_file(path: Path, changes: Mapping[str, Any] | None = None) -> Settings:
     """The settings that a run wrote as ``config_resolved.yaml``, with ``changes`` by ``section.key``.
 
-    DataError if the file is damaged.
+    What earlier versions wrote about the models of trees is left out. DataError if the file is damaged.
     """
     content = _yaml(path)
+    for key in (*GONE, "fidelity.parents"):
+        section, _, name = key.partition(".")
+        if isinstance(content.get(section), dict):
+            content[section].pop(name, None)
     for key, value in (changes or {}).items():
         section, _, name = key.partition(".")
         if not isinstance(before := content.get(section, {}), dict):

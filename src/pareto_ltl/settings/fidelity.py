@@ -5,23 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from pareto_ltl.settings.checks import CheckedSettings, setting
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_text
 
 LAWS = ("independent", "coherent")
 BORDERS = ("open", "wall")
 MISSION_BOUNDS = ("theorem2", "ordered")
 COLLISION_BOUNDS = ("step", "path")
-PARENT_RULES = ("dominance", "scaled", "tchebycheff", "mixed")
+PARENTS = "dominance"
+ONLY_PARENTS = "trees of every preset grow by the paper's models and choose parents by Eqs. (11) and (12)"
 REFINEMENTS = ("none", "convex", "sampled")
 JUDGES = ("bound", "flights")
 
 PRESETS: dict[str, dict[str, str]] = {
     "paper": {
         "law": "independent", "border": "open", "mission_bound": "theorem2",
-        "collision_bound": "step", "parents": "dominance", "refine": "convex", "judge": "bound",
+        "collision_bound": "step", "parents": PARENTS, "refine": "convex", "judge": "bound",
     },
     "full": {
         "law": "coherent", "border": "wall", "mission_bound": "ordered",
-        "collision_bound": "path", "parents": "mixed", "refine": "sampled", "judge": "flights",
+        "collision_bound": "path", "parents": PARENTS, "refine": "sampled", "judge": "flights",
     },
 }  # fmt: skip
 DEFAULT = "full"
@@ -52,14 +55,21 @@ class FidelityConfig(CheckedSettings, section="fidelity"):
         choices=COLLISION_BOUNDS,
     )
     parents: str = setting(
-        _USUAL["parents"], "rule of parent re-selection; dominance is Eqs. 11 and 12", choices=PARENT_RULES
+        PARENTS, "rule of parent re-selection; only dominance, Eqs. 11 and 12, is left of four rules"
     )
     refine: str = setting(_USUAL["refine"], "how the paths of the trees are improved", choices=REFINEMENTS)
     judge: str = setting(_USUAL["judge"], "what ranks the front and accepts the plan", choices=JUDGES)
 
+    def check_combinations(self) -> None:
+        """Refuse the parent rules of earlier versions."""
+        if self.parents != PARENTS:
+            raise ConfigError(
+                f"fidelity.parents={shown_text(self.parents)} is no rule: {ONLY_PARENTS}; leave it out"
+            )
+
     @property
     def label(self) -> str:
-        """Name of the preset and what was changed, e.g. ``full`` or ``full with parents=scaled``."""
+        """Name of the preset and what was changed, e.g. ``full`` or ``full with refine=none``."""
         usual = PRESETS[self.name]
         changed = [f"{key}={getattr(self, key)}" for key in usual if getattr(self, key) != usual[key]]
         return f"{self.name} with {', '.join(changed)}" if changed else self.name
@@ -76,14 +86,16 @@ def preset(name: str) -> FidelityConfig:
 
 
 def models_of(label: str) -> FidelityConfig:
-    """The models that :attr:`FidelityConfig.label` names; ValueError for any other text."""
+    """The models that :attr:`FidelityConfig.label` names; ValueError for any other text.
+
+    Parent rules of earlier versions are left out: they only chose how trees grow.
+    """
     name, _, changed = label.partition(" with ")
     try:
-        return replace(preset(name), **dict(word.split("=") for word in changed.split(", ") if word))
+        words = (word.split("=") for word in changed.split(", ") if word)
+        return replace(preset(name), **{key: value for key, value in words if key != "parents"})
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(
-            f"{label!r} is not a label of a fidelity, e.g. 'full with parents=scaled'"
-        ) from error
+        raise ValueError(f"{label!r} is not a label of a fidelity, e.g. 'full with refine=none'") from error
 
 
 PAPER = preset("paper")

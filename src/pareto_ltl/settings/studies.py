@@ -17,7 +17,6 @@ from pareto_ltl.settings.fidelity import (
     COLLISION_BOUNDS,
     LAWS,
     MISSION_BOUNDS,
-    PARENT_RULES,
     PRESETS,
     REFINEMENTS,
 )
@@ -32,7 +31,7 @@ FACTOR_SECTIONS = {  # sections of the factors of an ablation
     **dict.fromkeys(("trees", "beta", "epsilon", "n_max"), "planner"),
     "dt": "robot",
     **dict.fromkeys(("kernel", "ball"), "wind"),
-    **dict.fromkeys(("law", "mission_bound", "collision_bound", "parents", "refine"), "fidelity"),
+    **dict.fromkeys(("law", "mission_bound", "collision_bound", "refine"), "fidelity"),
 }
 MODEL_FACTORS = tuple(name for name, section in FACTOR_SECTIONS.items() if section == "fidelity")
 SETTING_FACTORS = tuple(name for name in FACTOR_SECTIONS if name not in MODEL_FACTORS)
@@ -45,7 +44,6 @@ FACTOR_TITLES = {name: name for name in FACTOR_SECTIONS} | {
     "law": "wind law of the planner",
     "mission_bound": "mission bound",
     "collision_bound": "collision bound",
-    "parents": "parent rule",
     "refine": "refinement",
 }
 INLAND_OUTLINE = (  # the interior of the contiguous United States, corners [longitude, latitude] [deg]
@@ -125,7 +123,6 @@ class AblationConfig(CheckedSettings, section="ablation"):
     law: list[str] = all_of(LAWS, "fidelity.law")
     mission_bound: list[str] = all_of(MISSION_BOUNDS, "fidelity.mission_bound")
     collision_bound: list[str] = all_of(COLLISION_BOUNDS, "fidelity.collision_bound")
-    parents: list[str] = all_of(PARENT_RULES, "fidelity.parents")
     refine: list[str] = all_of(REFINEMENTS, "fidelity.refine")
 
 

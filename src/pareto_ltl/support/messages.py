@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
 from typing import Any
 
 from pareto_ltl.support.errors import ConfigError
@@ -35,14 +33,6 @@ def shown_value(value: Any, width: int = SHOWN_WIDTH) -> str:
 def wrong_value(key: str, demand: str, value: Any) -> ConfigError:
     """The error for a ``value`` of the setting or argument ``key``; ``demand`` is what it must be or do."""
     return ConfigError(f"{key} must {demand}, got {shown_value(value)}")
-
-
-def unknown_setting(section: str, name: str, known: Iterable[str]) -> ConfigError:
-    """The error for ``name`` in ``section`` (``"planner."``), with the closest of the ``known`` names."""
-    names = list(dict.fromkeys(known))  # sweep is a group and a section
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f"did you mean {section}{near[0]}?" if near else f"there are {', '.join(names)}"
-    return ConfigError(f"unknown setting {shown_text(f'{section}{name}')}; {hint}")
 
 
 def shown_line(line: str) -> str:

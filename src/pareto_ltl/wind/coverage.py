@@ -10,6 +10,7 @@ from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.levels import level_mismatch
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.times import HOUR, iso, seconds
+from pareto_ltl.wind.change_law import reasons_text
 from pareto_ltl.wind.error_law import ErrorLaw
 from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.records import ENSEMBLE, WindField
@@ -35,6 +36,7 @@ class Coverage(NamedTuple):
 
 
 EXACT = OwnErrors()
+LEAST_GAIN = 0.01  # of forecasts over a held field, to be worth a warning
 
 
 def coverage_of(
@@ -169,9 +171,9 @@ def _time_part(field: WindField, time_zero: str | None, covered: list[str], left
         covered.append(f"interpolation in time between fields {_range(gaps.tolist(), 'h')} apart")
     if field.error is not None and field.error.variability is not None:
         factor = np.sqrt(field.error.variability.factor)
-        covered.append(
-            f"changes in time {factor:.2f} times those of the law, as between analyses near the map"
-        )
+        tails = ", with heavy tails" if field.error.change_tail > 0.0 else ""
+        by = reasons_text(field.error.variability)
+        covered.append(f"changes in time {factor:.2f} times those of the law, by {by}{tails}")
     held = field.known_until - field.last_field
     if 0.0 < held < np.inf:
         when = f" ({iso(seconds(time_zero) + field.last_field)})" if time_zero else ""
@@ -183,7 +185,7 @@ def held_warning(field: WindField, end: float, time_zero: str | None = None) -> 
 
     Halfway through the held part of the flight and at its end, it compares the standard deviations of one
     component: √(D(τ) + e²(L)) of the last field, whose lead is L, and e(L + τ) of a forecast. None if the
-    flight ends before, or if forecasts would not be better.
+    flight ends before, or if forecasts would be better by at most a hundredth.
     """
     last, law = field.last_field, field.error
     if law is None or end <= last:
@@ -193,7 +195,7 @@ def held_warning(field: WindField, end: float, time_zero: str | None = None) -> 
     lead = np.nan_to_num(field.leads[-1])
     held = np.sqrt(law.change_variance(late) + law.forecast_variance(lead))
     fresh = np.sqrt(usual.forecast_variance(lead + late))
-    if held[1] <= fresh[1]:
+    if held[1] <= (1.0 + LEAST_GAIN) * fresh[1]:
         return None
     when = f" ({iso(seconds(time_zero) + last)})" if time_zero else ""
     return (

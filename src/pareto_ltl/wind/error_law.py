@@ -27,39 +27,13 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.times import HOUR
+from pareto_ltl.wind.change_law import ChangeLaw, Variability
 from pareto_ltl.wind.scale_mixture import LARGEST_SPREAD
 
 FORECAST = "forecast"  # the only part of a law of version 1
 LASTING, GROWING, SLOW, LOCAL = "lasting", "growing", "slow", "local"
 PART_NAMES = (LASTING, GROWING, SLOW, LOCAL)
 SHORT_TIME_POWER = 1.3  # D ~ τ^1.3 below the shortest time of a table, as between 3 and 6 h in GFS winds
-
-
-@dataclass(frozen=True, slots=True)
-class Variability:
-    """Changes of the wind between P pairs of analyses, and the factor of D(τ) that follows from them.
-
-    Attributes
-    ----------
-    starts, ends : (P,) float
-        Times of the analyses [s since time_zero].
-    squares : (P,) float
-        Mean square change of a component near the map [m²/s²].
-    freedom : float
-        Effective number of independent changes.
-    factor : float
-        Factor of D(τ).
-    """
-
-    starts: FloatArray
-    ends: FloatArray
-    squares: FloatArray
-    freedom: float
-    factor: float
-
-    def __post_init__(self) -> None:
-        require_shape("to_seconds", self.ends, len(self.starts))
-        require_shape("mean_square", self.squares, len(self.starts))
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,6 +209,11 @@ class ErrorLaw:
             raise NotImplementedError
 
         @property
+        def winds(self) -> ChangeLaw | None:
+            """How ``change_sd`` depends on the winds at hand; None: it does not."""
+            raise NotImplementedError
+
+        @property
         def variability(self) -> Variability | None:
             """What ``change_sd`` was scaled by to fit the winds at hand; None: it was not."""
             raise NotImplementedError
@@ -243,6 +222,13 @@ class ErrorLaw:
     def floor(self) -> float:
         """1 / (n + 1): the data cannot tell a smaller rate from this one. 0 if n is not stated."""
         return 0.0 if self.situations is None else 1.0 / (self.situations + 1)
+
+    @property
+    def change_tail(self) -> float:
+        """s, the standard deviation of the logarithm of the scale of changes of the wind; 0: Gaussian."""
+        if self.winds is None:
+            return 0.0
+        return self.winds.tail(0.0 if self.variability is None else self.variability.freedom)
 
     @property
     def shortest_length(self) -> float:
@@ -319,13 +305,6 @@ class ErrorLaw:
 # --- numbers in files -------------------------------------------------------------------------
 
 Rows = tuple[tuple[str, str, float], ...]  # key in a file, attribute, unit of the file
-VARIABILITY_ROWS: Rows = (
-    ("from_seconds", "starts", 1.0),
-    ("to_seconds", "ends", 1.0),
-    ("mean_square", "squares", 1.0),
-    ("freedom", "freedom", 1.0),
-    ("factor", "factor", 1.0),
-)
 
 
 def written_rows(record: object, rows: Rows) -> dict[str, Any]:
@@ -337,8 +316,3 @@ def read_rows(section: Mapping[str, Any], rows: Rows) -> dict[str, Any]:
     """The attributes of ``rows``: arrays, and numbers."""
     found = {name: unit * np.array(section[key], float) for key, name, unit in rows}
     return {name: array if array.ndim else float(array) for name, array in found.items()}
-
-
-def variability_of_document(section: Mapping[str, Any] | None) -> Variability | None:
-    """The section ``variability`` of a document, if it has one."""
-    return None if section is None else Variability(**read_rows(section, VARIABILITY_ROWS))

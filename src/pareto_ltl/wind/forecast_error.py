@@ -14,17 +14,8 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.times import HOUR
-from pareto_ltl.wind.error_law import (
-    FORECAST,
-    VARIABILITY_ROWS,
-    ErrorLaw,
-    LawPart,
-    Rows,
-    Variability,
-    read_rows,
-    variability_of_document,
-    written_rows,
-)
+from pareto_ltl.wind.change_law import Variability, variability_of_document
+from pareto_ltl.wind.error_law import FORECAST, ErrorLaw, LawPart, Rows, read_rows, written_rows
 
 FORECAST_ERROR_SCHEMA = "pareto_ltl.forecast_error/1"
 SHORTEST = 1e-3  # [s] memory of errors that do not persist
@@ -96,6 +87,10 @@ class ForecastError(ErrorLaw):
         """The errors are Gaussian."""
 
     @property
+    def winds(self) -> None:
+        """The change does not depend on the winds at hand, but for changes between analyses."""
+
+    @property
     def situations(self) -> None:
         """The law does not state how many situations its data have."""
 
@@ -138,7 +133,7 @@ class ForecastError(ErrorLaw):
         head = {name: getattr(self, name) for name in ("name", "level", "spread")}
         tables = {section: written_rows(self, rows) for section, rows in FILE_ROWS.items()}
         if self.variability is not None:
-            tables["variability"] = written_rows(self.variability, VARIABILITY_ROWS)
+            tables["variability"] = self.variability.document()
         return {"schema": FORECAST_ERROR_SCHEMA} | head | tables
 
 

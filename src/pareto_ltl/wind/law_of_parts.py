@@ -35,16 +35,13 @@ import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.times import HOUR
-from pareto_ltl.wind.error_law import (
-    LASTING,
-    VARIABILITY_ROWS,
-    ErrorLaw,
-    LawPart,
-    TailScale,
+from pareto_ltl.wind.change_law import (
+    ChangeLaw,
     Variability,
+    change_law_of_document,
     variability_of_document,
-    written_rows,
 )
+from pareto_ltl.wind.error_law import LASTING, ErrorLaw, LawPart, TailScale
 
 LAW_OF_PARTS_SCHEMA = "pareto_ltl.forecast_error/2"
 OWN, OBSERVED = "own", "observed"  # what verifies a table: newer runs of the model, or observations
@@ -79,6 +76,8 @@ class LawOfParts(ErrorLaw):
         Times, increasing, above 0 [s], and the root mean square change √D of the wind over each [m/s].
     change_length : float
         Length scale of that change, Matern-3/2 [m].
+    winds : ChangeLaw or None
+        How that change depends on the winds at hand, and its tails; None: it does not.
     intervals : mapping
         95 % intervals of numbers of the law, by name: [low, high].
     variability : Variability or None
@@ -96,6 +95,7 @@ class LawOfParts(ErrorLaw):
     lags: FloatArray
     change_sd: FloatArray
     change_length: float
+    winds: ChangeLaw | None = None
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     variability: Variability | None = None
 
@@ -121,12 +121,16 @@ class LawOfParts(ErrorLaw):
         return next((part for part in self.parts if part.name == name), None)
 
     def for_winds(self, level: str, spread: float) -> Self:
-        """The law for winds of a ``level`` whose components have the standard deviation ``spread`` [m/s]."""
+        """The law for winds of a ``level`` whose components have the standard deviation ``spread`` [m/s].
+
+        A change that depends on the winds at hand (``winds``) is scaled by these alone.
+        """
         if level == self.level:
             return self
         factor = spread / self.spread
         scaled = self.shared(factor**2)
-        return replace(scaled, level=level, spread=spread, change_sd=factor * self.change_sd)
+        change_sd = self.change_sd if self.winds is not None else factor * self.change_sd
+        return replace(scaled, level=level, spread=spread, change_sd=change_sd)
 
     def shared(self, share: float) -> Self:
         """The law with a ``share`` of the variance of forecast errors; the ensemble has the rest."""
@@ -199,9 +203,10 @@ class LawOfParts(ErrorLaw):
                 "lag_hours": (self.lags / HOUR).tolist(),
                 "sd": self.change_sd.tolist(),
                 "length": self.change_length,
+                **({} if self.winds is None else {"winds": self.winds.document()}),
             },
             "intervals": {name: list(ends) for name, ends in self.intervals.items()},
-            **({} if scaled is None else {"variability": written_rows(scaled, VARIABILITY_ROWS)}),
+            **({} if scaled is None else {"variability": scaled.document()}),
         }
 
 
@@ -246,6 +251,7 @@ def law_of_parts_of(document: Mapping[str, Any]) -> LawOfParts:
         ),
         int(document["n"]), document["truth"], document.get("origin", ""),
         HOUR * np.array(change["lag_hours"], float), np.array(change["sd"], float), float(change["length"]),
+        change_law_of_document(change.get("winds")),
         {name: (float(low), float(high)) for name, (low, high) in document.get("intervals", {}).items()},
         variability_of_document(document.get("variability")),
     )  # fmt: skip

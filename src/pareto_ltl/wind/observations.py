@@ -17,13 +17,14 @@ from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl.wind.air import MapAir, NodeAir, map_air
 from pareto_ltl.wind.area import swap_question
+from pareto_ltl.wind.change_law import Variability, reasons_text
 from pareto_ltl.wind.doubts import assumed_leads, edge_warning, refuse_small_extent, spread_warning
-from pareto_ltl.wind.error_law import ErrorLaw, Variability
-from pareto_ltl.wind.gp import CORRELATIONS, pairwise_distances
+from pareto_ltl.wind.error_law import ErrorLaw
 from pareto_ltl.wind.named_laws import AUTO, CURRENTS, NONE, law_named
 from pareto_ltl.wind.readings import Readings, farthest_points
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import wind_source
+from pareto_ltl.wind.variability import variability_of
 from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
 
@@ -33,8 +34,6 @@ FAR_SHARE = 0.25  # of wind.max_points that is left to readings away from the ma
 FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over land
 HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
 OLDEST_ANALYSIS = 48 * HOUR  # before departure, of those that show how variable the wind is
-LAW_WEIGHT = 10.0  # degrees of freedom of the law; before data, the factor of D has the sd 0.5
-LEAST_FACTOR, MOST_FACTOR = 0.25, 4.0  # of D
 OLDEST_HELD = 48.0  # [h] longest time for which a message advises to hold the last field
 FEW_SITUATIONS = 10  # a law of fewer is used with a warning
 LOG = logging.getLogger(__name__)
@@ -163,9 +162,9 @@ def of_weather_model(cfg: WindConfig, readings: Readings) -> bool:
 def _variability(
     cfg: WindConfig, scene: Scene, readings: Readings, law: ErrorLaw, placed: Mapping[int, _Placed]
 ) -> Variability | None:
-    """The variability of the wind at the places of the first slot, from its analyses.
+    """The variability of the wind at the places of the first slot, from its winds and earlier analyses.
 
-    These are the fields of lead 0 among the slots ``placed`` and up to ``OLDEST_ANALYSIS`` before them.
+    Analyses are the fields of lead 0 among the slots ``placed`` and up to ``OLDEST_ANALYSIS`` before them.
     """
     first, times = min(placed), readings.times
 
@@ -176,54 +175,31 @@ def _variability(
 
     recent = (times >= times[first] - OLDEST_ANALYSIS) & (times <= times[max(placed)])
     used = [k for k in np.flatnonzero(recent & (readings.leads == 0)).tolist() if same_places(k)]
-    if len(used) < 2 or not of_weather_model(cfg, readings):
-        return None
+    if not of_weather_model(cfg, readings):
+        used = []
+    if len(used) < 2:
+        if law.winds is None:
+            return None
+        used = [first]
     winds = np.stack([(placed.get(k) or _readings_in_plane(cfg, scene, readings, k)).winds for k in used])
     since = times[used] - _departure_time(scene, readings)
-    found = variability_of(law, since, placed[first].points, winds)
+    found = variability_of(
+        law, since, placed[first].points, winds, placed[first].winds, _latitude(scene, readings)
+    )
     if found is not None:
         LOG.info(
             "%s: the mean square change of the wind in time is taken as %.2f times its value in the law %s, "
-            "as %d pairs of analyses near the map suggest", readings.name, found.factor, law.name,
-            len(found.starts),
+            "by %s", readings.name, found.factor, law.name, reasons_text(found),
         )  # fmt: skip
     return found
 
 
-def variability_of(
-    law: ErrorLaw, times: FloatArray, points: FloatArray, winds: FloatArray
-) -> Variability | None:
-    """The factor of D(τ) from the changes of the wind between successive analyses.
-
-    None if no two of them are a time apart that the table of the law covers.
-
-    Parameters
-    ----------
-    times : (A,) float
-        Increasing times of analyses [s].
-    points : (n, 2) float
-        Positions [m].
-    winds : (A, n, 2) float
-        Winds there [m/s].
-
-    Eq. (M12a) of docs/mathematics.md.
-    """
-    lags = np.diff(times)
-    used = np.flatnonzero((lags >= law.lags[0] - 1.0) & (lags <= law.lags[-1] + 1.0))
-    if not len(used):
+def _latitude(scene: Scene, readings: Readings) -> float | None:
+    """Latitude of the middle of the map [deg]; None if the readings are in a plane."""
+    if not readings.geographic:
         return None
-    starts, ends, expected = times[used], times[used + 1], law.change_variance(lags[used])
-    squares = ((winds[used + 1] - winds[used]) ** 2).mean(axis=(1, 2))
 
-    def apart(a: FloatArray, b: FloatArray) -> FloatArray:
-        return law.change_variance(np.abs(a[:, None] - b))
-
-    covariance = apart(starts, ends) + apart(ends, starts) - apart(starts, starts) - apart(ends, ends)
-    in_time = covariance / (2.0 * np.sqrt(np.outer(expected, expected)))
-    in_space = CORRELATIONS["matern32"](pairwise_distances(points, points) / law.change_length)
-    freedom = 2.0 / float((in_time**2).mean() * (in_space**2).mean())
-    found = (LAW_WEIGHT + freedom * float((squares / expected).mean())) / (LAW_WEIGHT + freedom)
-    return Variability(starts, ends, squares, freedom, float(np.clip(found, LEAST_FACTOR, MOST_FACTOR)))
+    return float(scene.frame.to_geographic(scene.bounds.mean(axis=0)[None])[1][0])
 
 
 def _departure_time(scene: Scene, readings: Readings) -> float:

@@ -20,10 +20,10 @@ from omegaconf.errors import (
 )
 
 from pareto_ltl import Settings
-from pareto_ltl.settings.building import settings_of
+from pareto_ltl.settings.building import settings_of, unknown_setting
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_text, shown_value, unknown_setting
+from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl_apps.cli.output import EXPECTED_ERRORS
 
 CONFIGURATION_ERRORS: tuple[type[Exception], ...] = (

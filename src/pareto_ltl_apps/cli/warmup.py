@@ -77,7 +77,7 @@ class Kind:
 def _changed(name: str) -> dict[str, Kind]:
     """The kinds of runs with one model of the preset ``name`` replaced by the model of the other preset."""
     (other,) = (values for preset, values in Settings.PRESETS.items() if preset != name)
-    models = ("law", "mission_bound", "collision_bound", "parents", "refine")
+    models = ("law", "mission_bound", "collision_bound", "refine")
     return {
         f"{name}-{model.replace('_', '-')}": Kind(
             f"fidelity={name} fidelity.{model}={other[model]}",
@@ -188,17 +188,16 @@ def _plan_given_path(kind: Kind, folder: Path) -> None:
 def path_forest(problem: Problem) -> Forest:
     """A tree of one branch along :data:`WAY`, with the start of ``problem`` as its root."""
     from pareto_ltl.extend import Forest, Tree
-    from pareto_ltl.planning.growth import mission_columns
 
     corners = UNIT * (np.array(WAY) - WAY[0]) + problem.scene.start
     x = np.concatenate([np.linspace(a, b, 4)[:-1] for a, b in pairwise(corners)] + [corners[-1:]])
-    steps, columns = np.arange(len(x)), mission_columns(problem)
+    steps, atoms = np.arange(len(x)), len(problem.atoms)
     length = np.concatenate([[0.0], np.hypot(*np.diff(x, axis=0).T).cumsum()])
     tree = Tree(
-        x, steps - 1, steps, problem.states(x), problem.locate(x), length, np.zeros((len(x), columns + 1)),
-        np.empty((0, 2, 3 + columns)), np.zeros(2), 0.0, {},
+        x, steps - 1, steps, problem.states(x), problem.locate(x), length, np.zeros((len(x), atoms)),
+        np.empty((0, 2, 2 + atoms)), np.zeros(2), 0.0, {},
     )  # fmt: skip
-    return Forest((tree,), np.array([[0, len(x) - 1]]), 0.0, columns)
+    return Forest((tree,), np.array([[0, len(x) - 1]]), 0.0)
 
 
 def warm_up_all(names: Sequence[str], jobs: int, told: Told) -> Iterator[Warmed]:

@@ -78,7 +78,7 @@ def choices_of_desk() -> dict[str, Any]:
 
 
 def _noted(group: str, name: str) -> dict[str, str]:
-    text = choice_file(group, name).read_text(encoding="utf-8")
+    text = choice_file(group, name).read_text(encoding="utf-8").removeprefix("# @package _global_\n")
     note = re.match(r"# (.*?)(?=\n[^#]|\Z)", text, re.DOTALL)
     return {"name": name, "note": "" if note is None else " ".join(note[1].replace("\n#", "").split())}
 

@@ -20,7 +20,7 @@ winds.
     kernel         covariance of the wind's regression for planning; flights use the kernel of the run
     ball           radius of the maximum-trace ball
     dt             the default plan flown with every step divided into shorter ones of equal control
-    law, mission_bound, collision_bound, parents, refine
+    law, mission_bound, collision_bound, refine
                    one model of ``fidelity`` for planning; flights use the models of the run.
                    With ``planner.epsilon=null`` each collision bound has another default ε.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
-from pareto_ltl.extend import Forecast, PlannedPath, Problem, Snapshot, UnpricedRun
+from pareto_ltl.extend import Forecast, PlannedPath, Problem, Snapshot, UnpricedRun, with_interpolation_errors
 from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text
@@ -108,7 +108,24 @@ class KnownWinds:
 
 
 class DepartureWinds(KnownWinds):
-    """``known=departure``: forecasts that are ``delay`` old at departure; each plan promises in its law."""
+    """``known=departure``: forecasts that are ``delay`` old at departure; each plan promises in its law.
+
+    If planning knows every node, the wind between nodes and between the times of fields is not known at all:
+    flights in the real wind draw it, as planning does.
+    """
+
+    @property
+    def law_of_reality(self) -> str:
+        """Errors of interpolation last, as in planning."""
+        return "coherent" if self.cfg.points is None else "independent"
+
+    def reality(self, run: Run) -> Problem:
+        """The later fields, with errors of interpolation if planning knows every node."""
+        if self.cfg.points is not None:
+            return super().reality(run)
+        wind = random_missions.real_wind(self.cfg, run.settings.wind, self.truth, run.scene, run.wind)
+        world = run.make("scene", "cells", "automaton")
+        return Run(run.settings, world | {"wind": with_interpolation_errors(wind, run.wind)}).problem
 
     def readings(self, task: Mission, after: float = 0.0) -> Readings:
         """The readings known ``after`` [s] departure: in its period, the newest of each time, thinned."""
@@ -164,13 +181,15 @@ class DepartureWinds(KnownWinds):
     def explanation(self, numbers: Mapping[str, float]) -> str:
         """Errors that the later fields show, and those that they do not."""
         wind, planned = self.settings.wind, numbers["missions_planned"] / numbers["missions"]
+        drawn = " (drawn in the real wind too)" if self.cfg.points is None else ""
         return (
             f"Tested: the promise of a plan under its law, wind.forecast_error={wind.forecast_error}, in "
             f"the winds that came within {self.cfg.hours:g} h of departure; {probability_text(planned)} of "
             "the missions have a plan. Covered: errors of forecasts and of the last known field, of "
-            f"interpolation in space and time, level {wind.level}. Not covered: what the fields themselves "
-            f"have wrong, winds smaller than their grid beyond {self.cfg.gusts:g} times the fitted white "
-            "part, other seasons; missions of one period share its weather, which the intervals ignore.\n"
+            f"interpolation in space and time{drawn}, level {wind.level}. Not covered: what the fields "
+            f"themselves have wrong, winds smaller than their grid beyond {self.cfg.gusts:g} times the "
+            "fitted white part, other seasons; missions of one period share its weather, which the intervals "
+            "ignore.\n"
         )
 
 

@@ -29,15 +29,16 @@ CHOSEN = style.mark_key("chosen plan", "o", 7.0, "none", style.VERMILLION, 1.3)
 def front_figure(run: DrawnRun, front: Front) -> Figure:
     """Mission risk against path length, collision risk as colour, before and after smoothing.
 
-    A front of failure rates has another figure (:func:`flown_front_figure`). Accepted vertices of the trees
-    are a cloud of dots, and the path of the plan is marked with a ring.
+    A front of failure rates has another figure (:func:`flown_front_figure`). Where the front has the mission
+    risk of trees, accepted vertices are a cloud of dots. The path of the plan is marked with a ring.
     """
     if front.rates:
         return flown_front_figure(run, front)
     plan, (unit, per_metre) = run.plan, length_unit(run.scene)
     after = _front_rows([path.objectives for path in front.paths]) * [per_metre, 1.0, 1.0]
     before = _front_rows(front.raw) * [per_metre, 1.0, 1.0]
-    vertices = np.empty((0, 2)) if run.forest is None else accepted_rows(run.forest)
+    of_trees = (front.models.law, front.models.mission_bound) == ("independent", "theorem2")
+    vertices = accepted_rows(run.forest) if run.forest is not None and of_trees else np.empty((0, 2))
     cloud = vertices[:, [-1, 0]] * [per_metre, 1.0]  # length and mission risk
     figure = style.blank_figure(style.COLUMN_WIDTH, FRONT_HEIGHT)
     ax = style.axes_at(figure, 0.58, 0.38, 2.22, 1.82)

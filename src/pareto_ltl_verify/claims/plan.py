@@ -41,10 +41,10 @@ OBJECTIVES = {
     "collision_risk": "collision_risk", "mission_risk_ordered": "mission_risk_ordered",
 }  # fmt: skip
 PRESETS = {
-    "paper": ("independent", "open", "theorem2", "step", "dominance", "convex", "bound"),
-    "full": ("coherent", "wall", "ordered", "path", "mixed", "sampled", "flights"),
+    "paper": ("independent", "open", "theorem2", "step", "convex", "bound"),
+    "full": ("coherent", "wall", "ordered", "path", "sampled", "flights"),
 }
-OF_PRESETS = ("law", "border", "mission_bound", "collision_bound", "parents", "refine", "judge")
+OF_PRESETS = ("law", "border", "mission_bound", "collision_bound", "refine", "judge")
 
 
 def utc(text: str) -> datetime:

@@ -227,7 +227,11 @@ def _covered(result: Evidence) -> Iterator[str]:
             yield f"interpolation in time between fields {_range(np.diff(fields) / HOUR, 'h')} apart"
         if law.scaled is not None:
             factor = np.sqrt(law.scaled.factor)
-            yield f"changes in time {factor:.2f} times those of the law, as between analyses near the map"
+            reasons = ["the spread of the winds"] if law.scaled.spread is not None else []
+            reasons += ["changes between analyses near the map"] if len(law.scaled.pairs) else []
+            by = " and ".join(reasons) or "the latitude"
+            tails = "" if law.of_winds is None else ", with heavy tails"
+            yield f"changes in time {factor:.2f} times those of the law, by {by}{tails}"
     held, zero = wind.until - wind.last_field, result.scene["time_zero"]
     if 0.0 < held < np.inf:
         when = "" if zero is None else f" ({_utc(zero, wind.last_field)})"

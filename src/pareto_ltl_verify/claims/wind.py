@@ -17,6 +17,7 @@ from pareto_ltl_verify.claims import Claim, Verdict, close, far_apart, no_fault,
 from pareto_ltl_verify.claims.readings import models_of
 from pareto_ltl_verify.claims.wind_modes import CLAIMS as MODE_CLAIMS
 from pareto_ltl_verify.evidence import Evidence
+from pareto_ltl_verify.geometry import on_earth
 from pareto_ltl_verify.wind_fit import Fit
 from pareto_ltl_verify.wind_law import HOUR, VERSION_1, ErrorLaw
 from pareto_ltl_verify.wind_tables import WindFile, level_of, source_of
@@ -26,7 +27,9 @@ FIRST_LAW, PACKAGED = LAWS / "gfs.json", {path.stem: path for path in (LAWS / "p
 FROM_FILES = ("grib", "ensemble")  # sources whose files may state their model
 LAWS_OF_MODELS = {"edzw": "icon_eu", "ecmf": "ecmwf_class", "kwbc 83": "hourly_fine"}  # centre, process
 MOST_NODES = 4000  # limit of the number of nodes of a slot at which the posterior is computed
-LAW_WEIGHT = 10.0  # degrees of freedom of the law in the factor of D
+LAW_WEIGHT = 10.0  # degrees of freedom of a law in the factor of D, if it states none
+FEWEST_PLACES, LONGEST_PAIR = 10, 1e6  # readings, and [m] between two of them, for the spread of the winds
+IN_A_PLANE = ("csv", "given")  # sources whose readings may be in a plane, without latitudes
 LEAST_FACTOR, MOST_FACTOR = 0.25, 4.0
 CLEAR = 2e-6  # largest allowed error of a posterior, as a share of the prior's standard deviation
 
@@ -232,7 +235,8 @@ def _law_faults(result: Evidence, stated: ErrorLaw, law: ErrorLaw, fit: Fit) -> 
     share = largest[0] / max(factor * largest[1], 1e-300)
     share = min(share, 1.0) if result.has_ensemble else 1.0
     used = law if stated.parts else replace(law, parts=())  # whether there may be none is judged apart
-    wanted, numbers = used.times(share * factor, scale * factor).numbers(), stated.numbers()
+    change = scale if law.of_winds is not None else scale * factor
+    wanted, numbers = used.times(share * factor, change).numbers(), stated.numbers()
     other = {
         f"spread {spread:.4g} m/s": not close(stated.spread, spread, rel),
         "level": stated.level != wind.level,
@@ -242,7 +246,7 @@ def _law_faults(result: Evidence, stated: ErrorLaw, law: ErrorLaw, fit: Fit) -> 
 
 
 def variability(result: Evidence) -> Verdict | None:
-    """The factor of D(τ) follows from the changes between analyses; the changes of slots are in wind.nc.
+    """The factor of D(τ) follows from the spread of the first winds and from changes between analyses.
 
     Successive analyses among the slots, at the same places, must be among the pairs.
     """
@@ -258,21 +262,66 @@ def variability(result: Evidence) -> Verdict | None:
     }
     modelled = source_of(settings["source"]).modelled and not wind.level.endswith("depth")
     if (stated := law.scaled) is None:
-        return no_fault("law as it is", {"analyses are not used": among and modelled})
+        unused = among and modelled
+        return no_fault(
+            "law as it is",
+            {"analyses are not used": unused, "winds are not used": law.of_winds is not None},
+        )
     listed = dict(zip(map(tuple, stated.pairs.tolist()), stated.squares.tolist(), strict=True))
-    plain = law.times(1.0, 1.0 / math.sqrt(stated.factor))
-    apart = wind_fit.separation(fit.points[0], fit.points[0])
-    places = wind_fit.correlation("matern32", apart / law.change_length)
-    freedom = wind_law.independent_changes(plain, stated.pairs, places)
-    ratio = float(np.mean([m / plain.change_variance(b - a) for (a, b), m in listed.items()]))
-    factor = (LAW_WEIGHT + freedom * ratio) / (LAW_WEIGHT + freedom)
-    wanted = {"freedom": freedom, "factor": min(max(factor, LEAST_FACTOR), MOST_FACTOR)}
+    rule = law.of_winds
+    spread = None if rule is None else _spread_near(fit)
+    expected = 1.0 if rule is None else rule.expected(stated)
+    prior = LAW_WEIGHT if rule is None else rule.freedom
+    wanted: dict[str, float] = {"freedom": 0.0, "factor": expected}
+    if listed:
+        plain = law.times(1.0, 1.0 / math.sqrt(stated.factor))
+        apart = wind_fit.separation(fit.points[0], fit.points[0])
+        places = wind_fit.correlation("matern32", apart / law.change_length)
+        freedom = wind_law.independent_changes(plain, stated.pairs, places)
+        weight = freedom if rule is None else rule.counted(freedom)
+        ratio = float(np.mean([m / plain.change_variance(b - a) for (a, b), m in listed.items()])) / expected
+        factor = min(max((prior + weight * ratio) / (prior + weight), LEAST_FACTOR), MOST_FACTOR)
+        wanted = {"freedom": freedom, "factor": expected * factor}
+    said = {"freedom": stated.freedom, "factor": stated.factor}
+    if spread is not None and stated.spread is not None:
+        wanted["spread"], said["spread"] = spread, stated.spread
+    latitude = _latitude_of(result) if rule is not None else None
     return no_fault(
         f"D times {stated.factor:.3g}",
-        {"the source has no analyses": modelled is False},
+        {
+            "the source has no analyses": bool(listed) and modelled is False,
+            "spread": (spread is None) != (stated.spread is None),
+            "latitude": not _is_latitude(stated.latitude, latitude, str(settings["source"])),
+        },
         (f"change from {a:g} s" for (a, b), m in among.items() if not close(listed.get((a, b), -1.0), m)),
-        far_apart({"freedom": stated.freedom, "factor": stated.factor}, wanted),
+        far_apart(said, wanted),
     )
+
+
+def _latitude_of(result: Evidence) -> float | None:
+    """Latitude of the middle of the map [deg]; None without a position on Earth."""
+    crs, bounds = result.scene.get("crs"), np.array(result.scene["bounds"], float)
+    return None if crs is None else float(on_earth(str(crs), bounds.mean(axis=0)[None])[1, 0])
+
+
+def _is_latitude(stated: float | None, latitude: float | None, source: str) -> bool:
+    if stated is None or latitude is None:
+        return stated is latitude or (stated is None and source in IN_A_PLANE)
+    return abs(stated - latitude) < 1e-6
+
+
+def _spread_near(fit: Fit) -> float | None:
+    """Standard deviation of a component over pairs of the first readings at most ``LONGEST_PAIR`` apart."""
+    points, winds = fit.points[0], fit.winds[0]
+    if len(points) < FEWEST_PLACES:
+        return None
+    total, count = 0.0, 0
+    for k in range(len(points) - 1):
+        gap = np.hypot(*(points[k + 1 :] - points[k]).T)
+        near = (gap > 0.0) & (gap <= LONGEST_PAIR)
+        total += float(((winds[k + 1 :][near] - winds[k]) ** 2).sum())
+        count += int(near.sum())
+    return math.sqrt(total / count / 4.0) if count else None
 
 
 def _alike(stated: FloatArray | None, computed: FloatArray) -> bool:

@@ -83,7 +83,7 @@ def first_starts(problem: Problem, forest: Forest | None = None) -> dict[StartKi
 
 
 def tree_starts(problem: Problem, forest: Forest) -> list[Start]:
-    """The accepted path of least V + R of each class and similar length, the safest first."""
+    """The accepted path of least risk of each class and similar length, the safest first."""
     rows = accepted_rows(forest)
     if len(rows) == 0:
         return []

@@ -1,0 +1,52 @@
+"""Winds that are known at nodes and times only: what lies between them is drawn, as in planning."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.wind.records import SPACE, TIME, WindField
+
+
+def with_interpolation_errors(real: WindField, believed: WindField) -> WindField:
+    """``real`` with the errors of interpolation in space and time of ``believed``.
+
+    Parameters
+    ----------
+    real : WindField
+        Expected winds without uncertainty but gusts.
+    believed : WindField
+        A field fitted to readings, on a lattice of the same map; of its slots the nearest in time count.
+    """
+    modes, law = believed.modes, believed.error
+    if modes is None or law is None:
+        return real
+    slot = np.abs(believed.times - real.times[:, None]).argmin(axis=1)
+    kept = np.isin(modes.part, (SPACE, TIME))
+    psi = np.where(kept, modes.psi, np.float32(0.0))[slot]
+    spatial = believed.latent_var - law.forecast_variance(believed.leads)[:, None, None, None]
+    nodes = np.clip(real.lattice.nodes(), believed.origin, believed.lattice.nodes()[-1])
+    variance = np.stack([_at_nodes(believed, spatial[k], nodes) for k in slot]).reshape(real.mean.shape)
+    return replace(
+        real,
+        latent_var=np.maximum(variance, 0.0),
+        modes=replace(
+            modes, psi=psi, part=np.where(kept, modes.part, -1), energy=modes.energy[slot],
+            length=modes.length[slot],
+        ),
+        leads=np.zeros(len(slot)),
+        error=law.shared(0.0),
+        gust_time=believed.gust_time,
+    )  # fmt: skip
+
+
+def _at_nodes(field: WindField, table: FloatArray, points: FloatArray) -> FloatArray:
+    """A table (NX, NY, 2) on the lattice of ``field`` at ``points`` (N, 2) [m] within it."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    axes = [o + field.spacing * np.arange(n) for o, n in zip(field.origin, table.shape, strict=False)]
+    return np.asarray(
+        RegularGridInterpolator(axes, table, bounds_error=False, fill_value=None)(points), float
+    )
