@@ -12,7 +12,7 @@ from oracle import path_risk as risk
 from pareto_ltl.kernels import path as kernel
 from pareto_ltl.kernels.gaussian import inside
 from pareto_ltl.kernels.mission_risk import theorem2_risks
-from pareto_ltl.planning.evaluate import COLLISION_MEMORY, cross_covariance, propagate
+from pareto_ltl.planning.evaluate import cross_covariance, propagate
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.simulation.flights import draw_coherent
 from problems import (
@@ -52,12 +52,10 @@ def turned():
 
 def flown(problem, x, fast=1.0):
     """The flight along ``x``, and what ``check_path`` returns and fills."""
-    n, m = len(x), len(problem.obstacles.ptr) - 1
-    flight = propagate(problem, x)
+    n, flight = len(x), propagate(problem, x)
     q, cell = np.full(n, -9, np.int64), np.full(n, -9, np.int64)
-    memory = COLLISION_MEMORY[type(problem.world.collision)](2, m)
     known = min(n - 1, len(problem.wind.slot))
-    fault = kernel.check_path(problem.world, flight, known, fast, memory, q, cell)
+    fault = kernel.check_path(problem.world, flight, known, fast, q, cell)
     return fault, flight, q, cell
 
 

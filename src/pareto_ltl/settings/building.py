@@ -45,7 +45,7 @@ def build_settings(sections: Mapping[str, Any]) -> Settings:
 
 
 def _of_several(chosen: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values`` with those of a choice of several sections (``@package _global_``), which they override."""
+    """``values``, and what a choice of several sections (``@package _global_``) sets, which they override."""
     more = dict(values)
     for section, keys in chosen.items():
         given = values.get(section, {})
