@@ -117,21 +117,26 @@ def taken_points(scene: Scene, plan: Plan | None) -> FloatArray:
 
 
 def _heading(run: DrawnRun) -> list[str]:
-    """Lines above the map: formula, length and risks of the plan, or why there is no plan."""
+    """Lines above the map: formula, failures and length of the plan, or why there is no plan.
+
+    A plan without flights has bounds instead of failures.
+    """
     if run.plan is None:
         return _failure_heading(run.forest)
     path, models = run.plan.path, run.plan.models
     hours, steps = (path.t[-1] - path.t[0]) / 3600, len(path.u)
-    lines = [
-        f"{distance_text(path.objectives.length)}, {hours:,.1f} h, {steps} steps of {run.plan.dt:,.8g} s",
-        Plan.NO_PROMISE
-        if run.plan.alarmed
-        else f"planned in {models.law} {run.medium.flows}: {models.mission_symbol} ≤ "
-        f"{shown_probability(path.objectives.mission_risk)}, "
-        f"R ≤ {shown_probability(path.objectives.collision_risk)}",
-        *promise_lines(run.plan.promise, run.medium.flows),
-    ]
-    return [run.plan.formula, *lines]
+    length = f"{distance_text(path.objectives.length)}, {hours:,.1f} h, {steps} steps of {run.plan.dt:,.8g} s"
+    if run.plan.alarmed:
+        answer = [Plan.NO_PROMISE]
+    elif run.plan.promise is not None:
+        answer = promise_lines(run.plan.promise, run.medium.flows)
+    else:
+        answer = [
+            f"planned in {models.law} {run.medium.flows}: {models.mission_symbol} ≤ "
+            f"{shown_probability(path.objectives.mission_risk)}, "
+            f"R ≤ {shown_probability(path.objectives.collision_risk)}"
+        ]
+    return [run.plan.formula, *answer, length]
 
 
 def promise_lines(promise: Promise | None, flows: str) -> list[str]:
@@ -166,7 +171,10 @@ def shown_probability(probability: float) -> str:
 
 
 def flight_text(run: DrawnRun, law: str, count: int) -> str:
-    """Text on the simulated flights under ``law``, and V + R there; at most ``count`` flights are drawn."""
+    """Text on the simulated flights under ``law``; at most ``count`` of them are drawn.
+
+    V + R is added for plans that are judged by bounds: it says little of a plan that was flown.
+    """
     deployment = run.deployments[law]
     failed, runs = int(deployment.failed.sum()), len(deployment.x)
     text = f"{law} {run.medium.flows}: {failed:,} of {runs:,} flights failed "
@@ -174,7 +182,7 @@ def flight_text(run: DrawnRun, law: str, count: int) -> str:
     if gone := int(deployment.off_map.sum()):
         text += f"\n{shown_probability(gone / runs)} left the map"
         text += ", which is a failure" if deployment.walled else ", which is no failure"
-    if law not in run.forecasts:
+    if law not in run.forecasts or (run.plan is not None and run.plan.promise is not None):
         return text
     bound = run.forecasts[law].mission_risk + run.forecasts[law].collision_risk
     return f"{text}\nbound V + R of the controls {shown_probability(bound)}"
