@@ -49,7 +49,7 @@ def test_a_mission_is_planned_in_the_blend(tmp_path):
             "wind.level=10m", "mission.start_time=2026-06-01T07:00:00Z",
         )  # fmt: skip
     assert "nbm forecast of 2026-06-01T06:00:00Z" in (tmp_path / "hop" / "run.log").read_text()
-    assert plan["promise"]["failure"] < 0.1
+    assert plan["promise"]["failure"] < 0.6  # what selection.alpha asks for
 
 
 def test_a_glider_is_planned_in_the_surface_current_of_rtofs(tmp_path):

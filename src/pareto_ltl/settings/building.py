@@ -38,8 +38,9 @@ def build_settings(sections: Mapping[str, Any]) -> Settings:
         If a key is unknown, or a value of the wrong type or out of range.
     """
     values = {name: _value(name, value) for name, value in sections.items()}
-    for name in sections:
-        if isinstance(values[name], Mapping) and isinstance(values[name].get(name), Mapping):
+    for name, choice in sections.items():
+        chosen = values[name] if isinstance(choice, str) else None
+        if isinstance(chosen, Mapping) and isinstance(chosen.get(name), Mapping):
             values = _of_several(values.pop(name), values)
     return settings_of(values)
 

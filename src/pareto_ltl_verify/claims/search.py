@@ -85,9 +85,14 @@ def _link_faults(
             yield f"a vertex is not in its cell {k}"
 
 
+def _can_fly_trees(result: Evidence) -> bool:
+    """Whether motion and wind law of the trees are known: without a plan an open step is not."""
+    return result.grown_as_published and (not result.step_is_open or result.has("plan.json"))
+
+
 def airspeeds(result: Evidence) -> Verdict | None:
     """Every edge can be flown with u_min to u_max in the expected wind."""
-    if not result.grown_as_published or (result.step_is_open and not result.has("plan.json")):
+    if not _can_fly_trees(result):
         return None
     robot, worst, least = result.robot, 0.0, math.inf
     trees = [tuple(_arrays(result, name, "x", "parent", "step")) for name in tree_names(result)]
@@ -134,7 +139,7 @@ def vertex_risk(result: Evidence, j: int, v: int) -> float:
 def vertex_risks(result: Evidence) -> Verdict | None:
     """The mission risk of some accepted vertices is f_o of Theorem 2."""
     chosen = result.trees["accepted"]
-    if not len(chosen) or not result.grown_as_published:
+    if not len(chosen) or not _can_fly_trees(result):
         return None
     chosen = chosen[np.linspace(0, len(chosen) - 1, min(MOST_VERTICES, len(chosen))).astype(int)]
     faults = []
