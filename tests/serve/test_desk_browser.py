@@ -43,7 +43,7 @@ WIDE, NARROW = (1280, 800), (400, 850)
 CLICKS = 40  # of a random session
 FEW_FLIGHTS = (
     "planner.trees=2", "planner.n_max=1500", "refine.flights=60", "refine.sweep_flights=30",
-    "refine.points=4", "selection.draws=60", "selection.runs=400", "deployment.runs=100", "report=none",
+    "refine.points=4", "selection.draws=600", "selection.runs=400", "deployment.runs=100", "report=none",
     *wind_words(),
 )  # fmt: skip
 NOT_CLICKED = {  # open a dialog of the browser, or take long; links with data-kind download
