@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pareto_ltl.support.extras import require_extra
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ def dataset_of(scene: Scene, wind: WindField, plan: Plan | None) -> xr.Dataset:
     require_extra("netcdf", "Run.to_xarray")
     import xarray as xr
 
-    x, y = (wind.origin[k] + wind.spacing * _numbers(wind.mean.shape[1 + k]) for k in (0, 1))
+    x, y = (wind.origin[k] + wind.spacing * np.arange(wind.mean.shape[1 + k]) for k in (0, 1))
     coords: dict[str, Any] = {
         "time": ("time", wind.times, _clock(scene)),
         "x": ("x", x, METRES | {"standard_name": "projection_x_coordinate"}),
@@ -63,9 +65,3 @@ def _clock(scene: Scene) -> dict[str, str]:
     if scene.time_zero is None:
         return {"units": "s"}
     return {"units": f"seconds since {scene.time_zero.removesuffix('Z')}", "calendar": "standard"}
-
-
-def _numbers(n: int) -> Any:
-    import numpy as np
-
-    return np.arange(n)

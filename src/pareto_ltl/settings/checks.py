@@ -41,16 +41,6 @@ def field_kinds(schema: Any) -> dict[str, Any]:
     return {item.name: hints[item.name] for item in fields(schema)}  # a class variable is no field
 
 
-def kind_at(schema: type, key: str) -> Any:
-    """The type of the setting ``key`` below ``schema``, e.g. ``planner.trees``; None if there is none."""
-    kind: Any = schema
-    for part in key.split("."):
-        if not is_dataclass(kind):
-            return None
-        kind = field_kinds(typing.cast(type, kind)).get(part)
-    return kind
-
-
 def fits_kind(value: Any, kind: Any) -> bool:
     """Whether ``value`` has the type ``kind``; NumPy numbers count as numbers, booleans do not."""
     if kind is Any:

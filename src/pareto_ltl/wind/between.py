@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.wind.lattice import lattice_values
 from pareto_ltl.wind.records import SPACE, TIME, WindField
 
 
@@ -27,8 +27,8 @@ def with_interpolation_errors(real: WindField, believed: WindField) -> WindField
     kept = np.isin(modes.part, (SPACE, TIME))
     psi = np.where(kept, modes.psi, np.float32(0.0))[slot]
     spatial = believed.latent_var - law.forecast_variance(believed.leads)[:, None, None, None]
-    nodes = np.clip(real.lattice.nodes(), believed.origin, believed.lattice.nodes()[-1])
-    variance = np.stack([_at_nodes(believed, spatial[k], nodes) for k in slot]).reshape(real.mean.shape)
+    nodes = real.lattice.nodes()
+    variance = np.stack([lattice_values(believed, spatial[k], nodes) for k in slot]).reshape(real.mean.shape)
     return replace(
         real,
         latent_var=np.maximum(variance, 0.0),
@@ -40,13 +40,3 @@ def with_interpolation_errors(real: WindField, believed: WindField) -> WindField
         error=law.shared(0.0),
         gust_time=believed.gust_time,
     )  # fmt: skip
-
-
-def _at_nodes(field: WindField, table: FloatArray, points: FloatArray) -> FloatArray:
-    """A table (NX, NY, 2) on the lattice of ``field`` at ``points`` (N, 2) [m] within it."""
-    from scipy.interpolate import RegularGridInterpolator
-
-    axes = [o + field.spacing * np.arange(n) for o, n in zip(field.origin, table.shape, strict=False)]
-    return np.asarray(
-        RegularGridInterpolator(axes, table, bounds_error=False, fill_value=None)(points), float
-    )

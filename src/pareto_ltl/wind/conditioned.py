@@ -24,7 +24,6 @@ from dataclasses import replace
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.wind.lattice import lattice_values
 from pareto_ltl.wind.records import ENSEMBLE, HELD, SPACE, TIME, WindField, forecast_parts
 
 HELD_STEP = 10_800.0  # [s] between the slots of a held field
@@ -150,7 +149,7 @@ def conditioned_field(field: WindField, theta: FloatArray, known: FloatArray) ->
             B = known[:, c] * rho[k]
             roots = psi[k, :, :, c].astype(float)
             columns = roots @ np.column_stack([rho[k] * theta[c], B.T])  # the shift; roots of what is lost
-            here = lattice_values(modes, columns, nodes)
+            here = modes.between(columns, nodes)
             mean[k, ..., c] += here[:, 0].reshape(shape)
             lost = (here[:, 1:] ** 2).sum(axis=1).reshape(shape)
             latent[k, ..., c] = np.maximum(latent[k, ..., c] - lost, 0.0)

@@ -16,7 +16,6 @@ from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS
 from pareto_ltl_apps.formats.station_tables import BUOYS, holds_reports
 
 MOST_FIELDS = 20_000  # of a GRIB file, that are looked at
-TEXT_ENDS = (".csv", ".gz")
 
 
 def source_of_path(path: str | Path) -> str:
