@@ -4,7 +4,7 @@
     python release/machine_code.py WHEEL --kinds full paper        # only these kinds of runs
 
 The kernels are compiled by ``pareto-ltl warmup`` from the unpacked wheel, for every processor of the baseline
-(``pareto_ltl.kernels.shipped_code``). The new wheel is for the Python and the numba with which it was built:
+(``typed_kernels.shipped_code``). The new wheel is for the Python and the numba with which it was built:
 its tags and its metadata say so. It contains nothing of this machine, and a manifest with the SHA-256 of each
 file of code.
 """
@@ -66,7 +66,7 @@ def baseline(site: Path) -> str:
 
 def asked(site: Path, expression: str, **changes: str) -> Any:
     """The value of ``expression`` in a process that imports the package in ``site``."""
-    code = f"import json; from pareto_ltl.kernels import shipped_code; print(json.dumps({expression}))"
+    code = f"import json; from typed_kernels import shipped_code; print(json.dumps({expression}))"
     surroundings = os.environ | {"PYTHONPATH": str(site), "PYTHONDONTWRITEBYTECODE": "1"} | changes
     done = subprocess.run([sys.executable, "-c", code], env=surroundings, check=True, stdout=subprocess.PIPE)
     return json.loads(done.stdout)

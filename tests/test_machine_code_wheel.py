@@ -20,7 +20,7 @@ from pathlib import Path
 import numba
 import pytest
 
-from pareto_ltl.kernels.shipped_code import BASELINES
+from typed_kernels.shipped_code import BASELINES
 from unmeasured import untraced
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -17,12 +17,15 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.kernels import code_cache, code_files, shipped_code
-from pareto_ltl.kernels.code_cache import FOREIGN, KERNELS, code_stamp, reachable_sources
+from pareto_ltl import kernels
 from pareto_ltl.kernels.collision_risk import step_allowed
-from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, source_file
+from typed_kernels import code_cache, code_files, shipped_code
+from typed_kernels.code_cache import FOREIGN, PACKAGES, code_stamp, reachable_sources
+from typed_kernels.jit import IMPLEMENTATIONS, by_type, implements, source_file
 from unmeasured import untraced
 
+KERNELS = Path(kernels.__file__).parent
+TYPED_KERNELS = Path(code_cache.__file__).parent
 # One square cell. Each process of these tests imports again, so little is imported. One test renames Cells.
 PROGRAM = """
 import numpy as np
@@ -40,7 +43,7 @@ LOCATED = "[-1, 0]"  # what it prints first
 
 FACTS = """
 import json
-from pareto_ltl.kernels.shipped_code import installation, process_target
+from typed_kernels.shipped_code import installation, process_target
 print(json.dumps(installation() | {"target": process_target()}))
 """
 
@@ -59,13 +62,20 @@ def test_modules_that_a_file_imports_as_such_are_reached():
     assert {"claim_lists", "claim_rows"} <= names("margin.py")
 
 
-@pytest.mark.parametrize("file", sorted(KERNELS.glob("*.py")), ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file", sorted([*KERNELS.glob("*.py"), *TYPED_KERNELS.glob("*.py")]), ids=lambda file: file.stem
+)
 def test_the_pattern_of_imports_finds_what_the_parser_finds(file):
     found = [node for node in ast.walk(ast.parse(file.read_bytes())) if isinstance(node, ast.ImportFrom)]
     modules = {node.module for node in found}
     modules |= {f"{node.module}.{alias.name}" for node in found for alias in node.names}
-    kernels = {KERNELS / f"{name.rpartition('.')[2]}.py" for name in modules if "pareto_ltl.kernels." in name}
-    assert {source for source in kernels if source.is_file()} | {file} == {
+    reached = {
+        folder / f"{name.rpartition('.')[2]}.py"
+        for package, folder in (("pareto_ltl.kernels", KERNELS), ("typed_kernels", TYPED_KERNELS))
+        for name in modules
+        if f"{package}." in name
+    }
+    assert {source for source in reached if source.is_file()} | {file} == {
         *code_cache.imported_kernels(file),
         file,
     }
@@ -109,8 +119,27 @@ def test_a_function_of_another_package_changes_no_stamp():
         """Volume of a model."""
 
     implements(volume, float)(lambda model: model)
-    assert FOREIGN[Path(__file__)] == {Path(__file__)}
+    assert Path(__file__) not in FOREIGN
     assert code_stamp(KERNELS / "growth.py") == before
+
+
+def test_imports_of_other_packages_of_kernels_and_of_neighbours_are_followed(tmp_path, monkeypatch):
+    for name in ("ours/one.py", "ours/two.py", "ours/three.py", "theirs/four.py", "plain/five.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / "ours" / "one.py").write_text(
+        "from .two import f\nfrom . import three  # a module\n"
+        "from theirs.four import g\nfrom plain.five import h"
+    )
+    monkeypatch.setitem(PACKAGES, "ours", tmp_path / "ours")
+    monkeypatch.setitem(PACKAGES, "theirs", tmp_path / "theirs")
+    reached = reachable_sources(tmp_path / "ours" / "one.py")
+    assert {source.stem for source in reached} == {"one", "two", "three", "four"}
+
+
+def test_a_package_of_kernels_is_known_by_its_first_kernel():
+    assert PACKAGES["pareto_ltl.kernels"] == KERNELS
+    assert not {"pareto_ltl", "pareto_ltl.planning", "numpy"} & set(PACKAGES)
 
 
 def test_different_files_have_different_stamps():
@@ -178,7 +207,8 @@ class Program:
 def copied(folder: Path) -> Program:
     """A copy of the package in ``folder``."""
     leave_out = shutil.ignore_patterns("__pycache__", "machine_code")
-    shutil.copytree(KERNELS.parent, folder / "src" / "pareto_ltl", ignore=leave_out)
+    for package in (KERNELS.parent, TYPED_KERNELS):
+        shutil.copytree(package, folder / "src" / package.name, ignore=leave_out)
     for name in ("conf", "pipelines"):
         shutil.copytree(KERNELS.parents[2] / name, folder / name)
     return Program(folder)
@@ -274,7 +304,7 @@ def test_the_code_of_one_kernel_is_not_that_of_another_with_a_valid_checksum(tmp
 
 
 DOUBLING = """
-from pareto_ltl.kernels.jit import entry
+from typed_kernels.jit import entry
 
 
 @entry
@@ -437,15 +467,14 @@ UNUSED = "the machine code of this installation is not used: "
 def list_in(wheel, tmp_path, monkeypatch):
     """The manifest of a copy of the code that a wheel would bring, which this process looks for."""
     shutil.copytree(wheel.list_of_code.parent, tmp_path / "machine_code")
-    monkeypatch.setattr(shipped_code, "FOLDER", tmp_path / "machine_code")
     shipped_code._shipped.cache_clear()  # noqa: SLF001 - it reads the list once per process
     yield tmp_path / "machine_code" / shipped_code.MANIFEST
     shipped_code._shipped.cache_clear()  # noqa: SLF001
 
 
 def test_code_for_this_installation_is_used(list_in):
-    assert shipped_code.shipped_code() is not None
-    assert shipped_code.unusable_reason() == ""
+    assert shipped_code.shipped_code(list_in.parents[1]) is not None
+    assert shipped_code.unusable_reason(list_in.parents[1]) == ""
 
 
 @pytest.mark.parametrize(
@@ -456,15 +485,15 @@ def test_code_for_this_installation_is_used(list_in):
 )  # fmt: skip
 def test_code_for_something_else_is_not_used_for_a_reason(list_in, key, value, reason):
     list_in.write_text(json.dumps(json.loads(list_in.read_text()) | {key: value}))
-    assert shipped_code.shipped_code() is None
-    assert shipped_code.unusable_reason().startswith(UNUSED + reason)
+    assert shipped_code.shipped_code(list_in.parents[1]) is None
+    assert shipped_code.unusable_reason(list_in.parents[1]).startswith(UNUSED + reason)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", "[" * 100_000, '{"numba": 3}'])
 def test_code_with_a_list_that_cannot_be_read_is_not_used(list_in, text):
     list_in.write_text(text)
-    assert shipped_code.shipped_code() is None
-    assert shipped_code.unusable_reason().startswith(UNUSED)
+    assert shipped_code.shipped_code(list_in.parents[1]) is None
+    assert shipped_code.unusable_reason(list_in.parents[1]).startswith(UNUSED)
 
 
 def test_a_user_who_names_a_processor_gets_code_for_it(shipped):

@@ -15,10 +15,10 @@ import pareto_ltl.kernels
 from pareto_ltl.kernels import bounds, data, flight, pilots
 from pareto_ltl.kernels.claim_lists import ClaimLists
 from pareto_ltl.kernels.claim_rows import ClaimRows
-from pareto_ltl.kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
 from pareto_ltl.planning import evaluate
 from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.simulation import flights
+from typed_kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
 
 for module in pkgutil.iter_modules(pareto_ltl.kernels.__path__):
     importlib.import_module(f"pareto_ltl.kernels.{module.name}")

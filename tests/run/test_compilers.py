@@ -9,7 +9,7 @@ import pytest
 from llvmlite.binding import Linkage
 from numba import njit
 
-from pareto_ltl.kernels.jit import ENTRY, PLAIN, SHARED_ENTRY, kernel
+from typed_kernels.jit import ENTRY, PLAIN, SHARED_ENTRY, kernel
 
 
 @kernel

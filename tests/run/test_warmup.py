@@ -10,17 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pareto_ltl.kernels import code_cache
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.pack_logic import LIVE
 from pareto_ltl.run import second_process
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings
 from pareto_ltl.settings.building import build_settings
-from pareto_ltl.support import compiling
 from pareto_ltl.support.budget import Budget
 from pareto_ltl_apps.cli import warmup
 from pareto_ltl_apps.cli.commands import run_command_line
+from typed_kernels import code_cache, watching
 
 
 def test_each_preset_has_a_kind_and_one_for_every_model_changed() -> None:
@@ -111,7 +110,7 @@ def started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
 
 
 def announce(kernel: str) -> None:
-    compiling.compilation_begins(kernel)
+    watching.compilation_begins(kernel)
 
 
 def test_a_second_process_is_started_when_growth_is_compiled_and_only_then(started: list[str]) -> None:
@@ -121,7 +120,7 @@ def test_a_second_process_is_started_when_growth_is_compiled_and_only_then(start
         announce("growth.grow")
         announce("growth.grow")
         assert started == ["full"]
-    assert compiling.WATCHERS == []
+    assert watching.WATCHERS == []
 
 
 def test_of_two_runs_one_has_a_second_process(started: list[str]) -> None:

@@ -1,6 +1,7 @@
 """Compiled kernels on named tuples of arrays (``data``).
 
 Kernels do not check their arguments: the calling packages check shapes and ranges, allocate the arrays and
-pack the results. ``jit`` describes how kernels are compiled and how the type of a model selects its code.
+pack the results. :mod:`typed_kernels` compiles them, keeps their machine code, and lets the type of a model
+select its code.
 With ``NUMBA_DISABLE_JIT=1`` all of them run as plain Python.
 """

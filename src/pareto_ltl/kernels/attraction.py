@@ -8,9 +8,9 @@ import numpy as np
 
 from pareto_ltl.kernels.clearance import CERTAIN, Event
 from pareto_ltl.kernels.data import Faces, Landmarks
-from pareto_ltl.kernels.jit import allocating, kernel
 from pareto_ltl.kernels.margin import FLAT, Slope, add_failure_slope
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from typed_kernels.jit import allocating, kernel
 
 NEAREST = 3  # legs of a path on which a flight may be deepest in a landmark
 SHARES = (0.5, 1.0)  # of a leg, where that is evaluated

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from pareto_ltl.kernels.data import Corners, Faces, Point
-from pareto_ltl.kernels.jit import kernel
+from typed_kernels.jit import kernel
 
 CERTAIN = 1e18  # [m] margin of a condition that cannot fail; -CERTAIN: of one that cannot hold
 TINY = 1e-300

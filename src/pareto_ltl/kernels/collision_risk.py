@@ -9,7 +9,7 @@ from pareto_ltl.kernels.bounds import CollisionBound, PathBound, StepBound
 from pareto_ltl.kernels.data import Cov, Faces, Gaussian, Nearby
 from pareto_ltl.kernels.gaussian import tail, variance_along
 from pareto_ltl.kernels.geometry import look_around
-from pareto_ltl.kernels.jit import by_type, implements, inlined, kernel
+from typed_kernels.jit import by_type, implements, inlined, kernel
 
 FAR_DEVIATIONS = 5.0  # obstacles more standard deviations away, of a probability below 3e-7, are skipped
 

@@ -1,7 +1,8 @@
 """Input of kernels as named tuples, so that loops read ``wind.mean`` and ``here.cov``, not ``arr[3]``.
 
 Models (a wind law here, a mission bound and a collision bound in :mod:`pareto_ltl.kernels.bounds`) are named
-tuples too, and their types select the code (``jit.by_type``). Memory that a model does not need is None.
+tuples too, and their types select the code (``typed_kernels.jit.by_type``). Memory that a model does not need
+is None.
 """
 
 from __future__ import annotations

@@ -16,13 +16,13 @@ from typing import NamedTuple
 from pareto_ltl.kernels.attraction import attract
 from pareto_ltl.kernels.data import CoherentLaw, IndependentLaw, LandmarkLaw, Law
 from pareto_ltl.kernels.interpolation import wind_slopes
-from pareto_ltl.kernels.jit import by_type, entry, implements, kernel, shared_entry
 from pareto_ltl.kernels.margin import Slope, smoothed_failure
 from pareto_ltl.kernels.margin_events import MarginModel, Scratch
 from pareto_ltl.kernels.motion import least_airspeed
 from pareto_ltl.kernels.path import Flight, propagate_flight
 from pareto_ltl.kernels.step_solver import MOST, StepModel, Work, X, solve_step
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from typed_kernels.jit import by_type, entry, implements, kernel, shared_entry
 
 OVERLONG = 20.0  # penalty per relative length above the cap: more than any failure
 SHORTENED = 0.985  # one solve may shorten the path to this share of its length, not further

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.jit import allocating, inlined, kernel
 from pareto_ltl.support.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from typed_kernels.jit import allocating, inlined, kernel
 
 
 class Product(NamedTuple):

@@ -35,7 +35,6 @@ from pareto_ltl.kernels.data import (
 )
 from pareto_ltl.kernels.gaussian import FixWeights, fix_weights
 from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value, wind_at
-from pareto_ltl.kernels.jit import implements, kernel, vector
 from pareto_ltl.kernels.motion import scaled_cov
 from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.kernels.propagation import (
@@ -53,6 +52,7 @@ from pareto_ltl.kernels.robot_errors import (
     subtract_errors,
 )
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
+from typed_kernels.jit import implements, kernel, vector
 
 FADED = 1e-3  # fixes whose factors s are all below this are ignored
 OUTSIDE = 5.0  # deviations beyond which a landmark is out of reach

@@ -34,11 +34,11 @@ from pareto_ltl.kernels.interpolation import (
     mode_value,
     wind_at,
 )
-from pareto_ltl.kernels.jit import by_type, entry, implements, kernel, vector
 from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.pilots import Pilot, begin_flights, command, observe
 from pareto_ltl.kernels.propagation import white_variance
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from typed_kernels.jit import by_type, entry, implements, kernel, vector
 
 # --- winds ------------------------------------------------------------------------------------
 

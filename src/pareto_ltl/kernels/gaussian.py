@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 from pareto_ltl.kernels.data import Cov, Faces, Gaussian, Linear
-from pareto_ltl.kernels.jit import inlined, kernel
 from pareto_ltl.support.arrays import IntArray
+from typed_kernels.jit import inlined, kernel
 
 SQRT_HALF = math.sqrt(0.5)
 

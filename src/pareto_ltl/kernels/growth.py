@@ -12,7 +12,6 @@ from pareto_ltl.kernels.collision_risk import step_is_clear
 from pareto_ltl.kernels.data import Gaussian, Logic, Point
 from pareto_ltl.kernels.dijkstra import Product, find_lead
 from pareto_ltl.kernels.geometry import locate_cell
-from pareto_ltl.kernels.jit import entry, inlined, kernel
 from pareto_ltl.kernels.letters import epoch_at, next_state, too_late
 from pareto_ltl.kernels.mission_risk import visit_risk
 from pareto_ltl.kernels.motion import airspeed, least_airspeed
@@ -46,6 +45,7 @@ from pareto_ltl.kernels.tree import (
     vertex_point,
 )
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from typed_kernels.jit import entry, inlined, kernel
 
 
 class Fans(NamedTuple):

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from pareto_ltl.kernels.interpolation import F32
-from pareto_ltl.kernels.jit import allocating, vector
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
+from typed_kernels.jit import allocating, vector
 
 
 class LinearLaw(NamedTuple):

@@ -10,8 +10,8 @@ from typing import TypeAlias
 import numpy as np
 
 from pareto_ltl.kernels.data import Modes, Point, Square, Wind
-from pareto_ltl.kernels.jit import inlined, kernel, vector
 from pareto_ltl.support.arrays import Float32Array, FloatArray
+from typed_kernels.jit import inlined, kernel, vector
 
 F32 = np.float32
 Weights: TypeAlias = tuple[np.float32, np.float32, np.float32, np.float32]

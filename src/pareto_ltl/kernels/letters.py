@@ -12,8 +12,8 @@ import numpy as np
 
 from pareto_ltl.kernels.data import Cells, Logic, Point
 from pareto_ltl.kernels.geometry import entry_share, locate_cell
-from pareto_ltl.kernels.jit import allocating, inlined, kernel
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from typed_kernels.jit import allocating, inlined, kernel
 
 
 @inlined

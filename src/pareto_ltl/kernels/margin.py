@@ -25,7 +25,6 @@ from typing import NamedTuple
 from pareto_ltl.kernels import claim_lists, claim_rows
 from pareto_ltl.kernels.clearance import CERTAIN, Event, segment_clearance
 from pareto_ltl.kernels.data import Point
-from pareto_ltl.kernels.jit import kernel, shared_entry
 from pareto_ltl.kernels.margin_events import (
     NOWHERE,
     SATURATED,
@@ -36,6 +35,7 @@ from pareto_ltl.kernels.margin_events import (
 )  # fmt: skip
 from pareto_ltl.kernels.near import enclose, least_gaps, list_met, list_shown, place_end, segment_box
 from pareto_ltl.support.arrays import FloatArray
+from typed_kernels.jit import kernel, shared_entry
 
 FLAT = 3.0 * SATURATED  # widths: beyond, a smoothed failure has no slope
 MODELS = (claim_lists.ClaimLists, claim_rows.ClaimRows)  # types of memory that select :func:`mission_margins`

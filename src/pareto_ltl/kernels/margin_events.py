@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 from pareto_ltl.kernels.clearance import CERTAIN, Event, segment_clearance
 from pareto_ltl.kernels.data import Cells, Corners, Faces, Logic, Point
-from pareto_ltl.kernels.jit import by_type, inlined, kernel
 from pareto_ltl.kernels.near import Near
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from typed_kernels.jit import by_type, inlined, kernel
 
 NOWHERE = -1  # number, and step, of "no event"
 SATURATED = 12.0  # widths of the sigmoid: margins below minus this count as -CERTAIN, an error of 6e-6

@@ -6,7 +6,7 @@ import math
 
 from pareto_ltl.kernels.data import Ahead, Cov, Gaussian, IndependentLaw, Motion, Point, Wind
 from pareto_ltl.kernels.interpolation import gust_variance, wind_at
-from pareto_ltl.kernels.jit import inlined, kernel
+from typed_kernels.jit import inlined, kernel
 
 # The maximum-trace rule evaluates the centre and eight points on the boundary of the ball: the latent
 # variance is smooth at the size of the ball, so its largest value is at the centre or on the boundary.

@@ -6,9 +6,9 @@ A move is e' = A e + G θ + n, θ' = R θ + ζ (:class:`~pareto_ltl.kernels.pilo
 from __future__ import annotations
 
 from pareto_ltl.kernels.interpolation import F32
-from pareto_ltl.kernels.jit import kernel, vector
 from pareto_ltl.kernels.pilots import Beliefs, Moves
 from pareto_ltl.support.arrays import Float32Array, FloatArray
+from typed_kernels.jit import kernel, vector
 
 
 @kernel

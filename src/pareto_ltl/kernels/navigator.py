@@ -25,7 +25,6 @@ import math
 
 from pareto_ltl.kernels.data import Landmarks, Motion, Point
 from pareto_ltl.kernels.interpolation import F32
-from pareto_ltl.kernels.jit import implements, kernel, vector
 from pareto_ltl.kernels.moves import changes, dot, fade_theta, lengthen, move_belief, stay
 from pareto_ltl.kernels.pilots import (
     SHARES,
@@ -38,6 +37,7 @@ from pareto_ltl.kernels.pilots import (
     within_airspeed,
 )
 from pareto_ltl.support.arrays import Float32Array, FloatArray
+from typed_kernels.jit import implements, kernel, vector
 
 # --- covariances of a history -----------------------------------------------------------------
 

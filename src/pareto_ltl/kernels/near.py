@@ -10,8 +10,8 @@ import math
 from typing import NamedTuple
 
 from pareto_ltl.kernels.data import Corners, Faces
-from pareto_ltl.kernels.jit import kernel, vector
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from typed_kernels.jit import kernel, vector
 
 ROUNDING = 1e-3  # [m] largest rounding error of a bound
 

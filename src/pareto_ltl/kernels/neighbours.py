@@ -12,8 +12,8 @@ from typing import NamedTuple
 from numpy.random import Generator
 
 from pareto_ltl.kernels.data import Point
-from pareto_ltl.kernels.jit import kernel
 from pareto_ltl.support.arrays import FloatArray, Int32Array, IntArray
+from typed_kernels.jit import kernel
 
 
 class Bins(NamedTuple):

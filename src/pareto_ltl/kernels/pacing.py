@@ -6,8 +6,8 @@ import math
 
 from pareto_ltl.kernels.data import Motion, Point, Wind
 from pareto_ltl.kernels.interpolation import wind_at
-from pareto_ltl.kernels.jit import entry
 from pareto_ltl.support.arrays import FloatArray
+from typed_kernels.jit import entry
 
 SLOWEST = 0.05  # of u_max: least ground speed assumed for a leg against a strong wind
 LEAST = 1e-9  # [m]

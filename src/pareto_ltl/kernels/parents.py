@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pareto_ltl.kernels.jit import kernel
 from pareto_ltl.support.arrays import FloatArray
+from typed_kernels.jit import kernel
 
 
 class Dominance(NamedTuple):

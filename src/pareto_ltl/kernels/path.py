@@ -20,12 +20,12 @@ from pareto_ltl.kernels.data import (
 )
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.interpolation import corner_weights, mode_square, mode_value, wind_at
-from pareto_ltl.kernels.jit import allocating, by_type, entry, implements, kernel
 from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.motion import airspeed, least_airspeed, left_time
 from pareto_ltl.kernels.propagation import advance, closed_loop, forget, white_variance
 from pareto_ltl.kernels.robot_errors import begin_errors, set_control, start_covariance, with_errors
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
+from typed_kernels.jit import allocating, by_type, entry, implements, kernel
 
 FLOWN, TOO_FAST, UNKNOWN_WIND, OFF_MAP, CROSSING, TOO_SLOW = range(6)
 

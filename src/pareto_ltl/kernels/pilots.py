@@ -6,8 +6,8 @@ import math
 from typing import Any, NamedTuple, TypeAlias
 
 from pareto_ltl.kernels.data import Landmarks, Motion, Point
-from pareto_ltl.kernels.jit import by_type, implements, inlined, kernel
 from pareto_ltl.support.arrays import BoolArray, ComplexArray, Float32Array, FloatArray, IntArray
+from typed_kernels.jit import by_type, implements, inlined, kernel
 
 SHARES = 8  # parts of a step in which a fix can lie: fixes in one part have the same gains
 

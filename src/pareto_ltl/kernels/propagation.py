@@ -40,9 +40,9 @@ from pareto_ltl.kernels.interpolation import (
     wind_at,
     wind_square,
 )
-from pareto_ltl.kernels.jit import by_type, implements, kernel, vector
 from pareto_ltl.kernels.motion import airspeed_left, independent_step, left_time, scaled_cov
 from pareto_ltl.support.arrays import Float32Array
+from typed_kernels.jit import by_type, implements, kernel, vector
 
 
 @by_type

@@ -39,7 +39,7 @@ from pareto_ltl.kernels.data import (
     RobotErrors,
 )
 from pareto_ltl.kernels.gaussian import FixWeights
-from pareto_ltl.kernels.jit import by_type, implements, kernel
+from typed_kernels.jit import by_type, implements, kernel
 
 AIRSPEED, HEADING, CLOCK = range(3)  # the coefficients, in order
 

@@ -20,8 +20,8 @@ import math
 from typing import NamedTuple
 
 from pareto_ltl.kernels.block_matrix import add_block, eliminate, substitute
-from pareto_ltl.kernels.jit import kernel
 from pareto_ltl.support.arrays import FloatArray
+from typed_kernels.jit import kernel
 
 MOST = 30  # largest number of iterations
 WITHIN = 1e-5  # tolerance of the constraints

@@ -18,8 +18,8 @@ import numpy as np
 
 from pareto_ltl.kernels.data import Corners, Cov, Gaussian, Point
 from pareto_ltl.kernels.gaussian import tail, variance_along
-from pareto_ltl.kernels.jit import allocating, kernel
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from typed_kernels.jit import allocating, kernel
 
 FAR = 6.0  # standard deviations beyond which a polygon adds less than 1e-9
 HALVINGS = 24  # of the angle between the best lines of both ends

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.kernels.data import Faces, Point
-from pareto_ltl.kernels.jit import allocating, kernel, shared_entry
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from typed_kernels.jit import allocating, kernel, shared_entry
 
 TOUCH = 1e-3  # [m] tolerance of the distance to keep
 BESIDE = 1.3  # a crossing lies within this many distances of both its polygons

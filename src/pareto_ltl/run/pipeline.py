@@ -301,10 +301,10 @@ class RunLogFile(logging.FileHandler):
 
 @contextmanager
 def logging_to(path: Path) -> Iterator[None]:
-    """Write the messages of the package and the warnings of Python to the file ``path``."""
+    """Write the messages of the package, of the compiler and the warnings of Python to the file ``path``."""
     handler = RunLogFile(path, encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    heard = (LOG, logging.getLogger("py.warnings"))
+    heard = (LOG, logging.getLogger("typed_kernels"), logging.getLogger("py.warnings"))
     before = [(logger, logger.level, logger.propagate) for logger in heard]
     for logger in heard:
         logger.addHandler(handler)

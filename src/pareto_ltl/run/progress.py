@@ -6,11 +6,13 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl.run.compile_time import COSTS, CompileTime, seconds_text
-from pareto_ltl.support.compiling import compilation_watched
 from pareto_ltl.support.machine import cores
+from pareto_ltl.support.resources import PACKAGE
+from typed_kernels.watching import compilation_watched
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -178,12 +180,13 @@ class ProgressBar:
 
     def _begins(self, kernel: str) -> None:
         """Show that ``kernel`` is compiled, in place of the stage that waits for it."""
-        from pareto_ltl.kernels.code_cache import has_code
+        from typed_kernels.code_cache import has_code
 
         if self._bar is None:
             return
         if self._time is None:
-            self._time = CompileTime(COSTS.get(self._preset, {}), has_code, min(cores(), 2))
+            is_there = partial(has_code, PACKAGE / "kernels")
+            self._time = CompileTime(COSTS.get(self._preset, {}), is_there, min(cores(), 2))
         self._time.begins(kernel)
         if self._compiling is None:
             self._compiling = self._bar.add_task("", total=1.0, state="")

@@ -14,9 +14,9 @@ from tempfile import TemporaryDirectory
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.cache import LOCKS_FOLDER, cache_root
-from pareto_ltl.support.compiling import compilation_begins, compilation_ends, compilation_watched
 from pareto_ltl.support.locks import TakenError, hold_lock
 from pareto_ltl.support.machine import cores
+from typed_kernels.watching import compilation_begins, compilation_ends, compilation_watched
 
 GROWTH = "growth.grow"
 LONGEST = 300.0  # [s] to wait for the second process

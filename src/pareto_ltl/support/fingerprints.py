@@ -52,7 +52,7 @@ def _file_fingerprint(path: str, _changed: int, _size: int) -> str:
 
 @lru_cache
 def code_fingerprint(*names: str, without: tuple[str, ...] = ()) -> str:
-    """Fingerprint of the source of planner, applications and checker, or of the modules called ``names``.
+    """Fingerprint of the source of the installed packages, or of the modules called ``names``.
 
     Parameters
     ----------
@@ -67,7 +67,8 @@ def code_fingerprint(*names: str, without: tuple[str, ...] = ()) -> str:
         If there is no module or package of such a name.
     """
     left_out = {source for name in without for source in _source_files(name)}
-    wanted = names or sorted(place.parent.name for place in SOURCES.glob("pareto_ltl*/__init__.py"))
+    found = (*SOURCES.glob("pareto_ltl*/__init__.py"), *SOURCES.glob("typed_kernels/__init__.py"))
+    wanted = names or sorted(place.parent.name for place in found)
     sources = {source for name in wanted for source in _source_files(name)} - left_out
     digest = hashlib.sha256()
     for source in sorted(sources):

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 COLUMNS = 80
-OURS = ("pareto_ltl", "py.warnings")  # the loggers whose warnings are shown
+OURS = ("pareto_ltl", "typed_kernels", "py.warnings")  # the loggers whose warnings are shown
 EXPECTED_ERRORS: tuple[type[Exception], ...] = (ParetoLtlError, OSError)
 
 

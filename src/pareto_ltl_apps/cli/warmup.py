@@ -24,11 +24,11 @@ import numpy as np
 
 from pareto_ltl import Settings
 from pareto_ltl.extend import Pipeline
-from pareto_ltl.support.compiling import compilation_watched
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.files import process_lives
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
+from typed_kernels.watching import compilation_watched
 
 if TYPE_CHECKING:
     from pareto_ltl.extend import Forest, Problem

@@ -18,8 +18,8 @@ ENVIRONMENT = "_ZN08NumbaEnv"  # begins the names of global variables with what 
 class HelperLibrary(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
     """A helper in LLVM's form, without machine code: each kernel that calls it compiles it.
 
-    Growth and three more kernels compile in 33 instead of 38 s of CPU time. Numba wants the address of the
-    environment of every function, so there is a module with nothing else.
+    Kernels compile faster so. Numba wants the address of the environment of every function, so there is a
+    module with nothing else.
     """
 
     def _finalize_final_module(self) -> None:
@@ -57,7 +57,7 @@ class KernelLibrary(SharedLibrary):
         """The code as it is kept on disk, with the names that it defines.
 
         Numba adds all of it in LLVM's form, for other functions that call this one. It would be half of a
-        file, and reading it takes 14 ms a kernel.
+        file, and has to be read with it.
         """
         self._ensure_finalized()
         module = self._final_module

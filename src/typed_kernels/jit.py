@@ -12,12 +12,11 @@ from numba import config, njit
 from numba.core.errors import TypingError
 from numba.extending import overload
 
-from pareto_ltl.kernels.code_cache import FOREIGN, KERNELS, KernelCache
-from pareto_ltl.kernels.compilers import HelperCompiler, KernelCompiler, SharedCompiler
+from typed_kernels.code_cache import FOREIGN, KernelCache
+from typed_kernels.compilers import HelperCompiler, KernelCompiler, SharedCompiler
 
 F = TypeVar("F", bound=Callable[..., Any])
-# A wrapper for calls from C would hold the function once more, optimised and compiled: growth and lines
-# compile in 38 instead of 51 s of CPU time without it.
+# A wrapper for calls from C would hold the function once more, optimised and compiled.
 PLAIN = {"_nrt": False, "error_model": "numpy", "no_cfunc_wrapper": True}
 HELPER = PLAIN | {"pipeline_class": HelperCompiler}
 ENTRY = {"nogil": True, "no_cfunc_wrapper": True, "pipeline_class": KernelCompiler}
@@ -28,8 +27,8 @@ def kernel(function: F) -> F:
     """Compile a helper that allocates no memory, without reference counts.
 
     Helpers read arrays from nested named tuples. Numba changes a reference count, atomically, at every such
-    read. The arrays belong to the caller and outlive the call, so the counts are not needed: without them,
-    growth on phi2 makes 246,000 instead of 57,000 vertices per second.
+    read. The arrays belong to the caller and outlive the call, so the counts are not needed; with them, code
+    that reads many arrays is several times as slow.
     """
     return _helper(function)
 
@@ -37,8 +36,7 @@ def kernel(function: F) -> F:
 def inlined(function: F) -> F:
     """Copy a helper of a few lines into its callers before these are compiled.
 
-    Numba optimises a helper that is not inlined again for each of its callers; with inlining, the growth of
-    trees compiles in 19 s of CPU time instead of 23.
+    Numba optimises a helper that is not inlined again for each of its callers, which takes time.
     """
     return cast(F, njit(**PLAIN, inline="always")(function))
 
@@ -46,8 +44,7 @@ def inlined(function: F) -> F:
 def vector(function: F) -> F:
     """Compile a helper whose sums may be reordered, so that its loops are vectorised.
 
-    Used for loops over modes: 0.28 instead of 0.9 µs per vertex with 96 modes. Infinity and NaN behave as in
-    IEEE arithmetic.
+    For sums over rows of arrays. Infinity and NaN behave as in IEEE arithmetic.
     """
     return _helper(function, fastmath={"reassoc", "contract", "nsz"})
 
@@ -55,8 +52,8 @@ def vector(function: F) -> F:
 def _helper(function: F, **options: Any) -> F:
     """Make a function that kernels call as machine code, and Python through a second compiled copy.
 
-    With ``overload``, the code for kernels has no wrapper that unpacks Python objects: a full run compiles in
-    47 instead of 64 s of CPU time. The copy is compiled only if Python calls the helper, as tests do.
+    With ``overload``, the code for kernels has no wrapper that unpacks Python objects, and compiles faster.
+    The copy is compiled only if Python calls the helper, as tests do.
     """
     if config.DISABLE_JIT:
         return function
@@ -86,7 +83,7 @@ def allocating(function: F) -> F:
 
 
 def _cached(compiled: Any, function: F) -> F:
-    """``compiled`` with our cache on disk; numba's own would be set by ``cache=True``."""
+    """``compiled`` with the cache of this package; numba's own would be set by ``cache=True``."""
     if not config.DISABLE_JIT:
         compiled._cache = KernelCache(function)  # noqa: SLF001
     return cast(F, compiled)
@@ -131,8 +128,9 @@ class ChosenByType:
 
         def add(function: F) -> F:
             self.implementations.update(dict.fromkeys(models, function))
-            if (file := source_file(function)).parent != KERNELS:
-                FOREIGN.setdefault(source_file(self.chosen), set()).add(file)
+            declared, added = source_file(self.chosen), source_file(function)
+            if added.parent != declared.parent:
+                FOREIGN.setdefault(declared, set()).add(added)
             return function
 
         return add

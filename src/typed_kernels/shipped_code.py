@@ -1,8 +1,9 @@
 """Machine code that a wheel brings: for one numba, one Python and one kind of processor.
 
-The folder is only read. Its manifest lists the SHA-256 of every file; other files are not touched. The code
-is for ``x86-64-v3``: processors with AVX2, made since about 2015. Kernels that are compiled here are made for
-the processor at hand; both kinds may be used in one process.
+It is in the folder ``machine_code`` beside the sources of the kernels, and is only read. Its manifest lists
+the SHA-256 of every file; other files are not touched. The code is for ``x86-64-v3``: processors with AVX2,
+made since about 2015. Kernels that are compiled here are made for the processor at hand; both kinds may be
+used in one process.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ import llvmlite.binding as llvm
 import numba
 from numba import config
 
-from pareto_ltl.kernels.code_files import distrusted, read_code
+from typed_kernels.code_files import distrusted, read_code
 
-FOLDER = Path(__file__).parent / "machine_code"
+FOLDER = "machine_code"  # beside the sources
 MANIFEST = "manifest.json"
-FORMAT = "pareto_ltl.machine_code/1"
+FORMAT = "typed_kernels.machine_code/1"
 LARGEST_MANIFEST = 2**20  # bytes
 V2 = {"cx16", "sahf", "popcnt", "sse3", "sse4.1", "sse4.2", "ssse3"}
 V3 = frozenset(V2 | {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave"})
@@ -50,12 +51,15 @@ class ShippedCode:
 
     Attributes
     ----------
+    folder : Path
+        Where it is.
     target : Target
         What it was compiled for.
     files : dict of str to str
         SHA-256 of each file, by name.
     """
 
+    folder: Path
     target: Target
     files: Mapping[str, str]
 
@@ -67,32 +71,33 @@ class ShippedCode:
     def read(self, name: str, source: Path, kernel: str) -> bytes | None:
         """The code of ``kernel`` in the file ``name``; None if it is not listed, or not as listed."""
         listed = self.files.get(name)
-        return None if listed is None else read_code(FOLDER / name, source, kernel, listed)
+        return None if listed is None else read_code(self.folder / name, source, kernel, listed)
 
 
-def shipped_code() -> ShippedCode | None:
-    """The code that this installation brings; None if there is none, or this process cannot use it."""
-    return _shipped()[0]
+def shipped_code(place: Path) -> ShippedCode | None:
+    """The code of the sources in the folder ``place``; None if there is none, or it is for something else."""
+    return _shipped(place)[0]
 
 
-def unusable_reason() -> str:
-    """Why the code that this installation brings is not used; empty if it is, or if there is none."""
-    return _shipped()[1]
+def unusable_reason(place: Path) -> str:
+    """Why the code beside the sources in ``place`` is not used; empty if it is, or if there is none."""
+    return _shipped(place)[1]
 
 
 @lru_cache
-def _shipped() -> tuple[ShippedCode | None, str]:
-    path = FOLDER / MANIFEST
+def _shipped(place: Path) -> tuple[ShippedCode | None, str]:
+    folder = place / FOLDER
+    path = folder / MANIFEST
     if not path.is_file():
         return None, ""
     try:
-        if reason := distrusted(path.stat(), Path(__file__)):
+        if reason := distrusted(path.stat(), place):
             raise ValueError(f"{path}: {reason}")
         if path.stat().st_size > LARGEST_MANIFEST:
             raise ValueError(f"{path} is too large")
         manifest = json.loads(path.read_bytes())
         reason = mismatch(manifest)
-        shipped = ShippedCode(Target(*map(str, manifest["target"])), dict(manifest["files"]))
+        shipped = ShippedCode(folder, Target(*map(str, manifest["target"])), dict(manifest["files"]))
     except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
         return None, _unused(f"its list cannot be read ({error})")
     return (None, _unused(reason)) if reason else (shipped, "")

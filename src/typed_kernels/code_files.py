@@ -15,13 +15,10 @@ import os
 import stat
 from pathlib import Path
 
-from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import whole_file
-
 LOG = logging.getLogger(__name__)
 SUFFIX = ".nbc"
 SAID: set[tuple[Path, str]] = set()
-HEADER = b"pareto_ltl machine code 2\n"
+HEADER = b"typed_kernels code 1\n"
 START = len(HEADER) + hashlib.sha256().digest_size
 
 
@@ -34,14 +31,23 @@ def packed_code(kernel: str, content: bytes) -> bytes:
 def write_code(path: Path, source: Path, kernel: str, content: bytes) -> None:
     """Write the code ``content`` of ``kernel`` as the whole file ``path``.
 
-    OSError if that is not possible, DataError if others can write the folder, so that it would not be read.
+    OSError if that is not possible, or if others can write the folder, so that it would not be read.
     """
     if reason := distrusted_folder(path.parent, source):
-        raise DataError(reason)
-    whole = packed_code(kernel, content)
-    with whole_file(path, len(whole)) as draft:
-        draft.write_bytes(whole)
+        raise PermissionError(reason)
+    if path.exists() and not path.is_file():
+        raise FileExistsError(f"{path.name} is a folder or a device")
+    draft = path.with_name(f".{os.getpid()}.{path.name}")
+    draft.unlink(missing_ok=True)
+    try:
+        with open(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644), "wb") as file:  # no link
+            file.write(packed_code(kernel, content))
+            file.flush()
+            os.fsync(file.fileno())
         draft.chmod(0o644)
+        os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 def read_code(path: Path, source: Path, kernel: str, listed: str | None = None) -> bytes | None:

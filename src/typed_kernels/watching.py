@@ -1,4 +1,4 @@
-"""What this process compiles: events for those who show it, apart from the code that loads numba."""
+"""What this process compiles: events for those who show it. This module loads no numba."""
 
 from __future__ import annotations
 
