@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from corpus.missions import Mission
-from pareto_ltl.planning.refine.front_sweep import COARSE_EFFORT
+from pareto_ltl.settings.planner import COARSE_EFFORT
 
 TIMED_OUT = 124
 LARGE = ("trees.npz", "front.npz", "deployments.npz", "wind.nc", "cells.json")  # not kept

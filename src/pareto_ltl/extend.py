@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
     from pareto_ltl.planning.selection import accepted_rows, non_dominated
     from pareto_ltl.planning.wind_lookup import LinearWind, LocalWind
+    from pareto_ltl.run.choosing import Choice
     from pareto_ltl.run.pipeline import Pipeline
     from pareto_ltl.run.plan_run import UnpricedRun
     from pareto_ltl.run.progress import ProgressBar, Watcher, watched_by
@@ -69,6 +70,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Automaton",
     "BeaconMap",
+    "Choice",
     "Cost",
     "Declaration",
     "Decomposition",
@@ -154,6 +156,7 @@ __all__ = [
 _EXPORTS = {
     "Automaton": "pareto_ltl.logic.automaton",
     "BeaconMap": "pareto_ltl.simulation.beacons",
+    "Choice": "pareto_ltl.run.choosing",
     "Cost": "pareto_ltl.planning.cost",
     "Declaration": "pareto_ltl.settings.checks",
     "Decomposition": "pareto_ltl.world.cells",

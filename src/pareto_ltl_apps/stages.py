@@ -8,8 +8,9 @@ from pathlib import Path
 
 from pareto_ltl import Run
 from pareto_ltl.extend import Record
-from pareto_ltl.settings.outputs import EXPORT_FILES, PAGE_FILE
+from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl_apps.studies.stages import FIGURE_FILES, STUDY_STAGES
+from pareto_ltl_apps.view import PAGE_FILE
 
 LOG = logging.getLogger("pareto_ltl.stages")
 

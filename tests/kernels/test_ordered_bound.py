@@ -129,7 +129,7 @@ def test_left_out_entries_raise_v_and_nothing_else(case, most, planned):
     bound = bound_of(logic)
     none = StateLists(np.zeros(len(logic.delta) + 1, np.int64), np.empty(0, np.int64))
     bound = bound._replace(targets=none, begin=np.zeros(1, np.int64))
-    wide = live_rows(bound, 64)
+    wide = live_rows(bound)
     rows = wide._replace(most=min(most, wide.most), first=2 * wide.most * np.arange(2))
     letters = empty_letters(bound)
     column = np.arange(logic.delta.shape[1])

@@ -44,6 +44,7 @@ from pareto_ltl.planning.routes.path_classes import path_class
 from pareto_ltl.planning.routes.search_map import sights
 from pareto_ltl.planning.selection import hypervolume
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
+from pareto_ltl.settings.planner import COARSE_EFFORT
 from pareto_ltl.simulation.common_flights import is_certain
 from pareto_ltl.simulation.judging import judge_front
 from pareto_ltl.support.arrays import FloatArray
@@ -102,7 +103,7 @@ def test_a_search_has_for_every_path_of_the_coarse_one_a_path_as_good(grown):
     problem, forest = grown
     cfg = RefineConfig(flights=600, sweep_flights=120, classes=3, points=10)
     flights = draw_flights(problem, problem.fidelity.law, MORE_FLIGHTS * cfg.flights, SeedSequence(5))
-    coarse, full = (sampled_paths(c, problem, forest, flights) for c in (front_sweep.coarse(cfg), cfg))
+    coarse, full = (sampled_paths(c, problem, forest, flights) for c in (cfg.coarse(), cfg))
     usual = flights.only(np.arange(cfg.flights))
 
     def row(path):
@@ -117,10 +118,10 @@ def test_a_search_has_for_every_path_of_the_coarse_one_a_path_as_good(grown):
 
 
 def test_a_coarse_search_is_limited_and_its_own_coarse_search():
-    limited = front_sweep.coarse(RefineConfig())
-    assert {name: getattr(limited, name) for name in front_sweep.COARSE_EFFORT} == front_sweep.COARSE_EFFORT
-    assert front_sweep.coarse(limited) == limited
-    assert front_sweep.coarse(RefineConfig(points=3)).points == 3
+    limited = RefineConfig().coarse()
+    assert {name: getattr(limited, name) for name in COARSE_EFFORT} == COARSE_EFFORT
+    assert limited.coarse() == limited
+    assert RefineConfig(points=3).coarse().points == 3
 
 
 def test_coarse_searches_have_different_flights(grown):
@@ -128,7 +129,7 @@ def test_coarse_searches_have_different_flights(grown):
     cfg = RefineConfig(flights=1000, sweep_flights=100)
     drawn = draw_flights(problem, problem.fidelity.law, MORE_FLIGHTS * cfg.flights, SeedSequence(5))
     one, other = front_sweep.coarse_sweeps(front_sweep.new_sweep(cfg, problem, drawn))
-    limit = front_sweep.COARSE_EFFORT["flights"]
+    limit = COARSE_EFFORT["flights"]
     assert [(len(s.few), len(s.flights)) for s in (one, other)] == [(100, limit)] * 2
     flight = propagate(problem, next(iter(first_starts(problem, forest).values())).x)
     for flights in ("few", "flights"):

@@ -17,7 +17,7 @@ from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import GROWING, LASTING, LawPart, TailScale
 from pareto_ltl.wind.law_of_parts import LawOfParts, law_of_parts_of
 from pareto_ltl.wind.named_laws import law_named, law_of_parts_named, packaged_laws, read_law
-from pareto_ltl.wind.scale_mixture import coverage, log_density, quantiles
+from pareto_ltl_apps.wind_errors.scale_mixture import coverage, log_density, quantiles
 from point_forecasts_made import made_law
 
 LAWS = packaged_laws()

@@ -131,10 +131,11 @@ class Automaton(Displayed):
         """Whether no word completes the mission."""
         return bool(np.isinf(self.distance[self.initial]))
 
-    @cached_property
-    def insertion_closed(self) -> bool:
-        """Whether accepted words stay accepted if letters are inserted anywhere (extra visits)."""
-        return self.harm() is None
+    def edge_labels(self) -> dict[tuple[int, int], str]:
+        """Label of each edge (from, to): its letters, or ``!(other letters)`` if that text is shorter."""
+        from pareto_ltl.logic.labels import edge_labels
+
+        return edge_labels(self)
 
     def harm(self) -> tuple[int, int] | None:
         """A state and a letter that leads to a state which does not cover it; None if there is none."""

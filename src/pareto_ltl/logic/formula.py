@@ -79,6 +79,12 @@ class Formula:
     def __str__(self) -> str:
         return formula_text(self)
 
+    def normal_form(self) -> Formula:
+        """The formula with negations at propositions only."""
+        from pareto_ltl.logic.normal_form import positive_normal_form
+
+        return positive_normal_form(self)
+
     def walk(self) -> Iterator[Formula]:
         """The node and all nodes below it in the order of the text, shared nodes once."""
         stack, seen = [self], set()

@@ -21,6 +21,7 @@ from pareto_ltl.logic.dfa import MAX_ENTRIES, TransitionTable
 from pareto_ltl.support.arrays import BoolArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_line, shown_text
+from pareto_ltl.support.names import quoted_text
 from pareto_ltl.support.reading import SHOWN, Advice, read_text
 
 MAX_HOA_BYTES = 2**23
@@ -45,10 +46,10 @@ def hoa_text(automaton: Automaton) -> str:
     over ``AP``; other tools ignore this header. The edges of letters that are not listed are arbitrary.
     """
     codes = letter_codes(automaton.atoms, automaton.letters)
-    names = " ".join(labels.quoted_text(name) for name in automaton.atoms)
+    names = " ".join(quoted_text(name) for name in automaton.atoms)
     lines = [
         "HOA: v1",
-        f"name: {labels.quoted_text(automaton.formula)}",
+        f"name: {quoted_text(automaton.formula)}",
         'tool: "pareto_ltl"',
         f"States: {automaton.n_states}",
         f"Start: {automaton.initial}",

@@ -111,11 +111,6 @@ def _shorter_label(inside: IntArray, outside: IntArray, names: tuple[str, ...]) 
     return denied if len(denied) < len(label) else label
 
 
-def quoted_text(text: str) -> str:
-    """``text`` in double quotes, with backslashes in front of quotes and backslashes (HOA, Graphviz)."""
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
 # --- reading ----------------------------------------------------------------------------------
 
 

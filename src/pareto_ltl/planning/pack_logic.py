@@ -154,9 +154,9 @@ def needed_states(better: BoolArray, reach: BoolArray) -> IntArray:
     return np.asarray(np.flatnonzero(~(instead & (~instead.T | first)).any(axis=0)), np.int64)
 
 
-def live_rows(bound: kb.Ordered, live: int = PATH_LIVE) -> kb.LiveRows:
-    """Two scratch rows for twice as many entries of V as are retained, which are at most ``live``."""
-    limit = min(len(bound.logic.distance), live)
+def live_rows(bound: kb.Ordered) -> kb.LiveRows:
+    """Two scratch rows for twice as many entries of V as are retained, at most ``PATH_LIVE``."""
+    limit = min(len(bound.logic.distance), PATH_LIVE)
     return kb.LiveRows(
         2 * limit * np.arange(2, dtype=np.int64), np.zeros(2, np.int32), np.zeros(4 * limit, np.int32),
         np.zeros(4 * limit), limit,

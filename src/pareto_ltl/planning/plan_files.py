@@ -3,14 +3,14 @@
 ``front.csv`` has the numbers and texts of a :class:`Front` for people, ``front.npz`` its arrays, with all
 that is needed to fly each path. ``plan.json``, whose schema is part of the package, has all of a
 :class:`Plan`, ``plan.csv`` its positions. A file of extra paths (``selection.extra_paths``) is a
-``front.npz``, of which only the positions are read, or one that :func:`write_extra_paths` made.
+``front.npz``, of which only the positions are read, or one with their positions and origins alone.
 """
 
 from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,6 @@ AS_STORED = (  # values of a plan that the file has as they are
 )  # fmt: skip
 LIMIT_KEYS = tuple(field.name for field in fields(SegmentLimits))  # of each segment
 NAVIGATION_KEYS = tuple(field.name for field in fields(Navigation))
-EXTRA_FILE = "extra_paths.npz"
 ExtraPath = tuple[str, FloatArray]  # how it was made, and its positions (T+1, 2) [m]
 
 
@@ -237,14 +236,6 @@ def _path(
 
 
 # --- extra paths -----------------------------------------------------------------------------
-
-
-def write_extra_paths(file: Path, paths: Sequence[ExtraPath]) -> None:
-    """Write ``paths`` as ``path_000/x``, ``path_000/origin`` and so on."""
-    arrays: dict[str, Any] = {}
-    for number, (origin, x) in enumerate(paths):
-        arrays |= {f"{path_key(number)}/x": x, f"{path_key(number)}/origin": np.array([origin], np.str_)}
-    write_npz(file, arrays)
 
 
 def read_extra_paths(place: Path | str) -> list[ExtraPath]:

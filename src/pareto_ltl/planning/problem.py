@@ -31,6 +31,7 @@ from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     from pareto_ltl.kernels.supporting_lines import SegmentLines
+    from pareto_ltl.planning.records import Forest, PlannedPath
 
 LEAST_VARIANCE = (
     0.1  # [m²] added to every variance: a position that is known exactly has a deviation of 0.3 m
@@ -224,6 +225,18 @@ class Problem(Displayed):
 
         cells: IntArray = locate_cells(self.cells, np.ascontiguousarray(points))
         return cells
+
+    def keeps_epsilon(self, path: PlannedPath) -> bool:
+        """Whether no segment of ``path`` is more likely to collide than ``planner.epsilon`` allows."""
+        from pareto_ltl.planning.refine.separation import keeps_epsilon
+
+        return keeps_epsilon(self, path)
+
+    def grown_paths(self, forest: Forest) -> tuple[PlannedPath, ...]:
+        """Accepted paths of the trees, no two of the same mission order and similar length."""
+        from pareto_ltl.planning.selection import unlike_paths
+
+        return unlike_paths(self, forest)
 
     def states(self, x: FloatArray) -> IntArray:
         """Automaton state after each step of the positions ``x`` (T+1, 2), flyable or not, (T+1,)."""

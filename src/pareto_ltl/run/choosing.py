@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.run.results import Planned, place_of, planned_run
+from pareto_ltl.run.results import Planned, load_results, planned_run
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.display import distance_text, probability_text, round_up
@@ -137,6 +137,15 @@ class Choice:
         assert isinstance(changed, SelectionConfig)
         return changed
 
+    def make(self, planned: Planned, place: Path | None = None, argv: Sequence[str] = ()) -> Run:
+        """The run of ``planned`` with this plan, as :func:`chosen_run` makes it."""
+        return chosen_run(planned, self, place, argv)
+
+    def place(self, directory: Path) -> Path:
+        """A folder beside ``directory``, with the choice in its name."""
+        directory = directory.resolve()
+        return directory.with_name(f"{directory.name}_{self.name}")
+
     @property
     def name(self) -> str:
         """The choice as part of the name of a folder: ``failure_0.02``, ``length_1900km``, ``point_3``."""
@@ -191,7 +200,7 @@ def chosen_run(planned: Planned, choice: Choice, place: Path | None = None, argv
     InfeasibleError
         If the front has no such path.
     """
-    run, source = planned_run(planned, ("front", "plan")), place_of(planned, place)
+    run, source = planned_run(planned, ("front", "plan")), load_results(planned).source(place)
     settings = replace(run.settings, selection=choice.settings(run.settings.selection))
     require_choice(choice, run.front, str(source or "the front"))
     other = Run(settings, run.make(*KEPT), directory=place, read=run.read)
@@ -209,9 +218,3 @@ def chosen_run(planned: Planned, choice: Choice, place: Path | None = None, argv
     with claimed_directory(place, files_of(table.values())):
         carry_out(other, left, argv)
     return other
-
-
-def default_place(directory: Path, choice: Choice) -> Path:
-    """A folder beside ``directory``, with the choice in its name."""
-    directory = directory.resolve()
-    return directory.with_name(f"{directory.name}_{choice.name}")

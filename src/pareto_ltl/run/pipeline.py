@@ -8,10 +8,10 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from pareto_ltl.run import provenance
-from pareto_ltl.run.directory import claimed_directory
+from pareto_ltl.run.directory import claimed_directory, discard_try
 from pareto_ltl.run.plan_run import PLAN_STAGES, Run
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.record import BaseRun, Record
@@ -35,7 +35,6 @@ LOG = logging.getLogger("pareto_ltl")
 VERTEX_BYTES = 150  # of a vertex, with fidelity=paper and one obstacle
 POSITION_BYTES = 16
 WRITTEN = 2.0  # copies of the positions while deployments.npz is packed
-FIGURES = "_figures"  # end of the names of stages that draw a study
 
 
 # --- checks before anything is made ------------------------------------------------------------
@@ -51,9 +50,16 @@ class Pipeline:
         Patterns of all files that a run of the application writes or shows.
     """
 
+    FIGURES: ClassVar[str] = "_figures"  # end of the names of stages that draw a study
+
     settings: Settings
     stages: tuple[Record[Any], ...]
     files: tuple[str, ...] = ()
+
+    @staticmethod
+    def discarded(directory: Path) -> bool:
+        """Remove ``directory`` if a run failed in it before a tree grew; returns whether it is gone."""
+        return discard_try(directory)
 
     @classmethod
     def of(
@@ -68,8 +74,8 @@ class Pipeline:
         """
         table, listed = stages_by_name(settings, stages), settings.pipelines.stages
         names = dict.fromkeys((*table, *extension_names(STAGE_GROUP)))
-        known = ", ".join(name for name in names if not name.endswith(FIGURES))
-        known = f"{known}, and the {FIGURES} of studies"
+        known = ", ".join(name for name in names if not name.endswith(Pipeline.FIGURES))
+        known = f"{known}, and the {Pipeline.FIGURES} of studies"
         if not listed:
             raise ConfigError(f"pipelines.stages is empty: list at least one of {known}")
         for number, name in enumerate(listed):

@@ -284,6 +284,13 @@ class Run(BaseRun):
             return provenance.begin(self.settings, ())
         return read_document(self.place / "run.json", "run")
 
+    def source(self, out: Path | None = None) -> Path | None:
+        """Its results directory; None in memory. ConfigError if a result in ``out`` would overwrite it."""
+        place = self.directory
+        if out is not None and place is not None and out.resolve() == place.resolve():
+            raise ConfigError(f"{out}: the result would overwrite its source; name another folder")
+        return place
+
     @property
     def done(self) -> bool:
         """Whether the run in the results directory has an answer: a plan, tables, or that no plan exists.

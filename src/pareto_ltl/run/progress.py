@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pareto_ltl.run.compile_time import COSTS, CompileTime, seconds_text
 from pareto_ltl.support.machine import cores
@@ -54,6 +54,8 @@ def stage_words(name: str) -> str:
 
 class Watcher:
     """The calls that a run makes while it works; this one ignores them."""
+
+    Found: TypeAlias = Found
 
     def stage(self, name: str) -> None:
         """The stage ``name`` begins, or goes on."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.run_status import ending_text
 
 Planned = Run | str | Path  # of a finished run
@@ -21,14 +21,6 @@ def load_results(directory: str | Path | Run) -> Run:
         If the directory holds no run, or a link leads out of it.
     """
     return directory if isinstance(directory, Run) else Run.open(directory)
-
-
-def place_of(planned: Planned, out: Path | None = None) -> Path | None:
-    """The results directory of a plan; None in memory. Raises ConfigError if it is ``out``."""
-    place = load_results(planned).directory
-    if out is not None and place is not None and out.resolve() == place.resolve():
-        raise ConfigError(f"{out}: the result would overwrite its source; name another folder")
-    return place
 
 
 def planned_run(planned: Planned, needed: Sequence[str] = ("plan",)) -> Run:

@@ -7,7 +7,7 @@ and meaning (:func:`pareto_ltl.settings.checks.setting`). ``cli`` turns a compos
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -57,6 +57,7 @@ from pareto_ltl.settings.studies import (
     SitlConfig,
 )
 from pareto_ltl.settings.wind import WIND_SOURCES, WindConfig, usual_level
+from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.medium import WATER, Medium, medium_of
 
 
@@ -116,6 +117,20 @@ class Settings(CheckedSettings):
         from pareto_ltl.settings.building import build_settings
 
         return build_settings(sections)
+
+    @classmethod
+    def of_values(cls, values: Mapping[str, Any]) -> Settings:
+        """Settings of keys and values alone; each section is a mapping of its keys."""
+        from pareto_ltl.settings.building import settings_of
+
+        return settings_of(values)
+
+    @staticmethod
+    def unknown(section: str, name: str, known: Iterable[str]) -> ConfigError:
+        """The error for ``name`` in ``section`` (``"planner."``), with the closest of the ``known`` names."""
+        from pareto_ltl.settings.building import unknown_setting
+
+        return unknown_setting(section, name, known)
 
     @classmethod
     def by_key(cls) -> Mapping[str, Setting]:

@@ -26,7 +26,6 @@ EXPORT_FILES = {
     "f3548": "operational_intent.json",
 }  # the file of each format
 ON_REQUEST = ("f3548", "fpl", "lua")  # formats that are written only if asked for
-PAGE_FILE = "report.html"
 HIGHEST = 100_000.0  # limit of the absolute value of an exported height [m]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pareto_ltl.settings.checks import CheckedSettings, is_finite, setting
@@ -85,6 +85,9 @@ class SmoothingConfig(CheckedSettings, section="smoothing"):
             raise ConfigError("smoothing.weights is empty: give at least one risk weight")
 
 
+COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of the settings of a coarse search
+
+
 @dataclass
 class RefineConfig(CheckedSettings, section="refine"):
     """Sampled refinement, with fidelity.refine=sampled."""
@@ -99,6 +102,10 @@ class RefineConfig(CheckedSettings, section="refine"):
         4, "classes of paths (mission order, sides of the obstacles) that are swept", "[1, 1000]"
     )
     points: int = setting(18, "largest number of paths that are polished on all flights", "[2, 10_000]")
+
+    def coarse(self) -> RefineConfig:
+        """These settings within ``COARSE_EFFORT``: about a third of the time, slightly worse plans."""
+        return replace(self, **{name: min(getattr(self, name), at) for name, at in COARSE_EFFORT.items()})
 
 
 @dataclass

@@ -35,17 +35,6 @@ FACTOR_SECTIONS = {  # sections of the factors of an ablation
 }
 MODEL_FACTORS = tuple(name for name, section in FACTOR_SECTIONS.items() if section == "fidelity")
 SETTING_FACTORS = tuple(name for name in FACTOR_SECTIONS if name not in MODEL_FACTORS)
-FACTOR_TITLES = {name: name for name in FACTOR_SECTIONS} | {
-    "beta": "β, times the default",
-    "epsilon": "ε",
-    "n_max": "vertices per tree",
-    "dt": "time step [s]",
-    "ball": "radius of the ball [sd]",
-    "law": "wind law of the planner",
-    "mission_bound": "mission bound",
-    "collision_bound": "collision bound",
-    "refine": "refinement",
-}
 INLAND_OUTLINE = (  # the interior of the contiguous United States, corners [longitude, latitude] [deg]
     (-120.0, 46.5), (-118.5, 37.0), (-111.0, 33.5), (-103.0, 31.5), (-98.5, 29.0), (-91.0, 31.5),
     (-84.0, 32.5), (-80.5, 35.0), (-76.5, 40.5), (-84.0, 43.0), (-90.0, 45.5), (-97.0, 47.0), (-111.0, 47.0),

@@ -33,3 +33,8 @@ def name_fault(name: str) -> str:
     if '"' in name or "\\" in name or not name.isprintable():
         return "it holds a quotation mark, a backslash or a character that cannot be printed"
     return ""
+
+
+def quoted_text(text: str) -> str:
+    """``text`` in double quotes, with backslashes in front of quotes and backslashes (HOA, Graphviz)."""
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

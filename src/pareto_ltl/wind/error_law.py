@@ -21,18 +21,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.change_law import ChangeLaw, Variability
-from pareto_ltl.wind.scale_mixture import LARGEST_SPREAD
 
 FORECAST = "forecast"  # the only part of a law of version 1
 LASTING, GROWING, SLOW, LOCAL = "lasting", "growing", "slow", "local"
 PART_NAMES = (LASTING, GROWING, SLOW, LOCAL)
+LARGEST_SPREAD = 1.2  # of the logarithm of the scale of errors
 SHORT_TIME_POWER = 1.3  # D ~ τ^1.3 below the shortest time of a table, as between 3 and 6 h in GFS winds
 
 
@@ -53,6 +53,11 @@ class LawPart:
     length : float
         Length scale, Matern-3/2 [m].
     """
+
+    LASTING: ClassVar[str] = LASTING
+    GROWING: ClassVar[str] = GROWING
+    SLOW: ClassVar[str] = SLOW
+    LOCAL: ClassVar[str] = LOCAL
 
     name: str
     leads: FloatArray
@@ -145,15 +150,15 @@ class TailScale:
         """s of an error at ``lead`` [s] (``time`` = 0), or of its mean over ``time`` [s] after that lead."""
         at = np.linspace(lead, lead + time, 33)
         moment = float(np.mean(np.interp(at, self.leads, self.moment) ** 2))
-        return float(np.sqrt(self.flight**2 + averaged(time / self.memory) * moment))
+        return float(np.sqrt(self.flight**2 + self.averaged(time / self.memory) * moment))
 
-
-def averaged(x: FloatArray | float) -> FloatArray:
-    """f(x) = 2 (x - 1 + exp(-x)) / x², the variance of a mean over the time x of a process with memory 1."""
-    x = np.asarray(x, float)
-    small = x < 1e-4
-    safe = np.where(small, 1.0, x)
-    return np.where(small, 1.0 - x / 3.0, 2.0 * (safe - 1.0 + np.exp(-safe)) / safe**2)
+    @staticmethod
+    def averaged(x: FloatArray | float) -> FloatArray:
+        """2 (x - 1 + exp(-x)) / x²: variance of a mean over the time x of a process with memory 1."""
+        x = np.asarray(x, float)
+        small = x < 1e-4
+        safe = np.where(small, 1.0, x)
+        return np.where(small, 1.0 - x / 3.0, 2.0 * (safe - 1.0 + np.exp(-safe)) / safe**2)
 
 
 class ErrorLaw:

@@ -22,14 +22,14 @@ renewed with the memory τ, of variance s_m²(L). Averaged over a time T:
 
     s²(T) = s_f² + f(T / τ) s_m²,    f(x) = 2 (x - 1 + exp(-x)) / x²
 
-:mod:`pareto_ltl.wind.scale_mixture` has the distribution.
+``wind_errors/scale_mixture.py`` of the applications has the distribution.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -83,6 +83,9 @@ class LawOfParts(ErrorLaw):
     variability : Variability or None
         What ``change_sd`` was scaled by to fit the winds at hand; None: it was not.
     """
+
+    OWN: ClassVar[str] = OWN
+    OBSERVED: ClassVar[str] = OBSERVED
 
     name: str
     level: str

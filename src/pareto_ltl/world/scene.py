@@ -149,6 +149,12 @@ class Scene(Displayed):
 
         return scene_features(self)
 
+    def document(self) -> dict[str, Any]:
+        """The map as dicts and lists, the content of ``scene.json``."""
+        from pareto_ltl.world.scene_files import scene_to_dict
+
+        return scene_to_dict(self)
+
     def later(self, moment: float, start: FloatArray) -> Scene:
         """The map of a flight that departs ``moment`` [s] later, from ``start`` (2,) [m]."""
         departure = self.frame.utc([moment])

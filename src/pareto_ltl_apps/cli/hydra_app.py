@@ -17,7 +17,6 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from pareto_ltl.extend import Pipeline, ProgressBar
-from pareto_ltl.run.directory import discard_try
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, InfeasibleError
 from pareto_ltl.support.stopping import ends_process
@@ -246,7 +245,7 @@ class HydraJob:
                 metrics = checked.run_claimed(directory, self.argv, _task_overrides(), quiet)
         except Exception as error:
             before_stages = isinstance(error, ConfigError | DataError | FormulaError)
-            gone = before_stages and not _chosen_directory() and discard_try(directory)
+            gone = before_stages and not _chosen_directory() and Pipeline.discarded(directory)
             line, code = _failure(error, shown, kept=not gone)
             print_problem(line)
             self.answer = Answer({"error": line})

@@ -112,7 +112,6 @@ def formula(options: Namespace) -> Answer:
 
     from pareto_ltl.extend import disputed_reading, parse_formula, translate
     from pareto_ltl.logic.formula import caret_lines
-    from pareto_ltl.logic.normal_form import positive_normal_form
     from pareto_ltl_apps.view.automaton_picture import dot_text, save_picture
 
     text = options.formula
@@ -132,7 +131,7 @@ def formula(options: Namespace) -> Answer:
     if options.picture:
         save_picture(automaton, options.picture)
     written = [path for path in (options.dot, options.hoa, options.picture) if path]
-    normal = positive_normal_form(tree)
+    normal = tree.normal_form()
     document = {
         "formula": str(tree),
         "note": disputed_reading(text),

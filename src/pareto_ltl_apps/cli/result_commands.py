@@ -81,7 +81,7 @@ def _risk_text(point: dict[str, Any]) -> str:
 def choose(options: Namespace) -> Answer:
     """Write the plan of another path."""
     from pareto_ltl import Run
-    from pareto_ltl.run.choosing import Choice, chosen_run, default_place
+    from pareto_ltl.extend import Choice
     from pareto_ltl_apps.cli.summary import run_answer
 
     choice = Choice(
@@ -89,10 +89,10 @@ def choose(options: Namespace) -> Answer:
         point=options.point, selection=read_selection(options.rule, options.settings),
     )  # fmt: skip
     source = Run.open(options.directory)
-    place = options.out or default_place(source.place, choice)
+    place = options.out or choice.place(source.place)
     with collected_warnings() as warnings:
         words = ("pareto-ltl", "choose", *options.words)
-        run = chosen_run(source, choice, place, words)
+        run = choice.make(source, place, words)
     return run_answer(run.settings, place, run.metrics, warnings)
 
 

@@ -20,7 +20,6 @@ from omegaconf.errors import (
 )
 
 from pareto_ltl import Settings
-from pareto_ltl.settings.building import settings_of, unknown_setting
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text, shown_value
@@ -50,7 +49,7 @@ def settings_from(config: DictConfig) -> Settings:
         with open_dict(config):
             del config["hydra"]
     values: Any = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-    return settings_of(values)
+    return Settings.of_values(values)
 
 
 def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
@@ -69,7 +68,7 @@ def refuse_unknown_key(override: Override, loader: ConfigLoader) -> None:
         if section + part not in known:
             names = [one.rpartition(".")[2] for one in known if one.rpartition(".")[0] == section[:-1]]
             groups = [] if section else [g for g in GROUPS_WITHOUT_SECTION if loader.get_group_options(g)]
-            raise unknown_setting(section, part, [*names, *groups])
+            raise Settings.unknown(section, part, [*names, *groups])
         section = f"{section}{part}."
 
 

@@ -21,7 +21,6 @@ from importlib import import_module
 from typing import IO, Any
 
 from pareto_ltl.extend import Frame, PlannedPath, Watcher, watched_by
-from pareto_ltl.run.progress import Found
 from pareto_ltl.support.arrays import FloatArray, length_of
 
 MOST_PATHS = 40  # paths of the search trees that are reported
@@ -56,7 +55,7 @@ class Reporter(Watcher):
         """Report the begin of a stage."""
         self.send("stage", stage=name)
 
-    def progress(self, done: int, total: int, state: str, found: Found) -> None:
+    def progress(self, done: int, total: int, state: str, found: Watcher.Found) -> None:
         """Report the progress of the present stage, and the paths of refinement so far."""
         if found:
             lengths = [length_of(x) for _, x in found]
@@ -71,10 +70,8 @@ class Reporter(Watcher):
         if name == "problem":
             self.crs = records["problem"].scene.crs
         elif name == "forest":
-            from pareto_ltl.planning.selection import unlike_paths
-
             with suppress(ValueError):
-                found = unlike_paths(records["problem"], records["forest"])[:MOST_PATHS]
+                found = records["problem"].grown_paths(records["forest"])[:MOST_PATHS]
                 self._send_paths("search", _by_bound(found), bound=True)
         elif name == "front":
             front = records["front"]

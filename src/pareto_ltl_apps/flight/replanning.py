@@ -32,7 +32,6 @@ from pareto_ltl.extend import (
     Problem,
     planned_run,
 )
-from pareto_ltl.run.results import place_of
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import Displayed, distance_text, probability_text
@@ -189,7 +188,7 @@ def replan(
         If no path completes the mission from there.
     """
     run, place = planned_run(planned), None if out is None else Path(out)
-    source = place_of(planned, place)
+    source = run.source(place)
     done = replanned(run, time, fixes_from(run, time, fix, fixes), wind=wind, quick=quick)
     if place is not None:
         write_replanned(done, run, place, str(source or "a plan in memory"))

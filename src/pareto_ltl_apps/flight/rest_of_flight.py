@@ -95,8 +95,6 @@ def run_of_the_rest(
 
 def candidates_of(problem: Problem, rest: PlannedPath) -> tuple[PlannedPath, ...]:
     """The rest of the old plan with its controls, and a way back to its positions, if they can be flown."""
-    from pareto_ltl.planning.refine.separation import keeps_epsilon
-
     known = len(problem.wind.slot)
     if len(rest.u) > known:
         return ()
@@ -109,7 +107,7 @@ def candidates_of(problem: Problem, rest: PlannedPath) -> tuple[PlannedPath, ...
             path = completing_path(problem, x, origin)
         except InfeasibleError:
             continue
-        (found if keeps_epsilon(problem, path) else near).append(path)
+        (found if problem.keeps_epsilon(path) else near).append(path)
     return tuple(found or near)
 
 
@@ -343,9 +341,7 @@ def field_alarms(old: Problem, new: Problem, rest: PlannedPath) -> list[str]:
 
 def quick_settings(settings: Settings) -> Settings:
     """``settings`` with one coarse search only: a third of the time, slightly worse plans."""
-    from pareto_ltl.planning.refine.front_sweep import coarse
-
-    return replace(settings, refine=coarse(settings.refine))
+    return replace(settings, refine=settings.refine.coarse())
 
 
 def prompt_settings(settings: Settings) -> Settings:

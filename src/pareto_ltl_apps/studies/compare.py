@@ -43,7 +43,7 @@ import numpy as np
 
 from pareto_ltl import Run, Settings
 from pareto_ltl.extend import Study
-from pareto_ltl.settings.studies import FACTOR_SECTIONS, FACTOR_TITLES
+from pareto_ltl.settings.studies import FACTOR_SECTIONS
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world.time_step import step_of
@@ -59,6 +59,7 @@ from pareto_ltl_apps.studies.planning import (
     pooled_flags,
 )
 from pareto_ltl_apps.studies.tables import Columns, quartile_columns, quartiles_cell, rate_cell, rate_columns
+from pareto_ltl_apps.view.factors import FACTOR_TITLES
 
 TITLES = {
     "paper": "proposed (paper)",
@@ -327,10 +328,10 @@ def _level_row(settings: Settings, name: tuple[str, Any], law: str, results: Seq
 def _levels_text(settings: Settings, rows: Sequence[Columns]) -> str:
     return "\n".join(
         tables.markdown_table(
-            f"{FACTOR_TITLES[factor]}: median (quartiles) over seeds; "
+            f"{FACTOR_TITLES.get(factor, factor)}: median (quartiles) over seeds; "
             "failed of all flights with 95 % interval",
             {
-                FACTOR_TITLES[factor]: lambda row: (
+                FACTOR_TITLES.get(factor, factor): lambda row: (
                     row["shown"] if isinstance(row["shown"], str) else f"{row['shown']:g}"
                 ),
                 "winds": "law",

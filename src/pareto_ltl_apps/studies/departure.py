@@ -21,7 +21,6 @@ import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings
 from pareto_ltl.extend import Pipeline, PlannedPath, ProgressBar, Study, UnpricedRun, which_fail
-from pareto_ltl.planning.plan_files import EXTRA_FILE, ExtraPath, write_extra_paths
 from pareto_ltl.planning.selection_rules import within_capacity
 from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray
@@ -29,7 +28,6 @@ from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import plain_data, write_json
 from pareto_ltl.support.seeds import named_child, stage_seeds
 from pareto_ltl.support.times import HOUR, iso, seconds
-from pareto_ltl.world.scene_files import scene_to_dict
 from pareto_ltl_apps.exports.navigation_log import expected_winds
 from pareto_ltl_apps.flight.rest_of_flight import quick_settings
 from pareto_ltl_apps.studies import departure_table as tables
@@ -250,7 +248,7 @@ def world_at(settings: Settings, world: Run, kind: type[Run] = UnpricedRun) -> R
 
 def same_map(one: Scene, other: Scene) -> bool:
     """Whether two maps differ only in the time of departure."""
-    first, second = (plain_data(scene_to_dict(replace(scene, time_zero=None))) for scene in (one, other))
+    first, second = (plain_data(replace(scene, time_zero=None).document()) for scene in (one, other))
     return bool(first == second)
 
 
@@ -272,22 +270,24 @@ def plan_start(run: Run) -> None:
     run.make("plan")
 
 
-def plan_in_full(settings: Settings, world: Run, time: float, place: Path, extra: Sequence[ExtraPath]) -> Run:
+def plan_in_full(
+    settings: Settings, world: Run, time: float, place: Path, extra: Sequence[tables.ExtraPath]
+) -> Run:
     """The recommended start as a separate run, with exports and figures; ``extra`` paths are judged too."""
     mine = start_settings(settings, time, quick=False, files=True)
     if extra:
-        file = str(place.absolute() / EXTRA_FILE)
+        file = str(place.absolute() / tables.EXTRA_FILE)
         mine = replace(mine, selection=replace(mine.selection, extra_paths=file))
     return _make_rest(world_at(mine, world), place, extra)
 
 
-def _make_rest(run: Run, place: Path, extra: Sequence[ExtraPath] = ()) -> Run:
+def _make_rest(run: Run, place: Path, extra: Sequence[tables.ExtraPath] = ()) -> Run:
     """Make what is left of ``run`` in the results directory ``place``, and return the run of all stages."""
     mine = Run(run.settings, dict(run.records), place, ProgressBar(False), dict(run.seconds))
     checked = Pipeline.of(run.settings)
     with checked.claimed(place):
         if extra:
-            write_extra_paths(place / EXTRA_FILE, extra)
+            tables.write_extra_paths(place / tables.EXTRA_FILE, extra)
         checked.complete(mine)
     return mine
 

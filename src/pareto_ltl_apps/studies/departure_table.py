@@ -7,16 +7,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pareto_ltl import Settings
 from pareto_ltl.extend import Plan, Study
-from pareto_ltl.planning.plan_files import ExtraPath
 from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text, rate_text
+from pareto_ltl.support.files import write_npz
 from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.studies import departure_fronts, tables
 from pareto_ltl_apps.studies.departure_fronts import NEARLY, Comparison, FlownFront, SeedSpread, rates_at
@@ -27,6 +28,8 @@ SCHEMA = "pareto_ltl.departures/2"
 CONDITIONS = ("wind_speed", "wind_sd", "tail_wind", "end_sd_m")
 WINDIER, VAGUER = 0.3, 1.05  # differences to mention: m/s, ratio
 NAN = float("nan")
+EXTRA_FILE = "extra_paths.npz"
+ExtraPath = tuple[str, FloatArray]  # how it was made, and its positions (T+1, 2) [m]
 INNER = ("time", "metrics", "reason", "rates")  # keys of a row that are not columns
 
 
@@ -416,3 +419,12 @@ def _rate_at(k: int, row: Columns) -> str:
 def known_text(value: float, form: str) -> str:
     """``value`` in a format, or a dash for NaN."""
     return format(value, form) if math.isfinite(value) else "-"
+
+
+def write_extra_paths(file: Path, paths: Sequence[ExtraPath]) -> None:
+    """Write ``paths`` for ``selection.extra_paths``: ``path_000/x``, ``path_000/origin`` and so on."""
+    arrays: dict[str, Any] = {}
+    for number, (origin, x) in enumerate(paths):
+        key = f"path_{number:03d}"
+        arrays |= {f"{key}/x": x, f"{key}/origin": np.array([origin], np.str_)}
+    write_npz(file, arrays)

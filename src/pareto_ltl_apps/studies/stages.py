@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import Run
-from pareto_ltl.extend import Record, UnpricedRun
-from pareto_ltl.run.pipeline import FIGURES
+from pareto_ltl.extend import Pipeline, Record, UnpricedRun
 from pareto_ltl.settings.outputs import FIGURE_FORMATS
 
 if TYPE_CHECKING:
@@ -62,7 +61,9 @@ class StudyKind:
             return ()
         from pareto_ltl_apps.view.axes import save_figures
 
-        figures = getattr(import_module(f"pareto_ltl_apps.view.{self.drawing}"), f"{self.name}{FIGURES}")
+        figures = getattr(
+            import_module(f"pareto_ltl_apps.view.{self.drawing}"), f"{self.name}{Pipeline.FIGURES}"
+        )
         made = figures(run.settings, study, *run.make(*self.drawn_on).values())
         return save_figures(run.place / "figures", cfg, made)
 
@@ -77,7 +78,7 @@ class StudyKind:
             """The figures of the study."""
             return self.draw(run, run.made(study))
 
-        yield Record(draw, f"{self.name}{FIGURES}", shows=FIGURE_FILES)
+        yield Record(draw, f"{self.name}{Pipeline.FIGURES}", shows=FIGURE_FILES)
 
 
 FIELD_TABLES = ("reliability.csv", "regions.csv", "scorecard.csv", "no_plan.csv")

@@ -2,3 +2,5 @@
 
 This package imports matplotlib, which is slow: import its modules inside the function that draws.
 """
+
+PAGE_FILE = "report.html"

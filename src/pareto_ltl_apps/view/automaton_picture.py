@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl.extend import Automaton
-from pareto_ltl.logic import labels
 from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.names import quoted_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +53,7 @@ def dot_text(automaton: Automaton) -> str:
     lines = [
         "digraph mission {",
         "  rankdir=LR;",
-        f"  label={labels.quoted_text(automaton.formula)}; labelloc=t;",
+        f"  label={quoted_text(automaton.formula)}; labelloc=t;",
         "  node [shape=circle];",
         "  start [shape=point];",
         f"  start -> {automaton.initial};",
@@ -63,8 +63,8 @@ def dot_text(automaton: Automaton) -> str:
             lines.append(f"  {q} [shape=doublecircle];")
         elif q == automaton.trap:
             lines.append(f"  {q} [style=dashed];")
-    for (p, q), label in labels.edge_labels(automaton).items():
-        lines.append(f"  {p} -> {q} [label={labels.quoted_text(label)}];")
+    for (p, q), label in automaton.edge_labels().items():
+        lines.append(f"  {p} -> {q} [label={quoted_text(label)}];")
     return "\n".join([*lines, "}", ""])
 
 
@@ -84,7 +84,7 @@ def automaton_figure(automaton: Automaton) -> Figure:
             "as HOA or DOT, or give only the letters that can occur"
         )
     place = state_positions(automaton)
-    texts = labels.edge_labels(automaton)
+    texts = automaton.edge_labels()
     low = place.min(axis=0) - np.array([1.1, 0.9])
     high = place.max(axis=0) + np.array([0.9, 1.3])
     figure = Figure(figsize=(0.85 * (high[0] - low[0]), 0.85 * (high[1] - low[1])), layout="constrained")

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import Run, Settings
-from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl_apps.view import PAGE_FILE
 
 if TYPE_CHECKING:
     from pareto_ltl_apps.view.records import Origin, ShownRun

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import Run, choose, load_results, simulate
 from pareto_ltl.extend import Planned, planned_run
-from pareto_ltl.run.results import place_of
-from pareto_ltl.settings.outputs import PAGE_FILE
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl.world.windows import clock_windows
-from pareto_ltl_apps.view import page_stage
+from pareto_ltl_apps.view import PAGE_FILE, page_stage
 
 if TYPE_CHECKING:
     from pareto_ltl_apps.view.records import ShownRun
@@ -111,7 +109,7 @@ def show(planned: Planned) -> Path:
     The page of a results directory is its ``report.html``; the page of a plan in memory is written to a new
     temporary folder.
     """
-    place = place_of(planned)
+    place = load_results(planned).directory
     if place is None:
         from tempfile import mkdtemp
 

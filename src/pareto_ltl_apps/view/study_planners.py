@@ -22,11 +22,11 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 from pareto_ltl import Scene, Settings
 from pareto_ltl.extend import Decomposition, Study
 from pareto_ltl.settings import ReportConfig
-from pareto_ltl.settings.studies import FACTOR_TITLES
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl_apps.view import axes as shared
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.axes import GRID_COLOUR, FigureRow, Figures, column_values, scale_rate_axis
+from pareto_ltl_apps.view.factors import FACTOR_TITLES
 from pareto_ltl_apps.view.map import ground_keys
 from pareto_ltl_apps.view.map_layers import dense_path, draw_flights, draw_ground, map_axes, name_regions
 from pareto_ltl_apps.view.wind import draw_wind_arrows

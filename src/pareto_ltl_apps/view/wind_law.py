@@ -15,13 +15,12 @@ from pareto_ltl.extend import LawOfParts
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.files import write_text
 from pareto_ltl.support.times import HOUR
-from pareto_ltl.wind.law_of_parts import OBSERVED, OWN
-from pareto_ltl.wind.scale_mixture import coverage
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import panel_row
 from pareto_ltl_apps.view.components import page_environment
 from pareto_ltl_apps.wind_errors.law_check import DISPLACEMENT, ERROR, LEVELS, CheckRow
 from pareto_ltl_apps.wind_errors.law_estimate import LawEstimate, law_numbers
+from pareto_ltl_apps.wind_errors.scale_mixture import coverage
 
 LASTING = "lasting"
 COLOURS = {
@@ -108,9 +107,9 @@ def _draw_displacements(ax: Axes, estimate: LawEstimate) -> None:
 
 def _truths(law: LawOfParts, label: str) -> Iterator[tuple[str, Any, str]]:
     """Truth, dashes and label of the law, and of the law that newer runs show."""
-    yield OBSERVED, "-", label
+    yield LawOfParts.OBSERVED, "-", label
     if law.part(LASTING) is not None:
-        yield OWN, (0, (4, 2)), f"{label}, without lasting"
+        yield LawOfParts.OWN, (0, (4, 2)), f"{label}, without lasting"
 
 
 def displacement_sd(law: LawOfParts, hours: float, truth: str) -> float:

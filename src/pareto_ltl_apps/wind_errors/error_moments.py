@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pareto_ltl.extend import LawOfParts
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.support.times import HOUR
-from pareto_ltl.wind.law_of_parts import OWN
 from pareto_ltl_apps.wind_errors.point_forecasts import (
     PointForecasts,
     Verified,
@@ -98,7 +98,7 @@ def error_moments(table: PointForecasts, found: Verified, longest: float) -> Err
     spans = _spans(leads, counts.sum(axis=0))
     seen = Verified(found.runs, leads, errors, found.newer[:, :, columns], found.truth)
     fields, distances, across = _across(table, seen, groups)
-    own = newer if found.truth == OWN else np.empty(0)
+    own = newer if found.truth == LawOfParts.OWN else np.empty(0)
     return ErrorMoments(groups, leads, products, counts, own, shares, spans, fields, distances, across)
 
 

@@ -17,8 +17,6 @@ from pareto_ltl.extend import LawOfParts
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.times import HOUR
-from pareto_ltl.wind.law_of_parts import OWN
-from pareto_ltl.wind.scale_mixture import quantiles
 from pareto_ltl_apps.wind_errors.point_forecasts import (
     PointForecasts,
     Verified,
@@ -27,6 +25,7 @@ from pareto_ltl_apps.wind_errors.point_forecasts import (
     first_window,
     verified,
 )
+from pareto_ltl_apps.wind_errors.scale_mixture import quantiles
 
 LEVELS = (0.5, 0.9, 0.99, 0.999)
 LEVEL_NAMES = ("cover50", "cover90", "cover99", "cover999")
@@ -163,7 +162,7 @@ def _error_row(found: Verified, law: LawOfParts, hours: float, fewest: int) -> C
     at = found.leads[columns]
     compared = found.compared[:, :, columns, None]
     x = np.where(compared, found.errors[:, :, columns], np.nan)[:, :, 0]
-    if found.truth != OWN:
+    if found.truth != LawOfParts.OWN:
         sd = np.full(x.shape[:2], float(np.sqrt(law.variance(at)[0])))
     else:
         sd = _by_pattern(found.newer[:, :, columns], lambda rows: np.sqrt(law.covariance(at, rows)[:, 0, 0]))
@@ -184,7 +183,7 @@ def _displacement_row(found: Verified, law: LawOfParts, span: Window, fewest: in
 def displacement_sd(found: Verified, law: LawOfParts, span: Window) -> FloatArray:
     """Standard deviation (R, P) [m] of the displacements over a span by the law."""
     at, w = found.leads[span.columns], span.weights
-    if found.truth != OWN:
+    if found.truth != LawOfParts.OWN:
         return np.full(found.errors.shape[:2], float(np.sqrt(w @ law.covariance(at) @ w)))
     return _by_pattern(
         found.newer[:, :, span.columns],

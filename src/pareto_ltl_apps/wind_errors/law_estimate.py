@@ -17,8 +17,7 @@ from pareto_ltl.extend import LawOfParts, LawPart
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.times import HOUR
-from pareto_ltl.wind.error_law import LASTING, TailScale
-from pareto_ltl.wind.law_of_parts import OBSERVED
+from pareto_ltl.wind.error_law import TailScale
 from pareto_ltl_apps.wind_errors.error_moments import error_moments
 from pareto_ltl_apps.wind_errors.law_check import CheckRow, check_rows
 from pareto_ltl_apps.wind_errors.law_fit import Fit, fit_parts
@@ -115,7 +114,7 @@ def estimate_law(
 
 
 def _too_few(table: PointForecasts, n: int) -> str:
-    if len(table.runs) == 1 and table.truth != OBSERVED:
+    if len(table.runs) == 1 and table.truth != LawOfParts.OBSERVED:
         return (
             f"{table.name}: holds one run only, and nothing verifies it; add later runs of the model, or "
             "observations"
@@ -138,17 +137,17 @@ def _notes(table: PointForecasts, found: Verified) -> Iterator[str]:
         yield f"{100 * (1 - share):.0f} % of the winds of the table are missing; they are left out"
     if table.places is None:
         yield "the table has no positions: the lengths of the parts are assumed (150, 300 and 35 km)"
-    if found.truth != OBSERVED:
+    if found.truth != LawOfParts.OBSERVED:
         yield LASTING_ORIGIN
 
 
 def _law(table: PointForecasts, found: Verified, name: str, parts: tuple[LawPart, ...]) -> LawOfParts:
     zero = np.zeros(1)
     lags, change = change_table(table)
-    lasting = LawPart(LASTING, zero, np.array([LASTING_SD]), np.array([np.inf]), LASTING_LENGTH)
-    both = parts if found.truth == OBSERVED else (lasting, *parts)
+    lasting = LawPart(LawPart.LASTING, zero, np.array([LASTING_SD]), np.array([np.inf]), LASTING_LENGTH)
+    both = parts if found.truth == LawOfParts.OBSERVED else (lasting, *parts)
     first, last = (np.datetime64(int(t), "s").astype("datetime64[D]") for t in table.runs[[0, -1]])
-    by = "observations" if found.truth == OBSERVED else f"newer runs. T{LASTING_ORIGIN[1:]}"
+    by = "observations" if found.truth == LawOfParts.OBSERVED else f"newer runs. T{LASTING_ORIGIN[1:]}"
     origin = (
         f"{table.name}: {len(table.runs)} runs from {first} to {last}, {table.winds.shape[1]} places; "
         f"verified by {by}"

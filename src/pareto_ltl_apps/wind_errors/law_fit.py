@@ -19,7 +19,6 @@ from scipy.optimize import least_squares
 from pareto_ltl.extend import LawPart
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.times import HOUR
-from pareto_ltl.wind.error_law import GROWING, LOCAL, SLOW
 from pareto_ltl.wind.gp import CORRELATIONS
 from pareto_ltl_apps.wind_errors.error_moments import ErrorMoments, Targets, targets
 
@@ -86,9 +85,9 @@ def parts_of(shape: Shape, x: FloatArray) -> tuple[LawPart, ...]:
     length, wide = (float(shape.values(x, name)[0]) for name in ("length", "slow length"))
     local_memory, slow_memory = (float(shape.values(x, name)[0]) for name in ("local memory", "slow memory"))
     made = (
-        (GROWING, growth / whole, memory, length),
-        (SLOW, growth * slow / whole, slow_memory * same, wide),
-        (LOCAL, noise + growth * local / whole, local_memory * same, LOCAL_LENGTH),
+        (LawPart.GROWING, growth / whole, memory, length),
+        (LawPart.SLOW, growth * slow / whole, slow_memory * same, wide),
+        (LawPart.LOCAL, noise + growth * local / whole, local_memory * same, LOCAL_LENGTH),
     )
     return tuple(LawPart(name, shape.knots, np.sqrt(v), each, far) for name, v, each, far in made)
 

@@ -1,9 +1,9 @@
 """The tails of a law of parts, fitted to errors divided by their standard deviations.
 
 For each lead and each displacement, s is the one of greatest likelihood of a lognormal scale
-(:mod:`pareto_ltl.wind.scale_mixture`); s_f, s_m(L) and the memory are fitted to these. Values are counted in
-bins of the logarithm of ``|z|``, separately for each situation, so that a fit to other weights of the
-situations counts nothing again.
+(:mod:`pareto_ltl_apps.wind_errors.scale_mixture`); s_f, s_m(L) and the memory are fitted to these. Values are
+counted in bins of the logarithm of ``|z|``, separately for each situation, so that a fit to other weights of
+the situations counts nothing again.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from scipy.optimize import nnls
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.times import HOUR
-from pareto_ltl.wind.error_law import TailScale, averaged
-from pareto_ltl.wind.scale_mixture import log_density
+from pareto_ltl.wind.error_law import TailScale
 from pareto_ltl_apps.wind_errors.law_check import CheckRow
+from pareto_ltl_apps.wind_errors.scale_mixture import log_density
 
 TAIL_LEADS = HOUR * np.array([0.0, 36, 48])  # of s_m [s]
 MEMORIES = HOUR * np.array([3.0, 6.0, 12.0, 24.0, 48.0])  # candidates of the memory of the scale [s]
@@ -113,7 +113,7 @@ def fit_tails(goal: Sequence[TailTarget]) -> TailScale:
             shares = [
                 np.interp(np.linspace(row.lead, row.lead + row.time, 33), leads, hat).mean() for row in goal
             ]
-            fade = [float(averaged(row.time / memory)) for row in goal]
+            fade = [float(TailScale.averaged(row.time / memory)) for row in goal]
             columns.append(np.array(shares) * np.array(fade))
         squares, misfit = nnls(np.stack(columns, axis=-1), wanted)
         if best is None or misfit < best[0] - 1e-12:

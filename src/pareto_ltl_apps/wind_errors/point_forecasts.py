@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pareto_ltl.extend import LawOfParts
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, require_shape
 from pareto_ltl.support.times import HOUR
-from pareto_ltl.wind.law_of_parts import OBSERVED, OWN
 
 NEWEST = 12 * HOUR  # longest lead of a run that stands for the wind [s]
 SITUATION = 48 * HOUR  # [s]
@@ -68,7 +68,7 @@ class PointForecasts:
     @property
     def truth(self) -> str:
         """What verifies the forecasts: ``observed`` or ``own``."""
-        return OBSERVED if len(self.observed_times) else OWN
+        return LawOfParts.OBSERVED if len(self.observed_times) else LawOfParts.OWN
 
     @property
     def spread(self) -> float:
@@ -107,7 +107,9 @@ class Verified(NamedTuple):
     @property
     def compared(self) -> BoolArray:
         """Errors against something other than the run itself, (R, P, N)."""
-        other = np.full(self.newer.shape, True) if self.truth == OBSERVED else self.newer < self.leads
+        other = (
+            np.full(self.newer.shape, True) if self.truth == LawOfParts.OBSERVED else self.newer < self.leads
+        )
         return np.asarray(np.isfinite(self.errors).all(axis=-1) & other, bool)
 
     def of_situation(self, number: int) -> Verified:
@@ -123,7 +125,7 @@ class Verified(NamedTuple):
 def verified(table: PointForecasts) -> Verified:
     """The errors of the forecasts of a table."""
     times, index = _valid_times(table)
-    if table.truth == OBSERVED:
+    if table.truth == LawOfParts.OBSERVED:
         wind = np.full((len(times), *table.observed.shape[1:]), np.nan)
         at = np.round(table.observed_times / HOUR, 6)
         rows = np.flatnonzero(np.isin(at, times))
@@ -138,7 +140,7 @@ def verified(table: PointForecasts) -> Verified:
 
 def truth_series(table: PointForecasts) -> tuple[FloatArray, FloatArray]:
     """Times (T,) [s since 1970] and winds (T, P, 2) [m/s] that verify a table; NaN where there is none."""
-    if table.truth == OBSERVED:
+    if table.truth == LawOfParts.OBSERVED:
         return table.observed_times, table.observed
     times, index = _valid_times(table)
     return times * HOUR, _newest(table, index, len(times))[0]
@@ -216,7 +218,7 @@ def first_window(found: Verified, time: float) -> Window | None:
     if not counts.any():
         return None
     first = float(found.leads[np.flatnonzero(counts >= COMMON_SHARE * counts.max())[0]])
-    starts = found.leads if found.truth == OBSERVED else np.union1d(0.0, found.leads)
+    starts = found.leads if found.truth == LawOfParts.OBSERVED else np.union1d(0.0, found.leads)
     spans = {float(start): window(found.leads, float(start), time) for start in starts}
     begun = [start for start, span in spans.items() if span is not None]
     if not begun:

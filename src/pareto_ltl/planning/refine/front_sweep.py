@@ -83,7 +83,6 @@ from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.machine import on_all_cores
 from pareto_ltl.world.time_step import SHARE_OF_PLACE, narrowest_place
 
-COARSE_EFFORT = {"points": 8, "flights": 500, "classes": 2}  # upper limits of the settings of a coarse search
 HARD = 0.3  # failure above which a mission with landmarks has one coarse search: it takes minutes there
 LONG = 1e5  # [m] lengths above have no decimals in messages
 ROUND = 4  # points of a front that are varied between two reports
@@ -178,7 +177,7 @@ def coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
     What a search misses depends on which flights it is fitted to, more than on how many: on five missions
     four times as many flights did not make seeds agree better, and a second coarse search did.
     """
-    cfg = coarse(sweep.cfg)
+    cfg = sweep.cfg.coarse()
     if cfg == sweep.cfg:
         return
     every, many = len(sweep.many), first_of(sweep.many, MORE_FLIGHTS * cfg.flights)
@@ -215,11 +214,6 @@ def _paths_of(
         yield from mended(k)
 
     return last_polish.planned_paths(sweep.problem, [end for _, end in ended], repairs)
-
-
-def coarse(cfg: RefineConfig) -> RefineConfig:
-    """``cfg`` limited to :data:`COARSE_EFFORT`: about a third of the time, slightly worse plans."""
-    return replace(cfg, **{name: min(getattr(cfg, name), limit) for name, limit in COARSE_EFFORT.items()})
 
 
 def searched(sweep: Sweep, seen: Iterable[Candidate]) -> list[Candidate]:

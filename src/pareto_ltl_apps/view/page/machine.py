@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl.extend import Automaton
-from pareto_ltl.logic import labels
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.times import hours_text
 from pareto_ltl.world.windows import clock_windows
@@ -26,7 +25,7 @@ def shown_automaton(automaton: Automaton) -> dict[str, Any]:
     if automaton.n_states > MAX_DRAWN:
         return document | {"shapes": None}
     place = state_positions(automaton)
-    edges = list(drawn_edges(place, labels.edge_labels(automaton)))
+    edges = list(drawn_edges(place, automaton.edge_labels()))
     low = place.min(axis=0) - np.array([LEFT, BELOW])
     high = place.max(axis=0) + np.array([RIGHT, ABOVE])
 

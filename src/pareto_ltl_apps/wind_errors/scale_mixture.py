@@ -19,7 +19,6 @@ from scipy.special import ndtr
 from pareto_ltl.support.arrays import FloatArray
 
 NODES = 41  # the error of a probability is below 1e-6 for s <= 1
-LARGEST_SPREAD = 1.2  # of the logarithm of the scale
 FARTHEST = 60.0  # [σ]
 GRID = np.concatenate([np.linspace(0.0, 8.0, 1601), np.geomspace(8.0, FARTHEST, 400)[1:]])  # of |x| / σ
 
