@@ -174,8 +174,10 @@ def test_a_block_of_python_runs(code: str, started: Path, monkeypatch: pytest.Mo
     """With small plans; a part of a module is compiled, and the module has the names that it uses."""
     compiled = compile(code, "block", "exec")
     if "import" not in code:
-        parts = ("kernels.parents", "planning.costs", "run.plan_run")
-        modules = [importlib.import_module(f"pareto_ltl.{part}") for part in parts]
+        parts = ("kernels.parents", "planning.costs.duration", "run.plan_run")
+        names = [f"pareto_ltl.{part}" for part in parts]
+        names += ["pareto_ltl_apps.studies.sitl", "pareto_ltl_apps.studies.kinds"]
+        modules = [importlib.import_module(name) for name in names]
         there = {*dir(builtins), *(name for module in modules for name in vars(module))}
         assert {name for name in compiled.co_names if not name.startswith("_")} <= {*there, *defined_in(code)}
         return

@@ -1,9 +1,10 @@
-"""What a cost of a path is; ``costs.py`` has the costs."""
+"""What a cost of a path is; ``costs/`` has a file for each, in which :func:`cost` decorates its function."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,3 +38,20 @@ class Cost:
     note: str = ""
     label: str = ""
     scale: float = 1.0
+
+
+F = TypeVar("F", bound=Callable[..., float | None])
+COSTS: dict[str, Cost] = {}  # the costs of this package
+
+
+def cost(
+    column: str, text: Callable[[float], str], note: str = "", label: str = "", scale: float = 1.0
+) -> Callable[[F], F]:
+    """Make the decorated function a cost of its name; the arguments are those of :class:`Cost`."""
+
+    def add(function: F) -> F:
+        name = function.__name__
+        COSTS[name] = Cost(name, column, function, text, note, label, scale)
+        return function
+
+    return add

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pareto_ltl.planning.costs import cost_named, hours_text
+from pareto_ltl.planning.costs import cost_named
+from pareto_ltl.planning.costs.duration import hours_text
 from pareto_ltl.planning.limits import Price, Remedy, SegmentLimits, WorstSegment, remedies_text
 from pareto_ltl.planning.rates import FailureRate, Promise
 from pareto_ltl.settings import FidelityConfig
@@ -113,7 +114,7 @@ class Forest(Displayed):
 class Objectives:
     """The costs and probabilities by which paths are compared.
 
-    ``costs`` are by name (``planning/costs.py``): length [m], energy [J] of a robot with a power curve, and
+    ``costs`` are by name (``planning/costs/``): length [m], energy [J] of a robot with a power curve, and
     the costs of ``selection.costs``; all paths of a front have the same ones.
     ``mission_risk`` is the bound that ``fidelity.mission_bound`` names; plans are judged by it.
     ``collision_risk`` is R. Two bounds are reported in every case: ``mission_risk_paper``, the f_o of Theorem

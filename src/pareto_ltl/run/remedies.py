@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning.costs import hours_text
+from pareto_ltl.planning.costs.duration import hours_text
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.limits import Remedy
 from pareto_ltl.planning.pack import build_problem, missing_for_fixes, with_landmarks

@@ -9,9 +9,11 @@ from pareto_ltl.settings.checks import CheckedSettings, is_finite, setting
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import COST_GROUP, SELECTION_RULE_GROUP
 from pareto_ltl.support.messages import shown_value, wrong_value
+from pareto_ltl.support.resources import kind_names
 
 SELECTION_RULES = ("worth", "priority", "weighted", "threshold", "energy", "least", "knee", "length", "point")
-FURTHER_COSTS = ("duration", "turns", "containment")
+ALWAYS_COSTS = ("length", "energy")  # of every front, if the robot has them
+FURTHER_COSTS = tuple(name for name in kind_names("planning/costs") if name not in ALWAYS_COSTS)
 
 
 @dataclass

@@ -8,7 +8,7 @@
 ``pareto_ltl.wind_sources``     a ``WindSource`` (``wind/sources``)
 ``pareto_ltl.patterns``         a function from ``MissionConfig`` to a formula (``logic/patterns.py``)
 ``pareto_ltl.selection_rules``  a function that picks a path of a front (``planning/selection_rules.py``)
-``pareto_ltl.costs``            a ``Cost`` of a path (``planning/costs.py``)
+``pareto_ltl.costs``            a ``Cost`` of a path (``planning/costs/``)
 ``pareto_ltl.conf``             a folder of YAML choices: ``robot/``, ``scene/``, ``pipelines/`` and so on
 
 An entry point is imported only when its name is used. ``examples/extension/`` has one of each.

@@ -75,3 +75,8 @@ def choice_file(group: str, name: str) -> Path:
             if path.stem == name:
                 return path
     raise ConfigError(f"there is no {group} {shown_value(name)}; there are {', '.join(choices(group))}")
+
+
+def kind_names(folder: str) -> tuple[str, ...]:
+    """The names of kinds of which each has one file in the package, in ``folder`` below ``pareto_ltl``."""
+    return tuple(sorted(path.stem for path in (PACKAGE / folder).glob("[!_]*.py")))

@@ -17,6 +17,7 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl_apps.cli import arguments as read
 from pareto_ltl_apps.cli.arguments import accepted
+from pareto_ltl_apps.studies.kinds import STUDIES
 
 
 class Argument(NamedTuple):
@@ -78,23 +79,7 @@ class ToolCommand(Command):
 PIPELINE_COMMANDS = (
     PipelineCommand("plan", "plan a mission, simulate the plan and draw it",
                     ("mission", "planner", "selection")),
-    PipelineCommand("compare", "several planners in the same winds", ("compare", "evaluation")),
-    PipelineCommand("convergence", "bound and simulated failure as the trees grow",
-                    ("convergence", "evaluation")),
-    PipelineCommand("ablation", "one setting changed at a time", ("ablation", "evaluation")),
-    PipelineCommand("hindcast", "a test of interpolation: plans from few readings, flown in full fields",
-                    ("hindcast", "evaluation")),
-    PipelineCommand("forecast_test", "plans made hours ahead, flown through later winds",
-                    ("forecast_test", "evaluation")),
-    PipelineCommand("departure", "the mission planned for many departure times, which are compared",
-                    ("departure", "evaluation")),
-    PipelineCommand("levels", "the mission planned at each level of the wind files, which are compared",
-                    ("levels", "evaluation")),
-    PipelineCommand("replanning", "a plan flown in true winds, with and without replanning at each fix",
-                    ("replanning", "evaluation")),
-    PipelineCommand("replan_test", "random missions flown through later winds, with and without replanning",
-                    ("replanning", "forecast_test", "evaluation")),
-    PipelineCommand("sitl", "a plan flown by an independent aircraft, JSBSim, in the same winds", ("sitl",)),
+    *(PipelineCommand(kind.command, kind.purpose, kind.sections) for kind in STUDIES.values()),
     PipelineCommand("wind", "the wind over a map and its standard deviation, without a plan",
                     ("wind", "scene")),
     PipelineCommand("ingest", "wind files to one small table of readings", ("ingest", "wind")),

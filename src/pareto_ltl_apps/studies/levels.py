@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -198,7 +198,7 @@ def _worked(
     for number, repeat in pieces:
         candidate = context.candidates[int(number)]
         start = "" if candidate.start is None else iso(candidate.start)
-        key = part_key(settings, STREAM, candidate.level, start, repeat)
+        key = part_key(settings, STREAM, asdict(settings.levels), candidate.level, start, repeat)
         name = "".join(letter for letter in f"{candidate.level}{start}" if letter.isalnum())
         parts.append(Part(f"level-{name}-{repeat}", (number, repeat), key))
     return work_parts(half_the_cores(settings.evaluation), directory, level_part, context, parts, progress)

@@ -25,12 +25,11 @@ from pareto_ltl.support.machine import cores
 from pareto_ltl.support.reading import read_json
 from pareto_ltl_apps.studies import cluster
 from pareto_ltl_apps.studies.jobs import KILLED, JobQueue, JobState, StoredJob
+from pareto_ltl_apps.studies.kinds import study_sections
 
 PARTS_FOLDER = "parts"
-OTHER_SECTIONS = (  # sections that parts do not depend on, or that a study adds to its keys itself
-    "name", "report", "pipelines", "ingest", "evaluation", "compare", "convergence", "ablation", "hindcast",
-    "forecast_test", "departure", "replanning", "sitl",
-)  # fmt: skip
+# Sections that parts do not depend on, or that a study adds to its keys itself.
+OTHER_SECTIONS = {"name", "report", "pipelines", "ingest", "evaluation", *study_sections()}
 # Code that parts do not depend on.
 OTHER_CODE = ("pareto_ltl_verify", "pareto_ltl_apps.view", "pareto_ltl_apps.cli", "pareto_ltl.__main__")
 

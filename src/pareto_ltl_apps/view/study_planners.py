@@ -339,9 +339,6 @@ def replanning_figures(_: Settings, study: Study) -> Figures:
     return {"replanning": partial(replanning_figure, study.tables["replanning"])}
 
 
-replan_test_figures = replanning_figures
-
-
 def replanning_figure(rows: Sequence[FigureRow]) -> Figure:
     """One line for each way to fly, from the first at the top: failure rate and 95 % interval."""
     tall = ROW * len(rows)
