@@ -14,7 +14,7 @@ from scipy.special import ndtr
 
 from oracle import path_risk as risk
 from pareto_ltl.kernels.tree import ROUNDING
-from pareto_ltl.planning import growth, no_path
+from pareto_ltl.planning import growth, no_path, shortest_mission
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.selection import hypervolume, non_dominated
@@ -382,6 +382,14 @@ def test_a_walled_in_region_is_reported_before_any_growth():
     with pytest.raises(InfeasibleError, match=r"no way through the map completes 'F a & F b'.*move"):
         grown(make_problem("F a & F b", scene))
     assert len(grown(make_problem("F b", scene)).accepted) > 0
+
+
+def test_a_region_that_no_way_reaches_is_named_where_lines_do_not_tell(monkeypatch):
+    monkeypatch.setattr(shortest_mission, "closed_way", lambda problem: "")
+    walls = [box(11, 11, 19, 12), box(11, 18, 19, 19), box(11, 12, 12, 18), box(18, 12, 19, 18)]
+    scene = make_scene({"a": box(14, 14, 16, 16), "b": box(2, 2, 4, 4)}, walls)
+    with pytest.raises(InfeasibleError, match=r"no way after the first regions leads to \{a\}"):
+        grown(make_problem("F a & F b", scene))
 
 
 def test_a_start_whose_label_breaks_the_mission_is_reported():

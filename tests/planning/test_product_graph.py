@@ -51,6 +51,51 @@ def test_edges_follow_doors_and_the_automaton(formula):
             assert found == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("formula", ["F(a & F b)", "!b U a", "F(a & X b)", "F a & F b"])
+def test_the_network_and_the_arrays_of_the_kernels_are_one_graph(formula):
+    problem = two_goals(formula)
+    graph, cells = graph_of(problem), len(problem.labels)
+    network, heap = guide.product_network(problem.decomposition, problem.logic), guide.empty_heap(graph)
+    for q in range(problem.automaton.n_states):
+        for r in range(cells):
+            heads = set(heap.head[: list_edges(graph, q * cells + r, heap)].tolist())
+            beyond = network.adj.get((q, r), {})
+            assert heads == {then * cells + s for then, s in beyond}
+            assert bool(graph.open[q]) == ((q, r) in network)
+
+
+def test_the_cells_and_the_automaton_are_graphs_with_their_properties():
+    problem = two_goals("F(a & F b)")
+    cells, states = problem.decomposition.graph, problem.automaton.graph
+    assert {frozenset(edge) for edge in cells.edges} == set(
+        map(frozenset, problem.decomposition.doors.tolist())
+    )
+    for number, node in cells.nodes.items():
+        polygon = shapely.Polygon(problem.decomposition.cells[number])
+        assert node["label"] == problem.labels[number]
+        assert node["area"] == pytest.approx(polygon.area)
+        assert node["centre"] == pytest.approx(np.array(polygon.centroid.coords[0]))
+    lengths = dict(nx.single_target_shortest_path_length(states, 2))
+    assert [states.nodes[q]["accepting"] for q in states] == problem.automaton.accepting.tolist()
+    for q in states:  # a letter of no region repeats a state: the shortest words are the shortest paths
+        assert states.nodes[q]["distance"] == lengths[q]
+
+
+def test_the_states_that_the_map_leads_to_end_before_a_closed_region():
+    walls = [box(11, 11, 19, 12), box(11, 18, 19, 19), box(11, 12, 12, 18), box(18, 12, 19, 18)]
+    scene = make_scene({"a": box(14, 14, 16, 16), "b": box(2, 2, 4, 4)}, walls)
+    problem = make_problem("F a & F b", scene)
+    start = int(problem.locate(problem.scene.start[None])[0])
+    stuck = guide.farthest_states(problem.decomposition, problem.logic, (problem.automaton.initial, start))
+    assert stuck == {problem.automaton.step(problem.automaton.initial, {"b"})}
+    open_map = make_problem("F a & F b", make_scene({"a": box(14, 14, 16, 16), "b": box(2, 2, 4, 4)}))
+    start = int(open_map.locate(open_map.scene.start[None])[0])
+    reached = guide.farthest_states(
+        open_map.decomposition, open_map.logic, (open_map.automaton.initial, start)
+    )
+    assert all(open_map.automaton.accepting[q] for q in reached)
+
+
 def test_states_weigh_volume_and_urgency():
     problem = two_goals()
     graph = graph_of(problem)

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import FormulaError
 from pareto_ltl.world.windows import Window
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 MAX_ATOMS = 62  # a letter is stored in the bits of an int64
 MAX_FREE_ATOMS = 16  # subsets of more propositions do not fit into a table
@@ -106,6 +110,17 @@ class Automaton(Displayed):
     def n_states(self) -> int:
         """Q, the number of states."""
         return len(self.delta)
+
+    @cached_property
+    def graph(self) -> nx.DiGraph:
+        """The states as nodes, with ``distance`` and ``accepting``, and their transitions as edges."""
+        import networkx as nx
+
+        graph = nx.DiGraph()
+        for q in range(self.n_states):
+            graph.add_node(q, distance=float(self.distance[q]), accepting=bool(self.accepting[q]))
+        graph.add_edges_from((q, after) for q, row in enumerate(self.delta.tolist()) for after in row)
+        return graph
 
     @cached_property
     def trap(self) -> int:

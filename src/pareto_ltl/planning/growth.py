@@ -24,8 +24,9 @@ from pareto_ltl.kernels.dijkstra import Product
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.kernels.neighbours import Bins
 from pareto_ltl.kernels.parents import Dominance
+from pareto_ltl.logic.automaton import show_letter
 from pareto_ltl.planning.problem import Problem, start_breach
-from pareto_ltl.planning.product_graph import cell_fans, empty_heap, product_graph
+from pareto_ltl.planning.product_graph import cell_fans, empty_heap, farthest_states, product_graph
 from pareto_ltl.planning.records import Forest, Tree
 from pareto_ltl.planning.tree_models import tree_models
 from pareto_ltl.settings import PlannerConfig
@@ -325,13 +326,32 @@ def _check_lead(task: GrowthTask, tree: GrowingTree) -> None:
         why = (
             f"{'; '.join(missed)}; change the window, mission.start_time or planner.max_steps"
             if missed
-            else closed_way(problem)
-            or "a region it needs cannot be reached from the start, or the start's own label breaks the "
-            "mission at once; move the start, a region or an obstacle"
+            else closed_way(problem) or _closed_states(problem, int(vertices.q[0]), int(vertices.cell[0]))
         )
         raise InfeasibleError(
             f"no way through the map completes {shown_value(problem.automaton.formula)}: {why}"
         )
+
+
+def _closed_states(problem: Problem, state: int, cell: int) -> str:
+    """Text on what no way on the map reads next, from the product of cells and automaton."""
+    automaton, cure = problem.automaton, "move the start, a region or an obstacle"
+    stuck = farthest_states(problem.decomposition, problem.logic, (state, cell))
+    wanted = sorted(
+        {
+            show_letter(letter)
+            for q in stuck
+            for letter, after in zip(automaton.letters, automaton.delta[q].tolist(), strict=True)
+            if automaton.distance[after] < automaton.distance[q]
+        }
+    )
+    if not wanted:
+        return (
+            "a region it needs cannot be reached from the start, or the start's own label breaks the "
+            f"mission at once; {cure}"
+        )
+    begun = "" if state in stuck else " after the first regions"
+    return f"from the start no way{begun} leads to {' or '.join(wanted)} without breaking it; {cure}"
 
 
 def _packed_tree(tree: GrowingTree) -> Tree:

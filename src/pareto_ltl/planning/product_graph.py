@@ -8,6 +8,8 @@ it helps most: a lead is an order of cells and states, without times.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from pareto_ltl.kernels.data import Logic
@@ -15,7 +17,10 @@ from pareto_ltl.kernels.dijkstra import Heap, Product
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.planning.pack_logic import helpful_delta
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.world.cells import Decomposition, moments
+from pareto_ltl.world.cells import Decomposition
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 EXACT_LEADS = 20_000  # up to so many product states leads are exact shortest paths: 4 ms each
 
@@ -25,11 +30,11 @@ def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray
 
     Eq. (M42) of docs/mathematics_methods.md.
     """
-    cells, states = len(decomposition.cells), len(logic.distance)
-    shapes = [moments(cell) for cell in decomposition.cells]
-    area, centre = np.array([a for a, _ in shapes]), np.array([c for _, c in shapes])
+    net = decomposition.graph
+    cells, states = len(net), len(logic.distance)
+    area, centre = (np.array([node[name] for node in net.nodes.values()]) for name in ("area", "centre"))
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
-    doors = decomposition.doors.reshape(-1, 2)
+    doors = np.array(net.edges, np.int64).reshape(-1, 2)
     own = np.repeat(np.arange(cells), 2).reshape(-1, 2)
     rows = np.unique(np.vstack([doors, doors[:, ::-1], own]), axis=0)
     tail, head = rows[:, 0], rows[:, 1]
@@ -50,6 +55,44 @@ def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray
         return graph
     changing = (helpful[:, :-1] != helpful[:, -1:]).any(axis=0)
     return graph._replace(ahead=_cost_ahead(graph, logic.distance, np.flatnonzero(changing)))
+
+
+def product_network(decomposition: Decomposition, logic: Logic) -> nx.DiGraph:
+    """The same graph with one node (state, cell) for each product state, for small problems.
+
+    Edges have the length ``metres`` between the centroids [m]. States from which the mission cannot be
+    completed have no node.
+    """
+    import networkx as nx
+
+    net, helpful = decomposition.graph, helpful_delta(logic)
+    network = nx.DiGraph()
+    for q in np.flatnonzero(np.isfinite(logic.distance)).tolist():
+        for r in net:
+            network.add_node((q, r))
+            for s in (r, *net[r]):
+                then = int(helpful[q, s])
+                if np.isfinite(logic.distance[then]) and (s != r or then != q):
+                    far = float(np.linalg.norm(net.nodes[r]["centre"] - net.nodes[s]["centre"]))
+                    network.add_edge((q, r), (then, s), metres=far)
+    return network
+
+
+def farthest_states(decomposition: Decomposition, logic: Logic, start: tuple[int, int]) -> set[int]:
+    """The automaton states nearest to acceptance that the cells lead to from (state, cell) ``start``.
+
+    Empty if the start itself cannot complete the mission, or the product graph is too large to be searched.
+    """
+    import networkx as nx
+
+    if len(decomposition.cells) * len(logic.distance) > EXACT_LEADS:
+        return set()
+    network = product_network(decomposition, logic)
+    if start not in network:
+        return set()
+    reached = {q for q, _ in (start, *nx.descendants(network, start))}
+    nearest = min(logic.distance[q] for q in reached)
+    return {q for q in reached if logic.distance[q] == nearest}
 
 
 def _cost_ahead(graph: Product, distance: FloatArray, places: IntArray) -> FloatArray:

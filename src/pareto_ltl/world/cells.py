@@ -11,7 +11,8 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -23,6 +24,9 @@ from pareto_ltl.support.messages import shown_value
 from pareto_ltl.world.polygons import GridRing, convex_parts, drop_flat, ring_edges, rotated_ring
 from pareto_ltl.world.scene import Scene
 
+if TYPE_CHECKING:
+    import networkx as nx
+
 GRID_FRACTION = 2.0**-40  # grid step over the size of the map
 EDGE_FRACTION = 1e-11  # of the size of the map; a point this close to an edge counts as on it
 BUCKETS = 64  # of the grid that finds the cell of a point, along each axis
@@ -30,7 +34,7 @@ THINNEST = 1024.0  # [grid steps], about 1e-9 of the map; thinner convex parts a
 SHORTEST_DOOR = 4.0  # [grid steps]; shorter contacts are rounding errors
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, repr=False)
 class Decomposition(Displayed):
     """The free space of a scene as convex cells that do not overlap.
 
@@ -54,6 +58,18 @@ class Decomposition(Displayed):
     doors: IntArray
     obstacles: tuple[FloatArray, ...]
     regions: Mapping[str, tuple[FloatArray, ...]]
+
+    @cached_property
+    def graph(self) -> nx.Graph:
+        """The cells as nodes, with ``label``, ``area`` [m²] and ``centre`` [m], and the doors as edges."""
+        import networkx as nx
+
+        graph = nx.Graph()
+        for number, (cell, label) in enumerate(zip(self.cells, self.labels, strict=True)):
+            area, centre = moments(cell)
+            graph.add_node(number, label=label, area=area, centre=centre)
+        graph.add_edges_from(self.doors.tolist())
+        return graph
 
     @property
     def letters(self) -> tuple[frozenset[str], ...]:
@@ -188,8 +204,7 @@ def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Itera
     DataError
         If the start lies inside an obstacle.
     """
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import breadth_first_order
+    import networkx as nx
 
     names = sorted(set(atoms))
     for name in names:
@@ -209,10 +224,8 @@ def unreachable_regions(decomposition: Decomposition, scene: Scene, atoms: Itera
         raise DataError(
             f"the start {scene.start.tolist()} [m] lies in no free cell; move it out of the obstacle"
         )
-    cells, doors = len(decomposition.cells), decomposition.doors
-    net = csr_matrix((np.ones(len(doors)), doors.T), shape=(cells, cells))
-    reached = breadth_first_order(net, start, directed=False, return_predecessors=False)
-    shown = frozenset[str]().union(*(decomposition.labels[i] for i in reached.tolist()))
+    reached = nx.node_connected_component(decomposition.graph, start)
+    shown = frozenset[str]().union(*(decomposition.labels[i] for i in reached))
     return tuple(name for name in names if name not in shown)
 
 

@@ -149,8 +149,7 @@ def state_positions(automaton: Automaton) -> FloatArray:
     """
     import networkx as nx
 
-    edges = [(q, after) for q, row in enumerate(automaton.delta.tolist()) for after in row]
-    parts = nx.condensation(nx.DiGraph(edges))  # strongly connected states are one node
+    parts = nx.condensation(automaton.graph)  # strongly connected states are one node
     column, x = np.zeros(automaton.n_states, int), 0
     for generation in nx.topological_generations(parts):
         wide = 1
