@@ -15,9 +15,8 @@ from typing import Any
 
 import pytest
 
-from pareto_ltl.support import download
 from pareto_ltl.support.times import seconds
-from pareto_ltl_apps.formats import live
+from pareto_ltl_apps.formats import download, live
 
 
 @dataclass

@@ -24,108 +24,33 @@
     pareto_ltl.verify("outputs/phi1/...")  # every claim of its files derived again, without the planner
 
 The command line is ``pareto-ltl plan +experiment=phi1``, or ``python -m pareto_ltl +experiment=phi1``. The
-names below are imported when they are used, so that ``import pareto_ltl`` loads no numerical package.
+names stand in ``__init__.pyi`` and are imported when they are used, so that ``import pareto_ltl`` loads no
+numerical package.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from pareto_ltl.logic.mission import read_formula
-    from pareto_ltl.run.choosing import choose
-    from pareto_ltl.run.interface import plan, simulate, steer
-    from pareto_ltl.run.plan_run import Run
-    from pareto_ltl.run.results import load_results
-    from pareto_ltl.settings import Settings
-    from pareto_ltl.support.errors import (
-        ConfigError,
-        DataError,
-        FormulaError,
-        InfeasibleError,
-        ParetoLtlError,
-    )
-    from pareto_ltl.wind.readings import Readings
-    from pareto_ltl.wind.records import WindField
-    from pareto_ltl.wind.sources import read_wind
-    from pareto_ltl.world.scene import Scene
-    from pareto_ltl.world.scene_settings import read_map
-    from pareto_ltl_apps.exports.interface import export
-    from pareto_ltl_apps.flight.beacons import beacons
-    from pareto_ltl_apps.flight.following import follow
-    from pareto_ltl_apps.flight.replanning import replan
-    from pareto_ltl_apps.flight.telemetry import Reading
-    from pareto_ltl_apps.flight.watch import WatchSettings
-    from pareto_ltl_apps.preflight.check import check
-    from pareto_ltl_apps.preflight.containment import contain
-    from pareto_ltl_apps.view.showing import explain, page, show
-    from pareto_ltl_verify.judge import verify
+from pareto_ltl.support.stated_names import stated_names
 
 __version__ = "1.0.0rc1"
 
-__all__ = [
-    "ConfigError",
-    "DataError",
-    "FormulaError",
-    "InfeasibleError",
-    "ParetoLtlError",
-    "Reading",
-    "Readings",
-    "Run",
-    "Scene",
-    "Settings",
-    "WatchSettings",
-    "WindField",
-    "__version__",
-    "beacons",
-    "check",
-    "choose",
-    "contain",
-    "explain",
-    "export",
-    "follow",
-    "load_results",
-    "page",
-    "plan",
-    "read_formula",
-    "read_map",
-    "read_wind",
-    "replan",
-    "show",
-    "simulate",
-    "steer",
-    "verify",
-]
-
-_EXPORTS = {
-    "pareto_ltl.logic.mission": ("read_formula",),
-    "pareto_ltl.run.choosing": ("choose",),
-    "pareto_ltl.run.interface": ("plan", "simulate", "steer"),
-    "pareto_ltl.run.plan_run": ("Run",),
-    "pareto_ltl.run.results": ("load_results",),
-    "pareto_ltl.settings": ("Settings",),
-    "pareto_ltl.support.errors": (
-        "ConfigError", "DataError", "FormulaError", "InfeasibleError", "ParetoLtlError",
-    ),
-    "pareto_ltl.wind.readings": ("Readings",),
-    "pareto_ltl.wind.records": ("WindField",),
-    "pareto_ltl.wind.sources": ("read_wind",),
-    "pareto_ltl.world.scene": ("Scene",),
-    "pareto_ltl.world.scene_settings": ("read_map",),
-}  # fmt: skip
+__all__ = sorted((*stated_names(__file__), "__version__"))  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> Any:
-    for module, names in _EXPORTS.items():
-        if name in names:
-            return getattr(import_module(module), name)
-    if name in __all__:  # of an application, or of the checker: the planner imports neither
-        from pareto_ltl.support.extensions import INTERFACE_GROUP, installed_object
+    module = stated_names(__file__).get(name)
+    if module is None:
+        raise AttributeError(f"module 'pareto_ltl' has no attribute {name!r}")
+    if module.partition(".")[0] == __name__:
+        return getattr(import_module(module), name)
+    # of an application, or of the checker: the planner imports neither
+    from pareto_ltl.support.extensions import INTERFACE_GROUP, installed_object
 
-        return installed_object(INTERFACE_GROUP, name)
-    raise AttributeError(f"module 'pareto_ltl' has no attribute {name!r}")
+    return installed_object(INTERFACE_GROUP, name)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

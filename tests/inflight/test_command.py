@@ -165,7 +165,7 @@ def test_json_has_one_object_an_event(made: Path, telemetry: Path, tmp_path: Pat
             "true airspeed, or airspeed_cas_m_s if it is calibrated",
         ),
         (["--log", "{both}"], "two airspeeds; give one column, airspeed_tas_m_s if"),
-        (["--log", "{log}", "--alarm", "2"], "--alarm must be a failure rate above 0 and at most 1, got 2"),
+        (["--log", "{log}", "--alarm", "2"], "alarm must be a failure rate above 0 and at most 1, got 2"),
         (["--log", "{log}", "--send", "wind"], "--send needs --connect"),
         (["--log", "{log}", "--resume"], "there is no journal to resume; start without --resume"),
         (

@@ -29,7 +29,7 @@ from pareto_ltl.planning.refine import (
     sampled_paths,
     sweep,
 )
-from pareto_ltl.planning.refine.sampled import Candidate, path_length, resampled_means, steps_needed
+from pareto_ltl.planning.refine.sampled import Candidate, resampled_means, steps_needed
 from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.planning.refine.starts import (
     Start,
@@ -47,7 +47,7 @@ from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.settings.planner import COARSE_EFFORT
 from pareto_ltl.simulation.common_flights import is_certain
 from pareto_ltl.simulation.judging import judge_front
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.machine import GIVEN
@@ -178,7 +178,7 @@ def test_lines_lead_less_far_into_regions_where_the_wind_ends_too_soon(grown):
     fewest = min(len(start.x) - 1 for start in middle)
     found = line_starts(replace(problem, max_steps=fewest - 1))
     assert found
-    assert max(path_length(start.x) for start in found) < min(path_length(start.x) for start in middle)
+    assert max(length_of(start.x) for start in found) < min(length_of(start.x) for start in middle)
     for start in found:
         assert len(start.x) <= fewest
         assert problem.logic.distance[path_class(problem, start.x).state] == 0.0
@@ -203,7 +203,7 @@ def test_returning_paths_pass_each_place_a_second_time_and_avoid_obstacles(grown
     before = [visits(region, best.x) for region in regions]
     for start in starts:
         assert problem.logic.distance[problem.states(start.x)[-1]] == 0.0
-        assert path_length(start.x) > path_length(best.x)
+        assert length_of(start.x) > length_of(best.x)
         assert not shapely.LineString(start.x).intersects(
             shapely.MultiPolygon([shapely.Polygon(corners) for corners in problem.scene.obstacles])
         )
@@ -243,7 +243,7 @@ def test_resampling_keeps_the_ends_and_never_lengthens_the_line(steps):
     y = resampled_means(problem, x, steps)
     assert len(y) == steps + 1
     np.testing.assert_allclose(y[[0, -1]], x[[0, -1]])
-    assert path_length(y) <= path_length(x) * (1 + 1e-9)
+    assert length_of(y) <= length_of(x) * (1 + 1e-9)
 
 
 candidates = st.lists(st.tuples(st.floats(1.0, 10.0), st.floats(0.0, 1.0)), min_size=1, max_size=30)
@@ -355,8 +355,8 @@ def test_a_path_that_cannot_be_flown_is_repaired_or_named(caplog):
     """A path that ends before the region: with more steps it gets there; without repair it is named."""
     problem, line = taut_line()
     x = resampled_means(problem, line, len(line) + 8)
-    short = Candidate(propagate(problem, x[:-4]), path_length(x[:-4]), 0.2, 0.125, "too short")
-    good = Candidate(propagate(problem, x), path_length(x), 0.1, 0.1, "a line")
+    short = Candidate(propagate(problem, x[:-4]), length_of(x[:-4]), 0.2, 0.125, "too short")
+    good = Candidate(propagate(problem, x), length_of(x), 0.1, 0.1, "a line")
     paths = last_polish.planned_paths(problem, [good, short])
     assert [path.origin for path in paths] == ["a line, refined"]
     assert "1 of 2 refined paths cannot be flown; the best of them (too short" in caplog.text

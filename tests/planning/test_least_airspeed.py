@@ -20,7 +20,6 @@ from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.planning.refine.sampled import (
     Polish,
     Refiner,
-    path_length,
     resampled_means,
     steps_needed,
 )
@@ -28,7 +27,7 @@ from pareto_ltl.planning.selection import tree_front
 from pareto_ltl.planning.tree_models import tree_models
 from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, SmoothingConfig
 from pareto_ltl.settings.fidelity import preset
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.errors import InfeasibleError
 from problems import KM, along, box, make_problem, make_scene, smooth_wind, steady_wind
 
@@ -144,10 +143,10 @@ def test_polished_paths_are_fast_enough_and_fail_less(u_min: float) -> None:
     flights = draw_flights(problem, "coherent", 200, SeedSequence(1))
     before = refiner.flown(start)
     assert keeps(problem, before.x)
-    found = refiner.polish(start, flights, Polish((400.0, 400.0, 100.0, 100.0)), 1.1 * path_length(start))
+    found = refiner.polish(start, flights, Polish((400.0, 400.0, 100.0, 100.0)), 1.1 * length_of(start))
     assert keeps(problem, found.flight.x)
     assert found.failed < float(flights.failed(flights.positions(before)).mean()) - 0.3
-    assert found.length < 1.11 * path_length(start)
+    assert found.length < 1.11 * length_of(start)
 
 
 # --- flights --------------------------------------------------------------------------------------

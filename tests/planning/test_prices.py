@@ -15,9 +15,10 @@ from pareto_ltl.planning.evaluate import completing_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.refine import prices, programme, sampled_paths
-from pareto_ltl.planning.refine.sampled import Polish, Refiner, path_length
+from pareto_ltl.planning.refine.sampled import Polish, Refiner
 from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
+from pareto_ltl.support.arrays import length_of
 from problems import box, make_problem, make_scene, smooth_wind
 
 STEP = 2.0  # [m] of a finite difference
@@ -93,7 +94,7 @@ def binding(planned):
     refiner = Refiner(replace(problem, epsilon=tight), margin_model(problem))
     off = np.ascontiguousarray(np.moveaxis(positions - path.x, 0, 2))
     model, _ = refiner.slope(path.x, off, 300.0, len(positions))
-    return refiner.problem, refiner.flown(path.x), model, 0.999 * path_length(path.x)
+    return refiner.problem, refiner.flown(path.x), model, 0.999 * length_of(path.x)
 
 
 def value(problem, flight, model, longest):
@@ -135,7 +136,7 @@ def test_multipliers_are_derivatives_of_the_least_objective(binding, monkeypatch
 def test_the_price_of_the_length_is_the_derivative_of_the_polished_failure(planned):
     problem, path, _ = planned
     flights = draw_flights(problem, "coherent", 4000, SeedSequence(5))
-    refiner, length = Refiner(problem, margin_model(problem)), path_length(path.x)
+    refiner, length = Refiner(problem, margin_model(problem)), length_of(path.x)
     how = Polish((prices.WIDTH * float(np.ptp(problem.scene.bounds, axis=0).mean()),), 8)
     settled = refiner.polish(refiner.polish(path.x, flights, how, length).flight.x, flights, how, length)
     change = 0.005 * length

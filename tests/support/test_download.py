@@ -8,9 +8,9 @@ import urllib.request
 import pytest
 
 from noaa_server import NoaaServer, serving
-from pareto_ltl.support import download
-from pareto_ltl.support.download import ByteRange, NotThereError, fetch_bytes
 from pareto_ltl.support.errors import DataError
+from pareto_ltl_apps.formats import download
+from pareto_ltl_apps.formats.download import ByteRange, NotThereError, fetch_bytes
 
 DATA = bytes(range(256)) * 400
 

@@ -10,7 +10,7 @@ import threading
 
 import pytest
 
-from pareto_ltl.support.stopping import SIGNALS, StoppedError, signals_raise
+from pareto_ltl_apps.stopping import SIGNALS, StoppedError, signals_raise
 from patience import PATIENCE
 
 

@@ -21,10 +21,10 @@ from pareto_ltl.planning.pack import pack_barriers, pack_collision, pack_nearby
 from pareto_ltl.planning.pack_logic import helpful_delta
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath
-from pareto_ltl.planning.refine.sampled import path_length
 from pareto_ltl.planning.refine.starts import first_starts
 from pareto_ltl.planning.selection import tree_front
 from pareto_ltl.settings import PlannerConfig, RobotConfig
+from pareto_ltl.support.arrays import length_of
 from pareto_ltl.support.display import distance_text, probability_text, round_up
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.time_step import too_long
@@ -126,7 +126,7 @@ def explain_no_line(cfg: PlannerConfig, problem: Problem) -> str:
     try:
         completing_path(problem, best.x, best.origin, tight=False)
     except InfeasibleError as error:
-        length, advice = path_length(best.x), _step_advice(cfg, problem, FAR_TOO_LONG)
+        length, advice = length_of(best.x), _step_advice(cfg, problem, FAR_TOO_LONG)
         return (
             f"no path completes the mission: of {len(starts)} lines of the map the one that comes farthest "
             f"({best.origin}, {distance_text(length)}, {len(best.x) - 1} steps) cannot be flown: {error}"

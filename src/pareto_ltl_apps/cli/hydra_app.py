@@ -19,7 +19,6 @@ from omegaconf import DictConfig, OmegaConf
 from pareto_ltl.extend import Pipeline, ProgressBar
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, InfeasibleError
-from pareto_ltl.support.stopping import ends_process
 from pareto_ltl_apps.cli.command_table import COMMANDS, PIPELINE_COMMANDS, PipelineCommand, command_named
 from pareto_ltl_apps.cli.composition import (
     ComposedHydra,
@@ -39,6 +38,7 @@ from pareto_ltl_apps.cli.output import (
     run_reported,
 )
 from pareto_ltl_apps.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, settings_from
+from pareto_ltl_apps.stopping import ends_process
 
 if TYPE_CHECKING:
     from pareto_ltl import Settings

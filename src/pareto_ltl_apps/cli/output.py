@@ -22,7 +22,7 @@ from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl.support.files import plain_data
 from pareto_ltl.support.messages import shown_line
-from pareto_ltl.support.stopping import StoppedError, signals_raise
+from pareto_ltl_apps.stopping import StoppedError, signals_raise
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -67,15 +67,15 @@ class WatchSettings:
 
     def __post_init__(self) -> None:
         if not 1.0 <= self.every <= 86_400.0:
-            raise ConfigError(f"--every must be 1 to 86,400 s, got {self.every:g}")
+            raise ConfigError(f"every must be 1 to 86,400 s, got {self.every:g}")
         if not 0.0 < self.alarm <= 1.0:
-            raise ConfigError(f"--alarm must be a failure rate above 0 and at most 1, got {self.alarm:g}")
+            raise ConfigError(f"alarm must be a failure rate above 0 and at most 1, got {self.alarm:g}")
         if not self.wind_age > 0.0:
-            raise ConfigError(f"--wind-age must be above 0 h, got {self.wind_age / 3600.0:g}")
+            raise ConfigError(f"wind_age must be above 0 h, got {self.wind_age / 3600.0:g}")
         if not 50 <= self.members <= 100_000:
-            raise ConfigError(f"--flights must be 50 to 100,000, got {self.members}")
+            raise ConfigError(f"members must be 50 to 100,000, got {self.members}")
         if not 1.0 <= self.lines <= 86_400.0:
-            raise ConfigError(f"--every must be 1 to 86,400 s, got {self.lines:g}")
+            raise ConfigError(f"lines must be 1 to 86,400 s, got {self.lines:g}")
 
 
 class Watch:

@@ -27,6 +27,7 @@ from pareto_ltl.settings import ReplanningConfig
 from pareto_ltl.support.arrays import Float32Array, FloatArray, length_of
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.fingerprints import data_fingerprint
 from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.records import FORECAST_PARTS, forecast_parts
@@ -106,7 +107,7 @@ def run_replanning(settings: Settings, world: Run, directory: Path, progress: Pr
     context = ReplanningContext(run, winds, ways, law_cycle)
     key = part_key(settings, STREAM, cfg.fixes, cfg.every, cfg.forecasts, cfg.fix_sd, cfg.flights, EFFORT)
     numbers = [(way, i) for i in range(cfg.flights) for way in range(len(ways))]
-    todo = [Part(f"flight-{i}-{way}", (way, i), f"{key[:44]}{way:04x}{i:016x}"[::-1]) for way, i in numbers]
+    todo = [Part(f"flight-{i}-{way}", (way, i), data_fingerprint([key, way, i])) for way, i in numbers]
     shared = half_the_cores(settings.evaluation)
     results = work_parts(shared, directory, replanning_part, context, todo, progress)
     flown = {way.name: results[k :: len(ways)] for k, way in enumerate(ways)}

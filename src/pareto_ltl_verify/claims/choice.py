@@ -191,7 +191,7 @@ RANKINGS: dict[str, Callable[[Paths, Mapping[str, Any]], IntArray]] = {
     "point": lambda paths, settings: np.flatnonzero(paths.number == settings["point"]),
 }  # fmt: skip - for each rule of this package: the remaining paths in order of preference
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("front: the plan is on it", (*FILES, "plan.json"), plan_on_front),
     Claim(CHOICE, (*FILES, "plan.json"), choice),
 )

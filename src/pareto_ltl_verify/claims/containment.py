@@ -318,7 +318,7 @@ def _power(level: float) -> str:
     return f"{level:.2g}" if level >= 0.1 else f"{digits.removesuffix('.0')}e{int(power)}"
 
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("containment: plan, law, hours and floor", (FILE,), record),
     Claim("containment: border, corridors and given volumes", (FILE, "wind.nc"), left_areas),
     Claim("containment: volumes are left as seldom as claimed", (FILE, "wind.nc"), left_volumes),

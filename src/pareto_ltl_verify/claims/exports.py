@@ -214,7 +214,7 @@ def unlike_at(fault: str, stated: Iterable[Any], wanted: Iterable[Any], least: f
 
 
 PLAN = ("plan.json", "scene.json")
-CLAIMS = tuple(
+CLAIMS: tuple[Claim, ...] = tuple(
     Claim(f"exports: {name}", (name, *PLAN, "cells.json", "automaton.json"), partial(route, name))
     for name in ROUTES
 )

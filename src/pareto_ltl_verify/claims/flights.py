@@ -235,7 +235,7 @@ def reported_laws(result: Evidence) -> Verdict:
 
 FILES = ("deployments.npz", "plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc")
 FRONT = ("front.csv", "front.npz", "plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc")
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("plan: promise by flights", FRONT, promise),
     Claim("plan: promised rate", ("deployments.npz", *FRONT), promised_rate),
     Claim("flights: laws and numbers", FILES, flown_laws),

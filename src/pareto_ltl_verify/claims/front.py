@@ -282,7 +282,7 @@ def shared_failures(result: Evidence) -> Verdict | None:
 
 FILES = ("front.csv", "front.npz")
 WORLD = (*FILES, "cells.json", "automaton.json", "scene.json", "wind.nc")
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("front: no path is dominated", ("front.csv",), front_rows),
     Claim("front: numbers", ("front.csv",), front_numbers),
     Claim("front: hypervolume", ("front.csv",), hypervolume),

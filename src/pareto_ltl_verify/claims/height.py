@@ -157,7 +157,7 @@ FILES = ("plan.json", "scene.json")
 HEIGHTS: dict[str, Callable[[Evidence], Sequence[tuple[float, bool | None]]]] = {
     "mission.plan": _mission, "plan.kml": _kml, "plan.gpx": _gpx,
 }  # fmt: skip
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("height: one for all", FILES, one_height),
     Claim("height: air and calibrated airspeeds", (*FILES, "wind.nc"), airspeeds),
     *(Claim(f"height: {name}", (name, *FILES), partial(exported, name)) for name in HEIGHTS),

@@ -130,7 +130,7 @@ def arrays(result: Evidence) -> Verdict:
     return no_fault(f"{len(result.front)} paths", faults, numbers)
 
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("front: no judged path is better", FILES, whole_front),
     Claim("front: box of the hypervolume", FILES, box),
     Claim("front: arrays of its paths", WORLD, arrays),

@@ -263,7 +263,7 @@ def _whole_heading(leg: dict[str, str]) -> str:
     return f"{round(float(leg['heading_true_deg'])) % 360:d}" if leg["heading_true_deg"] else ""
 
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("exports: dead_reckoning.csv", (TABLE, *PLAN, "wind.nc"), dead_reckoning),
     Claim("exports: flight_card.csv", (CARD, TABLE, *PLAN), flight_card),
     Claim("exports: ellipses and radii", (TABLE, *PLAN), spreads),

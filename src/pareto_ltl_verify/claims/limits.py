@@ -339,7 +339,7 @@ PRICES: dict[str, Callable[[Evidence, Mapping[str, Any]], str]] = {
     **dict.fromkeys(COUNTS, _outline_price), "airspeed": _airspeed_price, "length": _length_price,
 }  # fmt: skip
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("plan: limits of its segments", FILES, segment_limits),
     Claim("plan: whether it keeps epsilon", FILES, nearness),
     Claim("plan: prices of its limits", (*FILES, "deployments.npz", "front.csv"), prices),

@@ -284,7 +284,7 @@ def _table(result: Evidence) -> Rows:
 
 
 WORLD = (*PLAN, "cells.json", "automaton.json")
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("exports: items of mission.plan", ("mission.plan", *PLAN), items),
     Claim("exports: fences of mission.plan", ("mission.plan", *WORLD), fences),
     Claim("exports: winds of mavlink_script.json", ("mavlink_script.json", TABLE, *PLAN), script_winds),

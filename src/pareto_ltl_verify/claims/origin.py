@@ -103,7 +103,7 @@ def _unlike(result: Evidence, model: Independent, x: np.ndarray, drawn: np.ndarr
     return bool(np.corrcoef(met.ravel(), drawn.ravel())[0, 1] < ALIKE) if met.std() > 0.0 else False
 
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim(CODE, (), code),
     Claim("run: seed of the flights", ("deployments.npz", "plan.json", "scene.json", "wind.nc"), seed),
 )

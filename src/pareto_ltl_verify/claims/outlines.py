@@ -331,7 +331,7 @@ def _time_fault(result: Evidence, about: Mapping[str, Any]) -> str:
 
 
 WORLD = (*PLAN, "cells.json", "automaton.json")
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("exports: shapes of plan.geojson", ("plan.geojson", *WORLD), geojson),
     Claim("exports: shapes of plan.kml", ("plan.kml", *WORLD), kml),
     Claim("exports: areas of corridors", ("corridor.geojson", *PLAN), corridors),

@@ -337,7 +337,7 @@ def _rendered(texts: Mapping[str, Any], data: str) -> str:
 
 
 FILES = (PAGE, *PLAN, "wind.nc", "cells.json", "automaton.json")
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("page: points of the front", (PAGE, "front.csv", "plan.json"), points),
     Claim("page: paths and promise", (*FILES, "front.csv", "front.npz"), paths),
     Claim("page: map", (PAGE, *PLAN), drawn_map),

@@ -370,7 +370,7 @@ def metrics(result: Evidence) -> Verdict:
 
 
 FILES = ("plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc")
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("plan: arrays of one length", ("plan.json",), shapes),
     Claim("plan: settings it names", ("plan.json",), settings_named),
     Claim("plan: text of the fidelity", (), fidelity_name),

@@ -270,7 +270,7 @@ def _format(path: Path) -> str:
     return "NetCDF" if head.startswith((b"\x89HDF", b"CDF")) else "table"
 
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim(NAMES[0], ("wind.nc", "scene.json"), times),
     Claim(NAMES[1], ("wind.nc", "scene.json"), values),
 )

@@ -154,7 +154,7 @@ def intervals(result: Evidence) -> Verdict | None:
     return no_fault("rates and their parts", faults)
 
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("run: how it ended", (), status),
     Claim("run: files of all stages", (), files),
     Claim("run: name, seed and stages", (), identity),

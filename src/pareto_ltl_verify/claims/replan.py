@@ -298,7 +298,7 @@ def _mean_change(law: ErrorLaw, lags: list[float], k: int) -> float:
 
 
 FILES = ("replan.json", "wind.nc", "plan.json", "scene.json")
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("replan: start, spread and time of the rest", FILES, start),
     Claim("replan: alarms, and no promise after them", FILES, alarms),
     Claim("replan: failure rates of the old and the new plan", FILES, rates),

@@ -154,7 +154,7 @@ def vertex_risks(result: Evidence) -> Verdict | None:
 
 TREES = ("trees.npz", "cells.json", "automaton.json", "scene.json")
 WORLD = (*TREES, "wind.nc")
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("trees: numbers of vertices", ("trees.npz",), vertices),
     Claim("trees: vertices follow their parents", TREES, links),
     Claim("trees: airspeed of edges", WORLD, airspeeds),

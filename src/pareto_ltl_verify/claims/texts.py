@@ -333,7 +333,7 @@ def source(result: Evidence) -> Verdict | None:
 
 TEXTS = (*ROUTES, "mavlink_script.json", "corridor.geojson", LUA, VOLUMES)  # with sentences
 ALL = (*PLAN, "cells.json", "automaton.json", "wind.nc", "deployments.npz")
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("exports: failure of mission.plan", ("mission.plan", *ALL), mission_failure),
     *(Claim(f"exports: rates in {name}", (name, *ALL), partial(stated_rates, name)) for name in TEXTS),
     Claim("exports: sizes of corridors", ("corridor.geojson", *ALL), corridor_sizes),

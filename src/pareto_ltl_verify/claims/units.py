@@ -98,7 +98,7 @@ def trajectory(result: Evidence) -> Verdict:
     return no_fault(f"{len(shown)} variables", faults)
 
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     *(Claim(f"units: {name}", (name,), partial(units, name)) for name in ("wind.nc", TRAJECTORY)),
     Claim("exports: numbers of trajectory.nc", (TRAJECTORY, TABLE), trajectory),
 )

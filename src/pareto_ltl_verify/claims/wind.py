@@ -348,7 +348,7 @@ def wind_metrics(result: Evidence) -> Verdict:
     return no_fault(", ".join(wanted)[:44] or "none", far_apart(metrics, known, least=0.0))
 
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("wind: there are readings, or the air is calm", ("wind.nc",), has_fit),
     Claim("wind: source of the settings", ("wind.nc",), calm_air),
     Claim("wind: mean and variance are the posterior", ("wind.nc",), posterior_field),

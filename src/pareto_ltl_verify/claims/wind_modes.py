@@ -275,7 +275,7 @@ def error_persistence(result: Evidence, modes: Modes, fit: Fit) -> Verdict | Non
     return number(modes.rho, persistence(fit, result.wind.times) if rho is None else float(rho), rel=1e-4)
 
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("wind: modes of one slot match the next", ("wind.nc",), matched),
     *(
         Claim(f"wind: modes of {PARTS[part]}", ("wind.nc",), partial(fitted, partial(mode_span, part)))

@@ -417,7 +417,7 @@ def distance(result: Evidence) -> Verdict:
     return same(stated, formula.distances(result.dfa).tolist())
 
 
-CLAIMS = (
+CLAIMS: tuple[Claim, ...] = (
     Claim("map: scene.json is the map of the settings", ("scene.json",), drawn_map),
     Claim("map: border", ("scene.json",), border),
     Claim("map: projection", ("scene.json",), projection),

@@ -49,7 +49,7 @@ from pareto_ltl.planning.refine.levels import (
     swept_down,
     swept_up,
 )
-from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights, divided, path_length
+from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights, divided
 from pareto_ltl.planning.refine.starts import (
     Start,
     StartKind,
@@ -77,7 +77,7 @@ from pareto_ltl.planning.refine.sweep import (
 )
 from pareto_ltl.planning.routes.obligations import completes
 from pareto_ltl.settings import RefineConfig
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.machine import on_all_cores
@@ -338,7 +338,7 @@ def in_all_steps(sweep: Sweep, times: int, ended: tuple[Candidate, Candidate]) -
     how = sweep.polish_of(FINE[-1:], SOLVES)
     flight = sweep.refiner.polished(end.flight.x, sweep.flights, how, end.length)
     if sweep.closing.penalty(flight, math.inf) <= 0.0:
-        end = replace(end, flight=flight, length=path_length(flight.x))
+        end = replace(end, flight=flight, length=length_of(flight.x))
     return begun, end
 
 
@@ -350,9 +350,9 @@ def slower_runs(sweep: Sweep, times: int, k: Candidate) -> Iterator[Candidate]:
     for more in (times, 2 * times):
         x = retimed_means(sweep.problem, k.flight.x, min(k.steps + more, sweep.problem.horizon))
         flight = sweep.refiner.polished(x, sweep.flights, sweep.polish_of(FINE[-1:], SOLVES), k.length)
-        yield replace(k, flight=flight, length=path_length(flight.x))
+        yield replace(k, flight=flight, length=length_of(flight.x))
 
 
 def _divided(sweep: Sweep, times: int, k: Candidate) -> Candidate:
     flight = sweep.refiner.flown(divided(k.flight.x, times))
-    return replace(k, flight=flight, length=path_length(flight.x), kind=None)
+    return replace(k, flight=flight, length=length_of(flight.x), kind=None)

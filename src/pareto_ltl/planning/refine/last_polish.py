@@ -14,11 +14,11 @@ from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.levels import WORTH, hopeless_above
-from pareto_ltl.planning.refine.sampled import Candidate, path_length
+from pareto_ltl.planning.refine.sampled import Candidate
 from pareto_ltl.planning.refine.starts import retimed_means
 from pareto_ltl.planning.refine.sweep import FINE, WITHIN_REACH, Sweep, smoothed, spread_points
 from pareto_ltl.planning.routes.taut_lines import CAP
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.machine import on_all_cores
 
@@ -107,9 +107,9 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
     for longer in CLOSING:
         if not 0.0 < sweep.excess(end) <= WITHIN_REACH:
             break
-        near = closing.polished(end.x, sweep.few, more, longer * path_length(end.x))
-        end = closing.polished(near.x, flights, last, path_length(near.x))
-    return replace(k, flight=end, length=path_length(end.x), kind=None)
+        near = closing.polished(end.x, sweep.few, more, longer * length_of(end.x))
+        end = closing.polished(near.x, flights, last, length_of(near.x))
+    return replace(k, flight=end, length=length_of(end.x), kind=None)
 
 
 def spare_steps(k: Candidate) -> float:

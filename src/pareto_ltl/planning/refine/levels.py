@@ -12,10 +12,10 @@ from itertools import chain, pairwise
 
 import numpy as np
 
-from pareto_ltl.planning.refine.sampled import Candidate, fewest_steps, path_length, steps_needed
+from pareto_ltl.planning.refine.sampled import Candidate, fewest_steps, steps_needed
 from pareto_ltl.planning.refine.starts import Start, StartKind, led_starts, returning_starts, unlike_starts
 from pareto_ltl.planning.refine.sweep import COARSE, KEPT, SPACING, WARM, WIDE, Sweep, front_of, smoothed
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray, IntArray, length_of
 from pareto_ltl.support.machine import on_all_cores
 
 SPARE = (0, 1, 3)  # numbers of steps tried, beyond the fewest, besides the number of the path itself
@@ -114,7 +114,7 @@ def _by_fronts(rows: FloatArray) -> IntArray:
 def first_look(sweep: Sweep, start: Start) -> Candidate:
     """A start polished with few flights, at about its own length."""
     x, how = sweep.timed_means(start.x, 1), sweep.polish_of(COARSE, 4)
-    return sweep.refiner.polish(x, sweep.few, how, LOOSE * path_length(x), start.origin)
+    return sweep.refiner.polish(x, sweep.few, how, LOOSE * length_of(x), start.origin)
 
 
 def hopeless_above(seen: Sequence[Candidate]) -> float:

@@ -38,7 +38,7 @@ from pareto_ltl.planning.refine.programme import Descent, path_limits, programme
 from pareto_ltl.planning.refine.separation import ROUNDING, allowed_risk, separation
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.planning.routes.taut_lines import CAP
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, length_of
 
 EXCESS = 10.0  # penalty per relative risk of a segment above epsilon
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
@@ -103,11 +103,6 @@ class Candidate:
     def steps(self) -> int:
         """The number of steps of the flight."""
         return len(self.flight.u)
-
-
-def path_length(x: FloatArray) -> float:
-    """Length of the means ``x`` (T+1, 2) [m]."""
-    return float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
 
 
 @dataclass(slots=True)
@@ -207,7 +202,7 @@ class Refiner:
         failed, kind = margins < 0.0, path_class(self.problem, flight.x)
         landed = float((flights.exhausted(flight) & ~failed).mean())
         return Candidate(
-            flight, path_length(flight.x), here.value + landed, float(failed.mean()) + landed, origin, kind
+            flight, length_of(flight.x), here.value + landed, float(failed.mean()) + landed, origin, kind
         )
 
     def _at_width(
@@ -255,7 +250,7 @@ class ConstrainedRefiner(Refiner):
         here = self.with_lure(here, flight, sample)
         value = here.value + self.penalty(flight, solves.longest)
         for _ in range(solves.number):
-            cap = max(solves.longest, kd.SHORTENED * path_length(flight.x))
+            cap = max(solves.longest, kd.SHORTENED * length_of(flight.x))
             x = self.next_means(flight, here, trust, cap)
             if x is None:
                 trust *= kd.NARROWER
@@ -296,7 +291,7 @@ class ConstrainedRefiner(Refiner):
         """
         risk, limit = separation(self.problem, flight).risk, allowed_risk(self.problem)
         above = np.maximum(risk / limit - 1.0 - ROUNDING, 0.0).sum()
-        return kd.OVERLONG * max(0.0, path_length(flight.x) / longest - 1.0) + EXCESS * float(above)
+        return kd.OVERLONG * max(0.0, length_of(flight.x) / longest - 1.0) + EXCESS * float(above)
 
 
 def divided(x: FloatArray, parts: int) -> FloatArray:

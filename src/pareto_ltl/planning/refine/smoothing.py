@@ -16,14 +16,13 @@ from pareto_ltl.planning.evaluate import completing_path, evaluate_path, propaga
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
 from pareto_ltl.planning.refine.programme import Programme, programme
-from pareto_ltl.planning.refine.sampled import path_length
 from pareto_ltl.planning.refine.separation import breach_text, kept_deviations, within_limits
 from pareto_ltl.planning.refine.starts import Start, first_starts, paced_line
 from pareto_ltl.planning.routes.obligations import MissionOrder, completes, mission_order, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.planning.routes.taut_lines import CAP, pull_taut, taut_line, walk_line
 from pareto_ltl.settings import SmoothingConfig
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.errors import InfeasibleError
 
 LOG = logging.getLogger(__name__)
@@ -256,10 +255,10 @@ def steered_path(problem: Problem, cfg: SmoothingConfig, weight: float) -> Plann
     InfeasibleError
         If there is no line to the goal, the programme has no solution, or a segment breaks epsilon.
     """
-    begun = sorted(first_starts(problem).values(), key=lambda start: path_length(start.x))[:WAYS]
+    begun = sorted(first_starts(problem).values(), key=lambda start: length_of(start.x))[:WAYS]
     if not begun:
         raise InfeasibleError("no line leads from the start to the goal between the obstacles")
-    model, shortest = fitting_programme(problem, begun), path_length(begun[0].x)
+    model, shortest = fitting_programme(problem, begun), length_of(begun[0].x)
     task = SmoothingTask(cfg, model, problem, shortest)
     weights = [*(w for w in sorted(cfg.weights, reverse=True) if w > weight), weight]
     found = bend_each(task, begun, weights, None)

@@ -18,14 +18,14 @@ from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import completing_path, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath, Tree
-from pareto_ltl.planning.refine.sampled import path_length, resampled_means
+from pareto_ltl.planning.refine.sampled import resampled_means
 from pareto_ltl.planning.routes.obligations import completes, possible_orders
 from pareto_ltl.planning.routes.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
 from pareto_ltl.planning.routes.roadmap import led_lines, roadmap_lines
 from pareto_ltl.planning.routes.search_map import blocked_area, meets, sights
 from pareto_ltl.planning.routes.taut_lines import taut_line, walk_line
 from pareto_ltl.planning.selection import accepted_rows
-from pareto_ltl.support.arrays import FloatArray, square_matrices
+from pareto_ltl.support.arrays import FloatArray, length_of, square_matrices
 from pareto_ltl.support.errors import InfeasibleError
 
 DISTANCES = (2.6, 1.4, 0.8, 0.0)  # standard deviations that taut lines keep from obstacles
@@ -64,7 +64,7 @@ def unlike_starts(problem: Problem, starts: Iterable[Start]) -> dict[StartKind, 
     for start in starts:
         kind = path_class(problem, start.x)
         if problem.logic.distance[kind.state] == 0.0:
-            found.setdefault((kind, _length_box(path_length(start.x))), start)
+            found.setdefault((kind, _length_box(length_of(start.x))), start)
     return found
 
 

@@ -1,0 +1,32 @@
+from pareto_ltl.logic.mission import read_formula as read_formula
+from pareto_ltl.run.choosing import choose as choose
+from pareto_ltl.run.interface import plan as plan
+from pareto_ltl.run.interface import simulate as simulate
+from pareto_ltl.run.interface import steer as steer
+from pareto_ltl.run.plan_run import Run as Run
+from pareto_ltl.run.results import load_results as load_results
+from pareto_ltl.settings import Settings as Settings
+from pareto_ltl.support.errors import ConfigError as ConfigError
+from pareto_ltl.support.errors import DataError as DataError
+from pareto_ltl.support.errors import FormulaError as FormulaError
+from pareto_ltl.support.errors import InfeasibleError as InfeasibleError
+from pareto_ltl.support.errors import ParetoLtlError as ParetoLtlError
+from pareto_ltl.wind.readings import Readings as Readings
+from pareto_ltl.wind.records import WindField as WindField
+from pareto_ltl.wind.sources import read_wind as read_wind
+from pareto_ltl.world.scene import Scene as Scene
+from pareto_ltl.world.scene_settings import read_map as read_map
+from pareto_ltl_apps.exports.interface import export as export
+from pareto_ltl_apps.flight.beacons import beacons as beacons
+from pareto_ltl_apps.flight.following import follow as follow
+from pareto_ltl_apps.flight.replanning import replan as replan
+from pareto_ltl_apps.flight.telemetry import Reading as Reading
+from pareto_ltl_apps.flight.watch import WatchSettings as WatchSettings
+from pareto_ltl_apps.preflight.check import check as check
+from pareto_ltl_apps.preflight.containment import contain as contain
+from pareto_ltl_apps.view.showing import explain as explain
+from pareto_ltl_apps.view.showing import page as page
+from pareto_ltl_apps.view.showing import show as show
+from pareto_ltl_verify.judge import verify as verify
+
+__version__: str
