@@ -44,7 +44,7 @@ from pareto_ltl_apps.wind_errors.scale_mixture import quantiles
 LAWS = ("gfs", "icon_eu", "ecmwf_class", "hourly_fine")  # all laws of winds
 NODES = np.array([6.0, 12, 18, 24, 36, 50])  # [h]
 SHORT = np.array([1.0, 3.0])  # [h]
-MOST_LAG = 50.0  # [h]
+MAX_LAG = 50.0  # [h]
 SPREAD, LATITUDE = 3.2, 40.0  # S_0 [m/s] and phi_0 [deg] to which the numbers refer
 SIDE, BESIDE = 300.0, 500.0  # of a map, and of readings around it [km]
 ROWS, EACH_ROW = 5.0, 40  # distance of rows of maps [deg], and maps of a row at the equator
@@ -149,7 +149,7 @@ def changes_of(fields: Fields, number: int, law: LawOfParts) -> Iterator[tuple[f
                 table = law.change_variance(found.ends - found.starts)
                 earlier = float((found.squares / table).mean())
             for j in np.flatnonzero(
-                (fields.lead == 0) & (fields.hours > now) & (fields.hours <= now + MOST_LAG)
+                (fields.lead == 0) & (fields.hours > now) & (fields.hours <= now + MAX_LAG)
             ):
                 change = fields.winds[j, row, column] - fields.winds[i, row, column]
                 yield (

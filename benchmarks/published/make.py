@@ -36,7 +36,7 @@ from pareto_ltl_apps.wind_errors.full_winds import full_winds
 from published.dataset import FOLDER, Mission
 from published.planners import PLANNERS, Planned, plan
 
-SEED, COUNT, EACH, MOST_DRAWS = 2018, 40, 2, 400
+SEED, COUNT, EACH, MAX_DRAWS = 2018, 40, 2, 400
 LEAST, MOST = 0.01, 0.20  # promises of the missions that are taken
 TEST = ForecastTestConfig(
     area=[[-180.0, -64.0], [180.0, -64.0], [180.0, 64.0], [-180.0, 64.0]], side=[300e3, 300e3],
@@ -105,7 +105,7 @@ def read_winds(folder: Path) -> Winds:
 def taken(winds: Winds, out: Path, count: int) -> Iterator[tuple[Mission, dict[str, Planned]]]:
     """The missions that are taken, with all plans."""
     periods, found = spells(winds.truth, TEST), Counter[str]()
-    for number in range(MOST_DRAWS):
+    for number in range(MAX_DRAWS):
         drawn = mission(TEST, SEED, number, periods)
         if found[drawn.situation] >= EACH:
             continue
@@ -124,7 +124,7 @@ def taken(winds: Winds, out: Path, count: int) -> Iterator[tuple[Mission, dict[s
         yield row, planned
         if found.total() == count:
             return
-    raise SystemExit(f"{MOST_DRAWS} draws have {found.total()} missions; expected {count}")
+    raise SystemExit(f"{MAX_DRAWS} draws have {found.total()} missions; expected {count}")
 
 
 def written(winds: Winds, scene: Scene, formula: str, situation: str, name: str, out: Path) -> Mission:

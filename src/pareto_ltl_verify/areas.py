@@ -17,7 +17,7 @@ WINDOW = 512  # places of a line among which the next corner is looked for first
 SAMPLES = 2000  # points at which the insides of two areas are compared
 EARTH = 6.371e6  # [m]
 MERIDIAN = 1e-6  # [deg] from 180, within which a corner lies on the cut there
-MOST_CHORDS = 200  # of one edge: files draw no more, however long it is
+MAX_CHORDS = 200  # of one edge: files draw no more, however long it is
 
 
 # --- lines and rings ------------------------------------------------------------------------------
@@ -179,5 +179,5 @@ def bend(crs: str, lonlat: FloatArray, places: FloatArray, longest: float, sag: 
     middle = in_plane(crs, 0.5 * (turned[1:] + turned[:-1]))
     off = segment_distance(middle, places[:-1], places[1:])
     steep = max(float(np.abs(np.tan(np.deg2rad(np.clip(lonlat[:, 1], -89.0, 89.0)))).max()), 0.1)
-    allowed = max(sag, (longest / MOST_CHORDS) ** 2 * steep / (8.0 * EARTH))
+    allowed = max(sag, (longest / MAX_CHORDS) ** 2 * steep / (8.0 * EARTH))
     return float(off.max() / (4.0 * allowed))

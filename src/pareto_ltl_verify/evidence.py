@@ -309,8 +309,8 @@ class Evidence:
     @cached_property
     def forecasts(self) -> dict[str, Course]:
         """The Gaussian of the planned controls under each wind law for which the metrics have a forecast."""
-        told = [name for name in LAWS if f"mission_risk_{name}" in self.metrics]
-        return {name: laws.fly_controls(self.law(name), self.start, self.u) for name in told}
+        reported = [name for name in LAWS if f"mission_risk_{name}" in self.metrics]
+        return {name: laws.fly_controls(self.law(name), self.start, self.u) for name in reported}
 
     # --- bounds -------------------------------------------------------------------------------
 

@@ -27,7 +27,7 @@ Node = tuple[Any, ...]  # (operator, argument, ...); a proposition is ("ap", nam
 Rest = frozenset[frozenset[Node]]  # alternatives of obligations
 
 TOUCH = 1e-6  # [s] windows are wider by this at both ends, against rounding
-MOST_RESTS = 50_000  # limit of the number of different rests of a formula; a formula with more is an error
+MAX_RESTS = 50_000  # limit of the number of different rests of a formula; a formula with more is an error
 DONE: Rest = frozenset({frozenset()})
 NEVER: Rest = frozenset()
 
@@ -229,8 +229,8 @@ def rest_graph(formula: str, letters: Sequence[frozenset[str]]) -> tuple[Rest, d
         rest = fresh.pop()
         if rest in graph:
             continue
-        if len(graph) >= MOST_RESTS:
-            raise DataError(f"formula {formula!r} is too large to check: more than {MOST_RESTS} rests")
+        if len(graph) >= MAX_RESTS:
+            raise DataError(f"formula {formula!r} is too large to check: more than {MAX_RESTS} rests")
         graph[rest] = [rest_after(rest, letter) for letter in letters]
         fresh += graph[rest]
     return first, graph

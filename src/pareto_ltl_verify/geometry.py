@@ -76,12 +76,12 @@ def deepest(parts: Sequence[Convex], points: FloatArray) -> FloatArray:
 def met_by_any(parts: Sequence[Convex], start: FloatArray, end: FloatArray, margin: float) -> BoolArray:
     """Which segments (P,) have a piece deeper than ``margin`` [m] in any of ``parts``."""
     met = np.zeros(len(start), bool)
-    least, most = np.minimum(start, end), np.maximum(start, end)
+    least, limit = np.minimum(start, end), np.maximum(start, end)
     for part in parts:
         rows = np.arange(len(start))
         if len(part.corners):  # most segments do not come near
             around = part.moved(max(-margin, 0.0)).corners
-            near = (most >= around.min(axis=0)) & (least <= around.max(axis=0))
+            near = (limit >= around.min(axis=0)) & (least <= around.max(axis=0))
             rows = np.flatnonzero(near[:, 0] & near[:, 1] & ~met)
         enter, leave, along = part.pieces(start[rows], end[rows], margin)
         met[rows] |= (along > 0) & (enter < leave)

@@ -352,14 +352,14 @@ def tight_places(result: Evidence) -> list[dict[str, Any]]:
         return []
     unit, law = small_change(result), f"{result.planned_law} {medium_of(result).flows}"
     prices = [row.get("price", 0.0) for row in rows]
-    most = "" if plan["epsilon"] >= 1.0 else f" of at most {epsilon_text(result)}"
+    limit = "" if plan["epsilon"] >= 1.0 else f" of at most {epsilon_text(result)}"
     places = []
     for k, row in enumerate(rows):
         priced = prices[k] > TIGHT_PRICE * max(prices)
         if priced or row["probability"] > TIGHT_RISK * plan["epsilon"]:
             lines = [
                 f"{titled(result, row['nearest'])}, {times[k]} to {times[k + 1]}",
-                f"collides {probability_text(row['probability'])}{most}, {law}",
+                f"collides {probability_text(row['probability'])}{limit}, {law}",
             ]
             saved = points_text(prices[k] * unit)
             lines += [f"all barriers {metres_text(unit)} farther: {saved} points fewer failures"] * priced
@@ -373,16 +373,16 @@ def tight_places(result: Evidence) -> list[dict[str, Any]]:
 def origin(result: Evidence) -> dict[str, Any]:
     """Command, facts, inputs and settings, from run.json and config_resolved.yaml."""
     run = result.run
-    told = {key.replace("_", " "): str(run[key]) for key in FACTS if run.get(key) is not None}
+    reported = {key.replace("_", " "): str(run[key]) for key in FACTS if run.get(key) is not None}
     git = run.get("git") or {}
     if git.get("commit"):
-        told["commit"] = f"{git['commit']}{' and changes' if git.get('changed') else ''}"
+        reported["commit"] = f"{git['commit']}{' and changes' if git.get('changed') else ''}"
     packages = run.get("packages") or {}
-    told["packages"] = ", ".join(f"{name} {number}" for name, number in packages.items() if number)
+    reported["packages"] = ", ".join(f"{name} {number}" for name, number in packages.items() if number)
     words = [str(word) for word in run.get("argv", ())]
     return {
         "command": shlex.join(["pareto-ltl", *words]) if words else "",
-        "facts": told,
+        "facts": reported,
         "inputs": {Path(name).name: str(digest) for name, digest in run["inputs"].items()},
         "settings": read_text(result.directory / "config_resolved.yaml"),
     }

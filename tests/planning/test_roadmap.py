@@ -96,7 +96,7 @@ def test_a_mission_that_no_way_completes_has_no_line():
 
 
 def test_a_product_that_is_too_large_is_left_to_trees_and_taut_lines(monkeypatch):
-    monkeypatch.setattr(roadmap, "MOST_EDGES", 10)
+    monkeypatch.setattr(roadmap, "MAX_EDGES", 10)
     assert roadmap_lines(task(), 5) == []
 
 

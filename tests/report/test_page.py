@@ -22,9 +22,9 @@ from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.view.components import MODULES, bundled, component
 from pareto_ltl_apps.view.page.content import SCRIPTS, Content, json_for_script, page_bytes, page_content
-from pareto_ltl_apps.view.page.ground import MOST_CORNERS, rounded, shown_map, shown_wind
+from pareto_ltl_apps.view.page.ground import MAX_CORNERS, rounded, shown_map, shown_wind
 from pareto_ltl_apps.view.page.machine import told_clocks
-from pareto_ltl_apps.view.page.points import MOST_LEGS, told_points
+from pareto_ltl_apps.view.page.points import MAX_LEGS, told_points
 from pareto_ltl_apps.view.records import Origin, ShownRun
 
 HOSTILE = "</script><img src=x onerror=alert(1)>&\"'\u2028"
@@ -152,17 +152,17 @@ def test_paths_for_which_there_is_no_room_are_left_out_but_never_the_chosen_one(
     )
     told = told_points(many, 517)
     assert 517 in told
-    assert len(told) <= MOST_LEGS // min(len(p.u) for p in front.paths) + 1 <= MOST_LEGS
-    assert len(told) * steps <= 2 * MOST_LEGS
+    assert len(told) <= MAX_LEGS // min(len(p.u) for p in front.paths) + 1 <= MAX_LEGS
+    assert len(told) * steps <= 2 * MAX_LEGS
 
 
 def test_outlines_that_are_thinned_out_are_drawn_but_never_exported(shown: ShownRun) -> None:
     assert shown_map(shown.scene)["exported"]
-    angle = np.linspace(0.0, 2.0 * np.pi, MOST_CORNERS + 1, endpoint=False)
+    angle = np.linspace(0.0, 2.0 * np.pi, MAX_CORNERS + 1, endpoint=False)
     round_one = shown.scene.bounds.mean(axis=0) + 1e4 * np.column_stack([np.cos(angle), np.sin(angle)])
     drawn = shown_map(replace(shown.scene, obstacles=(round_one,), obstacle_names=()))
     (ring,) = [shape["ring"] for shape in drawn["shapes"] if shape["role"] == "obstacle"]
-    assert len(ring) < MOST_CORNERS
+    assert len(ring) < MAX_CORNERS
     assert not drawn["exported"]
 
 

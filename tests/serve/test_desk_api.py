@@ -26,7 +26,7 @@ from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.desk import views
 from pareto_ltl_apps.desk.app import ROUTES
 from pareto_ltl_apps.desk.folder import DeskFolder
-from pareto_ltl_apps.desk.plans import MOST_ENDED, Plans
+from pareto_ltl_apps.desk.plans import MAX_ENDED, Plans
 from quick_wind import wind_words
 
 
@@ -346,11 +346,11 @@ def test_the_document_describes_every_operation(desk: RunningDesk) -> None:
 def test_events_of_old_plans_leave_the_memory(tmp_path: Path) -> None:
     async def many() -> int:
         plans = Plans(DeskFolder.opened(tmp_path))
-        for _ in range(3 * MOST_ENDED):
+        for _ in range(3 * MAX_ENDED):
             plans.plan("plan", ["+experiment=hop"]).end("done")
         return len(plans.jobs)
 
-    assert asyncio.run(many()) == MOST_ENDED + 1
+    assert asyncio.run(many()) == MAX_ENDED + 1
 
 
 def ends(process: psutil.Process, patience: float = 60.0) -> bool:

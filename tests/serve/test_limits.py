@@ -236,7 +236,7 @@ def test_a_formula_that_takes_too_long_is_an_error(monkeypatch: pytest.MonkeyPat
         await explainer.start()
         try:
             late = await explainer.explained({"formula": SLOW})
-            monkeypatch.setattr(explaining, "MOST_TIME", MOST)
+            monkeypatch.setattr(explaining, "MAX_TIME", MOST)
             again = asyncio.ensure_future(explainer.explained({"formula": "F a"}))
             fine = await again
             assert explainer.process is not None
@@ -247,7 +247,7 @@ def test_a_formula_that_takes_too_long_is_an_error(monkeypatch: pytest.MonkeyPat
         finally:
             await explainer.close()
 
-    monkeypatch.setattr(explaining, "MOST_TIME", 0.5)
+    monkeypatch.setattr(explaining, "MAX_TIME", 0.5)
     late, fine, dead = asyncio.run(asked())
     assert "use fewer goals" in late["error"]
     assert fine["words"] == "reach a"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.faults import MOST_KEPT, Faults, FaultsError
+from pareto_ltl.support.faults import MAX_KEPT, Faults, FaultsError
 from pareto_ltl.support.messages import LONGEST_LINE
 
 
@@ -33,12 +33,12 @@ def test_several_faults_are_numbered_without_repeating_the_file_and_each_once() 
 
 
 def test_too_many_faults_are_counted() -> None:
-    faults = Faults("w.csv", (f"w.csv, row {n}: u is 'x'; expected a number" for n in range(MOST_KEPT + 7)))
+    faults = Faults("w.csv", (f"w.csv, row {n}: u is 'x'; expected a number" for n in range(MAX_KEPT + 7)))
     line = refusal(faults)
     shown = line.count("expected a number")
     assert 10 < shown < 60
-    assert line.startswith(f"w.csv has {MOST_KEPT + 7} faults: (1) row 0: u is 'x'")
-    assert line.endswith(f"; and {MOST_KEPT + 7 - shown} more")
+    assert line.startswith(f"w.csv has {MAX_KEPT + 7} faults: (1) row 0: u is 'x'")
+    assert line.endswith(f"; and {MAX_KEPT + 7 - shown} more")
 
 
 def test_faults_of_a_part_become_faults_of_the_whole() -> None:

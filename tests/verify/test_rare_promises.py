@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pareto_ltl_verify.claims.flights import MOST_FLIGHTS, promised_rate
+from pareto_ltl_verify.claims.flights import MAX_FLIGHTS, promised_rate
 from pareto_ltl_verify.claims.plan import WEIGHTED
 from pareto_ltl_verify.evidence import BATCH, open_evidence
 from pareto_ltl_verify.flights import RARE, same_rate
@@ -50,11 +50,11 @@ def judged(rate: float, low: float, high: float) -> tuple[bool, int]:
 def test_a_rare_promise_told_much_lower_is_contradicted(true: float, told: float) -> None:
     holds, flown = judged(true, 0.9 * told, 1.1 * told)
     assert not holds
-    assert flown <= MOST_FLIGHTS
+    assert flown <= MAX_FLIGHTS
 
 
 @pytest.mark.parametrize(
-    ("true", "wanted"), [(8e-4, BATCH), (1.6e-4, 100_000), (3.4e-7, MOST_FLIGHTS), (0.0, MOST_FLIGHTS)]
+    ("true", "wanted"), [(8e-4, BATCH), (1.6e-4, 100_000), (3.4e-7, MAX_FLIGHTS), (0.0, MAX_FLIGHTS)]
 )
 def test_a_true_one_passes_with_as_many_flights_as_its_rate_asks_for(true: float, wanted: int) -> None:
     assert judged(true, 0.9 * true, true) == (True, wanted)

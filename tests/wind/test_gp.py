@@ -263,7 +263,7 @@ def test_many_readings_are_conditioned_on_in_pieces(monkeypatch):
     places = np.random.default_rng(0).uniform(-SIDE / 2, SIDE / 2, (400, 2))
     expected = whole.at(places)
     monkeypatch.setattr(regression, "MANY", 10)
-    monkeypatch.setattr(regression, "MOST_PAIRS", 100)
+    monkeypatch.setattr(regression, "MAX_PAIRS", 100)
     pieces = regression.fit_posterior(WindConfig(), seen)
     for one, other in zip(pieces.residuals, whole.residuals, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
@@ -274,9 +274,9 @@ def test_many_readings_are_conditioned_on_in_pieces(monkeypatch):
 def test_hyperparameters_of_very_many_times_are_those_of_some_of_them(monkeypatch):
     several = [observed(seed=s, n=30) for s in range(5)]
     points, winds = [one.points[0] for one in several], [one.winds[0] for one in several]
-    monkeypatch.setattr(regression, "MOST_TIMES", 2)
+    monkeypatch.setattr(regression, "MAX_TIMES", 2)
     found = regression.maximise_likelihood(WindConfig(), points, winds)
-    monkeypatch.setattr(regression, "MOST_TIMES", 30)
+    monkeypatch.setattr(regression, "MAX_TIMES", 30)
     ends = regression.maximise_likelihood(WindConfig(), points[::4], winds[::4])
     assert found == ends
     assert found != regression.maximise_likelihood(WindConfig(), points, winds)

@@ -197,7 +197,7 @@ def test_a_packed_table_that_is_damaged_is_refused(tmp_path, spoil, words):
 
 
 def test_a_packed_table_that_fills_the_memory_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(tables, "MOST_UNPACKED", 1000)
+    monkeypatch.setattr(tables, "MAX_UNPACKED", 1000)
     (tmp_path / "w.csv.gz").write_bytes(gzip.compress(b"time,lat,lon,u,v\n" * 100))
     with pytest.raises(DataError, match="unpacks to more than"):
         read(WindConfig(source="csv", path=str(tmp_path / "w.csv.gz")))
@@ -960,7 +960,7 @@ def test_a_header_with_a_column_many_times_is_refused_in_a_short_line(tmp_path):
     assert len(str(caught.value)) < 300
 
 
-@pytest.mark.parametrize(("limit", "value"), [("MOST_ROWS", 2), ("MOST_UNPACKED", 60)])
+@pytest.mark.parametrize(("limit", "value"), [("MAX_ROWS", 2), ("MAX_UNPACKED", 60)])
 @pytest.mark.parametrize("name", ["w.csv", "w.csv.gz"])
 def test_a_table_beyond_the_limits_is_refused_before_it_is_parsed(tmp_path, monkeypatch, name, limit, value):
     monkeypatch.setattr(tables, limit, value)

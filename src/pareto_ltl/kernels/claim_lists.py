@@ -166,7 +166,7 @@ def read_letters(
     ``floor`` [m] count as certain failure. Dropped are claims that need a letter which the flight does not
     read later and, without hazards, claims that another one covers with at least their margin: for a mission
     that visits n regions, n + 1 claims remain of 2^n. (With hazards, a hazard may lose only the covering
-    claim.) Skipping steps without a letter near takes 0.7 instead of 2.1 ms for 300 flights of 53 steps.
+    claim.) Steps without a letter near are skipped.
     """
     guards, shown, covers = model.guards, lists.shown, model.logic.covers
     edges = guards.first[epoch_at(model.logic.epoch, t)]
@@ -211,12 +211,12 @@ def cross_hazards(
     if reads and (first != last or first < 0):
         own = meet_hazards(model.cells, logic, e, state, start, first, end, last)
     held, event = claims.margin[state], claims.event[state]
-    most = held
+    limit = held
     for k in range(claims.size[0]):
-        most = max(most, claims.margin[claims.live[k]])
+        limit = max(limit, claims.margin[claims.live[k]])
     for i in range(near.crossed_first[t], near.crossed_first[t + 1]):
         h = near.crossed[i]
-        if cells[h] == first or cells[h] == last or beyond_reach(logic.hazards, h, start, end, most):
+        if cells[h] == first or cells[h] == last or beyond_reach(logic.hazards, h, start, end, limit):
             continue
         margin = segment_clearance(model.hazards, logic.hazards, h, t, start, end, CERTAIN).margin
         number = hazard_number(model, t, h, False)

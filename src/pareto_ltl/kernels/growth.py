@@ -269,7 +269,7 @@ def grow(
 
     If the tree is empty, the root is made first; the tree stays empty if the start breaks the chance
     constraint. Another thread can end growth by ``state.tally[ENDED]``. This is the only entry for trees,
-    since each takes 6 s to compile, most of it to unpack the many arrays from Python.
+    since each is compiled with code that unpacks the many arrays from Python.
     """
     tree, state = s.tree, s.state
     tally = state.tally

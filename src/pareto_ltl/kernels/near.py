@@ -74,14 +74,14 @@ def list_shown(faces: Faces, floor: float, near: Near) -> None:
     for t in range(len(box)):
         near.shown_first[t] = count
         for part in range(len(faces.ptr) - 1):
-            most = math.inf
+            limit = math.inf
             for j in range(faces.ptr[part], faces.ptr[part + 1]):
                 nx, ny = faces.normal[j, 0], faces.normal[j, 1]
                 slack = faces.offset[j] - nx * box[t, 0] - ny * box[t, 1]
-                most = min(most, slack + abs(nx) * box[t, 2] + abs(ny) * box[t, 3])
-                if most < floor - ROUNDING:
+                limit = min(limit, slack + abs(nx) * box[t, 2] + abs(ny) * box[t, 3])
+                if limit < floor - ROUNDING:
                     break
-            if most >= floor - ROUNDING:
+            if limit >= floor - ROUNDING:
                 near.shown[count] = part
                 count += 1
     near.shown_first[len(box)] = count

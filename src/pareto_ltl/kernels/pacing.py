@@ -20,14 +20,14 @@ def fill_leg_times(wind: Wind, motion: Motion, cap: float, x: FloatArray, needed
     Along the direction d the ground speed is d' w + √(u² - |w - (d' w) d|²), u the airspeed and w the
     expected wind where and when the leg begins, the last one known if it begins later. B is taken as dt I.
 
-    Eq. (M57) of docs/mathematics_methods.md. It takes 3 µs for 37 legs, 96 in NumPy.
+    Eq. (M57) of docs/mathematics_methods.md.
     """
-    most, last = cap * motion.u_max, len(wind.slot) - 1
+    limit, last = cap * motion.u_max, len(wind.slot) - 1
     for t in range(len(needed)):
         east, north = wind_at(wind.mean, wind, min(t, last), Point(x[t, 0], x[t, 1]))
         dx, dy = x[t + 1, 0] - x[t, 0], x[t + 1, 1] - x[t, 1]
         length = math.sqrt(dx * dx + dy * dy)
         along = (dx * east + dy * north) / max(length, LEAST)
         across = max(east * east + north * north - along * along, 0.0)
-        speed = along + math.sqrt(max(most * most - across, 0.0))
+        speed = along + math.sqrt(max(limit * limit - across, 0.0))
         needed[t] = length / (motion.dt * max(speed, SLOWEST * motion.u_max))

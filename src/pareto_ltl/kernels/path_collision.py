@@ -67,12 +67,13 @@ def collision_bound(obstacles: Faces, nearby: Nearby, path: GaussianPath) -> flo
     """
     close = np.zeros(len(obstacles.ptr) - 1, np.bool_)
     _note_close(nearby, path, close)
-    ptr, n, most = obstacles.ptr, len(path.x), 0
+    ptr, n, largest = obstacles.ptr, len(path.x), 0
     for j in range(len(ptr) - 1):
-        most = max(most, ptr[j + 1] - ptr[j])
+        largest = max(largest, ptr[j + 1] - ptr[j])
     beside = Beside(
-        np.empty((most, n)), np.empty((most, n)), np.empty((most, n)), np.empty((most, n), np.int64),
-        np.empty(most),
+        np.empty((largest, n)), np.empty((largest, n)), np.empty((largest, n)),
+        np.empty((largest, n), np.int64),
+        np.empty(largest),
     )  # fmt: skip
     cheapest, total = np.empty(n), 0.0
     for j in range(len(ptr) - 1):

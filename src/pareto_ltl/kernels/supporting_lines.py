@@ -51,10 +51,10 @@ class SegmentLines(NamedTuple):
 @kernel
 def support(polygons: Corners, j: int, east: float, north: float) -> float:
     """h(c): the largest c'v of the corners of polygon ``j`` [m]."""
-    most = -math.inf
+    limit = -math.inf
     for k in range(polygons.ptr[j], polygons.ptr[j + 1]):
-        most = max(most, east * polygons.corner[k, 0] + north * polygons.corner[k, 1])
-    return most
+        limit = max(limit, east * polygons.corner[k, 0] + north * polygons.corner[k, 1])
+    return limit
 
 
 @kernel
@@ -210,7 +210,7 @@ def is_far(polygons: Corners, j: int, here: Gaussian, there: Gaussian, reach: fl
 
 @allocating
 def segment_lines(
-    polygons: Corners, asked: BoolArray, x: FloatArray, cov: FloatArray, least: float, around: float,
+    polygons: Corners, requested: BoolArray, x: FloatArray, cov: FloatArray, least: float, around: float,
     lines: SegmentLines,
 ) -> None:  # fmt: skip
     """Fill in, for each segment, its closest supporting lines and the sum of the risks beyond all of them.
@@ -221,7 +221,7 @@ def segment_lines(
 
     Parameters
     ----------
-    asked : (T, m) bool
+    requested : (T, m) bool
         Which polygons each segment has to avoid.
     x : (T+1, 2) float, cov : (T+1, 3) float
         Means [m] and covariances [m²].
@@ -241,7 +241,7 @@ def segment_lines(
         reach = around + FAR * math.sqrt(max(largest(here.cov), largest(there.cov)) + least)
         count = 0
         for j in range(m):
-            if asked[t, j] and not is_far(polygons, j, here, there, reach):
+            if requested[t, j] and not is_far(polygons, j, here, there, reach):
                 best[count] = best_line(polygons, j, here, there, least)
                 near[count] = j
                 count += 1

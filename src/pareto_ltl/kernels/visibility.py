@@ -65,11 +65,11 @@ class Distances(NamedTuple):
 @kernel
 def depth_outside(faces: Faces, part: int, at: Point) -> float:
     """Largest signed distance [m] from a face of a polygon, max_k (n_k' x - b_k); negative inside."""
-    most = -np.inf
+    limit = -np.inf
     normal, offset = faces.normal, faces.offset
     for k in range(faces.ptr[part], faces.ptr[part + 1]):
-        most = max(most, normal[k, 0] * at.x + normal[k, 1] * at.y - offset[k])
-    return most
+        limit = max(limit, normal[k, 0] * at.x + normal[k, 1] * at.y - offset[k])
+    return limit
 
 
 @kernel

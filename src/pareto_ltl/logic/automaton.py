@@ -283,6 +283,6 @@ def show_letter(letter: Iterable[str]) -> str:
     return f"{{{', '.join(sorted(letter))}}}"
 
 
-def _list_letters(letters: tuple[Letter, ...], most: int = 6) -> str:
-    shown = [show_letter(letter) for letter in letters[:most]]
-    return ", ".join(shown + ["..."] * (len(letters) > most))
+def _list_letters(letters: tuple[Letter, ...], limit: int = 6) -> str:
+    shown = [show_letter(letter) for letter in letters[:limit]]
+    return ", ".join(shown + ["..."] * (len(letters) > limit))

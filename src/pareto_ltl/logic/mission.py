@@ -131,5 +131,5 @@ def region_use(mission: MissionConfig) -> tuple[frozenset[str], frozenset[str]] 
         return None  # automaton_of raises the error
     nodes = list(tree.walk())
     negated = frozenset(node.args[0].name for node in nodes if node.op == "!")
-    asked = [tree, *(arg for node in nodes if node.op != "!" for arg in node.args)]
-    return frozenset(node.name for node in asked if node.op == "name"), negated
+    requested = [tree, *(arg for node in nodes if node.op != "!" for arg in node.args)]
+    return frozenset(node.name for node in requested if node.op == "name"), negated

@@ -15,7 +15,7 @@ from pareto_ltl.logic.dfa import TransitionTable
 from pareto_ltl.support.errors import FormulaError
 from pareto_ltl.world.windows import Window
 
-MOST_LETTERS = 200_000
+MAX_LETTERS = 200_000
 
 
 def letter_of(label: Letter, windows: Mapping[str, Window], holding: Collection[str]) -> Letter:
@@ -38,11 +38,11 @@ def places_of(label: Letter, windows: Mapping[str, Window]) -> Letter:
 def timed_letters(labels: Iterable[Letter], windows: Mapping[str, Window]) -> set[Letter]:
     """All letters of cells with these ``labels``, at steps and between two steps.
 
-    FormulaError if there are more than ``MOST_LETTERS``.
+    FormulaError if there are more than ``MAX_LETTERS``.
     """
     shown = set(labels)
     patterns = window_patterns(windows)
-    if len(shown) * len(patterns) > MOST_LETTERS:
+    if len(shown) * len(patterns) > MAX_LETTERS:
         raise FormulaError(
             f"{len(windows)} time windows open and close in {len(patterns)} ways; leave some of them out"
         )

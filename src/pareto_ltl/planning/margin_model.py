@@ -22,7 +22,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 # with many states, 0.65 x with 47 hazards.
 ORDERED = 16
 BATCH = 1024  # states whose edges are found together
-MOST_LETTERS = 62  # that fit as bits into a 64-bit integer
+MAX_LETTERS = 62  # that fit as bits into a 64-bit integer
 
 
 def margin_model(problem: Problem) -> MarginModel:
@@ -101,8 +101,8 @@ def shown_letters(problem: Problem) -> list[IntArray]:
 
 def ordered(model: MarginModel) -> bool:
     """Whether only the order of a path is polished: with many states or hazards, which bar the way."""
-    most = max(len(model.logic.distance), len(model.logic.hazards.cell))
-    return most > ORDERED and model.guards.barring
+    limit = max(len(model.logic.distance), len(model.logic.hazards.cell))
+    return limit > ORDERED and model.guards.barring
 
 
 def model_of_order(model: MarginModel, states: IntArray) -> MarginModel:
@@ -233,7 +233,7 @@ def _epoch_guards(logic: kd.Logic, delta: IntArray) -> _EpochEdges:
 
 
 def _guards_from(logic: kd.Logic, delta: IntArray, sources: IntArray) -> _EpochEdges:
-    """The edges from ``sources`` (S,), all at once: 16,384 states take 0.13 instead of 1.4 s."""
+    """The edges from ``sources`` (S,), all at once."""
     reached = np.sort(np.column_stack([delta[sources], sources]), axis=1)
     usable = np.isfinite(logic.distance[reached])
     usable[:, 1:] &= reached[:, 1:] != reached[:, :-1]
@@ -255,7 +255,7 @@ def needed_letters(deltas: IntArray, distance: FloatArray, harmful: BoolArray) -
     """
     needs = np.zeros(len(distance), np.int64)
     letters = deltas.shape[2] - 1
-    if len(distance) <= LIVE or letters > MOST_LETTERS:
+    if len(distance) <= LIVE or letters > MAX_LETTERS:
         return needs
     for letter in np.flatnonzero(~harmful).tolist():
         reaches, others = distance == 0.0, np.concatenate(np.delete(deltas, letter, axis=2), axis=1)

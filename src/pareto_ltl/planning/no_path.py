@@ -33,7 +33,7 @@ EPSILONS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9,
 LARGEST_DELTA = 0.999  # tried instead of no limit on the collision risk of a path
 MORE_VERTICES = (4, 16)  # factors of planner.n_max, tried if higher limits alone give no path
 FAR_TOO_LONG = 3.0  # a full step of this many widths of the narrowest place is the reason
-MOST_VERTICES = 1_500_000  # in all trials of one kind; a time limit would make texts differ between machines
+MAX_VERTICES = 1_500_000  # in all trials of one kind; a time limit would make texts differ between machines
 
 CAUSES = ("blocked", "windbound", "beyond", "trapped")
 
@@ -42,7 +42,7 @@ CAUSES = ("blocked", "windbound", "beyond", "trapped")
 class _Budget:
     """Vertices that trials may still grow; the last trial may exceed them."""
 
-    left: int = MOST_VERTICES
+    left: int = MAX_VERTICES
 
 
 @dataclass(frozen=True, slots=True)

@@ -377,25 +377,26 @@ def _walls(problem: Problem) -> list[FloatArray]:
 
 
 def lines_of(
-    corners: kd.Corners, asked: BoolArray, x: FloatArray, cov: FloatArray, slots: int, around: float = 0.0
+    corners: kd.Corners, requested: BoolArray, x: FloatArray, cov: FloatArray, slots: int, around: float = 0.0
 ) -> SegmentLines:
     """The ``slots`` closest supporting lines of each segment, and its risk.
 
-    ``asked`` (T, m) are the polygons to avoid, ``x`` (T+1, 2) means [m], ``cov`` (T+1, 3) covariances [m²].
+    ``requested`` (T, m) are the polygons to avoid, ``x`` (T+1, 2) means [m], ``cov`` (T+1, 3)
+    covariances [m²].
     """
     from pareto_ltl.kernels.supporting_lines import SegmentLines, segment_lines
 
-    T = len(asked)
+    T = len(requested)
     lines = SegmentLines(np.empty((T, slots, 4)), np.empty((T, slots), np.int64), np.empty(T))
-    segment_lines(corners, asked, x, cov, LEAST_VARIANCE, around, lines)
+    segment_lines(corners, requested, x, cov, LEAST_VARIANCE, around, lines)
     return lines
 
 
 def start_risk(problem: Problem) -> float:
     """Σ_lines Q(z) at the start, Eq. (M73): the probability of a collision before anything is flown."""
     corners = barrier_polygons(problem)
-    asked, x = np.ones((1, len(corners.radius)), bool), np.tile(problem.scene.start, (2, 1))
-    return float(lines_of(corners, asked, x, np.tile(problem.start_cov, (2, 1)), 1).risk[0])
+    requested, x = np.ones((1, len(corners.radius)), bool), np.tile(problem.scene.start, (2, 1))
+    return float(lines_of(corners, requested, x, np.tile(problem.start_cov, (2, 1)), 1).risk[0])
 
 
 def start_breach(problem: Problem) -> str:

@@ -22,7 +22,7 @@ from pareto_ltl.world.cells import Decomposition
 if TYPE_CHECKING:
     import networkx as nx
 
-EXACT_LEADS = 20_000  # up to so many product states leads are exact shortest paths: 4 ms each
+EXACT_LEADS = 20_000  # up to so many product states leads are exact shortest paths
 
 
 def product_graph(decomposition: Decomposition, logic: Logic, bounds: FloatArray) -> Product:

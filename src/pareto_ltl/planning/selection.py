@@ -42,8 +42,8 @@ def hypervolume(rows: FloatArray, reference: FloatArray) -> float:
 
 def box_above(costs: FloatArray) -> FloatArray:
     """Sides (C,) of the box of a hypervolume: twice the largest of ``costs`` (P, C), 1 where all are 0."""
-    most = costs.max(axis=0)
-    return np.where(most > 0.0, 2.0 * most, 1.0)
+    limit = costs.max(axis=0)
+    return np.where(limit > 0.0, 2.0 * limit, 1.0)
 
 
 def chance_of_failures(failed: BoolArray, others: BoolArray) -> FloatArray:

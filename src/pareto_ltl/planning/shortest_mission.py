@@ -36,7 +36,7 @@ from pareto_ltl.support.resources import choices
 
 MARGIN = 0.9  # share of the capacity that an advised vehicle may need on the shortest path
 SPEEDS = 40  # airspeeds that are tried, in equal steps up to robot.u_max
-MOST_ORDERS = 24  # mission orders that are tried
+MAX_ORDERS = 24  # mission orders that are tried
 SLACK = 1.15  # plans are longer than the shortest line: needed time, over the time of the line
 TIMES_LONGER = 2  # that many times the steps tell whether the time is too short
 LONGER = 32  # a flight this many times as long as the wind is known counts as stopped by the wind
@@ -115,7 +115,7 @@ def flight_time(problem: Problem, line: FloatArray) -> float:
 
 def _mission_lines(problem: Problem) -> list[FloatArray]:
     """The shortest line of each mission order that has one."""
-    orders = possible_orders(problem, MOST_ORDERS)
+    orders = possible_orders(problem, MAX_ORDERS)
     return [line for order in orders if (line := _line(problem, order)) is not None]
 
 
@@ -167,7 +167,7 @@ def with_airspeed(problem: Problem, u_max: float) -> Problem:
 
 def closed_way(problem: Problem) -> str:
     """Text on the region that no line reaches, in the order that comes farthest; empty if it is not known."""
-    orders = possible_orders(problem, MOST_ORDERS) if len(problem.logic.delta) == 1 else []
+    orders = possible_orders(problem, MAX_ORDERS) if len(problem.logic.delta) == 1 else []
     if not orders:
         return ""
     reached = [_stages_reached(problem, order) for order in orders]

@@ -24,7 +24,7 @@ LOG = logging.getLogger(__name__)
 # theirs have: on tree paths of phi1, phi2 and five missions of the corpus they take up to 0.8 % of u_max.
 LEFT = 0.02
 ALMOST = 1.0 - 1e-9  # a quantile at which rounding does not exclude the start
-MOST_LEFT = 0.25  # of the airspeeds between u_min and u_max: a robot with one airspeed leaves little
+MAX_LEFT = 0.25  # of the airspeeds between u_min and u_max: a robot with one airspeed leaves little
 
 
 def tree_models(problem: Problem, *, strict: bool = False) -> TreeModels:
@@ -49,7 +49,7 @@ def tree_models(problem: Problem, *, strict: bool = False) -> TreeModels:
 
 
 def _with_airspeed_left(motion: kd.Motion) -> kd.Motion:
-    left = min(LEFT * motion.u_max, MOST_LEFT * (motion.u_max - motion.u_min))
+    left = min(LEFT * motion.u_max, MAX_LEFT * (motion.u_max - motion.u_min))
     least = motion.u_min + left if motion.u_min > 0.0 else 0.0
     return motion._replace(u_max=motion.u_max - left, u_min=least)
 

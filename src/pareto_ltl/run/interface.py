@@ -165,11 +165,11 @@ def _given_level(wind: Readings | WindField, others: Mapping[str, Any]) -> dict[
     """The settings of a wind in memory, which states its level; ConfigError if ``others`` contradicts it."""
     from pareto_ltl.support.levels import parse_level
 
-    asked = str(others.get("level", "auto"))
-    if asked != "auto" and parse_level(asked) != parse_level(wind.level):
+    requested = str(others.get("level", "auto"))
+    if requested != "auto" and parse_level(requested) != parse_level(wind.level):
         raise ConfigError(
-            f"wind.level={shown_text(asked)}: the given {type(wind).__name__} states the level {wind.level}; "
-            "leave wind.level out, or give winds of that level"
+            f"wind.level={shown_text(requested)}: the given {type(wind).__name__} states the level "
+            f"{wind.level}; leave wind.level out, or give winds of that level"
         )
     return {"source": "given", "level": wind.level}
 

@@ -169,9 +169,12 @@ def _check_selection(settings: Settings, made: Sequence[str]) -> None:
             f"{by_energy or 'the fourth of selection.weights'} needs the power curve of the robot: take a "
             "robot that has one, e.g. robot=fixed_wing, or set robot.power.kind"
         )
-    asked = "selection.weights has more numbers than" if weighed else f"selection.least={least} is none of"
+    requested = (
+        "selection.weights has more numbers than" if weighed else f"selection.least={least} is none of"
+    )
     raise ConfigError(
-        f"{asked} the costs of the front ({', '.join(known)}): add the cost to selection.costs, or take these"
+        f"{requested} the costs of the front ({', '.join(known)}): add the cost to selection.costs, or take "
+        "these"
     )
 
 

@@ -82,9 +82,9 @@ class Trial:
         if scene is not problem.scene:
             cells = decompose(scene)
             letters = {*cells.letters, frozenset[str]()}
-            most = settings.logic.max_states
+            limit = settings.logic.max_states
             automaton = automaton_of(
-                settings.mission, letters, most, scene.regions, scene.windows, scene.forbidden
+                settings.mission, letters, limit, scene.regions, scene.windows, scene.forbidden
             )
         robot = replace(settings.robot, dt=problem.motion.dt)
         return build_problem(

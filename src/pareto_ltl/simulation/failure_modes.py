@@ -45,7 +45,7 @@ from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntAr
 
 PILOTS = 500  # common flights whose events are looked for
 ENLARGED = np.arange(1.0, 6.1, 0.5)  # factors of their draws
-MOST_EVENTS = 200  # events that are examined
+MAX_EVENTS = 200  # events that are examined
 FEEDBACK = (1.0, 0.5, 0.0)  # shares of the feedback with which a failed flight may have deviated
 FAR = 9.0  # standard deviations: a half-space farther away is left out, its probability is 1e-19
 RAY = np.arange(0.0, FAR + 0.01, 0.25)  # flights along a direction, and then halvings between two of them
@@ -197,7 +197,7 @@ def _first_failures(plan: FlownPlan) -> FloatArray:
         rows = rows[~failed]
         if len(rows) == 0:
             break
-    return np.concatenate(found)[:MOST_EVENTS]
+    return np.concatenate(found)[:MAX_EVENTS]
 
 
 def _event_normals(plan: FlownPlan, x: FloatArray) -> FloatArray:
@@ -251,9 +251,9 @@ def _first_failing(plan: FlownPlan, directions: kernel.Directions) -> FloatArray
     return high
 
 
-def _unlike(omega: FloatArray, most: float) -> list[int]:
-    """Rows of ``omega`` (J, D), |ω| = 1, that correlate at most ``most`` with those listed before them."""
-    alike, kept = omega @ omega.T > most, list[int]()
+def _unlike(omega: FloatArray, limit: float) -> list[int]:
+    """Rows of ``omega`` (J, D), |ω| = 1, that correlate at most ``limit`` with those listed before them."""
+    alike, kept = omega @ omega.T > limit, list[int]()
     for j in range(len(omega)):
         if not alike[j, kept].any():
             kept.append(j)

@@ -136,7 +136,7 @@ def distance_text(metres: float, digits: int = 1) -> str:
     return f"{metres / 1e3:,.{digits}f} km" if in_kilometres(metres) else f"{metres:,.{digits}f} m"
 
 
-def listed_text(names: Any, most: int = 8) -> str:
-    """Up to ``most`` names, comma-separated, with "..." if there are more; "none" for no name."""
+def listed_text(names: Any, limit: int = 8) -> str:
+    """Up to ``limit`` names, comma-separated, with "..." if there are more; "none" for no name."""
     names = list(names)
-    return ", ".join(map(str, names[:most])) + (", ..." if len(names) > most else "") or "none"
+    return ", ".join(map(str, names[:limit])) + (", ..." if len(names) > limit else "") or "none"

@@ -11,8 +11,8 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import LONGEST_LINE, shown_text
 
 ENDING = 40  # characters of a message for the number of faults that are left out
-MOST_SHOWN = 400  # characters of one of several faults
-MOST_KEPT = 10_000  # faults whose texts are kept; more are counted
+MAX_SHOWN = 400  # characters of one of several faults
+MAX_KEPT = 10_000  # faults whose texts are kept; more are counted
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
@@ -24,7 +24,7 @@ class FaultsError(DataError):
     Attributes
     ----------
     texts : tuple of str
-        The message of each fault, at most :data:`MOST_KEPT`.
+        The message of each fault, at most :data:`MAX_KEPT`.
     more : int
         Number of further faults.
     """
@@ -58,7 +58,7 @@ class Faults:
 
     def add(self, text: str) -> None:
         """Add the message ``text``, unless it is known."""
-        if len(self._texts) < MOST_KEPT:
+        if len(self._texts) < MAX_KEPT:
             self._texts[text] = None
         elif text not in self._texts:
             self.more += 1
@@ -113,7 +113,7 @@ class Faults:
             raise DataError(texts[0])
         line = f"{self.where} has {total} faults: "
         for number, text in enumerate(texts, 1):
-            own = shown_text(text.removeprefix(self.where).lstrip(":, "), MOST_SHOWN)
+            own = shown_text(text.removeprefix(self.where).lstrip(":, "), MAX_SHOWN)
             more = f"{'; ' if number > 1 else ''}({number}) {own}"
             if len(line) + len(more) > LONGEST_LINE - ENDING:
                 line += f"; and {total - number + 1} more"

@@ -15,7 +15,7 @@ from pareto_ltl.support.levels import FOOT
 from pareto_ltl.support.messages import shown_value
 
 NAUTICAL_MILE = 1852.0  # [m]
-MOST_METRES = 1e7  # largest length or height
+MAX_METRES = 1e7  # largest length or height
 
 _UNITS = {
     **dict.fromkeys(("m", "metre", "metres", "meter", "meters", "mtr"), 1.0),
@@ -69,7 +69,7 @@ def length_in_metres(what: str, value: Any) -> float | None:
     number = _plain_number(value)
     if number is None and isinstance(value, str) and (match := _LENGTH.fullmatch(_simple(value))):
         number = float(match["number"]) * _UNITS.get(match["unit"] or "m", math.nan)
-    if number is None or not abs(number) <= MOST_METRES:
+    if number is None or not abs(number) <= MAX_METRES:
         raise DataError(f"{what} is {shown_value(value)}; {LENGTHS}")
     return number
 
@@ -87,7 +87,7 @@ def height(what: str, value: Any, unit: str = "m") -> Height | None:
     if value is None or value == "":
         return None
     found = _height_of(value, unit)
-    if found is None or not (abs(found.metres) <= MOST_METRES or math.isinf(found.metres)):
+    if found is None or not (abs(found.metres) <= MAX_METRES or math.isinf(found.metres)):
         raise DataError(f"{what} is {shown_value(value)}; {HEIGHTS}")
     return found
 

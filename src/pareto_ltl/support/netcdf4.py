@@ -14,7 +14,7 @@ from pareto_ltl.support.errors import DataError
 File = h5netcdf.File
 # ``File.__del__`` reads this attribute, which a file that failed to open does not have yet.
 setattr(File, "_writable", False)  # noqa: B010 - a private name of another package
-MOST_OBJECTS = 10_000  # groups and variables of a file
+MAX_OBJECTS = 10_000  # groups and variables of a file
 
 
 @contextmanager
@@ -39,8 +39,8 @@ def refuse_other_files(path: Path) -> None:
             group = waiting.pop()
             for name in group:
                 seen += 1
-                if seen > MOST_OBJECTS:
-                    raise DataError(f"{path}: has more than {MOST_OBJECTS:,} groups and variables")
+                if seen > MAX_OBJECTS:
+                    raise DataError(f"{path}: has more than {MAX_OBJECTS:,} groups and variables")
                 link = group.get(name, getlink=True)
                 if isinstance(link, h5py.ExternalLink):
                     raise _elsewhere(path, name)

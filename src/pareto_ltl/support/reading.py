@@ -72,17 +72,19 @@ def refuse_special(path: Path) -> None:
             raise DataError(f"{path}: is a pipe, a socket or a device; copy its content into a file")
 
 
-def read_bounded(path: Path, advice: Advice = RESULTS, most: int = MAX_BYTES) -> bytes:
-    """The bytes of ``path``; DataError if it cannot be read or has more than ``most`` bytes."""
+def read_bounded(path: Path, advice: Advice = RESULTS, largest: int = MAX_BYTES) -> bytes:
+    """The bytes of ``path``; DataError if it cannot be read or has more than ``largest`` bytes."""
     refuse_special(path)
     try:
         with path.open("rb") as file:
-            data = file.read(most + 1)  # the size that the system states is not used: a device has none
+            data = file.read(largest + 1)  # the size that the system states is not used: a device has none
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         reason = getattr(error, "strerror", None) or error
         raise DataError(f"{path}: cannot be read ({reason}); {advice.missing}") from error
-    if len(data) > most:
-        raise DataError(f"{path}: has more than {most / 2**20:g} MiB, which is the limit; {advice.damaged}")
+    if len(data) > largest:
+        raise DataError(
+            f"{path}: has more than {largest / 2**20:g} MiB, which is the limit; {advice.damaged}"
+        )
     return data
 
 
@@ -94,9 +96,9 @@ def refuse_many_features(where: str, data: bytes, mark: bytes) -> None:
         )
 
 
-def read_text(path: Path, advice: Advice = RESULTS, most: int = MAX_BYTES) -> str:
+def read_text(path: Path, advice: Advice = RESULTS, limit: int = MAX_BYTES) -> str:
     """The text of ``path``, without its byte-order mark if it has one; DataError if it is not UTF-8."""
-    return decoded_text(read_bounded(path, advice, most), str(path), advice)
+    return decoded_text(read_bounded(path, advice, limit), str(path), advice)
 
 
 def decoded_text(data: bytes, where: str, advice: Advice = RESULTS) -> str:

@@ -104,8 +104,8 @@ def _described(schema: Mapping[str, Any]) -> str:
         "maximum": "at most",
         "minItems": "at least",
     }
-    told = [f"{text} {schema[key]:g}" for key, text in limits.items() if key in schema]
-    return ", ".join([words, *told])
+    reported = [f"{text} {schema[key]:g}" for key, text in limits.items() if key in schema]
+    return ", ".join([words, *reported])
 
 
 @lru_cache

@@ -21,11 +21,11 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.file_formats import format_of, refuse_other_format
 from pareto_ltl.support.times import seconds
 
-MOST_UNPACKED = 2**28  # [bytes] of a table; of a compressed one, when unpacked
-MOST_ROWS = 1_000_000  # of a table; a row takes 1 kB of memory while it is read
+MAX_UNPACKED = 2**28  # [bytes] of a table; of a compressed one, when unpacked
+MAX_ROWS = 1_000_000  # of a table; a row takes 1 kB of memory while it is read
 SMALLER_TABLE = "keep the rows near the map and the hours of the flight"
-MOST_HEADER_LINES = 30  # lines before the header: METAR caches begin with a few lines about the request
-MOST_COLUMNS = 2000  # of a header that is searched for
+MAX_HEADER_LINES = 30  # lines before the header: METAR caches begin with a few lines about the request
+MAX_COLUMNS = 2000  # of a header that is searched for
 DELIMITERS = ",;\t|"
 COMMENTS = ("#", "//", "%", "!")
 BYTE_ORDERS = (b"\xff\xfe", b"\xfe\xff")  # marks of UTF-16, which spreadsheets call Unicode text
@@ -86,13 +86,13 @@ def read_table(file: Path, expected: str, fits: Callable[[list[str]], bool]) -> 
 def _header(reader: Iterator[list[str]], fits: Callable[[list[str]], bool]) -> tuple[list[str], bool] | None:
     """The titles of the header and whether they fit; of lines that do not, the first that is no comment."""
     first: list[str] | None = None
-    for _, row in zip(range(MOST_HEADER_LINES), reader, strict=False):
+    for _, row in zip(range(MAX_HEADER_LINES), reader, strict=False):
         if not any(cell.strip() for cell in row):
             continue
         titles = [cell.strip().strip('"').lower() for cell in row]
         comment = titles[0].startswith(COMMENTS)
         titles[0] = titles[0].lstrip("#/%! ")
-        if len(titles) <= MOST_COLUMNS and fits(titles):
+        if len(titles) <= MAX_COLUMNS and fits(titles):
             return titles, True
         if first is None and not comment and titles[0][:4] != "sep=":
             first = titles
@@ -147,12 +147,12 @@ def _open_text(file: Path) -> IO[str]:
     if format_of(head) != "packed with gzip" or not packed:
         refuse_other_format(f"wind file {file}", head, "a CSV table")
     with gzip.open(file) if packed else file.open("rb") as content:
-        data = content.read(MOST_UNPACKED + 1)
-    size = f"{MOST_UNPACKED / 2**20:g} MiB"
-    if packed and len(data) > MOST_UNPACKED:
+        data = content.read(MAX_UNPACKED + 1)
+    size = f"{MAX_UNPACKED / 2**20:g} MiB"
+    if packed and len(data) > MAX_UNPACKED:
         raise DataError(f"wind file {file} unpacks to more than {size}; {SMALLER_TABLE}")
-    if len(data) > MOST_UNPACKED or data.count(b"\n") > MOST_ROWS:
-        raise DataError(f"wind file {file} has more than {MOST_ROWS:,} rows or {size}; {SMALLER_TABLE}")
+    if len(data) > MAX_UNPACKED or data.count(b"\n") > MAX_ROWS:
+        raise DataError(f"wind file {file} has more than {MAX_ROWS:,} rows or {size}; {SMALLER_TABLE}")
     return io.StringIO(_decoded(data), newline="")
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from pareto_ltl.support.arrays import FloatArray, require_shape
 
 LAW_WEIGHT = 10.0  # n_0 of a law that does not state how its change depends on the winds
-LEAST_FACTOR, MOST_FACTOR = 0.25, 4.0  # of c
+LEAST_FACTOR, MAX_FACTOR = 0.25, 4.0  # of c
 SPREADS = (0.25, 2.5)  # S / S_0 counts at least and at most as these, nearly the range of the data
 LONGEST_PAIR = 1000e3  # [m] between readings whose difference counts for S
 FEWEST_PLACES = 10  # readings for S; with fewer it is S_0

@@ -39,10 +39,10 @@ from pareto_ltl.wind.records import (
 )
 from pareto_ltl.world.scene import Scene
 
-FEWEST_MODE_CELLS, MOST_MODE_CELLS = 10, 24  # of the lattice of the modes, along the longer side of the scene
+FEWEST_MODE_CELLS, MAX_MODE_CELLS = 10, 24  # of the lattice of the modes, along the longer side of the scene
 FEWEST_CELLS = 20  # of the lattice, along the longer side of the scene
-MOST_CELLS = 500  # of the lattice, along its longer side
-LEAST_COVERAGE, MOST_COVERAGE = 0.8, 0.97  # of 90 % intervals; outside this range a warning is logged
+MAX_CELLS = 500  # of the lattice, along its longer side
+LEAST_COVERAGE, MAX_COVERAGE = 0.8, 0.97  # of 90 % intervals; outside this range a warning is logged
 SAMPLES = 16  # instants at which a variance is averaged over time
 LOG = logging.getLogger(__name__)
 FIT_SETTINGS = ("kernel", "noise_min", "holdout", "energy", "modes_max")  # that a table depends on
@@ -231,12 +231,12 @@ def time_variances(seen: WindObservations, horizon: float | None) -> FloatArray:
 def _warn_about_score(table: WindTable, cfg: WindConfig) -> None:
     """Log a warning if the predictions of held-out readings show that the intervals of the fit are wrong."""
     covered = table.score.get("gp_coverage_90", math.nan)
-    least = covered > MOST_COVERAGE and bool((table.hyper[..., NOISE] <= cfg.noise_min).all())
-    if covered < LEAST_COVERAGE or covered > MOST_COVERAGE:
+    least = covered > MAX_COVERAGE and bool((table.hyper[..., NOISE] <= cfg.noise_min).all())
+    if covered < LEAST_COVERAGE or covered > MAX_COVERAGE:
         LOG.warning(
             "of the wind readings on the map that the fit did not see, %s lie within its 90 %% intervals "
             "(expected %s to %s): promised probabilities are %s; try %swind.kernel, or more readings",
-            probability_text(covered), probability_text(LEAST_COVERAGE), probability_text(MOST_COVERAGE),
+            probability_text(covered), probability_text(LEAST_COVERAGE), probability_text(MAX_COVERAGE),
             "too low" if covered < LEAST_COVERAGE else "higher than necessary",
             f"wind.noise_min below {cfg.noise_min:g} m/s, " if least else "",
         )  # fmt: skip
@@ -271,7 +271,7 @@ def modes_lattice(cfg: WindConfig, scene: Scene) -> NodeLattice:
     """
     extent = scene.bounds[1] - scene.bounds[0]
     side = float(extent.max())
-    spacing = min(max(cfg.modes_spacing, side / MOST_MODE_CELLS), side / FEWEST_MODE_CELLS)
+    spacing = min(max(cfg.modes_spacing, side / MAX_MODE_CELLS), side / FEWEST_MODE_CELLS)
     return _centred_lattice(scene, spacing, np.ceil(extent / spacing - 1e-9).astype(int) + 2)
 
 
@@ -283,7 +283,7 @@ def wind_lattice(cfg: WindConfig, scene: Scene) -> NodeLattice:
     """
     side = float(np.max(scene.bounds[1] - scene.bounds[0]))
     padding = min(cfg.padding, side)
-    spacing = max(min(cfg.spacing, side / FEWEST_CELLS), (side + 2 * padding) / MOST_CELLS)
+    spacing = max(min(cfg.spacing, side / FEWEST_CELLS), (side + 2 * padding) / MAX_CELLS)
     extent = scene.bounds[1] - scene.bounds[0] + 2 * padding
     return _centred_lattice(scene, spacing, np.maximum(1, np.ceil(extent / spacing - 1e-9)).astype(int))
 

@@ -137,13 +137,13 @@ class ForecastError(ErrorLaw):
         return {"schema": FORECAST_ERROR_SCHEMA} | head | tables
 
 
-def forecast_error_of(told: Mapping[str, Any]) -> ForecastError:
+def forecast_error_of(reported: Mapping[str, Any]) -> ForecastError:
     """The law of a document that fits the schema; ValueError if its tables are not valid."""
     return ForecastError(
-        name=told["name"],
-        level=told["level"],
-        spread=float(told["spread"]),
-        variability=variability_of_document(told.get("variability")),
-        **read_rows(told["forecast"], FILE_ROWS["forecast"]),
-        **read_rows(told["change"], FILE_ROWS["change"]),
+        name=reported["name"],
+        level=reported["level"],
+        spread=float(reported["spread"]),
+        variability=variability_of_document(reported.get("variability")),
+        **read_rows(reported["forecast"], FILE_ROWS["forecast"]),
+        **read_rows(reported["change"], FILE_ROWS["change"]),
     )

@@ -17,10 +17,10 @@ from pareto_ltl.wind.records import WindObservations
 # are a length of 550 km, an amplitude of 3.1 m/s and a noise of 0.6 m/s.
 START_LENGTH, START_AMPLITUDE, START_NOISE = 0.5, 1.0, 0.2
 RELATIVE_JITTER = 1e-10  # added noise variance over amplitude², for the Cholesky factor
-MOST_FITTED = 150  # readings per time to which hyperparameters are fitted; more change them little
-MOST_TIMES = 30  # groups of times with the same places to which hyperparameters are fitted
+MAX_FITTED = 150  # readings per time to which hyperparameters are fitted; more change them little
+MAX_TIMES = 30  # groups of times with the same places to which hyperparameters are fitted
 MANY = 1000  # number of readings above which linear algebra uses all cores
-MOST_PAIRS = 10**7  # of readings and points in one matrix: 80 MB
+MAX_PAIRS = 10**7  # of readings and points in one matrix: 80 MB
 FACTOR_LENGTH = 250e3  # [m] over which squared residuals are averaged for the variance factor
 # 90 % of a normal variable lie within ± this many standard deviations
 NORMAL_QUANTILE_95 = 1.6448536269514722
@@ -121,7 +121,7 @@ class WindPosterior:
         """
         anchors, squares = self.anchors, self.squares
         total, weight = (np.full(len(points), FACTOR_PRIOR * n) for n in (squares.mean(), 1.0))
-        for rows in np.array_split(np.arange(len(anchors)), max(1, len(anchors) * len(points) // MOST_PAIRS)):
+        for rows in np.array_split(np.arange(len(anchors)), max(1, len(anchors) * len(points) // MAX_PAIRS)):
             g = np.exp(-0.5 * (pairwise_distances(anchors[rows], points) / FACTOR_LENGTH) ** 2)
             total, weight = total + squares[rows] @ g, weight + g.sum(axis=0)
         return np.asarray(total / weight, float)
@@ -238,7 +238,7 @@ def maximise_likelihood(
 ) -> Hyper:
     """Maximum-likelihood hyperparameters, common to times and components.
 
-    Times with readings at the same places have one Cholesky factor. If there are more than ``MOST_TIMES``
+    Times with readings at the same places have one Cholesky factor. If there are more than ``MAX_TIMES``
     groups of such times, an evenly spread selection is used. The results have four significant digits.
 
     Eq. (M6) of docs/mathematics.md.
@@ -246,7 +246,7 @@ def maximise_likelihood(
     from scipy.optimize import minimize
 
     together = same_places(points)
-    used = np.unique(np.linspace(0, len(together) - 1, min(MOST_TIMES, len(together))).round().astype(int))
+    used = np.unique(np.linspace(0, len(together) - 1, min(MAX_TIMES, len(together))).round().astype(int))
     groups = [_fit_group(points, winds, together[g]) for g in used]
     scale = max(float(np.sqrt(np.mean(np.concatenate([y.ravel() for _, y in groups]) ** 2))), cfg.noise_min)
     everywhere = np.concatenate([x for x, _ in groups])
@@ -286,9 +286,9 @@ def _fit_group(
     """Places (n, 2) of K' times, thinned evenly, and all deviations from the means (n, 2 K')."""
     places = points[slots[0]]
     chosen = np.arange(len(places))
-    if len(places) > MOST_FITTED:
+    if len(places) > MAX_FITTED:
         first = int(np.argmin(((places - places.mean(axis=0)) ** 2).sum(axis=1)))
-        chosen = np.sort(farthest_points(places, MOST_FITTED, first))
+        chosen = np.sort(farthest_points(places, MAX_FITTED, first))
     return places[chosen], np.column_stack([winds[k][chosen] - winds[k].mean(axis=0) for k in slots])
 
 
@@ -324,7 +324,7 @@ def _condition_gp(
     L = np.linalg.cholesky(reading_covariance(kernel, h, readings))
     weights = cho_solve((L, True), deviations.reshape(len(readings), -1))
     mean, variance = np.empty((len(points), weights.shape[1])), np.empty(len(points))
-    for rows in np.array_split(np.arange(len(points)), max(1, len(readings) * len(points) // MOST_PAIRS)):
+    for rows in np.array_split(np.arange(len(points)), max(1, len(readings) * len(points) // MAX_PAIRS)):
         k_star = a2 * k(pairwise_distances(readings, points[rows]) / h.length)
         mean[rows] = k_star.T @ weights
         v = solve_triangular(L, k_star, lower=True, overwrite_b=True, check_finite=False)

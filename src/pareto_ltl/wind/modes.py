@@ -86,7 +86,7 @@ class _Spectrum(NamedTuple):
 
 def error_modes(
     posterior: WindPosterior, parts: Sequence[UniformPart], members: FloatArray, shape: tuple[int, int],
-    nodes: FloatArray, energy: float, most: int,
+    nodes: FloatArray, energy: float, limit: int,
 ) -> ModeTable:  # fmt: skip
     """The modes of the error at ``nodes`` (N, 2) [m] of a lattice of ``shape``, for every slot and component.
 
@@ -94,18 +94,18 @@ def error_modes(
     variance; M = 0 without an ensemble.
 
     Of all parts together, the modes with the largest variance over all slots are used, until they carry the
-    share ``energy`` of the variance or their number is ``most``.
+    share ``energy`` of the variance or their number is ``limit``.
 
     Eq. (M14) of docs/mathematics.md.
     """
     between = pairwise_distances(nodes, nodes)
-    spectra = {SPACE: _space_spectrum(posterior, nodes, between, shape, most)}
+    spectra = {SPACE: _space_spectrum(posterior, nodes, between, shape, limit)}
     for part, variance, length in parts:
         if variance.any():
-            spectra[part] = _common_spectrum(variance, between / length, shape, most)
+            spectra[part] = _common_spectrum(variance, between / length, shape, limit)
     if members.shape[-1]:
         spectra[ENSEMBLE] = _member_spectrum(members, shape)
-    counts = _mode_counts(spectra, energy, most)
+    counts = _mode_counts(spectra, energy, limit)
     leading = {part: found.psi[..., : counts[part]] for part, found in spectra.items()}
     leading[SPACE] = _aligned(leading[SPACE])
     carried = sum((psi**2).sum(axis=(1, 3)) for psi in leading.values())
@@ -125,14 +125,14 @@ def error_modes(
 
 
 def _space_spectrum(
-    posterior: WindPosterior, nodes: FloatArray, between: FloatArray, shape: tuple[int, int], most: int
+    posterior: WindPosterior, nodes: FloatArray, between: FloatArray, shape: tuple[int, int], limit: int
 ) -> _Spectrum:
     from joblib import Parallel, delayed
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
     def one(k: int) -> tuple[FloatArray, float, FloatArray]:
         C = posterior_covariance(posterior, k, nodes, between)
-        return leading_modes(C, most), float(np.trace(C)), _matrix_lags(C, shape)
+        return leading_modes(C, limit), float(np.trace(C)), _matrix_lags(C, shape)
 
     # Both components have the same covariance, and so do slots with readings at the same places.
     groups = same_places(posterior.points)
@@ -176,14 +176,14 @@ def posterior_covariance(
 
 
 def _common_spectrum(
-    variance: FloatArray, distance: FloatArray, shape: tuple[int, int], most: int
+    variance: FloatArray, distance: FloatArray, shape: tuple[int, int], limit: int
 ) -> _Spectrum:
     """The modes of a stationary process, times the standard deviation of each slot.
 
     ``variance`` (K,) [m²/s²]; ``distance`` (N, N) between nodes, in length scales.
     """
     C = CORRELATIONS[ERROR_KERNEL](distance)
-    shared = leading_modes(C, most)
+    shared = leading_modes(C, limit)
     psi = np.sqrt(variance)[:, None, None, None] * shared[None, :, None, :]
     total = np.repeat(variance[:, None] * len(C), 2, axis=1)
     return _Spectrum(np.repeat(psi, 2, axis=2), total, 2.0 * variance.sum() * _matrix_lags(C, shape))
@@ -199,14 +199,14 @@ def _member_spectrum(members: FloatArray, shape: tuple[int, int]) -> _Spectrum:
     return _Spectrum(psi, (psi**2).sum(axis=(1, 3)), _mode_lags(psi, shape))
 
 
-def leading_modes(C: FloatArray, most: int) -> FloatArray:
-    """U √Λ (N, p) of the ``most`` largest eigenvalues of a covariance ``C`` (N, N); p = 0 if it is 0."""
+def leading_modes(C: FloatArray, limit: int) -> FloatArray:
+    """U √Λ (N, p) of the ``limit`` largest eigenvalues of a covariance ``C`` (N, N); p = 0 if it is 0."""
     from scipy.linalg import eigh
 
     n = len(C)
     if np.trace(C) <= 0.0:
         return np.zeros((n, 0))
-    values, vectors = eigh(C, subset_by_index=[max(0, n - most), n - 1], check_finite=False)
+    values, vectors = eigh(C, subset_by_index=[max(0, n - limit), n - 1], check_finite=False)
     return np.asarray(vectors[:, ::-1] * np.sqrt(np.maximum(values[::-1], 0.0)), float)
 
 

@@ -308,20 +308,20 @@ def _more_readings(cfg: WindConfig, count: int) -> str:
     return "add readings near the scene" if count else "is the scene where the wind data is?"
 
 
-def thinned(points: FloatArray, beside: BoolArray, centre: FloatArray, most: int) -> IntArray:
-    """Indices of at most ``most`` of ``points`` (N, 2) [m]: those ``beside`` the scene, others spread evenly.
+def thinned(points: FloatArray, beside: BoolArray, centre: FloatArray, limit: int) -> IntArray:
+    """Indices of at most ``limit`` of ``points`` (N, 2) [m]: those ``beside`` the scene, others spread.
 
     At least ``FAR_SHARE`` is left to the others, which determine the scales of the fit; if too many are
     beside the scene, an even selection of these.
     """
-    if len(points) <= most:
+    if len(points) <= limit:
         return np.arange(len(points))
     own = np.flatnonzero(beside)
-    room = most - min(len(points) - len(own), int(FAR_SHARE * most))
+    room = limit - min(len(points) - len(own), int(FAR_SHARE * limit))
     if len(own) > room:
         first = int(np.argmin(np.sum((points[own] - centre) ** 2, axis=1)))
         own = own[farthest_points(points[own], room, first)]
-    return np.sort(farthest_points(points, most, own))
+    return np.sort(farthest_points(points, limit, own))
 
 
 def _log_thinning(cfg: WindConfig, readings: Readings, counts: Sequence[tuple[int, int, int, int]]) -> None:

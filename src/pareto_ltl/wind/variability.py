@@ -10,7 +10,7 @@ from pareto_ltl.wind.change_law import (
     LAW_WEIGHT,
     LEAST_FACTOR,
     LONGEST_PAIR,
-    MOST_FACTOR,
+    MAX_FACTOR,
     Variability,
 )
 from pareto_ltl.wind.error_law import ErrorLaw
@@ -84,7 +84,7 @@ def variability_of(
         ratio = float((squares / (expected * table)).mean())
         prior, weight = (LAW_WEIGHT, freedom) if rule is None else (rule.freedom, rule.weight(freedom))
         found = (prior + weight * ratio) / (prior + weight)
-        factor = float(np.clip(found, LEAST_FACTOR, MOST_FACTOR))
+        factor = float(np.clip(found, LEAST_FACTOR, MAX_FACTOR))
     known = None if rule is None else latitude
     return Variability(starts, ends, squares, freedom, expected * factor, spread, known)
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 SAG = 0.5  # [m] largest distance between a line of the plane and the line that a reader draws
 EARTH = 6.371e6  # [m]
-MOST_POINTS = 200  # added to a line
+MAX_POINTS = 200  # added to a line
 
 
 def local_plane(lat: float, lon: float) -> str:
@@ -234,7 +234,7 @@ class Frame:
         longest = math.sqrt(8.0 * EARTH * sag / bend)
         parts = []
         for a, b in pairwise(points):
-            n = min(max(1, math.ceil(math.dist(a, b) / longest)), MOST_POINTS)
+            n = min(max(1, math.ceil(math.dist(a, b) / longest)), MAX_POINTS)
             parts.append(a + (b - a) * (np.arange(n) / n)[:, None])
         return np.concatenate([*parts, points[-1:]])
 

@@ -25,7 +25,7 @@ from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.windows import Window
 
 FIX_KEYS = ("sd", "along", "across", "bearing")
-MOST_SD = 1e6  # [m] largest standard deviation, as of robot.fix_sd
+MAX_SD = 1e6  # [m] largest standard deviation, as of robot.fix_sd
 SLENDER = 1.2  # ratio of the sides of a landmark from which it has a direction
 EXPECTED_FIX = "expected {sd: M}, or {along: M, across: M} with bearing: DEG if the landmark is not long"
 TITLE = re.compile(r"(obstacle )?\d+|obstacle \d+ \((?P<name>.*)\)", re.DOTALL)  # of an obstacle
@@ -281,7 +281,7 @@ def _number(begin: str, key: str, value: Any) -> float:
     fits = isinstance(value, int | float) and not isinstance(value, bool)
     if key == "bearing" and fits and abs(value) <= 360.0:
         return float(value)
-    if key != "bearing" and fits and 0.0 < value <= MOST_SD:
+    if key != "bearing" and fits and 0.0 < value <= MAX_SD:
         return float(value)
-    wanted = "degrees from -360 to 360" if key == "bearing" else f"metres, above 0 and at most {MOST_SD:g}"
+    wanted = "degrees from -360 to 360" if key == "bearing" else f"metres, above 0 and at most {MAX_SD:g}"
     raise DataError(f"{begin}: {key} is {shown_text(repr(value))}; expected a number of {wanted}")

@@ -31,7 +31,7 @@ LOG = logging.getLogger(__name__)
 LARGE_ERROR, LARGEST_ERROR = 0.01, 0.05  # relative errors of lengths for a warning, and for an error
 OUTSIDE = "the outside of the border"
 POLAR = 66.0  # [deg] latitude beyond which maps are rare
-LEAST_SIDE, MOST_SIDE = 1e-3, 4.1e7  # of a map [m]; the circumference of the Earth is 40,075 km
+LEAST_SIDE, MAX_SIDE = 1e-3, 4.1e7  # of a map [m]; the circumference of the Earth is 40,075 km
 
 
 def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
@@ -253,10 +253,10 @@ def _convex_landmarks(
 def _check_size(sketch: SceneSketch) -> None:
     """Raise a DataError for a map larger than the Earth or smaller than any robot: an error of units."""
     sides = sketch.bounds[1] - sketch.bounds[0]
-    if not (sides.min() >= LEAST_SIDE and sides.max() <= MOST_SIDE):
+    if not (sides.min() >= LEAST_SIDE and sides.max() <= MAX_SIDE):
         raise DataError(
             f"{sketch.where}: the map is {sides[0]:.3g} m x {sides[1]:.3g} m; expected sides between "
-            f"{LEAST_SIDE:g} m and {MOST_SIDE:.3g} m: check scene.unit and the bounds"
+            f"{LEAST_SIDE:g} m and {MAX_SIDE:.3g} m: check scene.unit and the bounds"
         )
 
 

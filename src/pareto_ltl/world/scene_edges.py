@@ -18,7 +18,7 @@ from pareto_ltl.world.scene_sketch import Place
 BEND = 2e-4  # of the longer side of the map: how far a straight edge may pass from the true one
 CRS_BEND = 30.0  # [m] the same for edges of another system, before the size of the map is known
 DEGREE = 111_200.0  # [m] of latitude
-MOST_PARTS = 512  # of one edge
+MAX_PARTS = 512  # of one edge
 ON_EDGE = 1e-8  # [deg], 1 mm: corners this close to an edge lie on it
 PROBES = np.array([0.25, 0.5, 0.75])  # of an edge, where its bend is measured
 
@@ -137,7 +137,7 @@ def straight_in_crs(line: FloatArray, degrees: Plane, closed: bool) -> FloatArra
     away = np.column_stack([_shortest(middle[:, 0] - start[:, 0]), middle[:, 1] - start[:, 1]]) - chord / 2
     limit = np.maximum(CRS_BEND, BEND * DEGREE * np.hypot(*(chord * scale).T))
     bend = DEGREE * np.hypot(*(away * scale).T)
-    parts = np.clip(np.ceil(np.sqrt(bend / limit)), 1, MOST_PARTS).astype(np.int64)
+    parts = np.clip(np.ceil(np.sqrt(bend / limit)), 1, MAX_PARTS).astype(np.int64)
     pieces = [a + np.arange(n)[:, None] / n * (b - a) for a, b, n in zip(first, after, parts, strict=True)]
     return degrees(np.concatenate(pieces if closed else [*pieces, line[-1:]]))
 
@@ -157,7 +157,7 @@ def _parts(first: FloatArray, after: FloatArray, metres: Plane, limit: float) ->
         away = metres(first + share * (after - first)) - start
         across = np.abs(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]) / length
         bend = np.maximum(bend, across)
-    return np.clip(np.ceil(np.sqrt(bend / limit)), 1, MOST_PARTS).astype(np.int64)
+    return np.clip(np.ceil(np.sqrt(bend / limit)), 1, MAX_PARTS).astype(np.int64)
 
 
 def _noded(places: list[Place], barriers: Sequence[bool]) -> list[Place]:

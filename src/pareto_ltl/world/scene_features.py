@@ -31,7 +31,7 @@ from pareto_ltl.world.windows import TimedPlace
 LEVELS = {  # of lists in the coordinates of a geometry
     "Point": 1, "MultiPoint": 2, "LineString": 2, "MultiLineString": 3, "Polygon": 3, "MultiPolygon": 4
 }  # fmt: skip
-MOST_NESTED = 8  # levels of geometry collections
+MAX_NESTED = 8  # levels of geometry collections
 SMALLEST_RING = 4  # corners of a closed line with an area
 
 Drawn = tuple[str, Place, TimedPlace | None]  # role, the place in degrees, its window
@@ -314,7 +314,7 @@ def _parts(where: str, what: str, geometry: Mapping[str, Any], depth: int = 0) -
         yield geometry
         return
     inner = geometry.get("geometries")
-    if not isinstance(inner, list) or depth > MOST_NESTED or not all(isinstance(g, dict) for g in inner):
+    if not isinstance(inner, list) or depth > MAX_NESTED or not all(isinstance(g, dict) for g in inner):
         raise DataError(f"{where}: {what} is not a GeometryCollection of GeoJSON")
     for part in inner:
         yield from _parts(where, what, part, depth + 1)

@@ -170,9 +170,9 @@ class Room:
         """Make the record of ``shapes`` on a map of ``size`` [m]."""
         return cls(shapely.STRtree(list(shapes)), size)
 
-    def tolerance(self, shape: shapely.Polygon, most: float) -> float:
-        """How far [m] the outline of ``shape`` may move, at most ``most``, so that all gaps stay open."""
-        widest = min(most, OWN_SHARE * math.sqrt(shape.area))
+    def tolerance(self, shape: shapely.Polygon, limit: float) -> float:
+        """How far [m] the outline of ``shape`` may move, at most ``limit``, so that all gaps stay open."""
+        widest = min(limit, OWN_SHARE * math.sqrt(shape.area))
         near = self.tree.query(shape, predicate="dwithin", distance=widest / GAP_SHARE)
         gaps = shapely.distance(shape, self.tree.geometries[near])
         return min(widest, GAP_SHARE * float(np.min(gaps[gaps > CLOSED * self.size], initial=math.inf)))

@@ -23,7 +23,7 @@ from pareto_ltl.world.map_file import Unread
 from pareto_ltl.world.scene import AbsentPlace, FixShape, read_fix
 from pareto_ltl.world.windows import TimedPlace
 
-MOST_COORDINATE = 1e15  # largest coordinate, in any unit
+MAX_COORDINATE = 1e15  # largest coordinate, in any unit
 RELATIVE_TOLERANCE = 1e-9  # of the size of the map; smaller lengths count as rounding errors
 
 
@@ -319,7 +319,7 @@ def read_timed(where: str, windows: Any, regions: Collection[str]) -> Iterator[T
 
 def _are_finite(numbers: FloatArray) -> bool:
     """Whether no number is NaN, infinite, or so large that its square is."""
-    return bool((np.abs(numbers) < MOST_COORDINATE).all())
+    return bool((np.abs(numbers) < MAX_COORDINATE).all())
 
 
 def _number_array(value: Any) -> FloatArray | None:

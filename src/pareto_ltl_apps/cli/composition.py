@@ -47,7 +47,7 @@ from pareto_ltl_apps.cli.setting_keys import refuse_unknown_key, settings_from
 from pareto_ltl_apps.cli.wind_words import unread_wind_source, wind_file_words
 
 VERSION_BASE = "1.3"
-MOST_POINTS = 100_000  # of a sweep
+MAX_POINTS = 100_000  # of a sweep
 CONFIG_NAME = "config"
 LAUNCHER_EXTRAS = {
     "joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster", "dask": "dask",
@@ -319,11 +319,11 @@ def _grid_of(config: DictConfig) -> list[str]:
 
 
 def _check_sweep_size(grid: Sequence[Override]) -> None:
-    """Raise ConfigError for a grid of more than ``MOST_POINTS`` points, before its points are listed."""
+    """Raise ConfigError for a grid of more than ``MAX_POINTS`` points, before its points are listed."""
     points = math.prod(_sweep_length(override) for override in grid if override.is_discrete_sweep())
-    if points > MOST_POINTS:
+    if points > MAX_POINTS:
         raise ConfigError(
-            f"the sweep has {points:g} points, expected at most {MOST_POINTS}: sweep fewer values"
+            f"the sweep has {points:g} points, expected at most {MAX_POINTS}: sweep fewer values"
         )
 
 

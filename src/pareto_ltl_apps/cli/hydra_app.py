@@ -152,13 +152,13 @@ def _show_configuration(hydra: ComposedHydra, arguments: argparse.Namespace) -> 
 
 def complete_shell(arguments: argparse.Namespace) -> int:
     """Install, remove or answer tab completion: ``-sc install=bash``, ``-sc query=bash``; return 0."""
-    asked = [word.partition("=")[0] for word in arguments.overrides]
-    if asked not in (["install"], ["uninstall"], ["query"]):
+    requested = [word.partition("=")[0] for word in arguments.overrides]
+    if requested not in (["install"], ["uninstall"], ["query"]):
         raise ConfigError(
             "-sc needs install=SHELL, uninstall=SHELL or query=SHELL; SHELL is bash, zsh or fish"
         )
     sys.argv[:1] = ["pareto-ltl"]  # the program that Hydra completes, also under python -m
-    if asked != ["query"]:
+    if requested != ["query"]:
         with opened_hydra(arguments) as hydra:
             hydra.shell_completion(config_name(arguments), arguments.overrides)
         return 0
@@ -266,7 +266,7 @@ class HydraJob:
 
         directory = Path(HydraConfig.get().runtime.output_dir)
         varied = [word for word in _task_overrides() if word not in self.overrides]
-        told = ", ".join(varied) or str(config.get("name"))
+        reported = ", ".join(varied) or str(config.get("name"))
         try:
             checked = check_settings(settings_from(config))
             metrics: dict[str, float] = {}
@@ -276,12 +276,12 @@ class HydraJob:
 
             done = RunJob(directory).do_once(work, resume=checked.settings.sweep.resume)
             ended = f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"
-            print(f"{told}: {ended}", flush=True)
+            print(f"{reported}: {ended}", flush=True)
         except InfeasibleError:
-            print(f"{told}: infeasible", flush=True)  # an answer; the table has the reason
+            print(f"{reported}: infeasible", flush=True)  # an answer; the table has the reason
         except Exception as error:
             line, code = _failure(error, _relative_path(directory))
-            print_problem(f"{told}: {line}")
+            print_problem(f"{reported}: {line}")
             return code
         return 0
 

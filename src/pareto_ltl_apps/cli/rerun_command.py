@@ -72,8 +72,8 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
 
     def answer(same: bool, *differences: str, compared: Sequence[str] = ()) -> Answer:
         document = {"same": same, "differences": differences, "compared": compared, "notes": notes}
-        told = differences or [f"the same, byte for byte: {', '.join(compared)}"]
-        return Answer(document, [*(f"note: {note}" for note in notes), *told], code=0 if same else 1)
+        reported = differences or [f"the same, byte for byte: {', '.join(compared)}"]
+        return Answer(document, [*(f"note: {note}" for note in notes), *reported], code=0 if same else 1)
 
     checked = Pipeline.of(settings)
     try:

@@ -155,9 +155,9 @@ def explain(options: Namespace) -> Answer:
     """A plan leg by leg, or what limits it."""
     from pareto_ltl_apps.view.showing import explanation
 
-    told = explanation(options.directory, point=options.point, limits=options.limits, each=options.legs)
-    lines = list(chain.from_iterable(map(_in_columns, told.lines)))
-    return Answer({"directory": options.directory, **told.document}, lines)
+    reported = explanation(options.directory, point=options.point, limits=options.limits, each=options.legs)
+    lines = list(chain.from_iterable(map(_in_columns, reported.lines)))
+    return Answer({"directory": options.directory, **reported.document}, lines)
 
 
 def _in_columns(line: str) -> list[str]:

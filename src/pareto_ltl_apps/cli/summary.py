@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pareto_ltl.extend import Plan
     from pareto_ltl_apps.studies.sweep_summary import SweepSummary
 
-MOST_WARNINGS = 5  # warnings that are printed, at most
+MAX_WARNINGS = 5  # warnings that are printed, at most
 WIDTH = 78  # columns of a terminal that tables fit into, without the edges of a table
 GAP = 2  # columns between two columns of a table of a study
 FAILED = "failed"  # the column that a table has before others
@@ -82,10 +82,10 @@ def _summary_table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
 
 def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str]:
     """The first ``warnings``, and how many more the log in ``directory`` has."""
-    for warning in warnings[:MOST_WARNINGS]:
+    for warning in warnings[:MAX_WARNINGS]:
         yield f"Warning: {warning}"
-    if len(warnings) > MOST_WARNINGS:
-        yield f"Warning: {len(warnings) - MOST_WARNINGS} more in {directory / 'run.log'}"
+    if len(warnings) > MAX_WARNINGS:
+        yield f"Warning: {len(warnings) - MAX_WARNINGS} more in {directory / 'run.log'}"
 
 
 def plan_paragraphs(settings: Settings, directory: Path, plan: Plan) -> Iterator[str]:
@@ -113,18 +113,19 @@ def plan_paragraphs(settings: Settings, directory: Path, plan: Plan) -> Iterator
 def limit_rows(plan: Plan | None, medium: Medium = AIR) -> Iterator[tuple[str, str]]:
     """The segment of ``plan`` that is closest to its chance constraint, if there is one."""
     if plan is not None and plan.worst is not None and not plan.epsilon_kept:
-        risk, most = (probability_text(p) for p in (plan.worst.probability, plan.epsilon))
+        risk, largest = (probability_text(p) for p in (plan.worst.probability, plan.epsilon))
         yield (
             f"worst segment, {plan.models.law} {medium.flows}",
-            f"{plan.worst.nearest} at step {plan.worst.step + 1}: collides {risk}, above the limit of {most}",
+            f"{plan.worst.nearest} at step {plan.worst.step + 1}: collides {risk}, "
+            f"above the limit of {largest}",
         )
     elif plan is not None and plan.limits is not None:
         k = int(plan.limits.probability.argmax())
         risk = probability_text(float(plan.limits.probability[k]))
-        most = "no limit" if plan.epsilon >= 1.0 else f"at most {probability_text(plan.epsilon)}"
+        largest = "no limit" if plan.epsilon >= 1.0 else f"at most {probability_text(plan.epsilon)}"
         yield (
             f"closest segment, {plan.models.law} {medium.flows}",
-            f"{plan.limits.nearest[k]} at step {k + 1}: collides {risk}, {most}",
+            f"{plan.limits.nearest[k]} at step {k + 1}: collides {risk}, {largest}",
         )
 
 
@@ -205,10 +206,10 @@ def _wind_rows(metrics: Mapping[str, float]) -> Iterator[tuple[str, str]]:
 
 
 def _promise_row(metrics: Mapping[str, float], name: str) -> tuple[str, str]:
-    rate, most = metrics["promise_failure"], probability_text(metrics["promise_high"])
+    rate, limit = metrics["promise_failure"], probability_text(metrics["promise_high"])
     kind = "weighted" if metrics.get("promise_weighted") else "fresh"
     named = f"{name}, {metrics['promise_runs']:,.0f} {kind} flights"
-    shown = f"{probability_text(rate)}, at most {most} (95 %)"
+    shown = f"{probability_text(rate)}, at most {limit} (95 %)"
     if rate >= (floor := metrics.get("promise_floor", 0.0)):
         return named, shown
     return named, f"below {probability_text(floor)}: the law's data cannot say less; simulated: {shown}"

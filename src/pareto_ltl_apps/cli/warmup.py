@@ -200,21 +200,21 @@ def path_forest(problem: Problem) -> Forest:
     return Forest((tree,), np.array([[0, len(x) - 1]]), 0.0)
 
 
-def warm_up_all(names: Sequence[str], jobs: int, told: Told) -> Iterator[Warmed]:
+def warm_up_all(names: Sequence[str], jobs: int, reported: Told) -> Iterator[Warmed]:
     """Compile the kernels of ``names`` in at most ``jobs`` processes; yields the cost of each, as they end.
 
-    ``told`` is called with the number of kinds that are done, their total, and what is compiled now.
+    ``reported`` is called with the number of kinds that are done, their total, and what is compiled now.
     """
     total = len(names)
     if min(jobs, total) < 2:
         for done, name in enumerate(names):
-            yield warm_up(name, partial(_tell, told, done, total, name))
+            yield warm_up(name, partial(_tell, reported, done, total, name))
         return
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as workers:
         waiting = {workers.submit(warm_up, name) for name in names}
-        told(0, total, f"{total} kinds of runs in {jobs} processes")
+        reported(0, total, f"{total} kinds of runs in {jobs} processes")
         for done, ended in enumerate(as_completed(waiting), 1):
-            told(done, total, ended.result().name)
+            reported(done, total, ended.result().name)
             yield ended.result()
 
 

@@ -54,14 +54,14 @@ def wind_error(options: Namespace) -> Answer:
     estimate = estimate_errors(snapshots, area, draws, HOUR * options.max_lag)
     usual = first_law()
     law = estimated_law(estimate, options.name or options.folder.resolve().name[:LONGEST_NAME], usual)
-    told = _told_by_stations(snapshots, options.stations, box, draws)
-    document = error_document(estimate, law, usual.name, (*files, *options.stations), told)
+    reported = _told_by_stations(snapshots, options.stations, box, draws)
+    document = error_document(estimate, law, usual.name, (*files, *options.stations), reported)
     write_json(options.out, document)
     drawn = draw_wind_error(options.out.parent, options.out.stem, estimate, law, usual)
     written = (options.out, *drawn)
     lines = [
         *estimate_lines(estimate, law, usual),
-        f"analysis error: {analysis_text(told)}",
+        f"analysis error: {analysis_text(reported)}",
         f"wrote {', '.join(map(str, written))}",
     ]
     return Answer({**document, "written": written}, lines, written)
@@ -158,14 +158,14 @@ def estimate_lines(estimate: ErrorEstimate, law: ForecastError, usual: ForecastE
         yield f"note: {note}"
 
 
-def analysis_text(told: Mapping[str, float] | str) -> str:
+def analysis_text(reported: Mapping[str, float] | str) -> str:
     """The error of analyses in words."""
-    if isinstance(told, str):
-        return told
+    if isinstance(reported, str):
+        return reported
     return (
-        f"{told['sd']:.2f} m/s (95 %: {told['sd_low']:.2f} to {told['sd_high']:.2f}) from "
-        f"{told['reports']:,} reports at {told['times']} times; noise of a station "
-        f"{told['station_noise']:.2f} m/s"
+        f"{reported['sd']:.2f} m/s (95 %: {reported['sd_low']:.2f} to {reported['sd_high']:.2f}) from "
+        f"{reported['reports']:,} reports at {reported['times']} times; noise of a station "
+        f"{reported['station_noise']:.2f} m/s"
     )
 
 

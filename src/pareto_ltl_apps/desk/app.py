@@ -30,7 +30,7 @@ from pareto_ltl_apps.desk.plans import Job, Plans
 from pareto_ltl_apps.desk.server import Guard, LoopbackServer, loopback_server
 from pareto_ltl_apps.view.components import FOLDER
 
-MOST_TIME = 1e8  # [s] after departure
+MAX_TIME = 1e8  # [s] after departure
 JSON_TYPE = "application/json"
 BODIES = Advice(damaged="correct it")
 GRACE = 2  # [s] for open streams when the server ends
@@ -150,159 +150,159 @@ def operation(method: str, path: str, body: str = "") -> Callable[[Endpoint], En
 
 @operation("POST", "/api/plans", body="settings: values by key; overrides: KEY=VALUE; map (GeoJSON) and "
            "formula; command: plan, departure (compares starts) or wind (without a plan)")  # fmt: skip
-async def make_plan(asked: Asked) -> Answer:
+async def make_plan(requested: Asked) -> Answer:
     """Start a plan; answers its id at once."""
-    given = asked.fields("command", "overrides", "settings", "map", "formula")
-    command, *words = await run_in_threadpool(missions.command_words, asked.folder, given)
-    return asked.started(asked.plans.plan(command, words))
+    given = requested.fields("command", "overrides", "settings", "map", "formula")
+    command, *words = await run_in_threadpool(missions.command_words, requested.folder, given)
+    return requested.started(requested.plans.plan(command, words))
 
 
 @operation("GET", "/api/plans")
-async def list_plans(asked: Asked) -> Answer:
+async def list_plans(requested: Asked) -> Answer:
     """All plans in the folder, the newest first."""
-    return {"plans": asked.plans.all_states()}
+    return {"plans": requested.plans.all_states()}
 
 
 @operation("GET", PLAN)
-async def plan_state(asked: Asked) -> Answer:
+async def plan_state(requested: Asked) -> Answer:
     """Status, directory, error and command line."""
-    return asked.plans.state(asked.name)
+    return requested.plans.state(requested.name)
 
 
 @operation("DELETE", PLAN)
-async def cancel_plan(asked: Asked) -> Answer:
+async def cancel_plan(requested: Asked) -> Answer:
     """Cancel a running plan."""
-    asked.plans.cancel(asked.name)
-    return asked.plans.state(asked.name)
+    requested.plans.cancel(requested.name)
+    return requested.plans.state(requested.name)
 
 
 @operation("GET", PLAN + "/events")
-async def plan_events(asked: Asked) -> Answer:
+async def plan_events(requested: Asked) -> Answer:
     """Server-sent events: stage, progress, paths, status."""
-    asked.plans.state(asked.name)
+    requested.plans.state(requested.name)
 
     async def lines() -> AsyncIterator[bytes]:
-        async for event in asked.plans.follow(asked.name):
+        async for event in requested.plans.follow(requested.name):
             yield f"event: {event['event']}\ndata: {json.dumps(event)}\n\n".encode()
 
     return StreamingResponse(lines(), media_type="text/event-stream")
 
 
 @operation("GET", PLAN + "/front")
-def plan_front(asked: Asked) -> Answer:
+def plan_front(requested: Asked) -> Answer:
     """Points, with the columns of front.csv."""
-    return views.front_view(asked.front)
+    return views.front_view(requested.front)
 
 
 @operation("GET", PLAN + "/points/{number}")
-def plan_point(asked: Asked) -> Answer:
+def plan_point(requested: Asked) -> Answer:
     """Path, ellipses, log, flights, risk and limits of a point."""
-    return views.point_view(asked.front, asked.number)
+    return views.point_view(requested.front, requested.number)
 
 
 @operation("GET", PLAN + "/points/{number}/limits")
-def point_limits(asked: Asked) -> Answer:
+def point_limits(requested: Asked) -> Answer:
     """Prices, and the tightest segments."""
-    return views.limits_view(asked.done, asked.number)
+    return views.limits_view(requested.done, requested.number)
 
 
 @operation("GET", PLAN + "/wind")
-def plan_wind(asked: Asked) -> Answer:
+def plan_wind(requested: Asked) -> Answer:
     """The expected wind at some times, and its deviation."""
-    return views.wind_view(asked.front)
+    return views.wind_view(requested.front)
 
 
 @operation("POST", PLAN + "/beacons")
-async def find_beacon(asked: Asked) -> Answer:
+async def find_beacon(requested: Asked) -> Answer:
     """Try a beacon at many places; answers an id."""
-    return asked.started(asked.plans.beacons(asked.name))
+    return requested.started(requested.plans.beacons(requested.name))
 
 
 @operation("GET", PLAN + "/beacons")
-def plan_beacons(asked: Asked) -> Answer:
+def plan_beacons(requested: Asked) -> Answer:
     """Failure with a beacon at each place, and a summary."""
-    return views.beacons_view(asked.done)
+    return views.beacons_view(requested.done)
 
 
 @operation("GET", PLAN + "/check")
-def plan_check(asked: Asked) -> Answer:
+def plan_check(requested: Asked) -> Answer:
     """The last check in a newer forecast: GO or NO-GO, and its lines."""
-    return views.check_view(asked.done)
+    return views.check_view(requested.done)
 
 
 @operation("GET", PLAN + "/departures")
-def plan_departures(asked: Asked) -> Answer:
+def plan_departures(requested: Asked) -> Answer:
     """Starts, common lengths [m] and failure of each start at them."""
-    return read_json(asked.done / "departures.json")
+    return read_json(requested.done / "departures.json")
 
 
 @operation("GET", PLAN + "/exports/{kind}")
-def plan_export(asked: Asked) -> Answer:
+def plan_export(requested: Asked) -> Answer:
     """A file for other programs; ?point=N takes that point instead of the plan."""
-    number = _number(asked.query("point")) if asked.query("point") else None
-    name, content = views.export_view(asked.done, asked.request.path_params["kind"], number)
+    number = _number(requested.query("point")) if requested.query("point") else None
+    name, content = views.export_view(requested.done, requested.request.path_params["kind"], number)
     headers = {"content-disposition": f'attachment; filename="{name}"'}
     return Response(content, media_type="application/octet-stream", headers=headers)
 
 
 @operation("POST", PLAN + "/choose", body="point: its number")
-async def choose_point(asked: Asked) -> Answer:
+async def choose_point(requested: Asked) -> Answer:
     """Make a point the plan; answers an id."""
-    number = _number(asked.fields("point").get("point"))
-    rows = await run_in_threadpool(plan_front, asked)
+    number = _number(requested.fields("point").get("point"))
+    rows = await run_in_threadpool(plan_front, requested)
     if number >= len(rows["points"]):
         raise NotFoundError(f"there is no point {number}; the front has {len(rows['points'])}")
-    job = asked.plans.derive(asked.name, "choose", ("--point", str(number)), f"point_{number}")
-    return asked.started(job)
+    job = requested.plans.derive(requested.name, "choose", ("--point", str(number)), f"point_{number}")
+    return requested.started(job)
 
 
 @operation("POST", PLAN + "/replan", body="time [s after departure], fix [latitude, longitude, sd in m]")
-async def replan(asked: Asked) -> Answer:
+async def replan(requested: Asked) -> Answer:
     """Plan the rest of a flight again after a position fix; answers an id."""
-    given = asked.fields("time", "fix")
+    given = requested.fields("time", "fix")
     time, fix = given.get("time"), given.get("fix")
     numbers = [time, *fix] if isinstance(fix, list) else []
-    if len(numbers) != 4 or not all(isinstance(x, int | float) and abs(x) < MOST_TIME for x in numbers):
+    if len(numbers) != 4 or not all(isinstance(x, int | float) and abs(x) < MAX_TIME for x in numbers):
         raise ConfigError(
             f'expected {{"time": SECONDS, "fix": [LATITUDE, LONGITUDE, SD_M]}}, got {shown_json(given)}'
         )
     time, *fix = map(float, numbers)
     words = ("--time", f"{time!r}", f"--fix={','.join(map(repr, fix))}")
-    return asked.started(asked.plans.derive(asked.name, "replan", words, f"replan_{time:.0f}"))
+    return requested.started(requested.plans.derive(requested.name, "replan", words, f"replan_{time:.0f}"))
 
 
 # --- missions ---------------------------------------------------------------------------------------------
 
 
 @operation("POST", "/api/formula", body="formula; or pattern with goals, avoid, order")
-async def explain(asked: Asked) -> Answer:
+async def explain(requested: Asked) -> Answer:
     """A formula or pattern in words, or its error and column."""
-    given = asked.fields("formula", "pattern", "goals", "avoid", "order")
-    return await asked.while_connected(asked.explainer.explained(given))
+    given = requested.fields("formula", "pattern", "goals", "avoid", "order")
+    return await requested.while_connected(requested.explainer.explained(given))
 
 
 @operation("POST", "/api/maps", body="the file")
-def read_map(asked: Asked) -> Answer:
+def read_map(requested: Asked) -> Answer:
     """A GeoJSON or KML file (?name=FILE) as features with roles."""
-    return missions.read_map(asked.folder, asked.query("name", "map.geojson"), asked.content)
+    return missions.read_map(requested.folder, requested.query("name", "map.geojson"), requested.content)
 
 
 @operation("POST", "/api/backdrops", body="the file")
-def keep_backdrop(asked: Asked) -> Answer:
+def keep_backdrop(requested: Asked) -> Answer:
     """Copy a map to lie below the drawing (?name=FILE)."""
-    return backdrop.keep_backdrop(asked.folder, asked.query("name"), asked.content)
+    return backdrop.keep_backdrop(requested.folder, requested.query("name"), requested.content)
 
 
 @operation("GET", "/api/backdrops/{name}")
-def show_backdrop(asked: Asked) -> Answer:
+def show_backdrop(requested: Asked) -> Answer:
     """Areas, lines and points of a file that was copied earlier, or an image."""
-    return backdrop.backdrop(asked.folder, asked.name)
+    return backdrop.backdrop(requested.folder, requested.name)
 
 
 @operation("POST", "/api/winds", body="the file")
-def keep_wind(asked: Asked) -> Answer:
+def keep_wind(requested: Asked) -> Answer:
     """Copy a file of winds (?name=FILE)."""
-    return {"path": asked.folder.keep_wind(asked.query("name"), asked.content)}
+    return {"path": requested.folder.keep_wind(requested.query("name"), requested.content)}
 
 
 @operation("GET", "/api/choices")
@@ -312,22 +312,22 @@ def show_choices(_asked: Asked) -> Answer:
 
 
 @operation("GET", "/api/examples/{name}")
-def example(asked: Asked) -> Answer:
+def example(requested: Asked) -> Answer:
     """The map of an example."""
-    return missions.example_map(asked.name)
+    return missions.example_map(requested.name)
 
 
 @operation("GET", "/api/mission")
-async def read_draft(asked: Asked) -> Answer:
+async def read_draft(requested: Asked) -> Answer:
     """The mission as it was last drawn, with its revision."""
-    return asked.folder.read_draft()
+    return requested.folder.read_draft()
 
 
 @operation("PUT", "/api/mission", body="revision, mission")
-async def write_draft(asked: Asked) -> Answer:
+async def write_draft(requested: Asked) -> Answer:
     """Keep the mission that is drawn; 409 if revision is not the last one."""
-    given = asked.fields("revision", "mission")
-    return asked.folder.write_draft(given.get("revision"), given.get("mission"))
+    given = requested.fields("revision", "mission")
+    return requested.folder.write_draft(given.get("revision"), given.get("mission"))
 
 
 @operation("GET", "/api/openapi.json")
@@ -400,8 +400,10 @@ def desk_server(path: Path, port: int) -> LoopbackServer:
 def _endpoint(plans: Plans, explainer: Explainer, make: Endpoint) -> Callable[[Request], Any]:
     async def answer(request: Request) -> Response:
         try:
-            asked = Asked(plans, explainer, request, await request.body())
-            found = await (make(asked) if iscoroutinefunction(make) else run_in_threadpool(make, asked))
+            requested = Asked(plans, explainer, request, await request.body())
+            found = await (
+                make(requested) if iscoroutinefunction(make) else run_in_threadpool(make, requested)
+            )
         except ClientDisconnect:
             return JSONResponse({"error": "the client has gone"}, 400)
         except (ParetoLtlError, OSError) as error:

@@ -27,7 +27,7 @@ from pareto_ltl_apps.formats.map_formats import SUFFIXES, read_map_file
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-MOST_CORNERS = 200_000  # that a page draws within a frame or two
+MAX_CORNERS = 200_000  # that a page draws within a frame or two
 DIGITS = 5  # of a degree: 1 m
 FORMS = {"Polygon": "area", "LineString": "line", "LinearRing": "line", "Point": "point"}
 TILE_SUFFIXES = (".pmtiles",)
@@ -59,8 +59,8 @@ def _all_shapes(path: Path, name: str) -> list[dict[str, Any]]:
     shapes = [shape for feature in features for shape in _shapes(name, feature)]
     if not shapes:
         raise DataError(f"{name} has no areas, lines or points; give GeoJSON, KML, PMTiles or GeoTIFF")
-    if (count := sum(len(line) for shape in shapes for line in shape["lines"])) > MOST_CORNERS:
-        raise DataError(f"{name} has {count:,} corners, at most {MOST_CORNERS:,} are drawn: simplify it")
+    if (count := sum(len(line) for shape in shapes for line in shape["lines"])) > MAX_CORNERS:
+        raise DataError(f"{name} has {count:,} corners, at most {MAX_CORNERS:,} are drawn: simplify it")
     return shapes
 
 
@@ -72,8 +72,8 @@ def _shapes(where: str, feature: Any) -> Iterator[dict[str, Any]]:
     given = feature.get("geometry") if isinstance(feature, dict) else None
     if given is None:
         return
-    told = feature.get("properties")
-    title = told.get("name") or told.get("title") if isinstance(told, dict) else None
+    reported = feature.get("properties")
+    title = reported.get("name") or reported.get("title") if isinstance(reported, dict) else None
     try:
         parts = [part for many in get_parts([shape(given)]) for part in get_parts([many])]
         for part in parts:
@@ -100,10 +100,10 @@ def _degrees(corners: Any) -> list[list[float]]:
 
 # --- PMTiles ---------------------------------------------------------------------------------
 
-MOST_TILES = 256  # of a zoom of vector tiles that is read
-MOST_SIDE = 8  # tiles along a side of an image: 2,048 pixels
+MAX_TILES = 256  # of a zoom of vector tiles that is read
+MAX_SIDE = 8  # tiles along a side of an image: 2,048 pixels
 LARGEST_TILE = 20_000_000  # bytes, unpacked
-MOST_TILE_CORNERS = 150_000  # of a zoom of vector tiles
+MAX_TILE_CORNERS = 150_000  # of a zoom of vector tiles
 KINDS = ("kind", "class", "type")  # properties that distinguish areas of one layer
 
 
@@ -164,12 +164,12 @@ class _Archive(NamedTuple):
 
     def shapes(self, header: dict[str, Any]) -> list[dict[str, Any]]:
         """Shapes of the closest zoom that a page can draw."""
-        for tiles in _zooms(header, lambda size: size[0] * size[1] <= MOST_TILES):
+        for tiles in _zooms(header, lambda size: size[0] * size[1] <= MAX_TILES):
             found = self._shapes_of(tiles)
-            if found and sum(len(line) for one in found for line in one["lines"]) <= MOST_TILE_CORNERS:
+            if found and sum(len(line) for one in found for line in one["lines"]) <= MAX_TILE_CORNERS:
                 return found
         raise DataError(
-            f"{self.name} has no zoom with at most {MOST_TILES} tiles and {MOST_TILE_CORNERS:,} corners: "
+            f"{self.name} has no zoom with at most {MAX_TILES} tiles and {MAX_TILE_CORNERS:,} corners: "
             "extract a part of it"
         )
 
@@ -193,7 +193,7 @@ class _Archive(NamedTuple):
         """The tiles of the closest zoom that fits, as one image."""
         from PIL import Image
 
-        for tiles in _zooms(header, lambda size: max(size) <= MOST_SIDE):
+        for tiles in _zooms(header, lambda size: max(size) <= MAX_SIDE):
             drawn = {
                 (column, row): Image.open(io.BytesIO(content), formats=["PNG", "JPEG", "WEBP"])
                 for column, row, content in self._contents(tiles)
@@ -246,9 +246,9 @@ def _zooms(header: dict[str, Any], fits: Callable[[tuple[int, int]], bool]) -> I
 
 def _identity(feature: dict[str, Any]) -> tuple[str, ...]:
     """What parts of one thing in several tiles have in common: name, number and kind."""
-    told = feature["properties"]
-    kind = next((told[key] for key in KINDS if key in told), "")
-    return str(told.get("name") or ""), str(feature.get("id") or ""), str(kind)
+    reported = feature["properties"]
+    kind = next((reported[key] for key in KINDS if key in reported), "")
+    return str(reported.get("name") or ""), str(feature.get("id") or ""), str(kind)
 
 
 def _inside(one: BaseGeometry, side: float) -> list[BaseGeometry]:

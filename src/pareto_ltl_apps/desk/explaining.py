@@ -24,14 +24,14 @@ from pareto_ltl_apps.view.in_words import mission_in_words
 from pareto_ltl_apps.view.page.machine import shown_automaton
 
 PROCESS = (sys.executable, "-m", "pareto_ltl_apps.desk.explaining")
-MOST_TIME = 20.0  # [s] for one formula
+MAX_TIME = 20.0  # [s] for one formula
 LATE = (
-    f"the automaton of this mission is not made within {MOST_TIME:g} s: use fewer goals or a shorter formula"
+    f"the automaton of this mission is not made within {MAX_TIME:g} s: use fewer goals or a shorter formula"
 )
 ENDED = "the process that explains formulas ended early; change the formula, or try again"
 KEPT = 200  # answers in memory
-MOST_LINE = 2**24  # bytes of an answer
-MOST_STATES = 500  # of an automaton
+MAX_LINE = 2**24  # bytes of an answer
+MAX_STATES = 500  # of an automaton
 
 
 @dataclass(slots=True)
@@ -43,9 +43,9 @@ class Explainer:
     process: Process | None = None
     working: asyncio.Task[None] | None = None
 
-    async def explained(self, asked: Mapping[str, Any]) -> Any:
+    async def explained(self, requested: Mapping[str, Any]) -> Any:
         """The answer of :func:`explained_formula`; the work on it ends if the caller is cancelled."""
-        text = json.dumps(asked, sort_keys=True)
+        text = json.dumps(requested, sort_keys=True)
         if text in self.answers:
             return self.answers[text]
         answer: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
@@ -77,7 +77,7 @@ class Explainer:
             if answer.done():
                 continue
             made = asyncio.ensure_future(self._made(text))
-            await asyncio.wait({made, answer}, timeout=MOST_TIME, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({made, answer}, timeout=MAX_TIME, return_when=asyncio.FIRST_COMPLETED)
             found = made.result() if made.done() else None
             if found is not None:
                 self.answers = dict([*self.answers.items()][1 - KEPT :]) | {text: found}
@@ -102,7 +102,7 @@ class Explainer:
     async def _started(self) -> Process:
         if self.process is None or self.process.returncode is not None:
             self.process = await asyncio.create_subprocess_exec(
-                *PROCESS, stdin=PIPE, stdout=PIPE, limit=MOST_LINE
+                *PROCESS, stdin=PIPE, stdout=PIPE, limit=MAX_LINE
             )
         return self.process
 
@@ -114,15 +114,15 @@ class Explainer:
             self.process = None
 
 
-def explained_formula(asked: Mapping[str, Any]) -> dict[str, Any]:
+def explained_formula(requested: Mapping[str, Any]) -> dict[str, Any]:
     """A formula, or the formula of a pattern, in words and as an automaton; or its error and its column."""
     text = ""
     try:
-        mission = Settings.of_section("mission", {key: value for key, value in asked.items() if value})
+        mission = Settings.of_section("mission", {key: value for key, value in requested.items() if value})
         assert isinstance(mission, MissionConfig)
         text = formula_of(mission)
         tree = parse_formula(text)
-        automaton = translate(text, None, MOST_STATES)
+        automaton = translate(text, None, MAX_STATES)
     except ParetoLtlError as error:
         return {"formula": text, "error": str(error), "column": getattr(error, "column", None)}
     return {

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 SUFFIXES = (".tif", ".tiff")
-MOST_PIXELS = 100_000_000  # of a file
-MOST_SIDE = 2048  # pixels of what the page gets
-MOST_LATITUDE = 85.0  # of the Mercator plane of the page [deg]
+MAX_PIXELS = 100_000_000  # of a file
+MAX_SIDE = 2048  # pixels of what the page gets
+MAX_LATITUDE = 85.0  # of the Mercator plane of the page [deg]
 EDGE_POINTS = 21  # on each edge of a file, to find its extent
 CONTRAST = (2.0, 98.0)  # percentiles that become black and white in files of heights or depths
 SCALE, TIES, MATRIX, KEYS, NO_DATA = 33550, 33922, 34264, 34735, 42113  # tags of TIFF files
@@ -50,8 +50,8 @@ def shown_image(path: Path) -> dict[str, Any]:
     try:
         # Pillow warns about tags that it cannot read.
         with warnings.catch_warnings(action="ignore"), Image.open(path, formats=["TIFF"]) as image:
-            if image.width * image.height > MOST_PIXELS:
-                raise DataError(f"{path.name} has more than {MOST_PIXELS:,} pixels: make it smaller")
+            if image.width * image.height > MAX_PIXELS:
+                raise DataError(f"{path.name} has more than {MAX_PIXELS:,} pixels: make it smaller")
             tags = dict(image.tag_v2)  # type: ignore[attr-defined]
             colours = _colours(image, tags.get(NO_DATA))
         return _placed(path.name, colours, _pixel_matrix(path.name, tags), _code(path.name, tags))
@@ -115,8 +115,8 @@ def _placed(name: str, colours: NDArray[np.uint8], matrix: FloatArray, code: int
     if not (np.isfinite(lon) & np.isfinite(lat)).all() or not np.ptp(lon) > 0.0 or not np.ptp(lat) > 0.0:
         raise DataError(f"{name}: {NOT_PLACED}")
     west, east = float(lon.min()), float(lon.max())
-    south, north = (float(at) for at in np.clip((lat.min(), lat.max()), -MOST_LATITUDE, MOST_LATITUDE))
-    x, y = _grid(west, south, east, north, min(MOST_SIDE, max(rows, columns)))
+    south, north = (float(at) for at in np.clip((lat.min(), lat.max()), -MAX_LATITUDE, MAX_LATITUDE))
+    x, y = _grid(west, south, east, north, min(MAX_SIDE, max(rows, columns)))
     place = np.array(to_degrees.transform(*np.meshgrid(x, y), direction=TransformDirection.INVERSE))
     back = np.linalg.inv(matrix[:, :2])
     column, row = np.floor(np.einsum("ij,jhw->ihw", back, place - matrix[:, 2, None, None]))

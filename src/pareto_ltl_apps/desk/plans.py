@@ -22,9 +22,9 @@ from pareto_ltl_apps.desk.folder import PLANS, DeskFolder
 
 WORKER = (sys.executable, "-m", "pareto_ltl_apps.cli.desk_worker")
 PATIENCE = 10.0  # [s] in which a cancelled run can record how it ended
-MOST_LINE = 2**24  # bytes of one event
-MOST_JOBS = 50  # of one worker, whose memory a new one returns
-MOST_ENDED = 20  # jobs whose events stay in memory
+MAX_LINE = 2**24  # bytes of one event
+MAX_JOBS = 50  # of one worker, whose memory a new one returns
+MAX_ENDED = 20  # jobs whose events stay in memory
 STATUS = {"ok": "done", "stopped": "cancelled", "infeasible": "failed", "failed": "failed"}
 BEACONS = "beacons"  # the command, and the folder that it writes into
 WARNED = " WARNING "  # of a line in run.log
@@ -188,7 +188,7 @@ class Plans:
         if (present := self.jobs.get(name)) is not None and present.status == "running":
             return present
         ended = [known for known, job in self.jobs.items() if job.status != "running"]
-        for known in ended[: -MOST_ENDED or None]:  # their directories have what is known of them
+        for known in ended[: -MAX_ENDED or None]:  # their directories have what is known of them
             del self.jobs[known]
         job = self.jobs[name] = Job(name, argv)
         self.waiting.put_nowait(job)
@@ -196,13 +196,13 @@ class Plans:
 
     async def _started(self) -> asyncio.subprocess.Process:
         """The worker; a new one if there is none, or if it has run many jobs."""
-        if self.worker is not None and (self.worker.returncode is not None or self.done >= MOST_JOBS):
+        if self.worker is not None and (self.worker.returncode is not None or self.done >= MAX_JOBS):
             self._stop_worker()
             self.worker = None
         if self.worker is None:
             pipe = asyncio.subprocess.PIPE
             self.worker = await asyncio.create_subprocess_exec(
-                *WORKER, cwd=self.folder.root, stdin=pipe, stdout=pipe, stderr=None, limit=MOST_LINE
+                *WORKER, cwd=self.folder.root, stdin=pipe, stdout=pipe, stderr=None, limit=MAX_LINE
             )
             self.done = 0
         return self.worker
@@ -227,7 +227,7 @@ class Plans:
         if job.status == "running":
             job.end(*(("cancelled",) if job.cancelled else ("failed", "the process of the plan ended early")))
         if job.cancelled:
-            self.done = MOST_JOBS  # a new worker, warm for the next plan
+            self.done = MAX_JOBS  # a new worker, warm for the next plan
 
     def _stop_worker(self) -> None:
         worker = self.worker

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pareto_ltl.support.errors import ConfigError
 
 LIFE = 120.0  # [s] of the one-time token
-MOST_SESSIONS = 50  # cookies that are accepted; the oldest is forgotten
+MAX_SESSIONS = 50  # cookies that are accepted; the oldest is forgotten
 MISSING = (
     "the token is missing or wrong: open the first line that pareto-ltl printed, or send it as a Bearer token"
 )
@@ -98,7 +98,7 @@ class Sessions:
         return f"{self.cookie}={session}; Path=/; HttpOnly; SameSite=Strict"
 
     def _added(self) -> str:
-        self.known = [*self.known[1 - MOST_SESSIONS :], secrets.token_urlsafe(24)]
+        self.known = [*self.known[1 - MAX_SESSIONS :], secrets.token_urlsafe(24)]
         return self.known[-1]
 
 

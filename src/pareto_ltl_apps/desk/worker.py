@@ -23,7 +23,7 @@ from typing import IO, Any
 from pareto_ltl.extend import Frame, PlannedPath, Watcher, watched_by
 from pareto_ltl.support.arrays import FloatArray, length_of
 
-MOST_PATHS = 40  # paths of the search trees that are reported
+MAX_PATHS = 40  # paths of the search trees that are reported
 LAST_WORDS = 20.0  # [s] in which a run whose server has gone can record how it ended
 PAUSE = 0.1  # [s] between two reports of progress
 WARMED = (  # what the stages of a plan would import one after another
@@ -71,7 +71,7 @@ class Reporter(Watcher):
             self.crs = records["problem"].scene.crs
         elif name == "forest":
             with suppress(ValueError):
-                found = records["problem"].grown_paths(records["forest"])[:MOST_PATHS]
+                found = records["problem"].grown_paths(records["forest"])[:MAX_PATHS]
                 self._send_paths("search", _by_bound(found), bound=True)
         elif name == "front":
             front = records["front"]

@@ -106,27 +106,27 @@ class ExportedPlan:
             share = rate_text(rate.failure, rate.low, rate.high)
             return f"Of {rate.sample} flown {how} in {rate.law} {flows}, {share} fail."
 
-        told = [f"Mission {plan.formula}."]
+        reported = [f"Mission {plan.formula}."]
         if promise is not None:
-            told.append(fails(promise.rate, self.flown_by()))
+            reported.append(fails(promise.rate, self.flown_by()))
             if promise.rate.failure < promise.floor:
-                told.append(f"Promised: {promise.fails}.")
+                reported.append(f"Promised: {promise.fails}.")
         pilot = f"by an autopilot that knows and holds the positions (robot.feedback_time={HELD_TIME:g})"
-        told.append(f"{Plan.NO_PROMISE.capitalize()}." if self.held is None else fails(self.held, pilot))
+        reported.append(f"{Plan.NO_PROMISE.capitalize()}." if self.held is None else fails(self.held, pilot))
         if self.log.swing > 0.0:
-            told.append(
+            reported.append(
                 f"Turns take {self.log.late:.0f} s, which the times of the legs include. They lead up to "
                 f"{self.log.swing:.0f} m away from the straight lines between the positions, which the "
                 "failure rates leave out."
             )
-        told.append(height_sentence(self.height, self.air, self.medium))
+        reported.append(height_sentence(self.height, self.air, self.medium))
         if gap := plan.level_gap:
-            told.append(f"The failure rates are no promise: {gap}.")
+            reported.append(f"The failure rates are no promise: {gap}.")
         if absent := absent_sentence(self.scene):
-            told.append(absent)
+            reported.append(absent)
         if plan.not_covered:
-            told.append(f"Not covered: {plan.not_covered.rstrip('.')}.")
-        return tuple(told)
+            reported.append(f"Not covered: {plan.not_covered.rstrip('.')}.")
+        return tuple(reported)
 
 
 def height_sentence(height: Height, air: FlownAir | None, medium: Medium) -> str:

@@ -104,11 +104,11 @@ def placemark(name: str, style: str, shape: Xml.Element, utc: str | None = None)
 def _positions(exported: ExportedPlan) -> Iterator[Xml.Element]:
     log = exported.log
     for k, (lat, lon) in enumerate(zip(log.lat, log.lon, strict=True)):
-        told = {"radius_95_m": f"{log.radius[k]:.3f}", "wind_law": log.law}
+        reported = {"radius_95_m": f"{log.radius[k]:.3f}", "wind_law": log.law}
         if k < log.legs:
             leg = log.leg(k)
-            told |= {name: f"{leg[name]:.6f}" for name in AT_LEGS if np.isfinite(leg[name])}
-        data = (element("Data", element("value", value), name=name) for name, value in told.items())
+            reported |= {name: f"{leg[name]:.6f}" for name in AT_LEGS if np.isfinite(leg[name])}
+        data = (element("Data", element("value", value), name=name) for name, value in reported.items())
         yield element(
             "Placemark",
             element("name", f"{k} {region_text(exported, k)}".strip()),

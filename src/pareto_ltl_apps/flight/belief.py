@@ -311,8 +311,8 @@ def faded(theta: FloatArray, kept: FloatArray, rng: Generator) -> FloatArray:
     return np.asarray(kept * theta + np.sqrt(1.0 - kept**2) * rng.standard_normal(theta.shape))
 
 
-def _within_airspeed(u: FloatArray, least: float, most: float) -> FloatArray:
-    """Controls (n, 2) of the same directions with airspeeds in [``least``, ``most``]; 0 stays 0."""
+def _within_airspeed(u: FloatArray, least: float, limit: float) -> FloatArray:
+    """Controls (n, 2) of the same directions with airspeeds in [``least``, ``limit``]; 0 stays 0."""
     size = np.linalg.norm(u, axis=1)
-    wanted = np.clip(size, least, most)
+    wanted = np.clip(size, least, limit)
     return np.asarray(u * np.where(size > 0.0, wanted / np.maximum(size, 1e-12), 1.0)[:, None])

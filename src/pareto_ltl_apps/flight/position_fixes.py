@@ -31,7 +31,7 @@ FAR = math.sqrt(-2.0 * math.log(UNLIKELY))  # the same as a distance of two comp
 NEAR = 2.0  # standard deviations within which another time or place explains a fix
 APART = 5.0  # standard deviations of their errors by which two fixes must differ to contradict each other
 ADVICE = Advice("give the path of a CSV file", "expected a CSV file with the columns time,lat,lon,sd_m")
-MOST_FIXES = 200
+MAX_FIXES = 200
 LEAST_SD = 0.01  # [m] fixes that are more accurate make the covariance of several singular
 HISTORY = "replan history"  # stream of the past flights
 HISTORIES = 2000  # simulated past flights that estimate the automaton state
@@ -43,11 +43,11 @@ COLUMNS = {True: ("time", "lat", "lon", "sd_m"), False: ("time", "x", "y", "sd_m
 
 def seconds_of(problem: Problem, what: str, time: float | str) -> float:
     """A time after departure [s]; ConfigError if ``time`` is none."""
-    asked = time
+    requested = time
     if isinstance(time, str) and (short := duration_seconds(time, "s")) is not None:
-        asked = short
+        requested = short
     try:
-        return seconds_after(what, asked, problem.scene.time_zero)
+        return seconds_after(what, requested, problem.scene.time_zero)
     except DataError as error:
         raise ConfigError(str(error)) from None
 
@@ -137,8 +137,8 @@ def fix_rows(file: Path, *, on_earth: bool) -> list[tuple[str, str, list[float]]
             "first line"
         )
     used = [(number, row) for number, row in enumerate(rows[1:], 2) if any(row)]
-    if not 1 <= len(used) <= MOST_FIXES:
-        raise DataError(f"{file}: {len(used)} fixes; expected 1 to {MOST_FIXES}, one a line")
+    if not 1 <= len(used) <= MAX_FIXES:
+        raise DataError(f"{file}: {len(used)} fixes; expected 1 to {MAX_FIXES}, one a line")
     found = []
     for number, row in used:
         what = f"{file}, line {number}"

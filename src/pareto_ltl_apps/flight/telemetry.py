@@ -34,7 +34,7 @@ FASTEST = 1.5  # of the largest airspeed of the robot: a faster reading is an er
 JUMP = 3600.0  # [s] a reading so much later than the last one is a jump of the clock until a second agrees
 MICROSECONDS = 6  # decimal places of times [s]
 LATE = 1.0  # [s] a position may be older than the last reading: its error grows by the way flown since
-LEAST_SD, MOST_SD = 0.01, 1e6  # [m] of a usable fix
+LEAST_SD, MAX_SD = 0.01, 1e6  # [m] of a usable fix
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ class Sieve:
         """The place and its standard deviation [m], with the way that can be flown while it was ``late``."""
         if reading.place is None:
             return None, math.nan
-        if not all(map(math.isfinite, reading.place)) or not LEAST_SD <= reading.sd <= MOST_SD:
+        if not all(map(math.isfinite, reading.place)) or not LEAST_SD <= reading.sd <= MAX_SD:
             self.refused["position"] += 1
             return None, math.nan
         return reading.place, math.hypot(reading.sd, FASTEST * self.u_max * late)

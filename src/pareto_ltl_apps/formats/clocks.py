@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SECONDS = "seconds since 1970-01-01"
-MOST_LETTERS = 1_000_000  # of a clock that is text
+MAX_LETTERS = 1_000_000  # of a clock that is text
 UNITS = {"d": "days", "h": "hours", "hr": "hours", "min": "minutes", "s": "seconds", "sec": "seconds"}
 UNITS |= {"hrs": "hours", "mins": "minutes", "secs": "seconds", "msec": "milliseconds"}
 SPANS = {  # [s]
@@ -266,7 +266,7 @@ def with_text_clocks(data: xr.Dataset) -> xr.Dataset:
     """
     found: dict[Hashable, tuple[tuple[Hashable, ...], Any, dict[str, str]]] = {}
     for name, array in data.variables.items():
-        text = "time" in str(name).lower() and array.dtype.kind in "SUO" and array.size <= MOST_LETTERS
+        text = "time" in str(name).lower() and array.dtype.kind in "SUO" and array.size <= MAX_LETTERS
         if text and (clock := _text_clock(array)) is not None:
             found[name] = clock
     if (start := data.attrs.get("SIMULATION_START_DATE")) is not None and TEXT_CLOCK.fullmatch(str(start)):

@@ -15,7 +15,7 @@ from pareto_ltl_apps.formats.netcdf_files import quantities_in
 from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS
 from pareto_ltl_apps.formats.station_tables import BUOYS, holds_reports
 
-MOST_FIELDS = 20_000  # of a GRIB file, that are looked at
+MAX_FIELDS = 20_000  # of a GRIB file, that are looked at
 
 
 def source_of_path(path: str | Path) -> str:
@@ -73,7 +73,7 @@ def source_of_file(path: Path) -> str:
 def _grib_source(path: Path) -> str:
     with path.open("rb") as stream:
         check_frames(path, stream)
-        there = list(islice(parameters(stream), MOST_FIELDS))
+        there = list(islice(parameters(stream), MAX_FIELDS))
     if any(one.number in CURRENTS.numbers for one in there) and not any(
         one.number in WINDS.numbers for one in there
     ):

@@ -63,8 +63,8 @@ class _SameSchemeRedirects(urllib.request.HTTPRedirectHandler):
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 
-def fetch_bytes(url: str, most: int, part: ByteRange | None = None, retries: int = 4) -> bytes:
-    """Download the content of ``url``, or a ``part`` of it, at most ``most`` bytes.
+def fetch_bytes(url: str, limit: int, part: ByteRange | None = None, retries: int = 4) -> bytes:
+    """Download the content of ``url``, or a ``part`` of it, at most ``limit`` bytes.
 
     After a broken connection or a busy server, the request is repeated after 1, 2, 4, ... s (at most 30 s),
     at most ``retries`` times without progress. With ``part``, it continues at the first missing byte.
@@ -74,7 +74,7 @@ def fetch_bytes(url: str, most: int, part: ByteRange | None = None, retries: int
     NotThereError
         If the server has no such file.
     DataError
-        If the server cannot be reached, ignores the range or sends more than ``most`` bytes, or if retries
+        If the server cannot be reached, ignores the range or sends more than ``limit`` bytes, or if retries
         or time run out.
     """
     if urlsplit(url).scheme not in SCHEMES:
@@ -85,7 +85,7 @@ def fetch_bytes(url: str, most: int, part: ByteRange | None = None, retries: int
     while True:
         before = len(got)
         try:
-            _fetch_rest(url, part, got, most, end)
+            _fetch_rest(url, part, got, limit, end)
             return bytes(got)
         except _BrokenError as error:
             failures = 1 if len(got) > before else failures + 1

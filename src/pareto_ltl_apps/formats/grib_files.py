@@ -140,17 +140,17 @@ def grib_snapshots_apart(
             )
         with np.load(answer, allow_pickle=False) as archive:
             arrays = dict(archive)
-    told = json.loads(arrays["told"].item())
-    if "error" in told:
-        raise DataError(told["error"])
+    reported = json.loads(arrays["told"].item())
+    if "error" in reported:
+        raise DataError(reported["error"])
     winds = tuple(
         Snapshot(
             *(time, lead, arrays[points], arrays[winds], wind_level, tuple(map(Path, names)), member),
             None if air is None else NodeAir(*(arrays.get(x, x) for x in air)),
         )
-        for time, lead, points, winds, wind_level, names, member, air in told["winds"]
+        for time, lead, points, winds, wind_level, names, member, air in reported["winds"]
     )
-    return Snapshots(winds, files, tuple(told["notes"]), told["law"])
+    return Snapshots(winds, files, tuple(reported["notes"]), reported["law"])
 
 
 def _answer(task: str, answer: Path) -> None:
@@ -176,12 +176,12 @@ def _answer(task: str, answer: Path) -> None:
             )
             for w in found.winds
         ]  # fmt: skip
-        told: dict[str, Any] = {"winds": winds, "notes": found.notes, "law": found.law}
+        reported: dict[str, Any] = {"winds": winds, "notes": found.notes, "law": found.law}
     except (DataError, ConfigError) as error:
-        told = {"error": str(error)}
+        reported = {"error": str(error)}
     part = answer.with_suffix(".part")
     with part.open("wb") as stream:
-        np.savez(stream, told=np.array(json.dumps(told)), **arrays)  # type: ignore[arg-type]
+        np.savez(stream, told=np.array(json.dumps(reported)), **arrays)  # type: ignore[arg-type]
     part.rename(answer)
 
 

@@ -25,7 +25,7 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl_apps.formats.download import ByteRange
 from pareto_ltl_apps.formats.quantities import SURFACE_PRESSURE
 
-MOST_LINES = 20_000
+MAX_LINES = 20_000
 FARTHEST = 2**40  # [bytes] largest position of a message
 LINE = re.compile(r"(\d+(?:\.\d+)?):(\d+):d=(\d{10})\d*:([^:]*):([^:]*):([^:]*):?(.*)")
 HEIGHT_TEXT = re.compile(r"(\d+(?:\.\d+)?) m above ground")
@@ -74,8 +74,8 @@ def parse_inventory(text: str, where: str) -> tuple[InventoryEntry, ...]:
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     if not lines:
         raise DataError(f"{where} is empty; the file is not whole yet: try again later")
-    if len(lines) > MOST_LINES:
-        raise DataError(f"{where} has more than {MOST_LINES:,} lines; expected an inventory of a GRIB2 file")
+    if len(lines) > MAX_LINES:
+        raise DataError(f"{where} has more than {MAX_LINES:,} lines; expected an inventory of a GRIB2 file")
     parse = _ecmwf_entries if where.endswith(".index") else _noaa_entries
     return tuple(parse(lines, where))
 

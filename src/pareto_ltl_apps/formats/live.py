@@ -30,7 +30,7 @@ from pareto_ltl_apps.formats.live_models import MODELS, Download, LiveModel
 from pareto_ltl_apps.formats.snapshots import ensemble_readings, latest_readings
 
 LOG = logging.getLogger("pareto_ltl.formats.live")
-MOST_INVENTORY, MOST_MESSAGES, MOST_FILE = 4 * 2**20, 128 * 2**20, 512 * 2**20  # [bytes]
+MAX_INVENTORY, MAX_MESSAGES, MAX_FILE = 4 * 2**20, 128 * 2**20, 512 * 2**20  # [bytes]
 CONNECTIONS = 4  # simultaneous downloads
 
 
@@ -193,10 +193,10 @@ class _Fetch:
 
     def _messages(self, job: Download) -> bytes:
         where = self.model.inventory_of(job.url)
-        entries = parse_inventory(self._bytes(where, MOST_INVENTORY).decode("utf-8", "replace"), where)
+        entries = parse_inventory(self._bytes(where, MAX_INVENTORY).decode("utf-8", "replace"), where)
         messages = []
         for part in wind_parts(entries, self.level, where, job.members):
-            data = self._bytes(job.url, MOST_MESSAGES, part)
+            data = self._bytes(job.url, MAX_MESSAGES, part)
             if data[:4] != b"GRIB" or data[-4:] != b"7777":
                 raise DataError(
                     f"{job.url}: the {len(data)} bytes from {part.first} on are no whole GRIB message; the "
@@ -207,7 +207,7 @@ class _Fetch:
 
     def _all(self, job: Download) -> bytes:
         """The messages of the wind or current in a file without an inventory."""
-        data = self._bytes(job.url, MOST_FILE, ByteRange(0, None))
+        data = self._bytes(job.url, MAX_FILE, ByteRange(0, None))
         quantity = self.model.quantity
         try:
             found = b"".join(messages_with(io.BytesIO(data), quantity.numbers))
@@ -217,9 +217,9 @@ class _Fetch:
             raise DataError(f"{job.url} holds no {quantity.name}; try again later, or another wind.base_url")
         return found
 
-    def _bytes(self, url: str, most: int, part: ByteRange | None = None) -> bytes:
+    def _bytes(self, url: str, limit: int, part: ByteRange | None = None) -> bytes:
         if self.model.pause and self.cfg.base_url is None:
             with self._turn:
                 time.sleep(max(0.0, self._next - time.monotonic()))
                 self._next = time.monotonic() + self.model.pause
-        return fetch_bytes(url, most, part, self.cfg.retries)
+        return fetch_bytes(url, limit, part, self.cfg.retries)

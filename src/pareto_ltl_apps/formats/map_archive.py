@@ -20,7 +20,7 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import MAX_BYTES, Advice, read_bounded
 
 Found = TypeVar("Found")
-MOST_TRIED = 20  # KML files of an archive among which the map is looked for
+MAX_TRIED = 20  # KML files of an archive among which the map is looked for
 
 
 def any_file(_path: Path) -> bool:
@@ -82,7 +82,7 @@ class KmlSources:
             return self.path.name
         order = sorted(self.members, key=lambda name: (name.lower() != "doc.kml", name.count("/")))
         names = [self._inner(name) for name in order]
-        return next((name for name in names[:MOST_TRIED] if _tried(has_roles, name)), names[0])
+        return next((name for name in names[:MAX_TRIED] if _tried(has_roles, name)), names[0])
 
     def others(self, read: Collection[str]) -> list[str]:
         """The KML files of the archive that are not in ``read``."""

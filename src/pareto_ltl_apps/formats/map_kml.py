@@ -21,7 +21,7 @@ from pareto_ltl.support.reading import MAX_FEATURES, Advice, refuse_many_feature
 from pareto_ltl_apps.formats.map_archive import KmlSources, linked_name
 from pareto_ltl_apps.formats.map_xml import parsed_xml, text_of
 
-MOST_LINKS = 100  # files that one map may link to
+MAX_LINKS = 100  # files that one map may link to
 FOLDERS = {  # names of folders in lower case, without a plural s
     "region": "region", "obstacle": "obstacle", "landmark": "landmark", "border": "border",
     "bound": "border", "start": "start",
@@ -144,8 +144,8 @@ class _KmlReader:
                 f"{title}{address}: the network is not opened; save the file beside the map, and link to it"
             ] += 1
             return
-        if len(self.read) > MOST_LINKS:
-            raise DataError(f"{self.where}: it links to more than {MOST_LINKS} files; unite them")
+        if len(self.read) > MAX_LINKS:
+            raise DataError(f"{self.where}: it links to more than {MAX_LINKS} files; unite them")
         other = linked_name(name, href)
         if other is None or not self.sources.has(other):
             raise DataError(

@@ -195,9 +195,9 @@ def _kind(array: xr.DataArray, quantity: Quantity) -> _Kind | None:
     name = str(array.name).lower()
     if re.search(OTHER_WORDS, f"{words} {name}"):
         return None
-    for rank, (told, patterns) in enumerate(((words, quantity.described), (name, quantity.named)), 1):
+    for rank, (reported, patterns) in enumerate(((words, quantity.described), (name, quantity.named)), 1):
         for component, pattern in patterns.items():
-            if re.fullmatch(pattern, told):
+            if re.fullmatch(pattern, reported):
                 stated = re.search("eastward|northward|zonal|meridional|earth[ -]rotated", f"{words} {name}")
                 polar = component not in (U, V)
                 return _Kind(component, rank + mean + POLAR * polar, EARTH if stated or polar else UNSTATED)

@@ -121,9 +121,9 @@ class Check(Displayed):
 
     def facts(self) -> Mapping[str, str]:
         """GO or NO-GO with its reasons, and the failure in both forecasts."""
-        told = {"answer": "GO" if self.go else f"NO-GO: {'; '.join(self.reasons)}"}
-        told["planned"] = str(self.old_failure)
-        return told if self.failure is None else told | {"now": str(self.failure)}
+        reported = {"answer": "GO" if self.go else f"NO-GO: {'; '.join(self.reasons)}"}
+        reported["planned"] = str(self.old_failure)
+        return reported if self.failure is None else reported | {"now": str(self.failure)}
 
 
 def check(
@@ -297,11 +297,11 @@ class _Comparison:
         apart = np.linalg.norm(now - was, axis=1)
         flow = self.run.settings.medium.flow
         digits = speed_digits(float(apart.max()))
-        most = int(apart.argmax())
+        largest = int(apart.argmax())
         yield (
             f"{flow} along the plan: {math.sqrt(float((apart**2).mean())):.{digits}f} m/s different on "
-            f"average, {apart[most]:.{digits}f} m/s at most, "
-            f"{most * problems[0].motion.dt / HOUR:.3g} h after departure"
+            f"average, {apart[largest]:.{digits}f} m/s at most, "
+            f"{largest * problems[0].motion.dt / HOUR:.3g} h after departure"
         )
         if new is not None:
             gap = new[:, -1].mean(axis=0) - old[:, -1].mean(axis=0)

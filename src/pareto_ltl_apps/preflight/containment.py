@@ -44,7 +44,7 @@ SHAPE_FLIGHTS = 5000  # flights that decide the shape of the volumes
 SHAPING, ENOUGH = 50, 300  # flights that leave when the shape is chosen: at least, and as many as are used
 LIKELY = 0.5  # probability in all from which a level says nothing about a flight
 MEDIAN_SIZE = 2.0  # standard deviations that half of all flights stay within at every step, about
-MOST_FLIGHTS = 1_000_000
+MAX_FLIGHTS = 1_000_000
 NOT_COVERED = (
     "failures of engine, propeller, battery, servo, structure and autopilot",
     "loss or falsification of satellite navigation, and of the link to the pilot",
@@ -123,8 +123,8 @@ class Containment(Displayed):
 
     def facts(self) -> Mapping[str, str]:
         """How often flights leave each area, and the volumes against the fixed buffer."""
-        told = {f"leave {area.name}": str(rate) for area, rate in self.areas}
-        return {"duration": f"{self.hours:.2f} h"} | told | {
+        reported = {f"leave {area.name}": str(rate) for area, rate in self.areas}
+        return {"duration": f"{self.hours:.2f} h"} | reported | {
             f"{plain_power(level.per_hour)} per hour": f"{100.0 * level.share:.0f} % of a buffer of "
             f"{distance_text(level.radius)}"
             for level in self.levels
@@ -198,8 +198,8 @@ def check_numbers(scene: Scene, widths: Sequence[float], levels: Sequence[float]
     for level in levels:
         if not 1e-6 <= level <= 0.1:
             raise ConfigError(f"contain: levels must be 1e-6 to 0.1 per flight hour, got {level:g}")
-    if not 1000 <= flights <= MOST_FLIGHTS:
-        raise ConfigError(f"contain: flights must be 1,000 to {MOST_FLIGHTS:,}, got {flights}")
+    if not 1000 <= flights <= MAX_FLIGHTS:
+        raise ConfigError(f"contain: flights must be 1,000 to {MAX_FLIGHTS:,}, got {flights}")
 
 
 # --- the volumes -----------------------------------------------------------------------------------

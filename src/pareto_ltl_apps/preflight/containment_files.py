@@ -221,13 +221,13 @@ def volumes_geojson(scene: Scene, found: Containment, about: str) -> bytes:
     for level in found.levels:
         for k, corners in enumerate(level.volumes.outlines):
             parts = polygon_parts([scene.frame.outline_degrees(corners)])
-            told = {
+            reported = {
                 "role": "volume", "per_hour": level.per_hour, "leg": k,
                 "start_s": found.t[k], "end_s": found.t[k + 1],
                 "time_start": utc and utc[k], "time_end": utc and utc[k + 1],
             }  # fmt: skip
             kind = "Polygon" if len(parts) == 1 else "MultiPolygon"
-            features.append(feature(kind, parts[0] if len(parts) == 1 else parts, told))
+            features.append(feature(kind, parts[0] if len(parts) == 1 else parts, reported))
     head = {"type": "FeatureCollection", "name": "containment", "description": about}
     return listed_json(head, "features", features)
 

@@ -193,8 +193,8 @@ def _row(n: int, law: str, looks: Sequence[Mapping[str, Any]], volumes: FloatArr
     missed = [1.0 - flags(look, law, "accepted").mean() for look in planned]
     bounds = [number_or_nan(look["mission_bound"]) for look in planned]
     broken = (
-        tables.exceeds(~flags(look, law, "accepted"), most)
-        for look, most in zip(planned, bounds, strict=True)
+        tables.exceeds(~flags(look, law, "accepted"), limit)
+        for look, limit in zip(planned, bounds, strict=True)
     )
     row: Columns = {"size": n, "law": law, "seeds": len(looks)} | planning.failure_columns(looks, law)
     row |= quartile_columns("mission_bound", bounds)

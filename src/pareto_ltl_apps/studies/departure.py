@@ -43,7 +43,7 @@ from pareto_ltl_apps.studies.tables import Columns, flags_to_text
 
 STREAM = "departure"  # random stream of the flights that compare starts
 STARTS, RECOMMENDED = "starts", "recommended"  # folders
-MOST_STARTS = 1000
+MAX_STARTS = 1000
 A_DAY = 24 * HOUR  # span of the starts in calm wind, which has no times
 QUICK_RUNS = 2000  # upper limit of selection.runs: other flights compare the starts
 BATCH = 2  # starts that are planned together in the search for the latest ones
@@ -144,7 +144,7 @@ def candidate_starts(cfg: DepartureConfig, readings: Readings, departure: str | 
     end = time_of("last", cfg.last) if cfg.last else known[-1] if len(known) else begin + A_DAY
     if cfg.every is not None:
         count = int((end - begin) / (HOUR * cfg.every) + 1e-9) + 1 if end >= begin else 0
-        times: FloatArray = begin + HOUR * cfg.every * np.arange(min(count, MOST_STARTS + 1), dtype=float)
+        times: FloatArray = begin + HOUR * cfg.every * np.arange(min(count, MAX_STARTS + 1), dtype=float)
     else:
         times = known if len(known) else np.array([begin])
     if len(times) > 1 and len(known) and times[-1] == known[-1]:
@@ -158,10 +158,10 @@ def candidate_starts(cfg: DepartureConfig, readings: Readings, departure: str | 
             f"no start lies between {iso(begin)} and {iso(end)}{before}: move departure.first or last, or "
             "choose a smaller departure.every"
         )
-    if len(times) > MOST_STARTS:
+    if len(times) > MAX_STARTS:
         raise ConfigError(
             f"departure.every = {cfg.every:g} h gives {len(times):,} starts, expected at most "
-            f"{MOST_STARTS:,}: choose a larger one"
+            f"{MAX_STARTS:,}: choose a larger one"
         )
     return tuple(times.tolist())
 

@@ -175,8 +175,8 @@ class DepartureWinds(KnownWinds):
         )
 
     def _delay_text(self) -> str:
-        most = self.cfg.delay_most
-        return f"{self.cfg.delay:g}" if most is None else f"{self.cfg.delay:g} to {most:g}"
+        limit = self.cfg.delay_most
+        return f"{self.cfg.delay:g}" if limit is None else f"{self.cfg.delay:g} to {limit:g}"
 
     def explanation(self, numbers: Mapping[str, float]) -> str:
         """Errors that the later fields show, and those that they do not."""

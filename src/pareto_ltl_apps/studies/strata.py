@@ -33,8 +33,8 @@ LIMITS = (0.5, 0.8, 0.9, 0.95, 0.99)
 def region_of(cfg: ForecastTestConfig, longitude: float, latitude: float) -> str:
     """The region of a mission: a part of the United States, or a range of latitudes."""
     corners = np.array(cfg.area, float)
-    least, most = min(longitude, corners[:, 0].min()), max(longitude, corners[:, 0].max())
-    if AMERICA[0] <= least and most <= AMERICA[1]:
+    least, limit = min(longitude, corners[:, 0].min()), max(longitude, corners[:, 0].max())
+    if AMERICA[0] <= least and limit <= AMERICA[1]:
         return next(name for name, end in LONGITUDES.items() if longitude < end)
     return next(name for name, end in LATITUDES.items() if abs(latitude) <= end)
 
@@ -71,11 +71,11 @@ def surface_of(longitude: float, latitude: float, side: float) -> str:
 
 def level_of(promise: float) -> str:
     """The level that is nearest to a promise on a logarithmic scale; of very low and high ones the range."""
-    least, most = LEVELS[0] / math.sqrt(3.0), LEVELS[-1] * math.sqrt(3.0)
+    least, limit = LEVELS[0] / math.sqrt(3.0), LEVELS[-1] * math.sqrt(3.0)
     if promise < least:
         return f"below {100 * least:.1f} %"
-    if promise >= most:
-        return f"above {100 * most:.0f} %"
+    if promise >= limit:
+        return f"above {100 * limit:.0f} %"
     return f"{100 * min(LEVELS, key=lambda level: abs(math.log(level / promise))):g} %"
 
 

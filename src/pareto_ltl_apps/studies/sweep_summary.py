@@ -164,15 +164,15 @@ def chosen_figure(summary: SweepSummary) -> tuple[str, str, str | None] | None:
     metrics = column_names(row.state.metrics for row in summary.rows)
     if not metrics:
         return None
-    asked, swept = summary.manifest.figure, list(summary.manifest.swept)
+    requested, swept = summary.manifest.figure, list(summary.manifest.swept)
     varied = [key for key in swept if not is_seed(key)] or swept
     rates = [name for name in metrics if name.startswith("failure_") and not name.endswith(("_low", "_high"))]
-    x = asked.x or (varied[0] if varied else "job")
-    y = asked.y or next(
+    x = requested.x or (varied[0] if varied else "job")
+    y = requested.y or next(
         (name for name in (PROMISED, *rates, "mission_risk", "run_seconds") if name in metrics), metrics[0]
     )
     others = [key for key in varied if key != x]
-    by = asked.by or (others[0] if others else None)
+    by = requested.by or (others[0] if others else None)
     for role, name, known in (("x", x, [*swept, *metrics, "job"]), ("y", y, metrics), ("by", by, swept)):
         if name is not None and name not in known:
             there = ", ".join(known)

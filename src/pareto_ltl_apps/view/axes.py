@@ -25,7 +25,7 @@ BOUND_COLOUR = style.BLACK  # not used for a law
 LOWEST_RATE = 1e-5  # smaller rates are drawn here: studies have too few flights to resolve them
 BOUND_DASHES = (0, (3.0, 1.5))  # line style of a bound
 GRID_COLOUR = "#E5E5E5"
-MOST_TICKS = 6  # of an axis of rates
+MAX_TICKS = 6  # of an axis of rates
 
 
 def save_figures(folder: Path, cfg: ReportConfig, made: Figures) -> tuple[Path, ...]:
@@ -132,7 +132,7 @@ def rate_ticks(low: float, high: float) -> list[float]:
     """Powers of ten from ``low`` to ``high``: every n-th if they are many, with 2 and 5 times if few."""
     first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
     if last - first >= 2:
-        stride = -(-(last - first + 1) // MOST_TICKS)
+        stride = -(-(last - first + 1) // MAX_TICKS)
         ticks = [10.0**k for k in range(last, first - 1, -stride)][::-1]
         return ticks if math.isclose(ticks[0], low, rel_tol=1e-6) else [low, *ticks]
     fine = [m * 10.0**k for k in range(first - 1, last + 1) for m in (1.0, 2.0, 5.0)]

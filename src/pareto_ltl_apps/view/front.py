@@ -75,8 +75,8 @@ def _scatter_risks(
     """
     risks = np.concatenate([rows[:, 2] for rows in fronts])
     least, hidden = style.log_axis_end(risks)
-    most = max(10.0 ** np.ceil(np.log10(max(float(risks.max(initial=0.0)), least)) - 1e-9), 10.0 * least)
-    norm = LogNorm(least, most)
+    limit = max(10.0 ** np.ceil(np.log10(max(float(risks.max(initial=0.0)), least)) - 1e-9), 10.0 * least)
+    norm = LogNorm(least, limit)
     marks = ("s", 13.0, style.STONE, 3), ("o", 24.0, "black", 4)
     for rows, (marker, size, edge, order) in zip(fronts, marks, strict=True):
         dots = ax.scatter(
@@ -85,7 +85,7 @@ def _scatter_risks(
         )  # fmt: skip
     bar = figure.colorbar(dots, cax=style.axes_at(figure, 2.86, 0.38, 0.09, 1.82), label=label)
     bar.outline.set_linewidth(0.5)
-    set_rate_ticks(bar.ax.yaxis, least, most, hidden=hidden)
+    set_rate_ticks(bar.ax.yaxis, least, limit, hidden=hidden)
 
 
 def _front_rows(objectives: Sequence[Objectives]) -> FloatArray:

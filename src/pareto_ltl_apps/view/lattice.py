@@ -45,9 +45,9 @@ def wind_deviation(wind: WindField, t: float) -> FloatArray:
     return np.asarray(np.sqrt((latent + gust).mean(axis=-1) + between), float)
 
 
-def oldest_edges(forest: Forest, most: int) -> FloatArray:
+def oldest_edges(forest: Forest, limit: int) -> FloatArray:
     """Ends (n, 2, 2) [m] of the edges to the oldest ``most / trees`` vertices of each tree."""
-    share = max(2, most // max(1, len(forest.trees)))
+    share = max(2, limit // max(1, len(forest.trees)))
     pieces = [np.empty((0, 2, 2))]
     pieces += [np.stack([tree.x[tree.parent[1:share]], tree.x[1:share]], axis=1) for tree in forest.trees]
     return np.concatenate(pieces)

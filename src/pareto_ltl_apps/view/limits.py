@@ -75,8 +75,8 @@ class PlanLimits:
         """The wind law of all probabilities: ``coherent winds``."""
         return f"{self.plan.models.law} {self.medium.flows}"
 
-    def segments(self, most: int = MOST) -> list[SegmentRow]:
-        """The ``most`` segments that come closest to ``planner.epsilon``, the closest first."""
+    def segments(self, limit: int = MOST) -> list[SegmentRow]:
+        """The ``limit`` segments that come closest to ``planner.epsilon``, the closest first."""
         limits, times = self.plan.limits, step_times(self.scene, self.plan.path)
         if limits is None:
             return []
@@ -85,11 +85,11 @@ class PlanLimits:
                 k, times[k], times[k + 1], self.scene.barrier_title(limits.nearest[k]),
                 float(limits.deviations[k]), float(limits.probability[k]),
             )
-            for k in np.argsort(-limits.probability, kind="stable")[:most].tolist()
+            for k in np.argsort(-limits.probability, kind="stable")[:limit].tolist()
         ]  # fmt: skip
 
-    def prices(self, most: int | None = None) -> list[PriceRow]:
-        """The ``most`` prices with the largest savings by a small change, the largest first; default all.
+    def prices(self, largest: int | None = None) -> list[PriceRow]:
+        """The ``largest`` prices with the largest savings by a small change, the largest first; default all.
 
         Prices with a standard error above a quarter of the price are left out.
         """
@@ -107,7 +107,7 @@ class PlanLimits:
             for price in self.plan.prices
             if price.significant
         ]
-        return sorted(rows, key=lambda row: -row.saving)[:most]
+        return sorted(rows, key=lambda row: -row.saving)[:largest]
 
     def _limit_text(self, price: Price) -> str:
         if price.kind == "airspeed":
@@ -121,9 +121,9 @@ class PlanLimits:
         text = "not shown, with a standard error above a quarter of the price"
         return f"{text}: {number} of {len(self.plan.prices)}" if number else ""
 
-    def lines(self, most: int = MOST) -> Iterator[str]:
-        """Lines on the ``most`` segments closest to ``planner.epsilon``, then on the largest prices."""
-        plan, segments, prices = self.plan, self.segments(most), self.prices(most)
+    def lines(self, largest: int = MOST) -> Iterator[str]:
+        """Lines on the ``largest`` segments closest to ``planner.epsilon``, then on the largest prices."""
+        plan, segments, prices = self.plan, self.segments(largest), self.prices(largest)
         if not segments:
             yield NO_SEGMENTS
         else:
@@ -203,12 +203,12 @@ class PlanLimits:
             return []
         times, unit = step_times(self.scene, plan.path), small_change(self.scene)
         priced = limits.price > TIGHT_PRICE * float(limits.price.max())
-        most = "" if plan.epsilon >= 1.0 else f" of at most {epsilon_text(plan)}"
+        limit = "" if plan.epsilon >= 1.0 else f" of at most {epsilon_text(plan)}"
         places = []
         for k in np.flatnonzero(priced | (limits.probability > TIGHT_RISK * plan.epsilon)).tolist():
             risk = probability_text(float(limits.probability[k]))
             barrier = self.scene.barrier_title(limits.nearest[k])
-            lines = [f"{barrier}, {times[k]} to {times[k + 1]}", f"collides {risk}{most}, {self.law}"]
+            lines = [f"{barrier}, {times[k]} to {times[k + 1]}", f"collides {risk}{limit}, {self.law}"]
             if priced[k]:
                 saved = points_text(float(limits.price[k]) * unit)
                 lines.append(f"all barriers {metres_text(unit)} farther: {saved} points fewer failures")

@@ -181,10 +181,7 @@ def _write_lines(chart: Axes, place: FloatArray, lines: Lines, colour: str) -> N
 
 
 def draw_trees(chart: Axes, forest: Forest) -> None:
-    """Edges to the oldest ``DRAWN_VERTICES`` vertices of all trees; the more, the more transparent.
-
-    25,000 of them take 0.1 s.
-    """
+    """Edges to the oldest ``DRAWN_VERTICES`` vertices of all trees; the more, the more transparent."""
     lines = oldest_edges(forest, DRAWN_VERTICES)
     alpha = float(np.clip(2500.0 / max(1, len(lines)), 0.10, 0.5))
     draw_lines(chart, lines, colors=style.STONE, linewidths=0.3, alpha=alpha, zorder=1.0)
@@ -278,7 +275,7 @@ SPACE = 0.3  # around a name beside its area, in half heights of the name
 COVERED = 4.0  # weight of covering a point, beside missing space
 NEARNESS = 0.06  # space that is given up for each unit of length nearer to the area
 SIDES = np.array([(0, 1), (0, -1), (1, 1), (1, -1), (1, 0), (-1, 1), (-1, -1), (-1, 0)], float)  # of a box
-MOST_POINTS = 40  # of a polygon along a side, at most
+MAX_POINTS = 40  # of a polygon along a side, at most
 
 
 def label_half_size(lines: Lines, metres_per_inch: float) -> FloatArray:
@@ -382,7 +379,7 @@ def _boxes(places: FloatArray, half: FloatArray) -> Any:
 def covering_points(outline: FloatArray, half: FloatArray) -> FloatArray:
     """Points (n, 2) of the polygon ``outline`` (m, 2), so dense that a name of ``half`` covers one."""
     low, high = outline.min(axis=0), outline.max(axis=0)
-    counts = np.clip(np.ceil((high - low) / half), 1, MOST_POINTS).astype(int) + 1
+    counts = np.clip(np.ceil((high - low) / half), 1, MAX_POINTS).astype(int) + 1
     lattice = _grid(low, high, *counts)
     edge = dense_path(np.vstack([outline, outline[:1]]))
     return np.vstack([edge, lattice[shapely.contains_xy(shapely.Polygon(outline), lattice)]])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pareto_ltl_apps.view.records import Origin, ShownRun
 
 LOG = logging.getLogger("pareto_ltl.view.page_stage")
-MOST_RUNS = 500  # flights of each point of the front
+MAX_RUNS = 500  # flights of each point of the front
 SHOWN_FACTS = ("seed", "fidelity", "version", "code_hash", "config_hash", "python")
 
 
@@ -49,7 +49,7 @@ def shown_run(run: Run, origin: Origin, why: str = "") -> ShownRun:
         origin=origin,
         height=height,
         air=(plan and plan.air) or settings.flight_air(height),
-        runs=min(settings.deployment.runs, MOST_RUNS),
+        runs=min(settings.deployment.runs, MAX_RUNS),
         why=why,
         automaton=run.get("automaton"),
         problem=run.get("problem"),

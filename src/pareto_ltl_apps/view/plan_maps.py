@@ -53,18 +53,18 @@ def limits_figure(run: DrawnRun, plan: Plan) -> Figure:
 
     A plan without limits has a black path, one without prices no bars.
     """
-    told = PlanLimits(run.scene, plan, run.medium)
-    rows = told.prices(BARS)
+    reported = PlanLimits(run.scene, plan, run.medium)
+    rows = reported.prices(BARS)
     below = BARS_BELOW + BAR * len(rows) + BARS_ABOVE if rows else 0.06
     heading = [f"What limits the plan of {plan.formula}", *promise_lines(plan.promise, run.medium.flows)]
     figure, chart = column_map(run.scene, heading, below + (0.44 if plan.limits is None else SCALE_BELOW))
     draw_route(chart, run.scene, plan)
     _number_priced(chart, run.scene, plan)
     if plan.limits is not None:
-        _colour_path(chart, plan, plan.limits, told.law)
+        _colour_path(chart, plan, plan.limits, reported.law)
     if rows:
         _draw_bars(figure, rows)
-        text = f"What a small change of one limit saves, {told.law}:"
+        text = f"What a small change of one limit saves, {reported.law}:"
         style.text_at(figure, LEFT, below - BARS_ABOVE + 0.08, text, va="bottom")
     return figure
 

@@ -166,15 +166,15 @@ def explanation(
     problem, plan = run.problem, run.plan
     medium = medium_of(run.settings.robot.level, run.wind.level)
     if limits:
-        told = PlanLimits(problem.scene, plan, medium)
+        reported = PlanLimits(problem.scene, plan, medium)
         document: dict[str, Any] = {
             "law": plan.models.law,
             "epsilon": plan.epsilon,
-            "segments": [asdict(row) for row in told.segments()],
-            "prices": [asdict(row) for row in told.prices()],
+            "segments": [asdict(row) for row in reported.segments()],
+            "prices": [asdict(row) for row in reported.prices()],
         }
-        return Explanation(list(told.lines()), document)
-    runs = min(run.settings.deployment.runs, page_stage.MOST_RUNS)
+        return Explanation(list(reported.lines()), document)
+    runs = min(run.settings.deployment.runs, page_stage.MAX_RUNS)
     flown = simulate(run, runs, problem.fidelity.law)
     legs = plan_legs(problem, plan, flown)
     front = run.get("front")

@@ -32,7 +32,7 @@ from pareto_ltl_apps.view.axes import (
 LEFT, BASE = 0.52, 0.62  # [in] of both figures
 PANEL, MAP, GAP = 2.85, 2.75, 0.62  # [in] across
 HEIGHT, SPACE, TOP = 0.95, 0.3, 0.24  # [in] up
-MOST_TICKS = 7
+MAX_TICKS = 7
 RATIO_TICKS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 MARKS = "◆ recommended   ○ no difference beyond the noise   "
 SHORT_MARKS = "◆ recommended   ○ as good   bold: least"
@@ -42,7 +42,7 @@ BAR, BAR_GAP, RIGHT = 0.1, 0.12, 0.45  # [in]
 MARK, WORDS = 0.08, 0.2  # height of marks and of their meaning above the heat map [in]
 COLOURS = "cividis_r"  # light: few failures; the same to all kinds of colour vision
 LEAST_CELL = 0.33  # width of a cell [in] that its number fits into
-MOST_COLUMN = 0.62  # [in]
+MAX_COLUMN = 0.62  # [in]
 DARK = 0.53  # luminance below which numbers are white
 
 
@@ -102,7 +102,7 @@ def _time_axis(ax: Axes, rows: Sequence[FigureRow], *, named: bool) -> None:
     """Ticks at departures, with the day below where it changes."""
     hours = _hours(rows)
     ax.set_xlim(hours[0] - 0.5 * _pitch(rows), hours[-1] + 0.5 * _pitch(rows))
-    shown = rows[:: -(-len(rows) // MOST_TICKS)]
+    shown = rows[:: -(-len(rows) // MAX_TICKS)]
     labels = clock_labels([row["time"] for row in shown])
     ax.set_xticks(_hours(shown), labels if named else [""] * len(shown))
     ax.xaxis.set_minor_locator(NullLocator())
@@ -206,7 +206,7 @@ def heat_figure(
     are the names of the columns, if they are levels instead of starts.
     """
     space = style.PAGE_WIDTH - LEFT - BAR_GAP - BAR - RIGHT
-    width = min(space, MOST_COLUMN * len(rows))
+    width = min(space, MAX_COLUMN * len(rows))
     height = ROW * len(limits)
     figure = style.blank_figure(LEFT + width + BAR_GAP + BAR + RIGHT, BASE + height + HEAT_TOP)
     ax = style.axes_at(figure, LEFT, BASE, width, height)

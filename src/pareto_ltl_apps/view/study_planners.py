@@ -31,7 +31,7 @@ from pareto_ltl_apps.view.map import ground_keys
 from pareto_ltl_apps.view.map_layers import dense_path, draw_flights, draw_ground, map_axes, name_regions
 from pareto_ltl_apps.view.wind import draw_wind_arrows
 
-MOST_KEYS = 6  # in a line of the legend of the panels
+MAX_KEYS = 6  # in a line of the legend of the panels
 PLANNED: dict[str, Any] = {"color": style.BLACK, "lw": 1.1, "ls": (0, (3.5, 1.5))}  # look of a planned path
 FACTOR_LABELS = FACTOR_TITLES | {
     "epsilon": "ε, collision probability of a step",
@@ -61,7 +61,7 @@ def comparison_figure(
     rows = -(-len(panels) // columns)
     lines = 1 + max(len(_panel_caption(panel)) for panel in panels)
     keys = _panel_keys(cfg, scene, panels)
-    second = 0.14 if len(keys) > MOST_KEYS else 0.0  # height of a second line of the legend
+    second = 0.14 if len(keys) > MAX_KEYS else 0.0  # height of a second line of the legend
     gap, west, top, foot = 0.12, 0.50, 0.12 + 0.11 * lines, 0.78 + second
     inner = (style.PAGE_WIDTH - west - 0.08 - (columns - 1) * gap) / columns
     span = np.ptp(scene.bounds, axis=0)
@@ -85,7 +85,7 @@ def comparison_figure(
         for line, text in enumerate(reversed(caption)):
             look: dict[str, Any] = {"fontweight": "bold"} if line == len(caption) - 1 else {"fontsize": 6.0}
             style.text_at(figure, left, bottom + height + 0.03 + 0.11 * line, text, va="bottom", **look)
-    style.legend_at(figure, keys, (west - 0.02, 0.04), min(len(keys), MOST_KEYS), loc="lower left")
+    style.legend_at(figure, keys, (west - 0.02, 0.04), min(len(keys), MAX_KEYS), loc="lower left")
     return figure
 
 

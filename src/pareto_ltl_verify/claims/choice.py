@@ -32,9 +32,11 @@ CHOICE = "front: the rule picks the plan"  # not judged for a rule that another 
 
 def plan_on_front(result: Evidence) -> Verdict:
     """The plan is one path of the front: costs, origin, positions; its further costs are in the metrics."""
-    plan, x, asked = result.plan, result.x, result.settings["selection"].get("costs", ())
+    plan, x, requested = result.plan, result.x, result.settings["selection"].get("costs", ())
     wanted = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
-    further = {column: plan["objectives"][key] for key, (column, _) in FURTHER_COSTS.items() if key in asked}
+    further = {
+        column: plan["objectives"][key] for key, (column, _) in FURTHER_COSTS.items() if key in requested
+    }
     wanted |= further
     rows = [
         row for k, row in enumerate(result.front)

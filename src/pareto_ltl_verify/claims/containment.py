@@ -182,8 +182,8 @@ def _agrees(counts: Sequence[tuple[Mapping[str, Any], BoolArray]], checked: str)
     chances = [_chance(rate, int(left.sum()), len(left)) for rate, left in counts]
     worst = min(range(len(chances)), key=chances.__getitem__)
     rate, left = counts[worst]
-    told = f"{checked}; {rate['rate']:.3g} of flights, of {len(left):,} new ones {left.mean():.3g}"
-    return likely(told, min(1.0, chances[worst] * len(chances)), RARE)
+    reported = f"{checked}; {rate['rate']:.3g} of flights, of {len(left):,} new ones {left.mean():.3g}"
+    return likely(reported, min(1.0, chances[worst] * len(chances)), RARE)
 
 
 def _chance(rate: Mapping[str, Any], count: int, runs: int) -> float:

@@ -20,7 +20,7 @@ from pareto_ltl_verify.flights import RARE
 from pareto_ltl_verify.laws import Independent
 
 SEEN = 16.0  # failures that new flights should have: so many contradict a rate told as a much smaller one
-MOST_FLIGHTS = 200_000  # new flights of a rare promise at most
+MAX_FLIGHTS = 200_000  # new flights of a rare promise at most
 DOUBT = 1e-3  # significance level: probability that the flights reject a claim that is true
 WEIGHTED_BELOW = 1e-3  # share of failed flights below which flights are weighted
 RATE = {
@@ -135,7 +135,7 @@ def promised_rate(result: Evidence) -> Verdict | None:
     failed, runs = int(new.sum()) + int(result.ground.failed(old).sum()), len(new) + len(old)
     more = 0
     if stated["method"] == WEIGHTED:
-        wanted = min(SEEN / max(stated["high"], SEEN / MOST_FLIGHTS), MOST_FLIGHTS)
+        wanted = min(SEEN / max(stated["high"], SEEN / MAX_FLIGHTS), MAX_FLIGHTS)
         more = max(math.ceil(wanted) - len(new), 0)
     batches = result.more_failures(stated["law"], more)
     limit = RARE / (1 + math.ceil(more / BATCH))

@@ -17,7 +17,7 @@ from pareto_ltl_verify.claims.search import tree_names, vertex_path, vertex_risk
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.flights import RARE, rate_of, same_counts, same_rate
 
-MOST_PATHS = 6  # paths of the front whose bounds are computed again
+MAX_PATHS = 6  # paths of the front whose bounds are computed again
 FLOWN_PATHS = 3  # paths of the front that are simulated again
 SHARED_PATHS = 10  # paths of the front that are simulated again in the same winds
 NEW_RUNS = 2000  # new flights of each of these paths
@@ -128,8 +128,8 @@ def hypervolume(result: Evidence) -> Verdict:
     rows, sides = judged_rows(result), cost_columns(result)
     top = np.ones(rows.shape[1])
     top[-len(sides) :] = [result.metrics[f"hypervolume_{name}"] for name in sides]
-    for side, wide, most in zip(sides, top[-len(sides) :], rows[:, -len(sides) :].max(axis=0), strict=True):
-        if wide < 2 * most * (1 - 1e-9):
+    for side, wide, limit in zip(sides, top[-len(sides) :], rows[:, -len(sides) :].max(axis=0), strict=True):
+        if wide < 2 * limit * (1 - 1e-9):
             return Verdict("a box twice as large as the front", f"{side} {wide:.6g}", False)
     return number(result.metrics["hypervolume"], volume(np.minimum(rows / top, 1.0)), rel=1e-9)
 
@@ -165,9 +165,9 @@ def _path_faults(result: Evidence, row: Mapping[str, str], k: int) -> Iterator[s
     costs = {"length_m": float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())}
     if robot.power is not None:
         costs["energy_j"] = math.fsum(robot.spent(result.front_u(k)))
-    asked = result.settings["selection"].get("costs", ())
+    requested = result.settings["selection"].get("costs", ())
     cov = np.asarray(result.front_arrays[f"path_{k:03d}/cov"], float)
-    costs |= {column: of(result, x, cov) for name, (column, of) in FURTHER_COSTS.items() if name in asked}
+    costs |= {column: of(result, x, cov) for name, (column, of) in FURTHER_COSTS.items() if name in requested}
     yield from far_apart(row, costs, 1e-9)
     orders = result.orders(x)
     faults = {
@@ -185,7 +185,7 @@ def _path_faults(result: Evidence, row: Mapping[str, str], k: int) -> Iterator[s
 
 def front_costs(result: Evidence) -> Verdict:
     """V and R of paths of the front, from their positions."""
-    chosen = _spread(len(result.front), MOST_PATHS)
+    chosen = _spread(len(result.front), MAX_PATHS)
     faults = (f"path {k}: {fault}" for k in chosen for fault in _bound_faults(result, result.front[k], k))
     return no_fault(f"{len(chosen)} of {len(result.front)} paths", faults)
 

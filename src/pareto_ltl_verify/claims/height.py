@@ -44,19 +44,19 @@ def _ground(result: Evidence) -> float:
 
 def one_height(result: Evidence) -> Verdict:
     """All settings that state a height agree with each other, plan.json and the places left out."""
-    height, told = flown(result), result.plan.get("height")
-    if told is None:
+    height, reported = flown(result), result.plan.get("height")
+    if reported is None:
         return no_fault("no height", ["plan.json states no height"])
     stated = stated_flights(result.settings)
     others = [other for other in stated[1:] if not agree(height, other, _ground(result))]
     faults = [f"settings state {other.metres:g} m" for other in others]
-    faults += unlike(told, {"above_sea": height.above_sea, "stated": bool(stated)})
-    faults += [] if close(told["metres"], height.metres, 1e-6, METRES) else [f"{told['metres']:g} m"]
+    faults += unlike(reported, {"above_sea": height.above_sea, "stated": bool(stated)})
+    faults += [] if close(reported["metres"], height.metres, 1e-6, METRES) else [f"{reported['metres']:g} m"]
     for place in result.scene.get("absent", ()):
         floor = -math.inf if place.get("floor") is None else place["floor"]
         ceiling = math.inf if place.get("ceiling") is None else place["ceiling"]
         faults += [f"{place['what']} is left out"] * bool(not stated or floor <= height.metres <= ceiling)
-    return no_fault(f"{told['metres']:.6g} m", faults)
+    return no_fault(f"{reported['metres']:.6g} m", faults)
 
 
 def airspeeds(result: Evidence) -> Verdict | None:

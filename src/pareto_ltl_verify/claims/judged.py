@@ -98,8 +98,8 @@ def box(result: Evidence) -> Verdict | None:
         return None
     wide = [float(result.metrics[f"hypervolume_{name}"]) for name in sides]
     faults = {
-        f"{name} {side:.6g}": side < 2.0 * most * (1.0 - 1e-9)
-        for name, side, most in zip(sides, wide, rows[:, -len(sides) :].max(axis=0), strict=True)
+        f"{name} {side:.6g}": side < 2.0 * limit * (1.0 - 1e-9)
+        for name, side, limit in zip(sides, wide, rows[:, -len(sides) :].max(axis=0), strict=True)
     }
     return no_fault("twice every judged path", faults)
 

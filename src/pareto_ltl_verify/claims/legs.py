@@ -212,8 +212,8 @@ def messages(result: Evidence) -> Verdict:
     script = result.document("mavlink_script.json")
     rows = result.table(TABLE)[:-1]
     faults = unlike(script, {"wind_law": result.planned_law})
-    told = "airspeed_tas_m_s" if result.plan.get("airspeed_calibrated") is None else "airspeed_cas_m_s"
-    for command, key in ((AIRSPEED, told), (HEADING, "heading_true_deg")):
+    reported = "airspeed_tas_m_s" if result.plan.get("airspeed_calibrated") is None else "airspeed_cas_m_s"
+    for command, key in ((AIRSPEED, reported), (HEADING, "heading_true_deg")):
         sent = {float(m["t"]): float(m["params"][1]) for m in script["messages"] if m["command"] == command}
         stated = {float(row["t_s"]): float(row[key]) for row in rows if row[key]}
         faults += [f"{key} at {t:g} s, where no leg begins" for t in sent if t not in stated]
@@ -232,7 +232,9 @@ def flight_card(result: Evidence) -> Verdict:
     for row in rows:
         first, _, last = row["legs"].partition("-")
         leg = legs[int(first)]
-        off = [key for key, of, unit, most in ROUNDED if abs(unit * float(row[key]) - float(leg[of])) > most]
+        off = [
+            key for key, of, unit, limit in ROUNDED if abs(unit * float(row[key]) - float(leg[of])) > limit
+        ]
         off += ["time_utc"] * (row["time_utc"] != leg["time_utc"])
         if row is rows[-1]:
             off += [key for key in (*AIRSPEEDS, "heading_true_deg", "duration_s", "distance_km") if row[key]]
@@ -251,8 +253,8 @@ def _sums_off(row: dict[str, str], legs: Rows) -> list[str]:
     common = {"heading_true_deg": {_whole_heading(leg) for leg in legs}}
     common |= {key: {_rounded(leg[key], digits) for leg in legs} for key in AIRSPEEDS}
     off = [key for key, values in common.items() if values != {row[key]}]
-    sums = [(key, unit * float(row[key]) - column(legs, of).sum(), most) for key, of, unit, most in SUMMED]
-    return off + [key for key, gap, most in sums if not abs(gap) <= most]
+    sums = [(key, unit * float(row[key]) - column(legs, of).sum(), limit) for key, of, unit, limit in SUMMED]
+    return off + [key for key, gap, limit in sums if not abs(gap) <= limit]
 
 
 def _rounded(text: str, digits: int) -> str:

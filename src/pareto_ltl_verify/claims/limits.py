@@ -35,7 +35,7 @@ FAR = 12.0  # [sd] with a risk below 1e-32: which of two such barriers is nearer
 SPREADS = 5.0  # standard deviations of a count, beside the factor
 ROUNDING = 1e-6  # relative excess over epsilon that is rounding
 BY_REGIONS = 1.25  # by which polygons around many cells of a region may raise a probability
-MOST_SAVED = 30.0  # relative fall of the failures by a relative change of airspeed
+MAX_SAVED = 30.0  # relative fall of the failures by a relative change of airspeed
 TIGHT = 0.8  # share of epsilon above which multipliers of chance constraints may be part of a price
 FULL_SPEED = 0.98  # share of u_max below which a step does not use all airspeed
 ALIKE = 1e-3  # relative difference of lengths below which the front has no slope
@@ -57,10 +57,12 @@ def segment_limits(result: Evidence) -> Verdict | None:
     if len(rows) != len(z):
         return same(f"{len(rows)} segments", f"{len(z)} segments")
     for k, row in enumerate(rows):
-        told, nearest = row["deviations"], z[k].min()
-        off = max(abs(told - least) for least in (nearest, z[k, names == row["nearest"]].min(initial=np.inf)))
-        if off > DEVIATIONS * (1.0 + abs(told)) and min(told, nearest) <= FAR:
-            faults.append(f"step {k}: {row['nearest']} {told:.4g} sd, nearest {nearest:.4g} sd")
+        reported, nearest = row["deviations"], z[k].min()
+        off = max(
+            abs(reported - least) for least in (nearest, z[k, names == row["nearest"]].min(initial=np.inf))
+        )
+        if off > DEVIATIONS * (1.0 + abs(reported)) and min(reported, nearest) <= FAR:
+            faults.append(f"step {k}: {row['nearest']} {reported:.4g} sd, nearest {nearest:.4g} sd")
         if abs(row["probability"] - risks[k]) > RISK_OF_SEGMENT * risks[k] + LEAST_RISK:
             faults.append(f"step {k}: probability {row['probability']:.4g}, computed {risks[k]:.4g}")
     worst = float(risks.max(initial=0.0))
@@ -82,23 +84,23 @@ def nearness(result: Evidence) -> Verdict | None:
         return None
     worst, limit = plan["worst_segment"], epsilon * (1.0 + ROUNDING)
     low, high = _segment_risks(result)
-    k, told = worst["step"], worst["probability"]
+    k, reported = worst["step"], worst["probability"]
     if k >= len(low):
         return same(f"segment {k}", f"one of {len(low)} segments")
     slack = 1.0 + RISK_OF_SEGMENT
-    most = BY_REGIONS if (high > low).any() else slack
-    numbers = {"epsilon_kept": float(stated), "worst_segment_probability": told}
+    largest = BY_REGIONS if (high > low).any() else slack
+    numbers = {"epsilon_kept": float(stated), "worst_segment_probability": reported}
     faults = {
-        f"segment {k} collides {told:.4g}, computed {low[k]:.4g} to {high[k]:.4g}": not (
-            low[k] / slack - LEAST_RISK <= told <= most * high[k] + LEAST_RISK
+        f"segment {k} collides {reported:.4g}, computed {low[k]:.4g} to {high[k]:.4g}": not (
+            low[k] / slack - LEAST_RISK <= reported <= largest * high[k] + LEAST_RISK
         ),
         f"another segment collides {low.max(initial=0.0):.4g}": low.max(initial=0.0)
-        > slack * told + LEAST_RISK,
+        > slack * reported + LEAST_RISK,
         f"closest to {worst['nearest']}": not _may_be_nearest(result, k, worst["nearest"]),
-        f"keeps epsilon {epsilon:g}: {stated}, with {told:.4g}": stated != (told <= limit),
+        f"keeps epsilon {epsilon:g}: {stated}, with {reported:.4g}": stated != (reported <= limit),
         f"metrics: {unlike(result.metrics, numbers)}": bool(unlike(result.metrics, numbers)),
     }
-    return no_fault(f"at most {told:.4g} a segment", faults)
+    return no_fault(f"at most {reported:.4g} a segment", faults)
 
 
 def _may_be_nearest(result: Evidence, step: int, name: str) -> bool:
@@ -307,11 +309,11 @@ def _airspeed_price(result: Evidence, row: Mapping[str, Any]) -> str:
     used = np.linalg.norm(result.u, axis=1).max() / fastest
     if not (row["saving"] >= 0.0 and used >= FULL_SPEED):
         return f"at most {used:.2f} of it is used"
-    most = MOST_SAVED * float(result.plan["promise"]["high"] if result.plan["promise"] else 1.0) / fastest
+    limit = MAX_SAVED * float(result.plan["promise"]["high"] if result.plan["promise"] else 1.0) / fastest
     return (
         ""
-        if row["saving"] <= most
-        else f"{row['saving']:.3g} for 1 m/s, where at most {most:.3g} is credible"
+        if row["saving"] <= limit
+        else f"{row['saving']:.3g} for 1 m/s, where at most {limit:.3g} is credible"
     )
 
 

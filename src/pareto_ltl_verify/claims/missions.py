@@ -180,10 +180,10 @@ def lua(result: Evidence) -> Verdict:
     legs = [[float(word) for word in found.split(", ")] for found in LEG.findall(text)]
     if len(legs) != len(rows) - 1 or min(map(len, legs), default=7) != 7:
         return no_fault(f"{len(legs)} legs", [f"{len(rows) - 1} are expected"])
-    told = "airspeed_tas_m_s" if result.plan.get("airspeed_calibrated") is None else "airspeed_cas_m_s"
+    reported = "airspeed_tas_m_s" if result.plan.get("airspeed_calibrated") is None else "airspeed_cas_m_s"
     faults = list[str]()
     for k, (leg, row) in enumerate(zip(legs, rows, strict=False)):
-        wanted = [float(row[key] or -1.0) for key in (*LUA_COLUMNS, told)]
+        wanted = [float(row[key] or -1.0) for key in (*LUA_COLUMNS, reported)]
         stated = [leg[place] for place in (*LUA_PLACES, 1)]
         pairs = zip(stated, wanted, strict=True)
         faults += [f"leg {k}: {a} is {b}" for a, b in pairs if not close(a, b, SIX, SIX)]

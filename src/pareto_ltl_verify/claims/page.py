@@ -40,7 +40,7 @@ FINE = (
     0.5  # [m] largest allowed error of a corner, besides the rounding of the page to six digits of a degree
 )
 DEGREES = 0.2  # [m] of a place that is rounded to six digits of a degree
-MOST_SHAPES = 20_000  # corners of all areas, of which the page leaves out some if there are more
+MAX_SHAPES = 20_000  # corners of all areas, of which the page leaves out some if there are more
 INVISIBLE = ("script", "style")
 PACKAGE = Path(pareto_ltl.__file__).parents[1] / "pareto_ltl_apps" / "view"
 STYLES = ("components/components.css", "page/page.css")
@@ -171,7 +171,7 @@ def drawn_map(result: Evidence) -> Verdict:
     faults += [f"windows {windows}"] * (windows != list(result.scene.get("windows") or {}))
     size = float(np.ptp(np.array(result.scene["bounds"], float), axis=0).max())
     near = FINE + DEGREES if shown["earthly"] else FINE + 1e-5 * size
-    whole = sum(len(corners) for _, _, corners in wanted) <= MOST_SHAPES
+    whole = sum(len(corners) for _, _, corners in wanted) <= MAX_SHAPES
     for shape, (_, title, corners) in zip(shapes, wanted, strict=True) if whole else ():
         ring = np.array(shape["ring"], float)
         ring = in_plane(crs, ring) if shown["earthly"] else ring

@@ -352,9 +352,9 @@ def table(result: Evidence) -> Verdict:
 
 def metrics(result: Evidence) -> Verdict:
     """The metrics of the plan agree with plan.json."""
-    plan, told, robot, seen = result.plan, result.metrics, result.robot, result.plan["promise"]
+    plan, reported, robot, seen = result.plan, result.metrics, result.robot, result.plan["promise"]
     stated = {name: plan["objectives"][key] for name, key in OBJECTIVES.items()}
-    wanted = {name: value for name, value in stated.items() if value is not None or name in told}
+    wanted = {name: value for name, value in stated.items() if value is not None or name in reported}
     wanted |= {"steps": len(plan["u"]), "duration_s": plan["t"][-1] - plan["t"][0], "dt_s": plan["dt"]}
     if robot.power is not None:
         wanted["energy_j"] = plan["objectives"].get("energy")
@@ -366,7 +366,7 @@ def metrics(result: Evidence) -> Verdict:
             "promise_claimed": seen["claimed"]["failure"], "linearity": seen["linearity"],
             "promise_weighted": float(seen["method"] == WEIGHTED),
         }  # fmt: skip
-    return no_fault(f"{len(wanted)} numbers of the plan", unlike(told, wanted))
+    return no_fault(f"{len(wanted)} numbers of the plan", unlike(reported, wanted))
 
 
 FILES = ("plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc")

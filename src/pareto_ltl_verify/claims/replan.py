@@ -119,9 +119,9 @@ def rates(result: Evidence) -> Verdict | None:
         chance = min(chance, 2.0 * same_rate(count, rate["runs"], failed, RUNS))
     if old is None:
         return likely(f"{new['failure']:.4g}", chance, RARE)
-    gap, told = new["failure"] - old["failure"], stated["difference"]
-    if not (close(told["middle"], gap, 1e-6, 1e-9) and told["low"] <= gap):
-        return Verdict(f"difference {told['middle']:.4g}", f"{gap:.4g}", False)
+    gap, reported = new["failure"] - old["failure"], stated["difference"]
+    if not (close(reported["middle"], gap, 1e-6, 1e-9) and reported["low"] <= gap):
+        return Verdict(f"difference {reported['middle']:.4g}", f"{gap:.4g}", False)
     return likely(f"{old['failure']:.4g} and {new['failure']:.4g}", chance, RARE)
 
 
@@ -202,11 +202,11 @@ def position(result: Evidence) -> Verdict | None:
     learnt = None if source is None else _given_fixes(source, stated)
     if learnt is None:
         return None
-    told, distances = stated["position"], [fix["distance"] for fix in stated["fixes"]]
-    unit = math.sqrt(float(np.trace(np.array(told["before"])))) or 1.0  # [m] of a position that is known
+    reported, distances = stated["position"], [fix["distance"] for fix in stated["fixes"]]
+    unit = math.sqrt(float(np.trace(np.array(reported["before"])))) or 1.0  # [m] of a position that is known
     worst = max(
-        float(np.abs(learnt.mean - told["mean"]).max()) / unit,
-        float(np.abs(learnt.cov - told["cov"]).max()) / unit**2,
+        float(np.abs(learnt.mean - reported["mean"]).max()) / unit,
+        float(np.abs(learnt.cov - reported["cov"]).max()) / unit**2,
         float((np.abs(learnt.distance - distances) / np.maximum(distances, NEAR)).max()),
     )
     return within(f"{len(distances)} fixes", worst, SHARE)

@@ -17,7 +17,7 @@ from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.flights import Legs
 from pareto_ltl_verify.geometry import Convex, convex
 
-MOST_VERTICES = 20  # accepted vertices whose risks are computed again
+MAX_VERTICES = 20  # accepted vertices whose risks are computed again
 
 
 def tree_names(result: Evidence) -> list[str]:
@@ -141,7 +141,7 @@ def vertex_risks(result: Evidence) -> Verdict | None:
     chosen = result.trees["accepted"]
     if not len(chosen) or not _can_fly_trees(result):
         return None
-    chosen = chosen[np.linspace(0, len(chosen) - 1, min(MOST_VERTICES, len(chosen))).astype(int)]
+    chosen = chosen[np.linspace(0, len(chosen) - 1, min(MAX_VERTICES, len(chosen))).astype(int)]
     faults = []
     for j, v in chosen.tolist():
         x = vertex_path(result, j, v)

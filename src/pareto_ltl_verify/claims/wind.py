@@ -30,7 +30,7 @@ MOST_NODES = 4000  # limit of the number of nodes of a slot at which the posteri
 LAW_WEIGHT = 10.0  # degrees of freedom of a law in the factor of D, if it states none
 FEWEST_PLACES, LONGEST_PAIR = 10, 1e6  # readings, and [m] between two of them, for the spread of the winds
 IN_A_PLANE = ("csv", "given")  # sources whose readings may be in a plane, without latitudes
-LEAST_FACTOR, MOST_FACTOR = 0.25, 4.0
+LEAST_FACTOR, MAX_FACTOR = 0.25, 4.0
 CLEAR = 2e-6  # largest allowed error of a posterior, as a share of the prior's standard deviation
 
 
@@ -280,7 +280,7 @@ def variability(result: Evidence) -> Verdict | None:
         freedom = wind_law.independent_changes(plain, stated.pairs, places)
         weight = freedom if rule is None else rule.counted(freedom)
         ratio = float(np.mean([m / plain.change_variance(b - a) for (a, b), m in listed.items()])) / expected
-        factor = min(max((prior + weight * ratio) / (prior + weight), LEAST_FACTOR), MOST_FACTOR)
+        factor = min(max((prior + weight * ratio) / (prior + weight), LEAST_FACTOR), MAX_FACTOR)
         wanted = {"freedom": freedom, "factor": expected * factor}
     said = {"freedom": stated.freedom, "factor": stated.factor}
     if spread is not None and stated.spread is not None:

@@ -183,12 +183,12 @@ def _fix_faults(result: Evidence) -> list[str]:
     for number, drawn in enumerate(settings["landmarks"]):
         outline = _outline(settings, _corners(drawn))
         here = next((f for one, f in zip(marks, fixes, strict=False) if _same_outline(outline, one)), None)
-        asked = drawn.get("fix") if isinstance(drawn, Mapping) else None
-        if asked and not here and any(_same_outline(outline, one) for one in marks):
+        requested = drawn.get("fix") if isinstance(drawn, Mapping) else None
+        if requested and not here and any(_same_outline(outline, one) for one in marks):
             faults.append(f"fix of landmark {number + 1} is missing")
         if not here:
             continue
-        wanted = fix_error({"bearing": here.get("bearing", 0.0)} | dict(asked or {"sd": usual}), usual)
+        wanted = fix_error({"bearing": here.get("bearing", 0.0)} | dict(requested or {"sd": usual}), usual)
         if not np.allclose(wanted, fix_error(here, usual), rtol=1e-6):
             faults.append(f"fix of landmark {number + 1}")
     return faults

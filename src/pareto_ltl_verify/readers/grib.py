@@ -62,12 +62,12 @@ def grib_components(
         if not answer.is_file():
             raise UnreadError("ecCodes cannot decode the files")
         arrays = read_npz(answer)
-    told = json.loads(arrays["told"].item())
-    if isinstance(told, str):
-        raise UnreadError(told)
+    reported = json.loads(arrays["told"].item())
+    if isinstance(reported, str):
+        raise UnreadError(reported)
     components = [
         Component(kind, time, lead, member, arrays[places], arrays[values], arrays.get(turn))
-        for kind, time, lead, member, places, values, turn in told
+        for kind, time, lead, member, places, values, turn in reported
     ]
     return components, frozenset(arrays["models"].tolist())
 
@@ -79,7 +79,7 @@ def _answer(task: str, answer: Path) -> None:
     names, (kind, value), (first, last) = json.loads(task)
     arrays: dict[str, Any] = {}
     grids: dict[str, tuple[str, str]] = {}
-    told: Any = []
+    reported: Any = []
     models: set[str] = set()
     try:
         for name in names:
@@ -95,16 +95,16 @@ def _answer(task: str, answer: Path) -> None:
                     grids[grid] = f"places_{len(grids)}", f"turn_{len(grids)}"
                     places, turn = _grid(get, values_of)
                     arrays |= {grids[grid][0]: places} | ({} if turn is None else {grids[grid][1]: turn})
-                arrays[f"values_{len(told)}"] = _values(get, values_of)
+                arrays[f"values_{len(reported)}"] = _values(get, values_of)
                 start = _moment(get, "data")
                 lead = float("nan") if start is None else time - start
-                told.append((part, time, lead, _member(get), grids[grid][0], f"values_{len(told)}",
+                reported.append((part, time, lead, _member(get), grids[grid][0], f"values_{len(reported)}",
                              grids[grid][1] if part in (U, V) else ""))  # fmt: skip
     except UnreadError as error:
-        told = str(error)
+        reported = str(error)
     partial = answer.with_suffix(".part")
     with partial.open("wb") as stream:
-        np.savez(stream, told=np.array(json.dumps(told)), models=np.array(sorted(models), str), **arrays)
+        np.savez(stream, told=np.array(json.dumps(reported)), models=np.array(sorted(models), str), **arrays)
     partial.rename(answer)
 
 

@@ -72,9 +72,9 @@ def first_looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candida
     return sorted(found, key=smoothed)
 
 
-def _safest(found: Iterable[Candidate], most: int) -> list[Candidate]:
+def _safest(found: Iterable[Candidate], limit: int) -> list[Candidate]:
     """Non-dominated candidates, the safest first."""
-    return sorted(front_of(found), key=smoothed)[:most]
+    return sorted(front_of(found), key=smoothed)[:limit]
 
 
 def _promising(sweep: Sweep, starts: Sequence[Start]) -> list[Start]:

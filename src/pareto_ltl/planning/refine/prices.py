@@ -41,7 +41,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 WIDTH = 0.001  # τ as a share of the map's size: half the last width of a polish, with more flights
 TRUST = 0.5  # trust region of the programme about the path [full steps]
 LEAST_SHARE = 0.01  # prices below this share of the largest of their kind are left out
-MOST_STEPS = 400  # of a path: for 1,300 steps the convex programme needs 8 GiB
+MAX_STEPS = 400  # of a path: for 1,300 steps the convex programme needs 8 GiB
 FULL_SPEED = 0.98  # share of u_max from which a step uses all airspeed
 LEAST_GAIN = 0.01  # relative fall of the failures by a relative length: less is rounding of the solver
 LIMITS = "airspeed", "length"  # kinds whose prices are multipliers alone, in the order of the list
@@ -67,8 +67,8 @@ def limits_of(
     blocks : iterable of (n, T+1, 2) float
         Flights of ``path`` in the winds of ``fidelity.law`` [m]. With fewer than two blocks errors are 0.
     """
-    if len(path.u) > MOST_STEPS:
-        LOG.info("no prices of airspeed, length and epsilon: the path has more than %d steps", MOST_STEPS)
+    if len(path.u) > MAX_STEPS:
+        LOG.info("no prices of airspeed, length and epsilon: the path has more than %d steps", MAX_STEPS)
     limits = segment_limits(problem, path.x)
     found, flights = list[list[Binding]](), 0
     for positions in blocks:
@@ -122,10 +122,10 @@ def _block_bindings(
 def _solution(problem: Problem, path: PlannedPath, model: Descent) -> Solution | None:
     """The programme about ``path``; None where paths do not end in it, or it has no solution.
 
-    Paths of more than ``MOST_STEPS`` steps do not end in it either. About a path that breaks epsilon its
+    Paths of more than ``MAX_STEPS`` steps do not end in it either. About a path that breaks epsilon its
     multipliers measure the breach, not failures.
     """
-    if len(path.u) > MOST_STEPS or problem.fidelity.judge != "flights" or problem.fidelity.refine == "none":
+    if len(path.u) > MAX_STEPS or problem.fidelity.judge != "flights" or problem.fidelity.refine == "none":
         return None
     if not keeps_epsilon(problem, path):
         return None

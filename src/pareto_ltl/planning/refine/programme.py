@@ -43,7 +43,7 @@ TOLERANCE = 1e-6  # of the constraints, and of the gap between primal and dual
 
 
 def import_early() -> None:
-    """Import cvxpy in a thread: it takes 0.3 s, with ``scipy.stats``, which it imports, 1.5 s of CPU time."""
+    """Import cvxpy in a thread, with ``scipy.stats``, which it imports: both are slow."""
     Thread(target=import_module, args=("cvxpy",)).start()
 
 
@@ -188,8 +188,8 @@ class Programme:
         heading = np.where(
             speed > 0.0, flight.u / np.maximum(speed, 1e-9), [1.0, 0.0]
         )  # east without control
-        least, most = airspeed_limits(self.problem, flight.speed)
-        floor = np.minimum(least / CAP, SLOWEST * CAP * most) / motion.u_max
+        least, limit = airspeed_limits(self.problem, flight.speed)
+        floor = np.minimum(least / CAP, SLOWEST * CAP * limit) / motion.u_max
         u = self._padded(heading, steps=True)
         return {
             "ahead": u @ motion.b_inv,
@@ -334,7 +334,7 @@ def programme(problem: Problem, steps: int, witnesses: int = 0, faces: int = 0) 
 
 @lru_cache(maxsize=2)
 def programmes_of(problem: Problem) -> dict[int, Programme]:  # noqa: ARG001 - the key of the cache
-    """The programmes of ``problem`` by size, kept for the last two problems: stating one takes 0.2 s."""
+    """The programmes of ``problem`` by size, kept for the last two problems."""
     return {}
 
 

@@ -143,10 +143,10 @@ class Refiner:
         flight = propagate(problem, x)
         for _ in range(2):
             speed = np.linalg.norm(flight.u, axis=1)
-            least, most = airspeed_limits(problem, (1.0 - 1e-9) * np.maximum(flight.speed, 0.0))
-            if ((speed >= least * (1.0 - 1e-9)) & (speed <= most * (1.0 + 1e-9))).all():
+            least, limit = airspeed_limits(problem, (1.0 - 1e-9) * np.maximum(flight.speed, 0.0))
+            if ((speed >= least * (1.0 - 1e-9)) & (speed <= limit * (1.0 + 1e-9))).all():
                 break
-            wanted = np.minimum(np.maximum(speed, least / CAP), np.maximum(CAP * most, least))
+            wanted = np.minimum(np.maximum(speed, least / CAP), np.maximum(CAP * limit, least))
             u = flight.u * (wanted / np.maximum(speed, 1e-9))[:, None]
             flight = propagate_controls(problem, np.ascontiguousarray(u), problem.world.law)
         return flight

@@ -85,7 +85,7 @@ def forbidden_polygons(problem: Problem, avoid: BoolArray) -> tuple[list[FloatAr
     """
     found = list(_forbidden_groups(problem, avoid))
     polygons = [polygon for _, group, _ in found for polygon in group]
-    return polygons, np.hstack([np.zeros((len(avoid), 0), bool), *(asked for *_, asked in found)])
+    return polygons, np.hstack([np.zeros((len(avoid), 0), bool), *(requested for *_, requested in found)])
 
 
 def _forbidden_groups(
@@ -106,8 +106,8 @@ def _avoided(problem: Problem, flight: Flight, avoid: BoolArray | None) -> tuple
         if not len(problem.logic.hazards):
             return [], np.zeros((len(flight.u), 0), bool)
         avoid = path_obligations(problem, flight.x, flight.cov).avoid
-    polygons, asked = forbidden_polygons(problem, avoid)
-    return polygons, asked[1:] & asked[:-1]
+    polygons, requested = forbidden_polygons(problem, avoid)
+    return polygons, requested[1:] & requested[:-1]
 
 
 def allowed_risk(problem: Problem) -> float:
@@ -128,7 +128,7 @@ def _by_lines(problem: Problem, flight: Flight, avoid: BoolArray | None, around:
     """Supporting lines; the programme lets their polygons share ``epsilon`` as they need it, Eq. (M51)."""
     from scipy.special import ndtr
 
-    polygons, asked = _avoided(problem, flight, avoid)
+    polygons, requested = _avoided(problem, flight, avoid)
     corners = barrier_polygons(problem)
     everywhere = np.ones((len(flight.u), len(corners.radius)), bool)
     if polygons:
@@ -139,8 +139,8 @@ def _by_lines(problem: Problem, flight: Flight, avoid: BoolArray | None, around:
             np.concatenate([corners.ptr, corners.ptr[-1] + own.ptr[1:]]),
             np.vstack([corners.corner, own.corner]),
         )  # fmt: skip
-    asked = np.hstack([everywhere, asked])
-    line, owner, risk = lines_of(corners, asked, flight.x, flight.cov, ROWS, around)
+    requested = np.hstack([everywhere, requested])
+    line, owner, risk = lines_of(corners, requested, flight.x, flight.cov, ROWS, around)
     normal, offset = line[..., :2], line[..., 2]
     cov = np.stack([flight.cov[:-1], flight.cov[1:]], axis=1)
     n, e = normal[..., 0][:, None], normal[..., 1][:, None]
@@ -162,10 +162,10 @@ def _by_faces(problem: Problem, flight: Flight, avoid: BoolArray | None, _around
     """
     from scipy.special import ndtr
 
-    polygons, asked = _avoided(problem, flight, avoid)
+    polygons, requested = _avoided(problem, flight, avoid)
     z = kept_deviations(problem)
     everywhere = np.ones((len(flight.u), len(problem.barriers.ptr) - 1), bool)
-    sets = [(problem.barriers, flight.cov, everywhere), (pack_faces(polygons), 0.0 * flight.cov, asked)]
+    sets = [(problem.barriers, flight.cov, everywhere), (pack_faces(polygons), 0.0 * flight.cov, requested)]
     parts = [_separating_faces(faces, flight.x, cov, z, wanted) for faces, cov, wanted in sets]
     T = len(flight.u)
     parts.append(  # rows that are not used

@@ -117,8 +117,8 @@ def worthwhile(
 def fitting_programme(problem: Problem, begun: Sequence[Start]) -> Programme:
     """A programme large enough for all starts; its sizes are rounded up, so that they seldom change."""
     steps = max(len(start.x) for start in begun) - 1
-    asked = (path_obligations(problem, start.x, propagate(problem, start.x).cov) for start in begun)
-    witnesses = max(len(obligations.witness) for obligations in asked)
+    requested = (path_obligations(problem, start.x, propagate(problem, start.x).cov) for start in begun)
+    witnesses = max(len(obligations.witness) for obligations in requested)
     faces = int(np.diff(search_map(problem).witness.ptr).max())
     return programme(problem, -(-steps // 8) * 8, witnesses + 1, faces)
 

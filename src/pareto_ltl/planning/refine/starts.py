@@ -271,8 +271,8 @@ def paced_line(problem: Problem, x: FloatArray) -> FloatArray:
         return x
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))])
     slowest = TOO_SLOW * problem.motion.u_min * problem.motion.dt
-    most = problem.horizon if slowest == 0.0 else min(problem.horizon, int(along[-1] / slowest))
-    for steps in range(len(x), most + 1):
+    limit = problem.horizon if slowest == 0.0 else min(problem.horizon, int(along[-1] / slowest))
+    for steps in range(len(x), limit + 1):
         even = np.linspace(0.0, along[-1], steps + 1)
         slow = np.stack([np.interp(even, along, x[:, k]) for k in (0, 1)], axis=1)
         if completes(problem, slow):

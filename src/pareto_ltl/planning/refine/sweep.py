@@ -177,8 +177,8 @@ def front_of(found: Iterable[Candidate]) -> list[Candidate]:
     return kept
 
 
-def spread_points(front: Sequence[Candidate], most: int) -> list[tuple[Candidate, float]]:
-    """At most ``most`` length caps along the front, each with the path to begin with.
+def spread_points(front: Sequence[Candidate], limit: int) -> list[tuple[Candidate, float]]:
+    """At most ``limit`` length caps along the front, each with the path to begin with.
 
     They are at even ratios. A gap between neighbours that is wider than ``PLATEAU`` levels of the sweep is a
     plateau, where longer paths do not fail less: no cap lies in it, and one on each side. The path to begin
@@ -190,8 +190,8 @@ def spread_points(front: Sequence[Candidate], most: int) -> list[tuple[Candidate
     rise = np.diff(lengths)
     wide = rise > PLATEAU * np.log(SPACING)
     rims = np.flatnonzero(np.append(wide, False) | np.insert(wide, 0, False))
-    rims = rims[np.linspace(0, len(rims) - 1, min(len(rims), most // 2 - 1)).round().astype(int)]
-    even = most - len(rims)
+    rims = rims[np.linspace(0, len(rims) - 1, min(len(rims), limit // 2 - 1)).round().astype(int)]
+    even = limit - len(rims)
     way = np.concatenate([[0.0], np.cumsum(np.where(wide, 0.0, rise))])
     along = way[-1] / max(even - 1, 1) * np.arange(even)
     at = np.searchsorted(way, along * (1.0 - 1e-12), side="right") - 1

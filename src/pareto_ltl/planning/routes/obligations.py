@@ -185,8 +185,8 @@ def mission_order(problem: Problem, path: PlannedPath) -> MissionOrder | None:
     return MissionOrder(labels, tuple(int(before[t]) for t in turns)) if all(labels) else None
 
 
-def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
-    """Orders that the automaton allows, each transition closer to acceptance; ``most`` at most.
+def possible_orders(problem: Problem, limit: int) -> list[MissionOrder]:
+    """Orders that the automaton allows, each transition closer to acceptance; ``limit`` at most.
 
     Trees find the orders that suit their samples; another one may be better after smoothing. Of more than
     ``BEGUN`` unfinished orders of one length, the orders with the shortest way are extended.
@@ -195,7 +195,7 @@ def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
     delta, start = helpful_delta(logic), problem.scene.start
     found: list[MissionOrder] = []
     level = [_Begun((), (), int(delta[logic.initial, problem.locate(start[None])[0]]), start, 0.0)]
-    while level and len(found) < most:
+    while level and len(found) < limit:
         longer: list[_Begun] = []
         for begun in level:
             if logic.distance[begun.state] == 0.0:
@@ -209,7 +209,7 @@ def possible_orders(problem: Problem, most: int) -> list[MissionOrder]:
         if len(longer) > BEGUN:
             longer = sorted(longer, key=lambda one: one.length)[:BEGUN]
         level = longer
-    return found[:most]
+    return found[:limit]
 
 
 def _label_places(problem: Problem) -> dict[frozenset[str], tuple[int, FloatArray]]:

@@ -90,7 +90,7 @@ def crossed_rays(obstacles: Sequence[FloatArray], start: FloatArray, end: FloatA
     if not len(obstacles):
         return {}
     corners = [len(polygon) for polygon in obstacles]
-    first = np.cumsum([0, *corners[:-1]])  # 300 obstacles take 0.1 instead of 2 ms
+    first = np.cumsum([0, *corners[:-1]])
     middle = np.add.reduceat(np.concatenate(obstacles), first) / np.array(corners)[:, None]
     x0, x1 = start[:, None, 0], end[:, None, 0]
     east, west = (x0 <= middle[:, 0]) & (middle[:, 0] < x1), (x1 <= middle[:, 0]) & (middle[:, 0] < x0)

@@ -37,8 +37,8 @@ LED = 12  # lines that are led through landmarks, the shortest
 PLACES = 2  # legs of a line in which a landmark is tried: the legs with the least detours
 PER_NODE = 12  # classes of one leg that are lengthened at one node
 MOST_NODES = 400  # the nodes of the least detour are kept
-MOST_EDGES = 2_000_000  # of the product with the automaton; a larger one is not searched
-MOST_STEPS = 20_000  # lines that are lengthened
+MAX_EDGES = 2_000_000  # of the product with the automaton; a larger one is not searched
+MAX_STEPS = 20_000  # lines that are lengthened
 
 
 class _Class(NamedTuple):
@@ -96,14 +96,14 @@ class Roadmap:
         return self._words[node]
 
 
-def roadmap_lines(problem: Problem, most: int) -> list[FloatArray]:
-    """Lines (n, 2) [m] of up to ``most`` classes, shortest first; none where the search would be too large.
+def roadmap_lines(problem: Problem, limit: int) -> list[FloatArray]:
+    """Lines (n, 2) [m] of up to ``limit`` classes, shortest first; none where the search would be too large.
 
     The lines keep no distance from obstacles that depends on the wind: they are starts of a refinement.
     """
     roadmap = sight_graph(problem)
     ways = _Ways.of(roadmap)
-    return [] if ways is None else [roadmap.at[line.nodes()] for line in ways.lines(most)]
+    return [] if ways is None else [roadmap.at[line.nodes()] for line in ways.lines(limit)]
 
 
 # --- through landmarks ------------------------------------------------------------------------
@@ -216,7 +216,7 @@ class _Ways:
     def of(cls, roadmap: Roadmap) -> _Ways | None:
         """The product; None if it has too many edges."""
         logic = roadmap.problem.logic
-        if len(logic.distance) * len(roadmap.edge) > MOST_EDGES:
+        if len(logic.distance) * len(roadmap.edge) > MAX_EDGES:
             return None
         cells = roadmap.problem.locate(roadmap.at)
         delta = helpful_delta(logic)[:, cells]
@@ -225,7 +225,7 @@ class _Ways:
         allowed = _open_edges(roadmap)
         return cls(roadmap, delta, allowed, _ways_left(roadmap, delta, allowed))
 
-    def lines(self, most: int) -> Iterator[_Line]:
+    def lines(self, largest: int) -> Iterator[_Line]:
         """Accepted lines of different classes, shortest first."""
         logic, ticks, lengthened = self.roadmap.problem.logic, count(), Counter[tuple[int, int, int]]()
         state = int(self.delta[logic.initial, 0])
@@ -233,8 +233,8 @@ class _Ways:
             return
         limit, seen, found = STRETCH * self.to_go[state, 0], set[tuple[int, _Class]](), 0
         queue = [(self.to_go[state, 0], next(ticks), 0.0, _Line(_Class((state,), ((),)), state, 0, None))]
-        for _ in range(MOST_STEPS):
-            if not queue or found == most:
+        for _ in range(MAX_STEPS):
+            if not queue or found == largest:
                 return
             _, _, length, line = heapq.heappop(queue)
             place = line.state, line.node, len(line.kind.order)

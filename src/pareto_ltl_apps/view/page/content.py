@@ -144,7 +144,7 @@ def _paths(
     paths = {}
     if front is not None:
         logged = set(points.told_points(front, chosen))
-        for k in points.told_points(front, chosen, points.MOST_PLAIN_LEGS):
+        for k in points.told_points(front, chosen, points.MAX_PLAIN_LEGS):
             flown = given if k == chosen else None
             paths[str(k)] = points.shown_path(run, run.problem, front.paths[k], flown, logged=k in logged)
     flights = None if given is None or chosen is None else points.shown_flights(run.scene, run.problem, given)

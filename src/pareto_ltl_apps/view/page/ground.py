@@ -14,9 +14,9 @@ from pareto_ltl_apps.exports.formats import holds_pole
 from pareto_ltl_apps.exports.geojson import titled_outlines
 from pareto_ltl_apps.view import lattice
 
-MOST_TIMES = 25  # times at which the wind is shown, at most
-MOST_CORNERS = 20_000  # corners of all polygons, at most; more are thinned out
-MOST_EDGES = 4000  # edges of trees, at most, drawn if there is no plan
+MAX_TIMES = 25  # times at which the wind is shown, at most
+MAX_CORNERS = 20_000  # corners of all polygons, at most; more are thinned out
+MAX_EDGES = 4000  # edges of trees, at most, drawn if there is no plan
 FENCE_SAG = 50.0  # [m] of long edges in degrees
 SPEED_DIGITS = 2
 DEGREES = 6  # digits of outlines
@@ -65,7 +65,7 @@ def shown_map(scene: Scene) -> dict[str, Any]:
     """
     named = [("region", name, c) for name, parts in scene.regions.items() for c in parts]
     named += titled_outlines(scene)
-    stride = max(1, -(-sum(len(corners) for _, _, corners in named) // MOST_CORNERS))
+    stride = max(1, -(-sum(len(corners) for _, _, corners in named) // MAX_CORNERS))
     crs = shown_crs(scene)
     digits = metre_digits(scene) if crs is None else DEGREES
 
@@ -90,11 +90,11 @@ def shown_map(scene: Scene) -> dict[str, Any]:
 
 
 def shown_wind(scene: Scene, wind: WindField, last: float) -> dict[str, Any]:
-    """Expected wind and standard deviation on a lattice at up to ``MOST_TIMES`` times until ``last`` [s]."""
+    """Expected wind and standard deviation on a lattice at up to ``MAX_TIMES`` times until ``last`` [s]."""
     i, j = lattice.arrow_nodes(wind, scene.bounds)
     x, y = lattice.lattice_nodes(wind)
     nodes = np.stack(np.meshgrid(x[i], y[j], indexing="ij"), axis=-1).reshape(-1, 2)
-    times = np.linspace(0.0, last, MOST_TIMES) if last > 0.0 and len(wind.times) > 1 else np.zeros(1)
+    times = np.linspace(0.0, last, MAX_TIMES) if last > 0.0 and len(wind.times) > 1 else np.zeros(1)
     mean = np.array([lattice.interpolate_slots(wind.times, wind.mean, t)[np.ix_(i, j)] for t in times])
     doubt = np.array([lattice.wind_deviation(wind, t)[np.ix_(i, j)] for t in times])
     speed, bearing = np.hypot(mean[..., 0], mean[..., 1]), np.arctan2(mean[..., 0], mean[..., 1])
@@ -113,4 +113,4 @@ def shown_wind(scene: Scene, wind: WindField, last: float) -> dict[str, Any]:
 
 def shown_trees(scene: Scene, forest: Forest | None) -> list[Any]:
     """The oldest edges of the trees, two places each, for a map without a plan."""
-    return [] if forest is None else map_places(scene, lattice.oldest_edges(forest, MOST_EDGES))
+    return [] if forest is None else map_places(scene, lattice.oldest_edges(forest, MAX_EDGES))

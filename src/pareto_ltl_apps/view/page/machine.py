@@ -59,10 +59,10 @@ def told_clocks(automaton: Automaton, text: str) -> str:
     for name in sorted(clocks, key=len, reverse=True):
         begin, end = clocks[name].begin, clocks[name].end
         if math.isinf(end):
-            told = f"t > {hours_text(round(begin))}"
+            reported = f"t > {hours_text(round(begin))}"
         else:
-            told = f"{hours_text(begin)} ≤ " * (begin > 0.0) + f"t ≤ {hours_text(end)}"
-        text = text.replace(name, f"({told})")
+            reported = f"{hours_text(begin)} ≤ " * (begin > 0.0) + f"t ≤ {hours_text(end)}"
+        text = text.replace(name, f"({reported})")
     return text
 
 

@@ -24,10 +24,10 @@ from pareto_ltl_apps.exports.navigation_log import SHARE, navigation_log
 from pareto_ltl_apps.view.page.ground import DEGREES, map_places, metre_digits, north_turn, rounded
 from pareto_ltl_apps.view.records import ShownRun
 
-MOST_LEGS = 3000  # legs of all complete paths, at most: 200 bytes each
-MOST_PLAIN_LEGS = 40_000  # legs of all paths, with or without a navigation log: 40 bytes each
-MOST_FLIGHTS = 100  # flights drawn, at most
-MOST_PLACES = 6000  # positions of all flights drawn, at most
+MAX_LEGS = 3000  # legs of all complete paths, at most: 200 bytes each
+MAX_PLAIN_LEGS = 40_000  # legs of all paths, with or without a navigation log: 40 bytes each
+MAX_FLIGHTS = 100  # flights drawn, at most
+MAX_PLACES = 6000  # positions of all flights drawn, at most
 JUDGED = ("failure", "failure_low", "failure_high", "runs", "law")  # columns of a rate, or of a bound
 LOG_DIGITS = {
     "heading": 3, "airspeed": 4, "calibrated": 4, "wind_speed": 3, "wind_from": 2, "wind_sd": 3, "track": 3,
@@ -62,10 +62,10 @@ def bound_of(cost: Objectives) -> float:
     return min(1.0, cost.mission_risk + cost.collision_risk)
 
 
-def told_points(front: Front, chosen: int | None, most: int = MOST_LEGS) -> list[int]:
-    """The points whose paths have room in ``most`` legs: all, or the chosen one and others spread evenly."""
+def told_points(front: Front, chosen: int | None, limit: int = MAX_LEGS) -> list[int]:
+    """The points whose paths have room in ``limit`` legs: all, or the chosen one and others spread evenly."""
     longest = max(len(path.u) for path in front.paths)
-    room = max(1, most // max(longest, 1))
+    room = max(1, limit // max(longest, 1))
     if room >= len(front.paths):
         return list(range(len(front.paths)))
     spread = np.unique(np.linspace(0, len(front.paths) - 1, room).round().astype(int)).tolist()
@@ -134,7 +134,7 @@ def shown_flights(
     flights, by default as many as a page has room for.
     """
     if count is None:
-        count = int(np.clip(MOST_PLACES // flown.x.shape[1], 10, MOST_FLIGHTS))
+        count = int(np.clip(MAX_PLACES // flown.x.shape[1], 10, MAX_FLIGHTS))
     some = Deployment(
         flown.law, flown.x[:count], flown.accepted[:count], flown.collided[:count], flown.off_map[:count],
         flown.walled,
