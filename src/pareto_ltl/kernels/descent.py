@@ -257,7 +257,7 @@ def descend(
     law: Law, limits: Limits, margin: MarginModel, sample: Sample, solves: Solves, first: Guess,
     second: Guess, memory: Memory,
 ) -> int:  # fmt: skip
-    """Lower the failure of ``first``, whose flight is filled; 0 if the result is there, 1 if in ``second``."""
+    """Lower the failure of ``first``, whose flight is filled; returns 0 if it has the result, else 1."""
     here, there, at, trust = first, second, 0, solves.trust
     here_is = sample.begun + add_lure(law, here.flight.x, sample, here.slope, memory.legs)
     value = here_is + overlong(here.flight.x, solves.longest)
