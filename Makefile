@@ -96,11 +96,12 @@ $(PEERS)/%: benchmarks/peers/requirements-%.txt
 	$@/bin/python -m pip install --quiet --disable-pip-version-check -r $< || { rm -rf $@; exit 1; }
 	@touch $@
 
-lint: $(READY) ## ruff, and which module may import which
+lint: $(READY) ## ruff, which module may import which, docs at 100 columns
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports
 	$(BIN)/python release/waist.py
+	$(BIN)/python release/wrap_docs.py --check
 
 types: $(READY) ## mypy --strict
 	$(BIN)/mypy
