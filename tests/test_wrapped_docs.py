@@ -11,13 +11,14 @@ import markdown
 
 ROOT = Path(__file__).parents[1]
 wrap: dict[str, Any] = runpy.run_path(str(ROOT / "release" / "wrap_docs.py"))
-PAGE = """# A heading that is longer than a line of one hundred columns, which stays as it is since it is a heading
+PAGE = """
+# A heading that is longer than a line of one hundred columns, which stays as it is, being a heading
 
-Some words with `code that must not be divided` and [a link with words](page.md#of-some-length), $x + y$ and more.
+Words with `code that must not be divided` and [a link with words](page.md#of-some-length), $x + y$ and.
 - an item that is so long that it needs a second line, which begins below its first word and not at the margin
     1. an item in it
 
-| a | table with a row that is far longer than one hundred columns, in which a line break would begin a new row |
+| a | table with a row that is longer than one hundred columns, in which a line break would begin a row |
 |---|---|
 
 ```
