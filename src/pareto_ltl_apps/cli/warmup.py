@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pareto_ltl.extend import Forest, Problem
 
 Sections = dict[str, Any]
-Told = Callable[[int, int, str], None]
+Reported = Callable[[int, int, str], None]
 SMALL: Sections = {
     "planner": {"trees": 2, "n_max": 4000, "max_steps": 60, "epsilon": 0.7},
     "smoothing": {"candidates": 1, "weights": [1.0]},
@@ -200,7 +200,7 @@ def path_forest(problem: Problem) -> Forest:
     return Forest((tree,), np.array([[0, len(x) - 1]]), 0.0)
 
 
-def warm_up_all(names: Sequence[str], jobs: int, reported: Told) -> Iterator[Warmed]:
+def warm_up_all(names: Sequence[str], jobs: int, reported: Reported) -> Iterator[Warmed]:
     """Compile the kernels of ``names`` in at most ``jobs`` processes; yields the cost of each, as they end.
 
     ``reported`` is called with the number of kinds that are done, their total, and what is compiled now.
@@ -218,7 +218,7 @@ def warm_up_all(names: Sequence[str], jobs: int, reported: Told) -> Iterator[War
             yield ended.result()
 
 
-def _tell(report: Told, done: int, total: int, name: str, kernel: str) -> None:
+def _tell(report: Reported, done: int, total: int, name: str, kernel: str) -> None:
     report(done, total, f"{name}: {kernel}")
 
 

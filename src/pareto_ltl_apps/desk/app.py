@@ -44,7 +44,7 @@ Answer = Any  # what becomes JSON, or a Response
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class DeskRequest:
     """A request, with what the answer is made from."""
 
     plans: Plans
@@ -116,7 +116,7 @@ class Asked:
         return JSONResponse(self.plans.state(job.name), 202)
 
 
-Endpoint = Callable[[Asked], Any]
+Endpoint = Callable[[DeskRequest], Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +150,7 @@ def operation(method: str, path: str, body: str = "") -> Callable[[Endpoint], En
 
 @operation("POST", "/api/plans", body="settings: values by key; overrides: KEY=VALUE; map (GeoJSON) and "
            "formula; command: plan, departure (compares starts) or wind (without a plan)")  # fmt: skip
-async def make_plan(requested: Asked) -> Answer:
+async def make_plan(requested: DeskRequest) -> Answer:
     """Start a plan; answers its id at once."""
     given = requested.fields("command", "overrides", "settings", "map", "formula")
     command, *words = await run_in_threadpool(missions.command_words, requested.folder, given)
@@ -158,26 +158,26 @@ async def make_plan(requested: Asked) -> Answer:
 
 
 @operation("GET", "/api/plans")
-async def list_plans(requested: Asked) -> Answer:
+async def list_plans(requested: DeskRequest) -> Answer:
     """All plans in the folder, the newest first."""
     return {"plans": requested.plans.all_states()}
 
 
 @operation("GET", PLAN)
-async def plan_state(requested: Asked) -> Answer:
+async def plan_state(requested: DeskRequest) -> Answer:
     """Status, directory, error and command line."""
     return requested.plans.state(requested.name)
 
 
 @operation("DELETE", PLAN)
-async def cancel_plan(requested: Asked) -> Answer:
+async def cancel_plan(requested: DeskRequest) -> Answer:
     """Cancel a running plan."""
     requested.plans.cancel(requested.name)
     return requested.plans.state(requested.name)
 
 
 @operation("GET", PLAN + "/events")
-async def plan_events(requested: Asked) -> Answer:
+async def plan_events(requested: DeskRequest) -> Answer:
     """Server-sent events: stage, progress, paths, status."""
     requested.plans.state(requested.name)
 
@@ -189,55 +189,55 @@ async def plan_events(requested: Asked) -> Answer:
 
 
 @operation("GET", PLAN + "/front")
-def plan_front(requested: Asked) -> Answer:
+def plan_front(requested: DeskRequest) -> Answer:
     """Points, with the columns of front.csv."""
     return views.front_view(requested.front)
 
 
 @operation("GET", PLAN + "/points/{number}")
-def plan_point(requested: Asked) -> Answer:
+def plan_point(requested: DeskRequest) -> Answer:
     """Path, ellipses, log, flights, risk and limits of a point."""
     return views.point_view(requested.front, requested.number)
 
 
 @operation("GET", PLAN + "/points/{number}/limits")
-def point_limits(requested: Asked) -> Answer:
+def point_limits(requested: DeskRequest) -> Answer:
     """Prices, and the tightest segments."""
     return views.limits_view(requested.done, requested.number)
 
 
 @operation("GET", PLAN + "/wind")
-def plan_wind(requested: Asked) -> Answer:
+def plan_wind(requested: DeskRequest) -> Answer:
     """The expected wind at some times, and its deviation."""
     return views.wind_view(requested.front)
 
 
 @operation("POST", PLAN + "/beacons")
-async def find_beacon(requested: Asked) -> Answer:
+async def find_beacon(requested: DeskRequest) -> Answer:
     """Try a beacon at many places; answers an id."""
     return requested.started(requested.plans.beacons(requested.name))
 
 
 @operation("GET", PLAN + "/beacons")
-def plan_beacons(requested: Asked) -> Answer:
+def plan_beacons(requested: DeskRequest) -> Answer:
     """Failure with a beacon at each place, and a summary."""
     return views.beacons_view(requested.done)
 
 
 @operation("GET", PLAN + "/check")
-def plan_check(requested: Asked) -> Answer:
+def plan_check(requested: DeskRequest) -> Answer:
     """The last check in a newer forecast: GO or NO-GO, and its lines."""
     return views.check_view(requested.done)
 
 
 @operation("GET", PLAN + "/departures")
-def plan_departures(requested: Asked) -> Answer:
+def plan_departures(requested: DeskRequest) -> Answer:
     """Starts, common lengths [m] and failure of each start at them."""
     return read_json(requested.done / "departures.json")
 
 
 @operation("GET", PLAN + "/exports/{kind}")
-def plan_export(requested: Asked) -> Answer:
+def plan_export(requested: DeskRequest) -> Answer:
     """A file for other programs; ?point=N takes that point instead of the plan."""
     number = _number(requested.query("point")) if requested.query("point") else None
     name, content = views.export_view(requested.done, requested.request.path_params["kind"], number)
@@ -246,7 +246,7 @@ def plan_export(requested: Asked) -> Answer:
 
 
 @operation("POST", PLAN + "/choose", body="point: its number")
-async def choose_point(requested: Asked) -> Answer:
+async def choose_point(requested: DeskRequest) -> Answer:
     """Make a point the plan; answers an id."""
     number = _number(requested.fields("point").get("point"))
     rows = await run_in_threadpool(plan_front, requested)
@@ -257,7 +257,7 @@ async def choose_point(requested: Asked) -> Answer:
 
 
 @operation("POST", PLAN + "/replan", body="time [s after departure], fix [latitude, longitude, sd in m]")
-async def replan(requested: Asked) -> Answer:
+async def replan(requested: DeskRequest) -> Answer:
     """Plan the rest of a flight again after a position fix; answers an id."""
     given = requested.fields("time", "fix")
     time, fix = given.get("time"), given.get("fix")
@@ -275,63 +275,63 @@ async def replan(requested: Asked) -> Answer:
 
 
 @operation("POST", "/api/formula", body="formula; or pattern with goals, avoid, order")
-async def explain(requested: Asked) -> Answer:
+async def explain(requested: DeskRequest) -> Answer:
     """A formula or pattern in words, or its error and column."""
     given = requested.fields("formula", "pattern", "goals", "avoid", "order")
     return await requested.while_connected(requested.explainer.explained(given))
 
 
 @operation("POST", "/api/maps", body="the file")
-def read_map(requested: Asked) -> Answer:
+def read_map(requested: DeskRequest) -> Answer:
     """A GeoJSON or KML file (?name=FILE) as features with roles."""
     return missions.read_map(requested.folder, requested.query("name", "map.geojson"), requested.content)
 
 
 @operation("POST", "/api/backdrops", body="the file")
-def keep_backdrop(requested: Asked) -> Answer:
+def keep_backdrop(requested: DeskRequest) -> Answer:
     """Copy a map to lie below the drawing (?name=FILE)."""
     return backdrop.keep_backdrop(requested.folder, requested.query("name"), requested.content)
 
 
 @operation("GET", "/api/backdrops/{name}")
-def show_backdrop(requested: Asked) -> Answer:
+def show_backdrop(requested: DeskRequest) -> Answer:
     """Areas, lines and points of a file that was copied earlier, or an image."""
     return backdrop.backdrop(requested.folder, requested.name)
 
 
 @operation("POST", "/api/winds", body="the file")
-def keep_wind(requested: Asked) -> Answer:
+def keep_wind(requested: DeskRequest) -> Answer:
     """Copy a file of winds (?name=FILE)."""
     return {"path": requested.folder.keep_wind(requested.query("name"), requested.content)}
 
 
 @operation("GET", "/api/choices")
-def show_choices(_asked: Asked) -> Answer:
+def show_choices(_asked: DeskRequest) -> Answer:
     """Names of vehicles, winds, patterns, examples."""
     return missions.choices_of_desk()
 
 
 @operation("GET", "/api/examples/{name}")
-def example(requested: Asked) -> Answer:
+def example(requested: DeskRequest) -> Answer:
     """The map of an example."""
     return missions.example_map(requested.name)
 
 
 @operation("GET", "/api/mission")
-async def read_draft(requested: Asked) -> Answer:
+async def read_draft(requested: DeskRequest) -> Answer:
     """The mission as it was last drawn, with its revision."""
     return requested.folder.read_draft()
 
 
 @operation("PUT", "/api/mission", body="revision, mission")
-async def write_draft(requested: Asked) -> Answer:
+async def write_draft(requested: DeskRequest) -> Answer:
     """Keep the mission that is drawn; 409 if revision is not the last one."""
     given = requested.fields("revision", "mission")
     return requested.folder.write_draft(given.get("revision"), given.get("mission"))
 
 
 @operation("GET", "/api/openapi.json")
-async def document(_asked: Asked) -> Answer:
+async def document(_asked: DeskRequest) -> Answer:
     """The OpenAPI document."""
     return openapi()
 
@@ -400,7 +400,7 @@ def desk_server(path: Path, port: int) -> LoopbackServer:
 def _endpoint(plans: Plans, explainer: Explainer, make: Endpoint) -> Callable[[Request], Any]:
     async def answer(request: Request) -> Response:
         try:
-            requested = Asked(plans, explainer, request, await request.body())
+            requested = DeskRequest(plans, explainer, request, await request.body())
             found = await (
                 make(requested) if iscoroutinefunction(make) else run_in_threadpool(make, requested)
             )

@@ -42,7 +42,7 @@ class LivePage:
     def __init__(self) -> None:
         self.plan: dict[str, Any] = {}
         self.events: list[dict[str, Any]] = []
-        self.told = 0  # all events so far; the first of ``events`` has the number told - len(events)
+        self.reported = 0  # all events so far; the first of ``events`` has the number reported - len(events)
         self.rest: dict[str, Any] = {"at": [], "failed": []}
         self.lock = threading.Lock()
 
@@ -55,7 +55,7 @@ class LivePage:
             "spread": plan_spread(scene, plan.path), "notCovered": plan.not_covered,
         }  # fmt: skip
         with self.lock:
-            self.plan, self.rest = shown | {"number": self.told}, {"at": [], "failed": []}
+            self.plan, self.rest = shown | {"number": self.reported}, {"at": [], "failed": []}
 
     def heard(self, watch: Watch, event: Event) -> tuple[Event, ...]:
         """Keep what the page shows of ``event``; returns no events."""
@@ -70,15 +70,20 @@ class LivePage:
         elif event["event"] == "fix":
             shown["place"] = map_places(scene, np.array(event["place"]))
         with self.lock:
-            self.events, self.told = [*self.events[1 - MOST :], shown], self.told + 1
+            self.events, self.reported = [*self.events[1 - MOST :], shown], self.reported + 1
         return ()
 
     def state(self, since: int) -> dict[str, Any]:
         """The events from the number ``since`` on, and the flights of the rest."""
         with self.lock:
-            first = max(since, self.told - len(self.events))
-            new = self.events[len(self.events) - (self.told - first) :] if first < self.told else []
-            return {"plan": self.plan.get("number", 0), "next": self.told, "events": new, "rest": self.rest}
+            first = max(since, self.reported - len(self.events))
+            new = self.events[len(self.events) - (self.reported - first) :] if first < self.reported else []
+            return {
+                "plan": self.plan.get("number", 0),
+                "next": self.reported,
+                "events": new,
+                "rest": self.rest,
+            }
 
     def serve(self, port: int) -> str:
         """Serve the page in a thread until the process ends; returns its address with the token.

@@ -153,7 +153,7 @@ def old_law(result: Evidence) -> Verdict | None:
 # --- what follows from the fixes ------------------------------------------------------------------
 
 
-class Told(NamedTuple):
+class Reported(NamedTuple):
     """Given the fixes: law of the position, mean ``theta`` (2P,) of θ, law of own errors; distances."""
 
     mean: FloatArray
@@ -163,7 +163,7 @@ class Told(NamedTuple):
     errors: Errors
 
 
-def _given_fixes(source: Evidence, stated: dict[str, Any]) -> Told | None:
+def _given_fixes(source: Evidence, stated: dict[str, Any]) -> Reported | None:
     """Position and θ at the step, given the fixes, under the law of the old plan; None with landmarks."""
     step, fixes = stated["step"], stated["fixes"]
     law = source.law(source.planned_law, step)
@@ -179,7 +179,7 @@ def _given_fixes(source: Evidence, stated: dict[str, Any]) -> Told | None:
     C = np.vstack([_faded(law, course, t, step) for t in at])
     own = np.vstack([course.cross[t][:, law.modes :] for t in at]) @ law.errors.root.T
     z = np.linalg.solve(np.linalg.cholesky(S), d)
-    return Told(
+    return Reported(
         source.x[step] + to @ np.linalg.solve(S, d), course.cov[step] - to @ np.linalg.solve(S, to.T),
         C.T @ np.linalg.solve(S, d), np.linalg.norm(z.reshape(-1, 2), axis=1),
         Errors(
