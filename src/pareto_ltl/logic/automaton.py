@@ -23,7 +23,7 @@ from pareto_ltl.logic.progression import Progression
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import FormulaError
-from pareto_ltl.world.windows import Window
+from pareto_ltl.world.windows import Window, clock_windows
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -110,6 +110,11 @@ class Automaton(Displayed):
     def n_states(self) -> int:
         """Q, the number of states."""
         return len(self.delta)
+
+    @property
+    def clocks(self) -> dict[str, Window]:
+        """The windows of the propositions that are clocks, by their names."""
+        return clock_windows(self.atoms)
 
     @cached_property
     def graph(self) -> nx.DiGraph:

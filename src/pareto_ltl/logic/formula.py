@@ -35,7 +35,7 @@ from pareto_ltl.logic.formula_words import (
 )
 from pareto_ltl.support.display import listed_text
 from pareto_ltl.support.errors import FormulaError
-from pareto_ltl.support.messages import SHOWN_WIDTH, shown_text
+from pareto_ltl.support.messages import caret_lines, shown_text
 from pareto_ltl.support.names import name_fault, quoted_name
 from pareto_ltl.world.windows import Span, clock_windows, read_span, shown_span
 
@@ -130,14 +130,6 @@ def disputed_reading(text: str) -> str:
 def _is_disputed(inner: str, outer: str) -> bool:
     """Whether tools disagree on an operand with the operator ``inner`` of ``outer``."""
     return {inner, outer} in _DISPUTED or {inner, outer} <= _UNTILS
-
-
-def caret_lines(text: str, column: int) -> str:
-    """Two lines: the formula near the zero-based ``column``, and a caret under it."""
-    line = "".join(character if character.isprintable() else " " for character in text)
-    first, beyond = max(0, column - SHOWN_WIDTH // 2), column + SHOWN_WIDTH // 2
-    before, after = "..." if first else "", "..." if len(line) > beyond else ""
-    return f"{before}{line[first:beyond]}{after}\n{' ' * (len(before) + column - first)}^"
 
 
 def check_names(tree: Formula, names: Iterable[str]) -> None:

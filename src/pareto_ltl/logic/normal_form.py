@@ -6,13 +6,13 @@ from pareto_ltl.logic.formula import (
     FALSE_FORMULA,
     TRUE_FORMULA,
     Formula,
-    caret_lines,
     elided_text,
     flat_chain,
     formula_text,
 )
 from pareto_ltl.support.display import listed_text
 from pareto_ltl.support.errors import FormulaError
+from pareto_ltl.support.messages import caret_lines
 from pareto_ltl.support.names import quoted_name
 from pareto_ltl.world.windows import Span, end_clock, shown_span, span_clock
 

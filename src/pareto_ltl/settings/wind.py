@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from pareto_ltl.settings.checks import CheckedSettings, check_time, setting
@@ -162,6 +162,19 @@ class WindConfig(CheckedSettings, section="wind"):
             check_time("wind.cycle", self.cycle)
         if self.base_url is not None and not self.base_url.startswith(("https://", "http://")):
             raise wrong_value("wind.base_url", "begin with https:// (or http://)", self.base_url)
+
+    @property
+    def reads_path(self) -> bool:
+        """Whether the source, one of this package, reads ``wind.path``."""
+        kind = WIND_SOURCES.get(self.source)
+        return kind is not None and kind.reads_path
+
+    def instead_of(self, before: WindConfig) -> WindConfig:
+        """These settings; where a table that states no level replaces files, without the level of the files."""
+        kind = WIND_SOURCES.get(self.source)
+        if self.source == before.source or kind is None or kind.level != STATED:
+            return self
+        return replace(self, level=usual_level(self.source, before.level))
 
 
 def usual_level(source: str, flown: str | None) -> str:

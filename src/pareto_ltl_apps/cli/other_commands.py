@@ -111,7 +111,7 @@ def formula(options: Namespace) -> Answer:
     import numpy as np
 
     from pareto_ltl.extend import disputed_reading, parse_formula, translate
-    from pareto_ltl.logic.formula import caret_lines
+    from pareto_ltl.support.messages import caret_lines
     from pareto_ltl_apps.view.automaton_picture import dot_text, save_picture
 
     text = options.formula

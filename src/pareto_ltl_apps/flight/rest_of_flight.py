@@ -28,7 +28,6 @@ from pareto_ltl.extend import (
     evaluate,
 )
 from pareto_ltl.run.received import KnownFiles, law_file
-from pareto_ltl.settings.wind import STATED, WIND_SOURCES, usual_level
 from pareto_ltl.support.arrays import FloatArray, length_of, square_matrices
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
@@ -258,24 +257,15 @@ def wind_hashes(settings: Settings, cfg: WindConfig) -> dict[str, str]:
 def newer_settings(cfg: WindConfig, wind: NewWind) -> WindConfig:
     """The settings of the wind with the path or source of ``wind``; the reader stays if it reads files."""
     if isinstance(wind, Mapping):
-        return _restated(cfg, replace(cfg, **{"path": None, **wind}), "level" in wind)
+        newer = replace(cfg, **{"path": None, **wind})
+        return newer if "level" in wind else newer.instead_of(cfg)
     if not isinstance(wind, str | Path):
         return replace(cfg, source="given", path=None)
     path = Path(wind).expanduser()
     if not path.exists() and not any(letter in str(wind) for letter in "*?["):
         raise ConfigError(f"wind {wind}: no such file; give a newer forecast (GRIB2, NetCDF or CSV)")
-    kind = WIND_SOURCES.get(cfg.source)
-    keeps = kind is not None and kind.reads_path
-    source = cfg.source if keeps else source_of_path(path)
-    return _restated(cfg, replace(cfg, source=source, path=str(path)), stated=False)
-
-
-def _restated(before: WindConfig, cfg: WindConfig, stated: bool) -> WindConfig:
-    """``cfg`` without the level of files that states nothing on the table that replaces them."""
-    kind = WIND_SOURCES.get(cfg.source)
-    if stated or cfg.source == before.source or kind is None or kind.level != STATED:
-        return cfg
-    return replace(cfg, level=usual_level(cfg.source, before.level))
+    source = cfg.source if cfg.reads_path else source_of_path(path)
+    return replace(cfg, source=source, path=str(path)).instead_of(cfg)
 
 
 # --- against the old wind -------------------------------------------------------------------------

@@ -14,7 +14,6 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.run_status import ending_text
-from pareto_ltl.world.windows import clock_windows
 from pareto_ltl_apps.view import PAGE_FILE, page_stage
 
 if TYPE_CHECKING:
@@ -78,7 +77,7 @@ def shown_results(run: Run, *, unfinished: bool = False) -> ShownRun:
     if scene is None or automaton is None or run.get("wind") is None:
         raise DataError(f"{place}: it holds no plan of a mission; there is no page of it")
     known, atoms = {*scene.regions, *scene.windows}, automaton.atoms
-    if lost := sorted({*atoms} - known - {*clock_windows(atoms)}):
+    if lost := sorted({*atoms} - known - {*automaton.clocks}):
         raise DataError(
             f"{place}: scene.json has no region {shown_value(lost[0])}, which automaton.json "
             "reads; the files are of two missions, or damaged: plan again"

@@ -10,7 +10,6 @@ import numpy as np
 from pareto_ltl.extend import Automaton
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.times import hours_text
-from pareto_ltl.world.windows import clock_windows
 from pareto_ltl_apps.view.automaton_picture import MAX_DRAWN, STATE_RADIUS, drawn_edges, state_positions
 
 SCALE = 62.0  # of the drawing, in pixels per unit of the picture
@@ -55,7 +54,7 @@ def shown_automaton(automaton: Automaton) -> dict[str, Any]:
 
 def told_clocks(automaton: Automaton, text: str) -> str:
     """``text`` with the clocks of the automaton as times t after departure: ``(t ≤ 8 h)``."""
-    clocks = clock_windows(automaton.atoms)
+    clocks = automaton.clocks
     for name in sorted(clocks, key=len, reverse=True):
         begin, end = clocks[name].begin, clocks[name].end
         if math.isinf(end):
