@@ -170,7 +170,7 @@ class WindConfig(CheckedSettings, section="wind"):
         return kind is not None and kind.reads_path
 
     def instead_of(self, before: WindConfig) -> WindConfig:
-        """These settings; where a table that states no level replaces files, without the level of the files."""
+        """These settings; where a table that states no level replaces files, without their level."""
         kind = WIND_SOURCES.get(self.source)
         if self.source == before.source or kind is None or kind.level != STATED:
             return self
