@@ -72,11 +72,6 @@ class FailureModes:
     def __len__(self) -> int:
         return len(self.threshold)
 
-    @property
-    def union_bound(self) -> float:
-        """Σ_j Φ(-τ_j)."""
-        return float(ndtr(-self.threshold).sum())
-
 
 @dataclass(frozen=True, slots=True)
 class FlightEvent:
