@@ -969,3 +969,11 @@ def test_a_table_beyond_the_limits_is_refused_before_it_is_parsed(tmp_path, monk
     (tmp_path / name).write_bytes(gzip.compress(content) if name.endswith("gz") else content)
     with pytest.raises(DataError, match=r"more than .*; keep the rows near the map and the hours"):
         read(WindConfig(source="csv", path=str(tmp_path / name)))
+
+
+def test_readings_are_shown_by_their_facts() -> None:
+    points, winds = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]]), np.ones((2, 3, 2))
+    readings = Readings.of_arrays(["2026-01-01T00:00Z", "2026-01-01T06:00Z"], points, winds, geographic=False)
+    shown = repr(readings)
+    assert "times 2, readings 6, from 2026-01-01T00:00:00Z, to 2026-01-01T06:00:00Z" in shown
+    assert len(shown) < 200

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import DEPTH, Level
 from pareto_ltl.support.sphere import wrap_longitude
@@ -16,8 +17,8 @@ from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.air import NodeAir
 
 
-@dataclass(frozen=True, slots=True)
-class Readings:
+@dataclass(frozen=True, slots=True, repr=False)
+class Readings(Displayed):
     """Wind readings at positions and times, not yet projected into the plane of a scene.
 
     Attributes
@@ -68,6 +69,17 @@ class Readings:
     forecast_share: float = 1.0
     airs: tuple[NodeAir | None, ...] = ()
     law: str = ""
+
+    def facts(self) -> Mapping[str, str]:
+        """Numbers of times and of readings, the times, the level, and the number of files."""
+        known = len(self.times) > 0
+        return {
+            "times": f"{len(self.times):,}",
+            "readings": f"{sum(map(len, self.points)):,}",
+            **({"from": iso(self.times[0]), "to": iso(self.times[-1])} if known else {}),
+            "level": self.level,
+            "files": f"{len(self.files):,}",
+        }
 
     @classmethod
     def of_arrays(
