@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from noaa import NOAA, ROOT, needs_noaa
+from pareto_ltl import Readings
 from pareto_ltl.extend import Frame
 from pareto_ltl.settings import IngestConfig, WindConfig
 from pareto_ltl.support import tables
