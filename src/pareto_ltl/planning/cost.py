@@ -47,7 +47,7 @@ COSTS: dict[str, Cost] = {}  # the costs of this package
 def cost(
     column: str, text: Callable[[float], str], note: str = "", label: str = "", scale: float = 1.0
 ) -> Callable[[F], F]:
-    """Make the decorated function a cost of its name; the arguments are those of :class:`Cost`."""
+    """Make the decorated function a cost of its name; the arguments are attributes of :class:`Cost`."""
 
     def add(function: F) -> F:
         name = function.__name__
