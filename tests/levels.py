@@ -58,6 +58,7 @@ NOT_BY_DAY = [
     "studies/*",
     "cli/test_budget",
     "cli/test_commands",
+    "cli/test_imports",
     "cli/test_help",
     "cli/test_hydra_app",
     "cli/test_rerun",
