@@ -146,15 +146,16 @@ def overlong(x: FloatArray, longest: float) -> float:
 def fly_within(law: Law, limits: Limits, flight: Flight) -> None:
     """Propagate along ``flight.x``; its controls are scaled into the airspeed limits if necessary."""
     motion, u = law.motion, flight.u
-    propagate_flight(law, flight, limits.variance, False)
-    for _ in range(TRIES):
+    steered = False  # a variable: for each constant, numba would compile propagate_flight once more (3 s)
+    for attempt in range(TRIES + 1):
+        propagate_flight(law, flight, limits.variance, steered)
         within = True
         for t in range(len(u)):
             speed, most = math.hypot(u[t, 0], u[t, 1]), (1.0 - ROUNDING) * max(flight.speed[t], 0.0)
             least = least_airspeed(motion, most)
             if speed < least * (1.0 - ROUNDING) or speed > most * (1.0 + ROUNDING):
                 within = False
-        if within:
+        if within or attempt == TRIES:
             return
         for t in range(len(u)):
             speed, most = math.hypot(u[t, 0], u[t, 1]), (1.0 - ROUNDING) * max(flight.speed[t], 0.0)
@@ -162,7 +163,7 @@ def fly_within(law: Law, limits: Limits, flight: Flight) -> None:
             wanted = min(max(speed, least / limits.cap), max(limits.cap * most, least))
             share = wanted / max(speed, ROUNDING)
             u[t, 0], u[t, 1] = share * u[t, 0], share * u[t, 1]
-        propagate_flight(law, flight, limits.variance, True)
+        steered = True
 
 
 # --- the programme of a solve -------------------------------------------------------------------
