@@ -59,6 +59,7 @@ NOT_BY_DAY = [
     "cli/test_budget",
     "cli/test_commands",
     "cli/test_imports",
+    "cli/test_warm",
     "cli/test_help",
     "cli/test_hydra_app",
     "cli/test_rerun",
