@@ -16,7 +16,7 @@ from typing import NamedTuple
 from pareto_ltl.kernels.attraction import attract
 from pareto_ltl.kernels.data import CoherentLaw, IndependentLaw, LandmarkLaw, Law
 from pareto_ltl.kernels.interpolation import wind_slopes
-from pareto_ltl.kernels.jit import by_type, entry, implements, kernel, shared_entry
+from pareto_ltl.kernels.jit import by_type, entry, implements, kernel
 from pareto_ltl.kernels.margin import Slope, smoothed_failure
 from pareto_ltl.kernels.margin_events import MarginModel, Scratch
 from pareto_ltl.kernels.motion import least_airspeed
@@ -221,7 +221,7 @@ def fill_objective(limits: Limits, slope: Slope, value: float, model: StepModel)
         model.hessian[t, 2] += RIDGE
 
 
-@shared_entry
+@kernel
 def next_means(
     law: Law, limits: Limits, here: Guess, value: float, trust: float, cap: float, memory: Memory,
     means: FloatArray,
