@@ -120,7 +120,6 @@ def test_ratios(benchmark, tmp_path):
     benchmark.pedantic(turn, rounds=ROUNDS)
     unit = median(spent.pop("imports"))
     ratios = {name: median(times) / unit for name, times in spent.items()}
-    print(f"\nthe imports take {unit:.2f} CPU s")
     limits = {"--help": 0.1, "import pareto_ltl": 0.05}
     benchmark.extra_info["figures"] = [
         *((f"{name}, over the imports", ratio, limits.get(name, 3.0)) for name, ratio in ratios.items()),
