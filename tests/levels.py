@@ -43,6 +43,7 @@ NOT_FAST = [
 # Modules or tests that start processes, plan whole missions or read files of every kind: not by day.
 NOT_BY_DAY = [
     "test_published::test_the_published_plans_have_the_ranks_that_the_page_states",
+    "test_benchmarks",
     "test_corpus",
     "test_documented_commands",
     "test_environment",
