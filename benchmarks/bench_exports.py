@@ -5,6 +5,8 @@ python -m pytest benchmarks/bench_exports.py
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from numpy.random import SeedSequence
 
@@ -15,7 +17,7 @@ from pareto_ltl_apps.exports.exported import exported_plan
 from pareto_ltl_apps.exports.formats import write_exports
 from problems import MISSIONS
 
-SETTINGS = ExportsConfig(formats=list(EXPORT_FILES), altitude_lower=300.0, altitude_upper=400.0)
+FORMATS = ExportsConfig(formats=list(EXPORT_FILES), altitude_lower=300.0, altitude_upper=400.0)
 
 
 @pytest.fixture(scope="module")
@@ -24,10 +26,14 @@ def planned():
     return pareto_ltl.plan("phi2", MISSIONS["phi2"], robot={"dt": 1800.0})
 
 
+def arguments_of(planned):
+    """Those of ``exported_plan``, for all formats."""
+    return replace(planned.settings, exports=FORMATS), planned.problem, planned.plan, SeedSequence(1)
+
+
 def test_all_formats_of_a_plan(benchmark, planned, tmp_path):
     def export():
-        exported = exported_plan(SETTINGS, "phi2", "10m", planned.problem, planned.plan, SeedSequence(1))
-        return write_exports(exported, SETTINGS.formats, tmp_path)
+        return write_exports(exported_plan(*arguments_of(planned)), FORMATS.formats, tmp_path)
 
     benchmark.extra_info["budget"] = 0.5
     paths = benchmark.pedantic(export, rounds=10, warmup_rounds=1)
@@ -36,7 +42,6 @@ def test_all_formats_of_a_plan(benchmark, planned, tmp_path):
 
 def test_what_is_exported_of_a_plan(benchmark, planned):
     """Navigation log, corridors from 2,000 flights, and 2,000 flights that hold their course."""
-    arguments = (SETTINGS, "phi2", "10m", planned.problem, planned.plan, SeedSequence(1))
     benchmark.extra_info["budget"] = 0.25
-    exported = benchmark.pedantic(exported_plan, arguments, rounds=10, warmup_rounds=1)
+    exported = benchmark.pedantic(exported_plan, arguments_of(planned), rounds=10, warmup_rounds=1)
     assert exported.corridor.runs == 2000

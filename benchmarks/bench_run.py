@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import unpack_archive
+from statistics import median
 from threading import Event, Thread
 
 import psutil
@@ -68,6 +71,82 @@ def test_cold_start(benchmark, tmp_path, fidelity):
         ("more CPU than the second run [s]", cold_user - warm_user, 20.0),
         ("more time than the second run [s]", cold_wall - warm_wall, 20.0),
     ]
+
+
+IMPORTS = "import numpy, scipy.optimize, matplotlib.pyplot, numba, sklearn.gaussian_process, hydra"
+ROUNDS = 3
+
+
+def cpu_of(folder: Path, *argv: str, **environment: str) -> float:
+    """CPU time [s] of a process of Python and its children."""
+    before = os.times()
+    done = subprocess.run(
+        [sys.executable, *argv], cwd=folder, env=ENVIRONMENT | environment, capture_output=True, check=False
+    )
+    after = os.times()
+    assert done.returncode == 0, done.stderr.decode()
+    return after.children_user + after.children_system - before.children_user - before.children_system
+
+
+def test_ratios(benchmark, tmp_path):
+    """CPU time of runs of phi2 over the time of imports, by turns in one benchmark: machines differ by three.
+
+    The first run has empty caches. ``report=none`` is a run until its answer: figures and page follow.
+    """
+    empty = {"PARETO_LTL_CACHE": str(tmp_path / "cache"), "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+    plan = ("-m", "pareto_ltl", "+experiment=phi2")
+    kinds = {
+        "full": (*plan,),
+        "full until its answer": (*plan, "report=none"),
+        "quick until its answer": (*plan, "planner=quick", "report=none"),
+        "paper": (*plan, "fidelity=paper"),
+        "paper until its answer": (*plan, "fidelity=paper", "report=none"),
+        "--help": ("-m", "pareto_ltl", "--help"),
+        "import pareto_ltl": ("-c", "import pareto_ltl"),
+    }
+    first = {}
+    for preset in ("full", "paper"):
+        place = {name: f"{folder}-{preset}" for name, folder in empty.items()}
+        first[preset] = cpu_of(tmp_path, *kinds[preset], **place)
+    for words in kinds.values():
+        cpu_of(tmp_path, *words, **empty)
+    spent: dict[str, list[float]] = {name: [] for name in ("imports", *kinds)}
+
+    def turn() -> None:
+        spent["imports"].append(cpu_of(tmp_path, "-c", IMPORTS))
+        for name, words in kinds.items():
+            spent[name].append(cpu_of(tmp_path, *words, **empty))
+
+    benchmark.pedantic(turn, rounds=ROUNDS)
+    unit = median(spent.pop("imports"))
+    ratios = {name: median(times) / unit for name, times in spent.items()}
+    limits = {"--help": 0.1, "import pareto_ltl": 0.05}
+    benchmark.extra_info["figures"] = [
+        *((f"{name}, over the imports", ratio, limits.get(name, 3.0)) for name, ratio in ratios.items()),
+        *(
+            (f"first over second run, {preset}", first[preset] / median(spent[preset]), 4.0)
+            for preset in first
+        ),
+    ]
+
+
+def test_warm_process(benchmark, tmp_path):
+    """A run that a warm process answers: the time until its answer is less than half of a plain one."""
+    place = {"XDG_RUNTIME_DIR": tempfile.mkdtemp(prefix="w")}
+    words = (tmp_path, "+experiment=phi2", "fidelity=paper", "report=none")
+    plain = []
+    for _ in range(ROUNDS):
+        began = time.perf_counter()
+        call(*words)
+        plain.append(time.perf_counter() - began)
+    assert call(tmp_path, "warm", **place).returncode == 0
+    try:
+        benchmark.pedantic(call, words, place, rounds=ROUNDS)
+    finally:
+        call(tmp_path, "warm", "--stop", **place)
+        shutil.rmtree(place["XDG_RUNTIME_DIR"])
+    ratio = benchmark.stats.stats.median / median(plain)
+    benchmark.extra_info["figures"] = [("paper, over a plain run", ratio, 0.5)]
 
 
 def test_first_run_from_a_wheel_with_machine_code(benchmark, tmp_path):

@@ -12,7 +12,8 @@ import sys
 
 import pytest
 
-from scale.__main__ import GIBIBYTE, all_cases, measure
+from scale.__main__ import all_cases, measure
+from scale.case import GIBIBYTE
 
 CASES = {case.name: case for case in all_cases()}
 LINES = [

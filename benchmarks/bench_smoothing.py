@@ -20,6 +20,7 @@ from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import completes_mission
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.refine import programme, smoothing
+from pareto_ltl.planning.refine.starts import Start
 from pareto_ltl.planning.routes.obligations import possible_orders
 from pareto_ltl.planning.routes.taut_lines import taut_line
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SceneConfig, SmoothingConfig, WindConfig
@@ -69,7 +70,7 @@ def long():
     task, paths = planned("phi2", DT, 5.0, 1.5)
     x = smoothing.shortened_path(task, paths[0].x)
     assert 95 <= len(x) - 1 <= 110, f"the budgets speak of 100 steps, this line has {len(x) - 1}: change DT"
-    start = smoothing.Start(x, "")
+    start = Start(x, "")
     model = smoothing.fitting_programme(task, [start])
     shared = smoothing.SmoothingTask(SmoothingConfig(), model, task, paths[0].objectives.length)
     smoothing.iterate(shared, x, 10.0)
@@ -163,9 +164,9 @@ def test_a_taut_line_past(benchmark, name, deviation):
     )  # fmt: skip
     path = Waiting(scene.start[None], deviation**2 * np.eye(2)[None])
     order = possible_orders(task, 1)[0]
-    assert taut_line(task, order, *path, 1.0, 2.0) is not None
+    assert taut_line(task, order, path.x, path.cov, 1.0, 2.0) is not None
     tracemalloc.start()
-    taut_line(task, order, *path, 1.0, 2.0)
+    taut_line(task, order, path.x, path.cov, 1.0, 2.0)
     peak = tracemalloc.get_traced_memory()[1] / 1e6
     tracemalloc.stop()
     benchmark.extra_info["budget"] = 1.0

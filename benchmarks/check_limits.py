@@ -21,8 +21,9 @@ def main() -> int:
     broken = False
     for folder in sys.argv[1:]:
         result = open_evidence(Path(folder))
-        worst = np.zeros(result.front_size)
-        for k in range(result.front_size if result.barriers else 0):
+        size = len(result.front)
+        worst = np.zeros(size)
+        for k in range(size if result.barriers else 0):
             x = result.front_x(k)
             cov = laws.fly_means(result.law(result.planned_law, len(x) - 1), x).cov
             worst[k] = segment_risks(result.barriers, x, cov)[1].max()

@@ -86,16 +86,17 @@ def flown_by_steps(run: Run, winds: DrawnFlights, k: int, parts: Parts) -> Float
 def flown_by_jsbsim(run: Run, winds: DrawnFlights, k: int, parts: Parts) -> FloatArray:
     """Positions (T+1, 2) [m] of flight ``k`` at the ends of the legs, flown by JSBSim."""
     logs = [(navigation_log(problem, path, run.plan.air), count) for problem, path, count in parts]
-    columns = [
+    heading, airspeed, duration = (
         np.concatenate([getattr(log, name)[:count] for log, count in logs])
         for name in ("heading", "calibrated", "duration")
-    ]
+    )
     problem, settings = winds.problem, run.settings
     crs = str(problem.scene.crs)
     lon, lat = Frame(crs).to_geographic((problem.scene.start + winds.start[k])[None])
-    air = flight_air(problem, winds.draws, k, len(columns[0]))
+    air = flight_air(problem, winds.draws, k, len(heading))
     height = flight_height(settings).above_sea_level(settings.scene.ground)
-    track = fly_orders(Orders(*columns, np.array([lat[0], lon[0]])), air, height, settings.sitl.rate)
+    orders = Orders(heading, airspeed, duration, np.array([lat[0], lon[0]]))
+    track = fly_orders(orders, air, height, settings.sitl.rate)
     return Frame(crs).to_plane(track.lon, track.lat)
 
 

@@ -161,7 +161,8 @@ def changes_of(fields: Fields, number: int, law: LawOfParts) -> Iterator[tuple[f
 def table_of(rows: list[tuple[float, ...]]) -> Changes:
     """Rows as arrays."""
     data = np.array(rows)
-    return Changes(*data[:, :7].T, data[:, 7:])
+    source, situation, latitude, lag, spread, earlier, freedom = data[:, :7].T
+    return Changes(source, situation, latitude, lag, spread, earlier, freedom, data[:, 7:])
 
 
 # --- fit ------------------------------------------------------------------------------------------

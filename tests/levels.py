@@ -43,6 +43,7 @@ NOT_FAST = [
 # Modules or tests that start processes, plan whole missions or read files of every kind: not by day.
 NOT_BY_DAY = [
     "test_published::test_the_published_plans_have_the_ranks_that_the_page_states",
+    "test_benchmarks",
     "test_corpus",
     "test_documented_commands",
     "test_environment",
@@ -58,6 +59,8 @@ NOT_BY_DAY = [
     "studies/*",
     "cli/test_budget",
     "cli/test_commands",
+    "cli/test_imports",
+    "cli/test_warm",
     "cli/test_help",
     "cli/test_hydra_app",
     "cli/test_rerun",

@@ -16,10 +16,10 @@ import pytest
 
 import pareto_ltl
 from documents import DOCUMENTS, ROOT, python_blocks, shell_commands
-from pareto_ltl_apps.cli.arguments import CommandArguments
+from pareto_ltl_apps.cli.arguments import HELP_FLAGS, CommandArguments
 from pareto_ltl_apps.cli.command_table import PIPELINE_COMMANDS
 from pareto_ltl_apps.cli.commands import run_command_line
-from pareto_ltl_apps.cli.composition import HELP_FLAGS, opened_hydra, parse_flags, prepare
+from pareto_ltl_apps.cli.composition import opened_hydra, parse_flags, prepare
 from pareto_ltl_apps.cli.hydra_app import apply_command
 from pareto_ltl_apps.view.showing import DISPLAYS
 

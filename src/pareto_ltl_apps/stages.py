@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from importlib import import_module
 from pathlib import Path
 
 from pareto_ltl import Run
@@ -52,17 +51,7 @@ def write_page(run: Run) -> tuple[Path, ...]:
     return (make_page(run),)
 
 
-def _import_figures(run: Run) -> None:
-    if run.settings.report.figures:
-        import_module("pareto_ltl_apps.view.figures")
-
-
-def _import_page(run: Run) -> None:
-    if run.settings.report.page:
-        import_module("pareto_ltl_apps.view.page.content").page_template()
-
-
 EXPORT = Record(write_plan_files, "export", tuple(EXPORT_FILES.values()), name="exports")
-FIGURES = Record(draw_figures, "report", shows=FIGURE_FILES, name="figures", prepare=_import_figures)
-PAGE = Record(write_page, "page", shows=(PAGE_FILE,), prepare=_import_page)
+FIGURES = Record(draw_figures, "report", shows=FIGURE_FILES, name="figures")
+PAGE = Record(write_page, "page", shows=(PAGE_FILE,))
 STAGES = (EXPORT, FIGURES, PAGE, *STUDY_STAGES)

@@ -18,7 +18,9 @@ from typed_kernels.compilers import HelperCompiler, KernelCompiler, SharedCompil
 F = TypeVar("F", bound=Callable[..., Any])
 # A wrapper for calls from C would hold the function once more, optimised and compiled.
 PLAIN = {"_nrt": False, "error_model": "numpy", "no_cfunc_wrapper": True}
-HELPER = PLAIN | {"pipeline_class": HelperCompiler}
+# Numba compiles a helper again for callers with other options: without "nogil", once for kernels and once for
+# helpers.
+HELPER = PLAIN | {"nogil": True, "pipeline_class": HelperCompiler}
 ENTRY = {"nogil": True, "no_cfunc_wrapper": True, "pipeline_class": KernelCompiler}
 SHARED_ENTRY = ENTRY | {"pipeline_class": SharedCompiler}
 

@@ -30,6 +30,7 @@ from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
 from pareto_ltl_apps.cli import composition
 from pareto_ltl_apps.cli import hydra_app as app
+from pareto_ltl_apps.cli.output import output_of
 from pareto_ltl_apps.cli.setting_keys import settings_from
 from quick_wind import wind_words
 from unmeasured import untraced
@@ -51,8 +52,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def stage(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Adds a stage, which has the name of its function, for the duration of a test."""
 
-    def add(make: Callable[[Run], Any]) -> None:
-        added = Record(make)
+    def add(make: Callable[[Run], Any], **files: tuple[str, ...]) -> None:
+        added = Record(make, **files)
         listed = (*pipeline.known_stages(), added)
         monkeypatch.setattr(pipeline, "known_stages", lambda: listed)
 
@@ -183,6 +184,28 @@ def test_results_go_where_they_are_said_to_be_when_a_job_changes_its_folder(
     assert told == str(place)
     assert json.loads((place / "metrics.json").read_text())["completed"] == 0.0
     assert not list(place.glob("outputs*"))
+
+
+@pytest.mark.parametrize("flags", [[], ["--json"], ["--quiet"]])
+def test_the_answer_is_printed_before_figures_and_once(
+    flags: list[str], here: Path, stage: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = list[str]()
+
+    def drawn(run: Run) -> int:
+        before.append(capsys.readouterr().out)
+        logging.getLogger("pareto_ltl").warning("a thin line")
+        raise ValueError("no ink")
+
+    stage(drawn, shows=("d.png",))
+    output, words = output_of([*flags, "pipelines.stages=[drawn]", "hydra.run.dir=there"])
+    assert app.run_hydra(words, output=output) == 1
+    assert before[0].splitlines()[-1].count("there") == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    place = "there/run.log"
+    assert err == f"pareto-ltl: ValueError: no ink (this is a bug; the traceback is in {place})\n"
+    assert json.loads(Path("there/run.json").read_text())["status"] == "failed"
 
 
 def test_a_folder_with_spaces_and_other_letters_holds_results(
@@ -468,18 +491,6 @@ def test_the_module_ends_with_the_exit_code_of_the_run(here: Path) -> None:
     )
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-
-
-def test_start_up_loads_no_numerical_package() -> None:
-    code = (
-        "import sys\n"
-        "from pareto_ltl_apps.cli import hydra_app as app\n"
-        "assert app.run_hydra(['planner.trees=0', '+experiment=phi1']) == 2\n"
-        "heavy = 'numpy scipy numba cvxpy sklearn matplotlib shapely xarray pyproj networkx rich'\n"
-        "print([name for name in heavy.split() if name in sys.modules])\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout == "[]\n"
 
 
 def test_warnings_go_to_the_log_of_the_run(

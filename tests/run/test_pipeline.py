@@ -15,7 +15,7 @@ import yaml
 import small_study
 from pareto_ltl.planning.records import Forest
 from pareto_ltl.run import front_stage
-from pareto_ltl.run.pipeline import Pipeline, known_stages, make_all
+from pareto_ltl.run.pipeline import Pipeline, carry_out, known_stages, make_all
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import BaseRun, Record, record
 from pareto_ltl.settings import (
@@ -290,6 +290,39 @@ def test_a_run_in_a_directory_is_read_back_and_nothing_is_made_or_written(tmp_pa
 
 
 # --- how runs end ------------------------------------------------------------------------------
+
+
+def test_the_answer_comes_after_all_records_and_before_figures(tmp_path: Path) -> None:
+    order = list[str]()
+
+    def stage(name: str, writes: tuple[str, ...], shows: tuple[str, ...]) -> Record[None]:
+        return Record(lambda _run: order.append(name), name, writes, shows)
+
+    stages = [
+        stage("early", (), ("early.png",)),
+        stage("table", ("t.csv",), ()),
+        stage("both", ("b.csv",), ("b.png",)),
+        stage("drawn", (), ("d.png",)),
+        stage("page", (), ("p.html",)),
+    ]
+    run = Run(Settings(), directory=tmp_path)
+    carry_out(run, stages, answered=lambda metrics: order.append(f"answer {metrics['completed']:g}"))
+    assert order == ["early", "table", "both", "answer 0", "drawn", "page"]
+    assert json.loads((tmp_path / "metrics.json").read_text())["seconds_page"] >= 0.0
+
+
+def test_a_mission_without_a_plan_has_no_answer_and_its_figures(tmp_path: Path) -> None:
+    def impossible(_run: Run) -> None:
+        raise InfeasibleError("there is no way")
+
+    drawn, told = list[int](), list[object]()
+    stages = [
+        Record(impossible, "plan2", ("p.csv",)),
+        Record(lambda _: drawn.append(1), "draw", (), ("d.png",)),
+    ]
+    with pytest.raises(InfeasibleError, match="there is no way"):
+        carry_out(Run(Settings(), directory=tmp_path), stages, answered=told.append)
+    assert (drawn, told) == ([1], [])
 
 
 def test_an_infeasible_mission_still_gets_its_trees_its_figure_and_metrics(tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -182,16 +180,6 @@ def test_a_damaged_file_is_a_claim_that_fails(
         assert {name for name in names for line in unread if name in line} == set(names)
     else:
         assert unread or names == ("front.csv",)  # half a table is a table
-
-
-def test_the_judge_loads_no_compiled_code_of_the_planner(honest: dict[str, Path]) -> None:
-    script = (
-        "import sys; from pareto_ltl_apps.cli.commands import run_command_line;"
-        f"code = run_command_line(['verify', '--failed', {str(honest['paper'])!r}]);"
-        "print(code, [name for name in ('numba', 'cvxpy', 'sklearn', 'shapely') if name in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "0 []"
 
 
 def test_an_infeasible_run_is_judged_by_what_is_there(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from pareto_ltl.kernels.motion import least_airspeed
 from pareto_ltl.kernels.path import Flight, propagate_flight
 from pareto_ltl.kernels.step_solver import MOST, StepModel, Work, X, solve_step
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from typed_kernels.jit import by_type, entry, implements, kernel, shared_entry
+from typed_kernels.jit import by_type, entry, implements, kernel
 
 OVERLONG = 20.0  # penalty per relative length above the cap: more than any failure
 SHORTENED = 0.985  # one solve may shorten the path to this share of its length, not further
@@ -146,15 +146,16 @@ def overlong(x: FloatArray, longest: float) -> float:
 def fly_within(law: Law, limits: Limits, flight: Flight) -> None:
     """Propagate along ``flight.x``; its controls are scaled into the airspeed limits if necessary."""
     motion, u = law.motion, flight.u
-    propagate_flight(law, flight, limits.variance, False)
-    for _ in range(TRIES):
+    steered = False  # a variable: for each constant, numba would compile propagate_flight once more (3 s)
+    for attempt in range(TRIES + 1):
+        propagate_flight(law, flight, limits.variance, steered)
         within = True
         for t in range(len(u)):
             speed, limit = math.hypot(u[t, 0], u[t, 1]), (1.0 - ROUNDING) * max(flight.speed[t], 0.0)
             least = least_airspeed(motion, limit)
             if speed < least * (1.0 - ROUNDING) or speed > limit * (1.0 + ROUNDING):
                 within = False
-        if within:
+        if within or attempt == TRIES:
             return
         for t in range(len(u)):
             speed, limit = math.hypot(u[t, 0], u[t, 1]), (1.0 - ROUNDING) * max(flight.speed[t], 0.0)
@@ -162,7 +163,7 @@ def fly_within(law: Law, limits: Limits, flight: Flight) -> None:
             wanted = min(max(speed, least / limits.cap), max(limits.cap * limit, least))
             share = wanted / max(speed, ROUNDING)
             u[t, 0], u[t, 1] = share * u[t, 0], share * u[t, 1]
-        propagate_flight(law, flight, limits.variance, True)
+        steered = True
 
 
 # --- the programme of a solve -------------------------------------------------------------------
@@ -220,7 +221,7 @@ def fill_objective(limits: Limits, slope: Slope, value: float, model: StepModel)
         model.hessian[t, 2] += RIDGE
 
 
-@shared_entry
+@kernel
 def next_means(
     law: Law, limits: Limits, here: Guess, value: float, trust: float, cap: float, memory: Memory,
     means: FloatArray,

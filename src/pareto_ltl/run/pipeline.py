@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -35,6 +36,7 @@ LOG = logging.getLogger("pareto_ltl")
 VERTEX_BYTES = 150  # of a vertex, with fidelity=paper and one obstacle
 POSITION_BYTES = 16
 WRITTEN = 2.0  # copies of the positions while deployments.npz is packed
+Answered = Callable[[dict[str, float]], None]
 
 
 # --- checks before anything is made ------------------------------------------------------------
@@ -112,11 +114,14 @@ class Pipeline:
 
     def run_claimed(
         self, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = (),
-        progress: ProgressBar | None = None,
+        progress: ProgressBar | None = None, answered: Answered | None = None,
     ) -> dict[str, float]:  # fmt: skip
-        """:meth:`run` in a directory that this process has already locked; ``progress`` shows it."""
+        """:meth:`run` in a directory that this process has already locked.
+
+        ``progress`` shows it; ``answered`` is as for :func:`carry_out`.
+        """
         run = Run(self.settings, directory=Path(directory), progress=progress)
-        return carry_out(run, self.stages, argv, overrides)
+        return carry_out(run, self.stages, argv, overrides, answered)
 
     def complete(self, run: Run) -> dict[str, float]:
         """Make the stages that ``run`` has no records of, in its directory, which is locked already."""
@@ -211,9 +216,7 @@ def make_all(run: BaseRun, stages: Iterable[Record[Any]]) -> None:
     how far the trees came); then the error is raised.
     """
     infeasible: InfeasibleError | None = None
-    wanted = tuple(stages)
-    for number, stage in enumerate(wanted):
-        run.later = wanted[number + 1 :]
+    for stage in stages:
         try:
             run.made(stage)
         except InfeasibleError as error:
@@ -226,6 +229,31 @@ def make_all(run: BaseRun, stages: Iterable[Record[Any]]) -> None:
         raise infeasible
 
 
+def make_answer_first(run: BaseRun, stages: Iterable[Record[Any]], answered: Answered) -> None:
+    """:func:`make_all`; ``answered`` is called with the metrics before figures and page, the last stages.
+
+    An infeasible mission has no answer before its figures, which show how far the trees came.
+    """
+    wanted = list(stages)
+    shown = list(takewhile(lambda stage: stage.for_people, reversed(wanted)))
+    try:
+        make_all(run, wanted[: len(wanted) - len(shown)])
+    except InfeasibleError:
+        make_all(run, wanted)
+        raise
+    if shown:
+        if run.progress:
+            run.progress.close()
+        answered(_metrics_of(run))
+    make_all(run, wanted)
+
+
+def _metrics_of(run: BaseRun) -> dict[str, float]:
+    from pareto_ltl.run.metrics import run_metrics
+
+    return run_metrics(run.records, run.seconds)
+
+
 # --- a run with a results directory --------------------------------------------------------------
 
 
@@ -234,9 +262,12 @@ def _bar_of(run: BaseRun) -> ProgressBar:
 
 
 def carry_out(
-    run: BaseRun, stages: Iterable[Record[Any]], argv: Sequence[str] = (), overrides: Sequence[str] = ()
-) -> dict[str, float]:
+    run: BaseRun, stages: Iterable[Record[Any]], argv: Sequence[str] = (), overrides: Sequence[str] = (),
+    answered: Answered | None = None,
+) -> dict[str, float]:  # fmt: skip
     """Make the records of ``stages`` in the directory of ``run``; result and errors as :meth:`Pipeline.run`.
+
+    ``answered`` is called with the metrics as soon as only figures and pages are left to be made.
 
     If ``run`` already has a progress bar, it is used: a run inside another one shows no second bar.
     """
@@ -253,7 +284,10 @@ def carry_out(
             for name, row in run.rows().items():  # those that were given, so that the directory is complete
                 if name in run.records:
                     row.save(place, run.records[name])
-            make_all(run, stages)
+            if answered is None:
+                make_all(run, stages)
+            else:
+                make_answer_first(run, stages, answered)
             return _close(run, place, record, "ok")
         except BaseException as error:
             expected = isinstance(error, ParetoLtlError | OSError | KeyboardInterrupt)
@@ -265,7 +299,7 @@ def carry_out(
 
 
 def _end_status(error: BaseException) -> str:
-    if isinstance(error, KeyboardInterrupt):  # also for SIGTERM (support/stopping.py)
+    if isinstance(error, KeyboardInterrupt):  # also for SIGTERM, which the command line turns into it
         return "stopped"
     return "infeasible" if isinstance(error, InfeasibleError) else "failed"
 
@@ -274,10 +308,9 @@ def _close(
     run: BaseRun, place: Path, record: dict[str, Any], status: str, error: BaseException | None = None
 ) -> dict[str, float]:
     """Write how the run ended. A failed run has no metrics, an infeasible one has them if it grew trees."""
-    from pareto_ltl.run.metrics import run_metrics
     from pareto_ltl.support.files import write_json
 
-    table = run_metrics(run.records, run.seconds)
+    table = _metrics_of(run)
     measured = status == "ok" or (status == "infeasible" and "forest" in run.records)
     elsewhere = [made for made in run.records.values() if isinstance(made, Path)]  # tables in other folders
     ended = {

@@ -145,9 +145,14 @@ class ProgressBar:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Take the bar away, so that other text can be printed; the watcher hears of further stages."""
         self._watching.close()
         if self._bar is not None:
             self._bar.stop()
+            self._bar = self._task = None
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:

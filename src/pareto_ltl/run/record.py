@@ -52,22 +52,24 @@ class Record(Generic[T]):
         ``make`` writes the files itself, or there are none.
     study : bool
         It plans many missions, in ``evaluation.jobs`` processes, and may read and write files elsewhere.
-    prepare : callable or None
-        Function of the run that loads what ``make`` needs, called while the trees grow.
     """
 
     def __init__(
         self, make: Callable[[Any], T], stage: str = "", writes: tuple[str, ...] = (),
         shows: tuple[str, ...] = (), codec: str = "", *, name: str = "", study: bool = False,
-        prepare: Callable[[Any], None] | None = None,
     ) -> None:  # fmt: skip
         self.make, self.writes, self.shows, self.codec = make, writes, shows, codec
         self.stage = stage or make.__name__
-        self.name, self.study, self.prepare = name or self.stage, study, prepare
+        self.name, self.study = name or self.stage, study
         self.__doc__ = make.__doc__
 
     def __set_name__(self, kind: type, name: str) -> None:
         self.name = name
+
+    @property
+    def for_people(self) -> bool:
+        """Whether all its files are figures and pages, on which no other record depends."""
+        return bool(self.shows) and not self.writes
 
     @overload
     def __get__(self, run: None, kind: type) -> Self: ...
@@ -125,8 +127,6 @@ class BaseRun(Displayed):
         Why the mission is infeasible; empty if it is not, or not known to be.
     budget : Budget
         Time limit of growth and refinement together (``planner.budget_seconds``).
-    later : tuple of Record
-        The stages of the pipeline that are still to be made.
     """
 
     settings: Settings
@@ -138,7 +138,6 @@ class BaseRun(Displayed):
     stored: frozenset[str] | None = None
     failure: str = field(default="", init=False)
     budget: Budget = field(init=False)
-    later: tuple[Record[Any], ...] = field(default=(), init=False)
     _infeasible: dict[str, InfeasibleError] = field(default_factory=dict, init=False)
     _added: set[str] = field(default_factory=set, init=False)  # records that are no attributes of the class
 

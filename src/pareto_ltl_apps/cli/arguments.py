@@ -15,6 +15,7 @@ from pareto_ltl.support.messages import shown_text, shown_value, wrong_value
 METRES = {"": 1.0, "m": 1.0, "km": 1e3, "nmi": 1852.0}
 NUMBER = r"[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?|\.[0-9]+"
 LENGTH = re.compile(rf"({NUMBER})\s*(|m|km|nmi)")
+HELP_FLAGS = {"-h": "short", "--help": "short", "--help=all": "all", "--help-all": "all"}
 SHARE = re.compile(rf"({NUMBER})\s*(%?)")
 Value = TypeVar("Value", int, float, str)
 

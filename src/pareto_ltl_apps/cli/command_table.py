@@ -401,6 +401,18 @@ TOOL_COMMANDS = (
         ),
     ),
     ToolCommand(
+        "warm", "a process that has loaded everything and answers plans at once", "warm_process.warm",
+        "Start a process beside this one that has loaded what a plan needs. It answers the plans of the same "
+        "user on this machine, with the same results, as long as it lives; without it they run as always. It "
+        "ends by itself. Linux only. docs/warm.md says more.",
+        (
+            argument("--minutes", "M", "idle time after which it ends (default 10)", default=10.0,
+                     type=accepted(float, lambda minutes: 0 < minutes <= 1e4, "a number of minutes above 0")),
+            flag("--stop", "end it, once the runs that it has begun have ended"),
+            flag("--foreground", "be the process, instead of starting it"),
+        ),
+    ),
+    ToolCommand(
         "cache", "folder and size of the cache; cache clear empties it", "other_commands.cache",
         "Show folder and size of the cache (fits of the wind, downloads), or empty it.",
         (argument("action", None, "size or clear", nargs="?", choices=("size", "clear"), default="size"),),

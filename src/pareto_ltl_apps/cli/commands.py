@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pareto_ltl import __version__
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl_apps.cli.arguments import ToolArguments
+from pareto_ltl_apps.cli.arguments import HELP_FLAGS, CommandArguments, ToolArguments
 from pareto_ltl_apps.cli.command_table import Argument, Command, PipelineCommand, ToolCommand, command_named
 from pareto_ltl_apps.cli.output import (
     Answer,
@@ -62,7 +62,7 @@ def _run_command(command: Command, words: Sequence[str], output: Output) -> int:
         with printed_warnings():
             code: int = run(options, output)
         return code
-    return answered(lambda: answer_with_warnings(lambda: run(options)), output)
+    return answered(lambda _tell: answer_with_warnings(lambda: run(options)), output)
 
 
 def parsed_options(command: ToolCommand, words: Sequence[str]) -> argparse.Namespace:
@@ -100,9 +100,26 @@ def _run_settings(argv: Sequence[str], command: str | None, output: Output) -> i
             "use Python 3.13"
         )
         return 2
+    wanted = {HELP_FLAGS[word] for word in argv if word in HELP_FLAGS}
+    if wanted == {"short"}:
+        return run_reported(lambda: _print_help(argv, command))
     from pareto_ltl_apps.cli.hydra_app import run_hydra  # Hydra is slow to import
 
     return run_hydra(argv, command, output)
+
+
+def _print_help(argv: Sequence[str], command: str | None) -> int:
+    """Print the help of ``command``, or of the program; the flags for folders of settings are heeded."""
+    from pareto_ltl_apps.cli.help_text import command_help, group_choices, short_help
+
+    flags = CommandArguments(prog="pareto-ltl", add_help=False)
+    flags.add_argument("--config-path", "-cp")
+    flags.add_argument("--config-dir", "-cd")
+    folders, _ = flags.parse_known_args([word for word in argv if word not in HELP_FLAGS])
+    groups = group_choices(folders.config_path, folders.config_dir)
+    known = None if command is None else command_named(command)
+    print(command_help(known, groups) if isinstance(known, PipelineCommand) else short_help(groups))
+    return 0
 
 
 def _hydra_is_new() -> bool:

@@ -42,7 +42,7 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import Advice
 from pareto_ltl.support.resources import resource_folder
 from pareto_ltl.support.yaml_files import read_yaml
-from pareto_ltl_apps.cli.arguments import CommandArguments
+from pareto_ltl_apps.cli.arguments import HELP_FLAGS, CommandArguments
 from pareto_ltl_apps.cli.setting_keys import refuse_unknown_key, settings_from
 from pareto_ltl_apps.cli.wind_words import unread_wind_source, wind_file_words
 
@@ -53,21 +53,19 @@ LAUNCHER_EXTRAS = {
     "joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster", "dask": "dask",
 }  # fmt: skip
 CONFIG_FILES = Advice("check its name and whether it may be read", "correct the file")
-HELP_FLAGS = {"-h": "short", "--help": "short", "--help=all": "all", "--help-all": "all"}
 
 
 # --- flags and schema ------------------------------------------------------------------------
 
 
 def parse_flags(argv: Sequence[str]) -> argparse.Namespace:
-    """Hydra's flags, anywhere in ``argv``, and the overrides; ``help`` is "", "short" or "all"."""
+    """Hydra's flags, anywhere in ``argv``, and the overrides; ``help`` asks for the whole help."""
     parser = CommandArguments(
         prog="pareto-ltl", add_help=False, parents=[get_args_parser()], conflict_handler="resolve"
     )
     parser.add_argument("--version", action="version", version=f"pareto-ltl {__version__}")
     arguments = parser.parse_intermixed_args([word for word in argv if word not in HELP_FLAGS])
-    wanted = [HELP_FLAGS[word] for word in argv if word in HELP_FLAGS]
-    arguments.help = "all" if "all" in wanted else next(iter(wanted), "")
+    arguments.help = any(word in HELP_FLAGS for word in argv)
     if arguments.config_dir is not None and not Path(arguments.config_dir).is_dir():
         raise ConfigError(f"--config-dir {arguments.config_dir}: there is no such folder")
     return arguments

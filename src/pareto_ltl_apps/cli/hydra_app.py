@@ -19,7 +19,7 @@ from omegaconf import DictConfig, OmegaConf
 from pareto_ltl.extend import Pipeline, ProgressBar
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, InfeasibleError
-from pareto_ltl_apps.cli.command_table import COMMANDS, PIPELINE_COMMANDS, PipelineCommand, command_named
+from pareto_ltl_apps.cli.command_table import COMMANDS, PIPELINE_COMMANDS
 from pareto_ltl_apps.cli.composition import (
     ComposedHydra,
     check_settings,
@@ -32,6 +32,7 @@ from pareto_ltl_apps.cli.composition import (
 from pareto_ltl_apps.cli.output import (
     Answer,
     Output,
+    Tell,
     answered,
     collected_warnings,
     print_problem,
@@ -69,7 +70,7 @@ def run_accepted(argv: Sequence[str], command: str, accept: Callable[[Settings],
         arguments.overrides = list(argv)
         apply_command(arguments, command)
         typed = [command, *argv]
-        return answered(lambda: _answer_of_jobs(arguments, typed, Output.TEXT, accept), Output.TEXT)
+        return answered(partial(_answer_of_jobs, arguments, typed, Output.TEXT, accept=accept), Output.TEXT)
 
     return run_reported(run, CONFIGURATION_ERRORS, explain_error, Output.TEXT)
 
@@ -78,7 +79,7 @@ def _run_arguments(argv: Sequence[str], command: str | None, output: Output) -> 
     arguments = parse_flags(argv)
     apply_command(arguments, command)
     if arguments.help:
-        print(_help_for(arguments, command))
+        _print_full_help(arguments)
         return 0
     if arguments.shell_completion:
         return complete_shell(arguments)
@@ -96,6 +97,7 @@ def _answer_of_jobs(
     arguments: argparse.Namespace,
     typed: Sequence[str],
     output: Output,
+    tell: Tell,
     accept: Callable[[Settings], None] | None = None,
 ) -> Answer:
     """The answer of a run, or of all jobs of a sweep; with ``accept``, of a run that it does not refuse."""
@@ -105,7 +107,8 @@ def _answer_of_jobs(
             if prepared.pipeline is None:
                 raise ConfigError("a sweep cannot be run here; use the command line")
             accept(prepared.pipeline.settings)
-        job = HydraJob(tuple(typed), tuple(arguments.overrides), prepared.pipeline, output)
+        tell_single = None if prepared.pipeline is None else tell
+        job = HydraJob(tuple(typed), tuple(arguments.overrides), prepared.pipeline, output, tell_single)
         prepared.start(hydra, config_name(arguments), job)
     return replace(job.answer, code=max(job.codes, default=0))
 
@@ -123,15 +126,13 @@ def apply_command(arguments: argparse.Namespace, command: str | None) -> None:
         arguments.overrides = [f"pipelines={command}", *arguments.overrides]
 
 
-def _help_for(arguments: argparse.Namespace, command: str | None) -> str:
-    from pareto_ltl_apps.cli.help_text import command_help, full_help, group_choices, short_help
+def _print_full_help(arguments: argparse.Namespace) -> None:
+    from pareto_ltl_apps.cli.help_text import full_help, group_choices
 
     groups = group_choices(arguments.config_path, arguments.config_dir)
-    if arguments.help == "all":
-        with opened_hydra(arguments) as hydra:
-            return full_help(settings_from(composed_config(hydra, arguments, RunMode.MULTIRUN)), groups)
-    known = None if command is None else command_named(command)
-    return command_help(known, groups) if isinstance(known, PipelineCommand) else short_help(groups)
+    with opened_hydra(arguments) as hydra:
+        settings = settings_from(composed_config(hydra, arguments, RunMode.MULTIRUN))
+    print(full_help(settings, groups))
 
 
 def _show_configuration(hydra: ComposedHydra, arguments: argparse.Namespace) -> None:
@@ -202,6 +203,8 @@ class HydraJob:
         The checked pipeline of a single run; None if each job makes one from its configuration.
     output : Output
         What is printed.
+    tell : callable or None
+        Prints the answer of a single run before its figures are drawn.
     answer : Answer
         The result of a single run, or of all jobs of a sweep once they have ended.
     codes : list of int
@@ -214,6 +217,7 @@ class HydraJob:
     overrides: tuple[str, ...] = ()
     pipeline: Pipeline | None = None
     output: Output = Output.TEXT
+    tell: Tell | None = None
     answer: Answer = field(default_factory=partial(Answer, {}))
     codes: list[int] = field(default_factory=list)
     process: int = field(default_factory=os.getpid)
@@ -237,12 +241,21 @@ class HydraJob:
         from pareto_ltl_apps.cli.summary import run_answer
 
         directory = Path(HydraConfig.get().runtime.output_dir)
-        shown = _relative_path(directory)
+        shown, told = _relative_path(directory), list[Answer]()
         try:
             checked = self.pipeline or check_settings(settings_from(config))
+            answer_of = partial(run_answer, checked.settings, shown, verbose=self.output is Output.VERBOSE)
             with collected_warnings() as warnings:
+
+                def tell(metrics: dict[str, float]) -> None:
+                    with suppress(*CONFIGURATION_ERRORS):  # reported at the end, when the result is whole
+                        answer = answer_of(metrics, tuple(warnings), drawn=False)
+                        if self.tell is not None:
+                            self.tell(answer)
+                            told.append(answer)
+
                 quiet = ProgressBar(shown=False) if self.output is Output.QUIET else None
-                metrics = checked.run_claimed(directory, self.argv, _task_overrides(), quiet)
+                metrics = checked.run_claimed(directory, self.argv, _task_overrides(), quiet, tell)
         except Exception as error:
             before_stages = isinstance(error, ConfigError | DataError | FormulaError)
             gone = before_stages and not _chosen_directory() and Pipeline.discarded(directory)
@@ -250,9 +263,13 @@ class HydraJob:
             print_problem(line)
             self.answer = Answer({"error": line})
             return code
-        verbose = self.output is Output.VERBOSE
+        if told:
+            self.answer = told[0]
+            for line in warnings[len(self.answer.document["warnings"]) :]:  # of figures and page
+                print(f"Warning: {line}")
+            return 0
         try:
-            self.answer = run_answer(checked.settings, shown, metrics, warnings, verbose=verbose)
+            self.answer = answer_of(metrics, warnings)
         except CONFIGURATION_ERRORS as error:  # a disk that fails when the plan is read back
             line = f"the result in {shown} is whole, but not its summary: {explain_error(error)}"
             print_problem(line)

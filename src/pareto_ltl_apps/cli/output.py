@@ -78,16 +78,31 @@ def output_of(argv: Sequence[str]) -> tuple[Output, list[str]]:
     return flags[chosen[0]] if chosen else Output.TEXT, [word for word in argv if word not in flags]
 
 
-def answered(work: Callable[[], Answer], output: Output) -> int:
-    """Do ``work``, print its answer in the form ``output``, and return its exit code."""
+Tell = Callable[[Answer], None]
+
+
+def answered(work: Callable[[Tell], Answer], output: Output) -> int:
+    """Do ``work``, print its answer in the form ``output``, and return its exit code.
+
+    ``work`` may print the answer before it ends, by its argument; what it returns is then not printed.
+    """
+    told, stdout = list[Answer](), sys.stdout
+
+    def tell(answer: Answer) -> None:
+        with redirect_stdout(stdout):
+            print_answer(answer, output)
+            stdout.flush()
+        told.append(answer)
+
     with ExitStack() as redirected:  # for programs, nothing but the answer is on the standard output
         if output is Output.JSON:
             redirected.enter_context(redirect_stdout(sys.stderr))
         elif output is Output.QUIET:
             nowhere = redirected.enter_context(open(os.devnull, "w", encoding="utf-8"))
             redirected.enter_context(redirect_stdout(nowhere))
-        answer = work()
-    print_answer(answer, output)
+        answer = work(tell)
+    if not told:
+        print_answer(answer, output)
     return answer.code
 
 

@@ -12,6 +12,7 @@ from pareto_ltl import Settings
 from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.cli.output import Answer, shown_table
+from pareto_ltl_apps.view import PAGE_FILE
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -32,10 +33,12 @@ def run_answer(
     warnings: Sequence[str],
     *,
     verbose: bool = False,
+    drawn: bool = True,
 ) -> Answer:
-    """The most important numbers of a run, its warnings and its directory.
+    """The most important numbers of a run, its warnings, its files and its directory.
 
-    ``verbose`` adds the bounds, the simulated flights under every law and the time of each stage.
+    ``verbose`` adds the bounds, the simulated flights under every law and the time of each stage; ``drawn``
+    is whether figures and page are written, or follow.
     """
     from rich.text import Text
 
@@ -61,11 +64,24 @@ def run_answer(
         *warning_paragraphs(warnings, directory),
         *([] if plan is None else plan_paragraphs(settings, directory, plan)),
         *(f"{key.replace('_', ' ').capitalize()}: {text}" for key, text in covers.items()),
+        *([] if plan is None else [files_line(settings, drawn=drawn)]),
     ]
     if (tables := directory / "tables.md").is_file():  # of an evaluation
         lines += shown_markdown(tables.read_text(encoding="utf-8"), str(tables))
     shown = [Text(line) if isinstance(line, str) else line for line in lines]  # wrapped between words
     return Answer(document, [*shown, f"results in {directory}"], [directory])
+
+
+def files_line(settings: Settings, *, drawn: bool) -> str:
+    """What the directory of a plan has; ``drawn`` is whether figures and page are there already."""
+    stages, report = settings.pipelines.stages, settings.report
+    exports = "export" in stages and settings.exports.files
+    names = "Written: plan, front, trees, wind and flights" + ", and files for maps and autopilots" * exports
+    figures = ["figures"] * (report.figures and "report" in stages)
+    figures += [PAGE_FILE] * (report.page and "page" in stages)
+    if not figures:
+        return f"{names}; `pareto-ltl show DIR` writes a page."
+    return f"{names}; {' and '.join(figures)}{'' if drawn else ' follow'}."
 
 
 def _summary_table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
