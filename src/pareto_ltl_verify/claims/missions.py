@@ -34,6 +34,7 @@ from pareto_ltl_verify.geometry import in_plane, on_earth, outline_distance
 HOVER, TAKE_OFF = 17, 22  # MAV_CMD
 FENCE_SAG = 50.0  # [m] by which edges of a fence may leave straight edges of the plane
 SUBMARINE, MULTIROTOR, FIXED_WING, GENERIC = 12, 2, 1, 0  # MAV_TYPE
+ALTITUDE_MODES = {False: 1, True: 2}  # of QGroundControl: above the launch place, above mean sea level
 WIND = 43004  # MAV_CMD
 SCRIPT = {
     "schema": "pareto_ltl.mavlink_script/1", "dialect": "all", "firmware": "ArduPlane 4.6 or later",
@@ -74,7 +75,8 @@ def items(result: Evidence) -> Verdict:
     wanted = [TAKE_OFF] * takes_off + [WAYPOINT] * len(result.u) + [HOVER] * rotor
     of_wing = FIXED_WING if result.robot.u_min > 0.0 else GENERIC
     kind = SUBMARINE if height.metres < 0.0 else MULTIROTOR if rotor else of_wing
-    faults = unlike(mission, {"vehicleType": kind, "firmwareType": 0})
+    modes = {"globalPlanAltitudeMode": ALTITUDE_MODES[height.above_sea]}
+    faults = unlike(mission, {"vehicleType": kind, "firmwareType": 0, **modes})
     faults += unlike(content, {"fileType": "Plan", "version": 1, "groundStation": "pareto_ltl"})
     parts = [content["geoFence"], mission, content["rallyPoints"]]
     faults += [f"versions {[part['version'] for part in parts]}"] * any(
