@@ -57,7 +57,7 @@ test-night-tests: $(READY) ## the tests of test-night alone
 	PARETO_LTL_TESTS=night $(BIN)/python -m pytest -n logical $(ARGS)
 
 # A failure is repeated with the same SEED, which is printed.
-test-sample: $(READY) ## a tenth of what only the night runs, for two minutes; SEED=2026-11-28, the date of today
+test-sample: $(READY) ## a tenth of what only the night runs, for a minute; SEED=2026-11-28, the date of today
 	@echo "SEED=$(SEED)"
 	PARETO_LTL_TESTS=night PARETO_LTL_SAMPLE=$(SEED) $(BIN)/python -m pytest -n logical $(ARGS)
 

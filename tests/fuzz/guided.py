@@ -75,9 +75,9 @@ def _is_odd(case: Any) -> bool:
 
 
 def unpacked(content: Any) -> Any:
-    """The case of which :func:`packed` has made ``content``; tuples are lists."""
+    """The case of which :func:`packed` has made ``content``; a list is a tuple."""
     if isinstance(content, list):
-        return [unpacked(one) for one in content]
+        return tuple(unpacked(one) for one in content)
     if isinstance(content, dict):
         if "text" in content:
             return bytes.fromhex(content["text"]).decode("utf-16", "surrogatepass")
@@ -142,7 +142,7 @@ def lead(name: str, place: Path, seed: int, seconds: int) -> None:
         _write_cases(prepared.cases, Path(again), place)
         return
     for case in kept(name):
-        tried(tuple(case) if isinstance(case, list) else case)
+        tried(case)
     corpus = place / "corpus"
     corpus.mkdir()
     words = [

@@ -31,7 +31,7 @@ from mutants.table import EQUIVALENT, MODULES
 TESTS = Path(__file__).parents[1]
 ROOT = TESTS.parent
 WANTED = 0.95
-MORE_TIME = (20.0, 5.0)  # [s] and times the processor time of the tests without a mutant
+MORE_TIME = (10.0, 3.0)  # [s] and times the processor time of the tests without a mutant
 WALL = 20.0  # times that limit, on the clock: the machine may be shared
 # Imported once for all mutants; no module of ours is among them.
 FOREIGN = (
