@@ -75,6 +75,7 @@ fuzz: $(READY) ## read CASES=100000 spoilt files and texts of every kind; ARGS="
 	cd tests && "$(abspath $(BIN))/python" -m fuzz.harness --cases $(CASES) $(ARGS)
 
 guided: $(READY) ## fuzz led by the lines that cases reach, SECONDS=60 of each reader; SEED=7; ARGS="--keep telemetry"
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r tests/fuzz/requirements.txt
 	@echo "SEED=$(NUMBER)"
 	cd tests && "$(abspath $(BIN))/python" -m fuzz.guided --seconds $(SECONDS) --seed $(NUMBER) $(ARGS)
 

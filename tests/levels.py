@@ -173,7 +173,7 @@ FEWER: dict[str, tuple[int, str]] = {
         1, "wide; the narrow page is opened, drawn on and read by the other tests of the desk",
     ),
     "simulation/test_beacons::test_the_best_place_saves_what_a_landmark_there_saves": (
-        0, "38 s, one command: what a fix saves is tested in planning/test_landmarks and simulation/test_fixes",
+        0, "38 s, one command: fixes are tested in planning/test_landmarks and simulation/test_fixes",
     ),
     "studies/test_replanning::test_on_a_map_with_landmarks_the_plan_made_without_them_is_flown_too": (
         0, "55 s: the study with fixes is tested flight by flight on a map without landmarks",

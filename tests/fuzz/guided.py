@@ -224,7 +224,7 @@ def main() -> int:
     if unknown := set(asked.targets) - set(TARGETS):
         parser.error(f"unknown: {', '.join(sorted(unknown))}; expected some of {', '.join(TARGETS)}")
     if not available():
-        print("atheris is not installed: pip install atheris (Linux)", file=sys.stderr)
+        print("atheris is not installed: pip install -r tests/fuzz/requirements.txt", file=sys.stderr)
         return 2
     if asked.child is not None:
         lead(asked.targets[0], asked.child, asked.seed, asked.seconds)

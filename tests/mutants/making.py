@@ -28,10 +28,13 @@ UNMEANT = ("decorator_list", "annotation", "returns", "type_params")  # fields t
 
 
 class Mutant(NamedTuple):
-    """A replaced stretch of a module: its file, its line, the old and the new text, and the new source."""
+    """A replaced stretch of a module: its file, its line and what stands there, the old and the new text, and
+    the new source.
+    """
 
     module: str
     line: int
+    stands: str
     old: str
     new: str
     source: str
@@ -41,9 +44,9 @@ class Mutant(NamedTuple):
         return f"{self.module}:{self.line}: {_short(self.old)} -> {_short(self.new)}"
 
     @property
-    def key(self) -> tuple[str, str, str]:
+    def key(self) -> tuple[str, str, str, str]:
         """What names a mutant although lines move."""
-        return self.module, _short(self.old), _short(self.new)
+        return self.module, self.stands, _short(self.old), _short(self.new)
 
 
 def _short(text: str) -> str:
@@ -61,7 +64,8 @@ def mutants(source: str, module: str = "") -> list[Mutant]:
         begin = starts[node.lineno - 1] + node.col_offset
         end = starts[(node.end_lineno or 0) - 1] + (node.end_col_offset or 0)
         changed = (data[:begin] + new.encode() + data[end:]).decode()
-        found.append(Mutant(module, node.lineno, data[begin:end].decode(), new, changed))
+        stands, old = lines[node.lineno - 1].strip(), data[begin:end].decode()
+        found.append(Mutant(module, node.lineno, stands, old, new, changed))
     return found
 
 

@@ -52,4 +52,7 @@ MODULES: dict[str, tuple[str, ...]] = {
     "pareto_ltl_verify.tails": ("verify/test_laws_of_parts.py",),
 }  # fmt: skip
 
-EQUIVALENT: dict[tuple[str, str, str], str] = {}
+# By module, line, old and new text.
+EQUIVALENT: dict[tuple[str, str, str, str], str] = {
+    ("pareto_ltl.wind.coverage", "if 0.0 < held < np.inf:", "0.0", "1.0"): "wind.max_gap is given in hours",
+}

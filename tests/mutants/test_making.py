@@ -61,7 +61,9 @@ def test_every_module_of_the_table_has_tests_and_its_mutants_can_be_compiled() -
         assert made
         for one in made[:: max(len(made) // 5, 1)]:
             compile(one.source, one.module, "exec")
-    assert {module for module, _, _ in EQUIVALENT} <= set(MODULES)
+    for module, stands, old, new in EQUIVALENT:  # a line that is gone needs no reason
+        made = mutants(harness.file_of(module, harness.ROOT / "src").read_text(encoding="utf-8"), module)
+        assert (module, stands, old, new) in {one.key for one in made}
 
 
 def test_the_same_seed_draws_the_same_mutants(tmp_path: Path) -> None:
