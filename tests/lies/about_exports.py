@@ -174,6 +174,11 @@ def _from_the_sea(mission: Any) -> None:
             item["AltitudeMode"], item["frame"] = 2, 0
 
 
+def _over_ground(script: dict[str, Any]) -> None:
+    first = next(one for one in script["messages"] if one["command"] == CHANGE_AIRSPEED)
+    first["params"][0] = 1
+
+
 EXPORT_LIES = (
     Lie(
         "the exported heading is a degree off",
@@ -266,6 +271,11 @@ EXPORT_LIES = (
         "heights of the mission are above the sea",
         in_json("mission.plan", lambda plan: put(plan, "mission", "globalPlanAltitudeMode", value=2)),
         ("exports: items of mission.plan",),
+    ),
+    Lie(
+        "the script asks for a speed over ground",
+        in_json("mavlink_script.json", _over_ground),
+        ("exports: winds of mavlink_script.json",),
     ),
     Lie(
         "an ellipse holds whole flights",

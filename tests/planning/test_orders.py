@@ -69,7 +69,7 @@ def test_deviations_towards_faces_are_those_of_the_covariances():
 
 
 def test_cells_that_spoil_a_path_are_those_whose_label_leads_to_no_state_as_good():
-    """Of !b U a on a map with both: b spoils every step and the segment to a, and the path's own cell none."""
+    """Of !b U a on a map with both: b spoils every step and the segment to a, the path's cells none."""
     scene = make_scene({"a": box(8, 8, 10, 10), "b": box(4, 0, 6, 2)})
     problem = make_problem("!b U a", scene)
     where = {label: k for k, label in enumerate(map("".join, problem.labels)) if label}

@@ -7,4 +7,4 @@ With ``NUMBA_DISABLE_JIT=1`` all of them run as plain Python.
 
 from pareto_ltl.support.machine import check_kernel_threads
 
-check_kernel_threads()  # before numba, which ends with an error of its own
+check_kernel_threads()  # before numba, which raises a ValueError

@@ -51,6 +51,10 @@ SENT = {
     ("COMMAND_LONG", 43004, "MAV_CMD_EXTERNAL_WIND_ESTIMATE"),
     ("COMMAND_INT", 43003, "MAV_CMD_EXTERNAL_POSITION_ESTIMATE"),
 }
+FIXED: dict[int, dict[int, int]] = {  # parameters of each command that are the same in every message
+    43000: {0: 0, 2: 0, 3: 0, 4: 0, 5: 0, 6: 0}, 43002: {0: 1, 3: 0, 4: 0, 5: 0, 6: 0},
+    43004: {4: 0, 5: 0, 6: 0}, 43003: {1: 0, 3: 0},
+}  # fmt: skip
 DEGREE = 1e7  # units of places of MAVLink in a degree
 LEG = re.compile(r"^ {4}\{ (.*) \},$", re.MULTILINE)
 START = re.compile(r"^local START = \{ lat = (-?\d+), lng = (-?\d+), sd = ([\d.e+-]+) \}", re.MULTILINE)
@@ -161,6 +165,12 @@ def script_winds(result: Evidence) -> Verdict:
     sent = {(one["message"], one["command"], one["name"]) for one in (*script["messages"], *before)}
     faults += ["before take-off"] * any(one["command"] != WIND for one in before)
     faults += [f"messages {sorted(sent - SENT)}"] * bool(sent - SENT)
+    for message in (*script["messages"], *before):
+        params = dict(enumerate(message["params"]))
+        wrong = {k: value for k, value in FIXED[message["command"]].items() if params.get(k) != value}
+        faults += [f"{message['name']} at {message.get('t', 0.0):g} s: parameters {sorted(wrong)}"] * bool(
+            wrong
+        )
     for message in script["prologue"]:
         faults += unlike_at("place {} of the start", [message["x"], message["y"]], place, 1.0)
     return no_fault(f"{len(script['messages'])} messages", faults)

@@ -67,7 +67,7 @@ def _is_among(path: str, inputs: list[str]) -> bool:
 
 
 def lattices(result: Evidence) -> Verdict | None:
-    """The nodes of the wind and of its modes are those of wind.padding, spacing and modes_spacing."""
+    """Both lattices, for the wind and for the modes, follow from wind.padding, spacing and modes_spacing."""
     wind, settings = result.wind, result.settings["wind"]
     if wind.fit is None:
         return None
