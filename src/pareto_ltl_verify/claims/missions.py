@@ -41,10 +41,10 @@ SCRIPT = {
     "mode": "GUIDED (15)",
 }  # fmt: skip
 PROLOGUE = [
-    ("SET_GPS_GLOBAL_ORIGIN", None, "SET_GPS_GLOBAL_ORIGIN", None, "z"),
-    ("COMMAND_INT", 179, "MAV_CMD_DO_SET_HOME", None, "z"),
-    ("COMMAND_INT", 43003, "MAV_CMD_EXTERNAL_POSITION_ESTIMATE", None),
-]  # fmt: skip - message, command, name, height, and what the sender fills in
+    ("SET_GPS_GLOBAL_ORIGIN", None, "SET_GPS_GLOBAL_ORIGIN", None, None, "z"),
+    ("COMMAND_INT", 179, "MAV_CMD_DO_SET_HOME", 0, None, "z"),
+    ("COMMAND_INT", 43003, "MAV_CMD_EXTERNAL_POSITION_ESTIMATE", 0, None),
+]  # fmt: skip - message, command, name, frame, height, and what the sender fills in
 SENT = {
     ("COMMAND_LONG", 43000, "MAV_CMD_GUIDED_CHANGE_SPEED"),
     ("COMMAND_LONG", 43002, "MAV_CMD_GUIDED_CHANGE_HEADING"),
@@ -160,7 +160,7 @@ def script_winds(result: Evidence) -> Verdict:
     place = [float(rows[0][key]) * DEGREE for key in ("lat_deg", "lon_deg")]
     faults += unlike(script, SCRIPT)
     filled = [
-        (one["message"], one.get("command"), one["name"], one["z"], *one["fill_in"])
+        (one["message"], one.get("command"), one["name"], one.get("frame"), one["z"], *one["fill_in"])
         for one in script["prologue"]
     ]
     faults += [f"prologue {filled}"] * (filled != PROLOGUE)
