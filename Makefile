@@ -9,6 +9,9 @@ CASES ?= 100000
 DIST ?= dist
 KINDS ?=
 SEED ?= $(shell date -u +%F)
+NUMBER = $(subst -,,$(SEED))
+COUNT ?= 100
+SECONDS ?= 60
 COVERAGE ?= $(abspath build/coverage)
 UNCOMPILED := tests/kernels tests/planning/test_step_programme.py
 BIN := $(VENV)/bin
@@ -24,7 +27,7 @@ SUPPORTED = $(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3
 
 PEERS := build/peers
 
-.PHONY: help demo desk test test-fast test-all test-night test-night-tests test-sample coverage coverage-report fuzz faults bench corpus scale gallery peers lint types docs dist archives lock install clean
+.PHONY: help demo desk test test-fast test-all test-night test-night-tests test-sample coverage coverage-report fuzz guided mutants faults bench corpus scale gallery peers lint types docs dist archives lock install clean
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 
@@ -48,13 +51,13 @@ test-all: $(READY) ## those before a change is taken in; ARGS="-n 2"
 	$(BIN)/python -m pytest $(ARGS)
 
 test-night: test-night-tests ## all, with fuzz, killed runs, the corpus and coverage (tests/levels.py)
-	$(MAKE) fuzz faults corpus coverage
+	$(MAKE) fuzz guided mutants faults corpus coverage
 
 test-night-tests: $(READY) ## the tests of test-night alone
 	PARETO_LTL_TESTS=night $(BIN)/python -m pytest -n logical $(ARGS)
 
 # A failure is repeated with the same SEED, which is printed.
-test-sample: $(READY) ## a tenth of what only the night runs, for two minutes; SEED=2026-11-28, the date of today
+test-sample: $(READY) ## a tenth of what only the night runs, for a minute; SEED=2026-11-28, the date of today
 	@echo "SEED=$(SEED)"
 	PARETO_LTL_TESTS=night PARETO_LTL_SAMPLE=$(SEED) $(BIN)/python -m pytest -n logical $(ARGS)
 
@@ -70,6 +73,15 @@ coverage-report: $(READY)
 
 fuzz: $(READY) ## read CASES=100000 spoilt files and texts of every kind; ARGS="scenes automata" for some
 	cd tests && "$(abspath $(BIN))/python" -m fuzz.harness --cases $(CASES) $(ARGS)
+
+guided: $(READY) ## fuzz led by the lines that cases reach, SECONDS=60 of each reader; SEED=7; ARGS="--keep telemetry"
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r tests/fuzz/requirements.txt
+	@echo "SEED=$(NUMBER)"
+	cd tests && "$(abspath $(BIN))/python" -m fuzz.guided --seconds $(SECONDS) --seed $(NUMBER) $(ARGS)
+
+mutants: $(READY) ## would the tests notice a fault? COUNT=100 mutants that stay the same, and as many drawn by SEED
+	@echo "SEED=$(SEED)"
+	cd tests && "$(abspath $(BIN))/python" -m mutants.harness --count $(COUNT) --seed 0 $(SEED) -- $(ARGS)
 
 faults: $(READY) ## kill runs and sweeps at 200 random moments each, half an hour
 	PARETO_LTL_FAULTS=200 $(BIN)/python -m pytest tests/run/test_faults.py -v $(ARGS)

@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SI
         signal.signal(getattr(signal, name), usual)
 
 BEGAN = time.monotonic()
+MODULES = 20  # of the longest ones that are shown
 examples = 25 if BY_DAY else 100
 settings.register_profile("house", deadline=None, derandomize=True, database=None, max_examples=examples)
 settings.load_profile("house")
@@ -47,6 +49,19 @@ def pytest_runtest_setup() -> None:
     """A sample of the night ends in time; what is not begun then is counted as skipped."""
     if SAMPLE and time.monotonic() - BEGAN > SAMPLE_SECONDS:
         pytest.skip("beyond the time of a sample of the night")
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    """With ``--durations``, also the modules that take longest: what to shorten, or to run at night."""
+    if not config.getoption("durations"):
+        return
+    spent = Counter[str]()
+    for report in (one for reports in terminalreporter.stats.values() for one in reports):
+        if isinstance(report, pytest.TestReport):
+            spent[report.nodeid.partition("::")[0]] += report.duration
+    terminalreporter.write_sep("=", "longest modules")
+    for module, seconds in spent.most_common(MODULES):
+        terminalreporter.write_line(f"{seconds:.1f}s {module}")
 
 
 @pytest.fixture(scope="session", autouse=True)

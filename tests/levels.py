@@ -26,7 +26,7 @@ BY_DAY = LEVEL in ("fast", "day")
 DONE_BY_DAY = LEVEL == "all" and os.environ.get("PARETO_LTL_DONE") == "day"  # ``make test`` has just run
 AT_NIGHT = LEVEL == "night"
 SAMPLE = os.environ.get("PARETO_LTL_SAMPLE", "") if AT_NIGHT else ""  # its seed
-SAMPLE_SHARE, SAMPLE_SECONDS = 0.1, 120.0  # of the tests of the night alone; no test begins later
+SAMPLE_SHARE, SAMPLE_SECONDS = 0.1, 60.0  # of the tests of the night alone; no test begins later
 Case = TypeVar("Case")
 
 # Modules of the fast level, and those among them that run kernels or start processes.
@@ -130,22 +130,74 @@ NOT_BY_DAY = [
     "wind/test_wind_document",
     "wind/test_wind_kinds",
 ]
-ONLY_AT_NIGHT = ["planning/test_uncompiled_plans", "run/test_documents", "test_machine_code_wheel"]
-NOT_SAMPLED = ["planning/test_uncompiled_plans", "test_machine_code_wheel"]  # a test takes minutes
+ONLY_AT_NIGHT = [
+    "planning/test_uncompiled_plans",
+    "run/test_documents",
+    "studies/test_sweep_slurm",  # needs four packages of Debian; the same sweep runs with submitit before
+    "test_machine_code_wheel",
+]
+NOT_SAMPLED = [  # a test takes minutes, or needs root and Debian packages
+    "planning/test_uncompiled_plans",
+    "studies/test_sweep_slurm",
+    "test_machine_code_wheel",
+]
 
-# Tests whose cases all run at night alone, the number of those that run before too, and why these are enough.
+# Tests whose cases all run at night alone, the number of those that run before too, and why these are enough:
+# long tests whose property another test has too.
 FEWER: dict[str, tuple[int, str]] = {
     "test_published::test_every_mission_has_a_map_and_winds_that_were_known_and_that_came": (
         8, "the missions are drawn and written by one program, and are read in the test of the ranks too",
     ),
     "run/test_choosing::test_a_choice_has_the_bytes_of_a_whole_run_and_passes_the_judge": (
-        4, "each plans anew and judges; all wishes go through one function, which its own tests cover",
+        2, "each plans anew and judges; all wishes go through one function, which its own tests cover",
     ),
     "test_golden::test_a_run_of_the_papers_planner_gives_the_same_results": (
         2, "one seed of each mission notices a change; the others are the same code with other samples",
     ),
     "test_corpus::test_a_mission_of_each_kind_has_a_plan": (
-        6, "each plans a mission; the kinds have tests of their own where they are drawn, planned and judged",
+        3, "each plans a mission; the kinds have tests of their own where they are drawn, planned and judged",
+    ),
+    "run/test_vehicles::test_all_paths_of_a_vehicle_keep_its_airspeeds_and_tell_its_energy": (
+        8, "each plans; a power curve and the airspeeds have tests of their own (planning/test_power)",
+    ),
+    "planning/test_front_sweep::test_refined_paths_fail_less_on_fresh_flights_than_those_of_the_trees": (
+        1, "each sweeps a front; laws and borders have tests of their own where failures are judged",
+    ),
+    "simulation/test_failure_times::test_flights_that_fail_are_those_of_the_verdict": (
+        1, "each plans; both missions are judged without a plan in simulation/test_judging",
+    ),
+    "simulation/test_failure_times::test_a_flight_fails_at_the_first_prefix_that_has_failed": (
+        1, "each plans; flights of a mission with a forbidden region are judged in verify/test_forbidden",
+    ),
+    "serve/test_desk_browser::test_a_mission_is_drawn_planned_chosen_exported_and_replanned": (
+        1, "wide; the narrow page is opened, drawn on and read by the other tests of the desk",
+    ),
+    "simulation/test_beacons::test_the_best_place_saves_what_a_landmark_there_saves": (
+        0, "38 s, one command: fixes are tested in planning/test_landmarks and simulation/test_fixes",
+    ),
+    "studies/test_replanning::test_on_a_map_with_landmarks_the_plan_made_without_them_is_flown_too": (
+        0, "55 s: the study with fixes is tested flight by flight on a map without landmarks",
+    ),
+    "studies/test_studies::test_plans_of_every_model_meet_the_same_winds": (
+        0, "20 s: one seed is one wind whatever flies, which is tested there for three methods",
+    ),
+    "test_packages::test_a_run_imports_every_package_of_its_lock": (
+        0, "19 s, and changes with the lock files alone",
+    ),
+    "test_packages::test_nothing_is_installed_that_neither_a_run_nor_a_test_imports": (
+        0, "12 s, and changes with the lock files alone",
+    ),
+    "test_examples::test_the_command_of_an_example_folder_makes_a_plan": (
+        1, "each plans a mission of real size; their maps and settings are read before",
+    ),
+    "run/test_whole_jobs::test_a_wind_in_netcdf_is_flown": (
+        1, "both files are read in wind/test_wind_kinds, and flown in the same way",
+    ),
+    "planning/test_no_path::test_a_deadline_that_is_too_early_is_named_and_a_later_one_finds_a_path": (
+        0, "16 s: eight other causes are named and cured there",
+    ),
+    "studies/test_sweeps::test_a_launcher_killed_in_the_middle_and_started_again_gives_the_same_summary": (
+        0, "22 s: run/test_faults kills a sweep at a random moment, and continues it",
     ),
 }  # fmt: skip
 

@@ -1,7 +1,7 @@
 """The wheel with machine code: a first run in an empty environment compiles nothing.
 
-At night, and in a step of ``.ci/run``, since the kernels of a run compile for a minute or two. There, the
-variable ``PARETO_LTL_WHEEL`` names the wheel of pure Python; without it, the test builds that first.
+At night, since the kernels of a run compile for a minute or two. The variable ``PARETO_LTL_WHEEL`` can name
+the wheel of pure Python; without it, the test builds that first.
 """
 
 from __future__ import annotations

@@ -31,6 +31,7 @@ from pareto_ltl_verify.claims import (
     record,
     replan,
     search,
+    settings,
     texts,
     units,
     wind,
@@ -39,10 +40,10 @@ from pareto_ltl_verify.claims import (
 from pareto_ltl_verify.evidence import Evidence, open_evidence
 
 CLAIMS: tuple[Claim, ...] = (
-    *record.CLAIMS, *origin.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS, *plan.CLAIMS,
-    *limits.CLAIMS, *search.CLAIMS, *front.CLAIMS, *choice.CLAIMS, *judged.CLAIMS, *flights.CLAIMS,
-    *legs.CLAIMS, *exports.CLAIMS, *outlines.CLAIMS, *missions.CLAIMS, *height.CLAIMS, *texts.CLAIMS,
-    *page.CLAIMS, *units.CLAIMS, *replan.CLAIMS, *containment.CLAIMS,
+    *record.CLAIMS, *settings.CLAIMS, *origin.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS,
+    *plan.CLAIMS, *limits.CLAIMS, *search.CLAIMS, *front.CLAIMS, *choice.CLAIMS, *judged.CLAIMS,
+    *flights.CLAIMS, *legs.CLAIMS, *exports.CLAIMS, *outlines.CLAIMS, *missions.CLAIMS, *height.CLAIMS,
+    *texts.CLAIMS, *page.CLAIMS, *units.CLAIMS, *replan.CLAIMS, *containment.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({
@@ -53,6 +54,7 @@ OF_A_DEPARTURE = frozenset({
     "wind: law of forecast errors",
     "wind: modes of one slot match the next",
     *readings.NAMES,
+    "settings: files that they name",  # of the first departure
 })  # fmt: skip
 UNUSABLE = (
     ParetoLtlError, ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,

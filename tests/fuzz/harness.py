@@ -75,7 +75,7 @@ def fuzz_here(target: Target, cases: int, place: Path, first: int = 0) -> Report
     prepared = target.prepare(place)
     if prepared is None:
         return Report(target.name, skipped=True)
-    prepared = _warmed(prepared, target)
+    prepared = warmed(prepared, target)
     warnings.simplefilter("error")
     warnings.simplefilter("ignore", HypothesisWarning)  # that a case is long
     _limit_memory()
@@ -94,13 +94,13 @@ def fuzz_here(target: Target, cases: int, place: Path, first: int = 0) -> Report
     return Report(target.name, read, time.perf_counter() - start, tuple(faults))
 
 
-def _warmed(prepared: Fuzz, target: Target) -> Fuzz:
+def warmed(prepared: Fuzz, target: Target) -> Fuzz:
     """Import what the readers import, before memory is limited, so that it does not count for a case."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
 
         @seed(10**6)
-        @_house(20)
+        @house(20)
         @given(prepared.cases)
         def warm(case: Any) -> None:
             try:
@@ -112,7 +112,7 @@ def _warmed(prepared: Fuzz, target: Target) -> Fuzz:
     return prepared
 
 
-def _house(cases: int) -> Any:
+def house(cases: int) -> Any:
     return settings(
         max_examples=cases,
         deadline=None,
@@ -128,7 +128,7 @@ def read_block(
     with (place / LAST_CASE).open("wb", buffering=0) as last:
 
         @seed(block)
-        @_house(size)
+        @house(size)
         @given(prepared.cases)
         def read(case: Any) -> None:
             _note_case(last, case, counted)
@@ -136,7 +136,7 @@ def read_block(
             try:
                 prepared.read(case)
             except target.allowed as error:
-                _check_line(str(error))
+                check_line(str(error))
             finally:
                 _set_alarm(0.0)
 
@@ -160,7 +160,7 @@ def _note_case(last: Any, case: Any, counted: list[int]) -> None:
     last.write(pickle.dumps(case))
 
 
-def _check_line(text: str) -> None:
+def check_line(text: str) -> None:
     """A message is one line of text, not empty, not endless, and can be printed."""
     assert text.strip(), "an error without a message"
     assert "\n" not in text, f"a message of several lines: {text!r}"

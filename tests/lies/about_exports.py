@@ -11,7 +11,7 @@ from typing import Any
 
 import h5py
 
-from lies.editing import Lie, in_json
+from lies.editing import Lie, in_json, put
 from pareto_ltl.support.files import write_csv
 from pareto_ltl_verify.flights import clopper_pearson
 
@@ -174,6 +174,11 @@ def _from_the_sea(mission: Any) -> None:
             item["AltitudeMode"], item["frame"] = 2, 0
 
 
+def _over_ground(script: dict[str, Any]) -> None:
+    first = next(one for one in script["messages"] if one["command"] == CHANGE_AIRSPEED)
+    first["params"][0] = 1
+
+
 EXPORT_LIES = (
     Lie(
         "the exported heading is a degree off",
@@ -262,6 +267,24 @@ EXPORT_LIES = (
     ),
     Lie("a waypoint lies elsewhere", in_json("mission.plan", _moved_waypoint), ("exports: mission.plan",)),
     Lie("the launch place is elsewhere", in_json("mission.plan", _other_home), ("exports: mission.plan",)),
+    Lie(
+        "heights of the mission are above the sea",
+        in_json("mission.plan", lambda plan: put(plan, "mission", "globalPlanAltitudeMode", value=2)),
+        ("exports: items of mission.plan",),
+    ),
+    Lie(
+        "the script asks for a speed over ground",
+        in_json("mavlink_script.json", _over_ground),
+        ("exports: winds of mavlink_script.json",),
+    ),
+    Lie(
+        "an ellipse holds whole flights",
+        in_json(
+            "corridor.geojson",
+            lambda areas: put(areas, "features", 1, "properties", "meaning", value="all_flights"),
+        ),
+        ("exports: sizes of corridors",),
+    ),
     Lie("the mission is flown faster", in_json("mission.plan", _faster), ("exports: mission.plan",)),
     Lie(
         "the mission cruises faster",

@@ -152,6 +152,11 @@ SEARCH_LIES = (
         in_arrays("trees.npz", lambda t: t["tree_000/q"].__setitem__(9, 3)),
         ("trees: vertices follow their parents",),
     ),
+    Lie(
+        "a vertex is in a cell that there is not",
+        in_arrays("trees.npz", lambda t: t["tree_000/cell"].__setitem__(9, -1)),
+        ("trees: vertices follow their parents",),
+    ),
     Lie("an accepted vertex is left out", _accept_less, ("trees: accepted vertices",)),
     Lie("risks of vertices are others", in_arrays("trees.npz", _other_risks), ("trees: risks of vertices",)),
     Lie("there are more vertices", in_metrics({"nodes": 10**6}), ("trees: numbers of vertices",)),

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lies.editing import Lie, both, in_metrics, in_wind, put, scaled
+from lies.editing import Lie, both, in_metrics, in_wind, put, scaled, setting
 from pareto_ltl_verify.wind_law import error_law
 from pareto_ltl_verify.wind_tables import ENSEMBLE, LASTING, OF_FORECASTS, TIME
 
@@ -288,5 +288,37 @@ ERROR_LIES = (
         "the wind names a file that was not read",
         in_wind(lambda file: file.attrs.update(source=f"{file.attrs['source']}, newer.csv")),
         ("wind: source",),
+    ),
+    Lie(
+        "the settings name a table of winds that was not read",
+        setting("wind", "path", "/data/other.csv"),
+        ("settings: files that they name",),
+        only="full",
+    ),
+    Lie(
+        "the settings have a law of a file that was not read",
+        setting("wind", "forecast_error", "/data/other.json"),
+        ("settings: files that they name",),
+        only="full",
+    ),
+    Lie(
+        "the wind reaches farther beyond the map by its settings",
+        setting("wind", "padding", 300_000.0),
+        ("settings: lattices of the wind",),
+    ),
+    Lie(
+        "the modes are finer by their settings",
+        setting("wind", "modes_spacing", 50_000.0),
+        ("settings: lattices of the wind",),
+    ),
+    Lie(
+        "fewer readings a time are allowed than there are",
+        setting("wind", "max_points", 20),
+        ("settings: limits",),
+    ),
+    Lie(
+        "slower winds are refused than the readings have",
+        setting("wind", "max_speed", 0.5),
+        ("settings: limits",),
     ),
 )

@@ -1,7 +1,8 @@
 """Lies that are made, not written: one fact of any file is changed, in all records that state it.
 
 Records are judged without the exported files and the page, which a liar would write anew; a fact of an
-exported file or of the page is judged with all files.
+exported file or of the page is judged with all files, and a setting without the page alone, which has all of
+them.
 """
 
 from __future__ import annotations
@@ -24,9 +25,10 @@ from pareto_ltl.support.files import write_json, write_npz
 from pareto_ltl.support.fingerprints import data_fingerprint
 from pareto_ltl.support.reading import read_json
 
+SETTINGS = "config_resolved.yaml"
 RECORDS = (
     "plan.json", "run.json", "metrics.json", "scene.json", "cells.json", "automaton.json", "front.csv",
-    "plan.csv", "front.npz", "trees.npz", "deployments.npz", "config_resolved.yaml",
+    "plan.csv", "front.npz", "trees.npz", "deployments.npz", SETTINGS,
 )  # fmt: skip
 KEPT = (*RECORDS, "automaton.hoa", "wind.nc")
 EXPORTS = (
@@ -34,6 +36,7 @@ EXPORTS = (
     "flight_card.csv",
 )  # fmt: skip
 PAGE = "report.html"
+HASH = "config_hash"
 FILES = (*RECORDS, *EXPORTS, PAGE)
 LONG = 9  # characters from which on a number is the same fact wherever it stands
 Path_ = tuple[Any, ...]
@@ -133,9 +136,12 @@ def changed(value: Any, change: str) -> Any:
 def told(folder: Path, copy: Path, fact: Fact, change: str) -> Path | None:
     """A copy of a result in which a fact is another one; None if the change does not change it."""
     new = changed(fact.value, change)
+    if fact.kind == HASH:  # follows from the settings, and is written anew
+        return None
     if new == fact.value or str(new) == str(fact.value) or new != new:  # noqa: PLR0124 - NaN
         return None
-    shutil.copytree(folder, copy, ignore=_left_out if fact.file in RECORDS else None)
+    left_out = _page if fact.file == SETTINGS else _left_out if fact.file in RECORDS else None
+    shutil.copytree(folder, copy, ignore=left_out)
     content = _read(copy / fact.file)
     _put(content, fact.place, new)
     _write(copy / fact.file, content)
@@ -147,6 +153,10 @@ def told(folder: Path, copy: Path, fact: Fact, change: str) -> Path | None:
 
 def _left_out(_folder: str, names: list[str]) -> list[str]:
     return [name for name in names if name not in KEPT]
+
+
+def _page(_folder: str, names: list[str]) -> list[str]:
+    return [name for name in names if name == PAGE]
 
 
 def _put(content: Any, place: Path_, value: Any) -> None:

@@ -340,3 +340,5 @@ def test_regions_to_avoid_can_be_drawn_as_obstacles():
         translate("F a & G !b")
     with pytest.raises(FormulaError, match=r"or draw b, c as obstacles"):
         translate("F a & G(!b & !c)")
+    with pytest.raises(FormulaError, match=r"or draw b, c, d, \.\.\. as obstacles"):
+        translate("F a & G(!b & !c & !d & !e)")

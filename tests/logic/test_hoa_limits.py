@@ -104,3 +104,15 @@ def test_literals_that_exclude_each_other_take_no_letter() -> None:
 
 def test_quotes_without_an_end_are_refused_after_one_look() -> None:
     assert "has no meaning here" in refusal(text("name: " + '"\\' * 1_000_000))
+
+
+def test_a_state_that_is_announced_and_has_no_lines_never_completes() -> None:
+    content = text(states="States: 3")
+    found, plain = hoa.parse_hoa(content), hoa.parse_hoa(text())
+    for word in ((), ("a",), ("a", "b"), ("b", "a")):
+        letters = [frozenset(one) for one in word]
+        assert found.accepts(letters) == plain.accepts(letters)
+
+
+def test_a_header_that_ends_with_another_mark_is_refused() -> None:
+    assert "expected --BODY--" in refusal(text().replace("--BODY--", "--END--"))

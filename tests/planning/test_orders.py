@@ -56,3 +56,28 @@ def test_states_before_the_labels_are_those_of_the_automaton(monkeypatch):
             assert state == q
             q = problem.automaton.step(q, label)
         assert problem.automaton.accepting[q]
+
+
+def test_deviations_towards_faces_are_those_of_the_covariances():
+    rng = np.random.default_rng(4)
+    normal = rng.standard_normal((7, 2))
+    factors = rng.standard_normal((5, 2, 2))
+    full = factors @ factors.transpose(0, 2, 1)
+    packed = np.stack([full[:, 0, 0], full[:, 0, 1], full[:, 1, 1]], axis=1)
+    wanted = np.sqrt(np.einsum("fi,tij,fj->tf", normal, full, normal))
+    np.testing.assert_allclose(obligations.face_deviations(normal, packed), wanted)
+
+
+def test_cells_that_spoil_a_path_are_those_whose_label_leads_to_no_state_as_good():
+    """Of !b U a on a map with both: b spoils every step and the segment to a, the path's cells none."""
+    scene = make_scene({"a": box(8, 8, 10, 10), "b": box(4, 0, 6, 2)})
+    problem = make_problem("!b U a", scene)
+    where = {label: k for k, label in enumerate(map("".join, problem.labels)) if label}
+    free = next(k for k, label in enumerate(problem.labels) if not label)
+    step = problem.automaton.step
+    start = problem.automaton.initial
+    q = np.array([start, start, step(start, frozenset("a"))])
+    spoils = obligations._spoiling_cells(problem, q, np.array([free, free, where["a"]]))  # noqa: SLF001
+    assert spoils[:, where["b"]].all()  # on the segment to a too
+    assert not spoils[:, [k for k, label in enumerate(problem.labels) if not label]].any()
+    assert not spoils[:, where["a"]].any()

@@ -6,6 +6,7 @@ import asyncio
 import json
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import time
@@ -393,9 +394,59 @@ def test_a_full_disk_is_reported_and_nothing_is_lost(tmp_path: Path) -> None:
         assert full.client.get("/api/mission").json()["mission"] == kept["mission"]
 
 
-def test_plans_and_mission_survive_a_restart(desk: RunningDesk, folder: Path, hop: dict[str, Any]) -> None:
-    with running_desk(folder) as again:
+def test_plans_and_mission_survive_a_restart(
+    desk: RunningDesk, folder: Path, hop: dict[str, Any], tmp_path: Path
+) -> None:
+    shutil.copytree(folder, tmp_path / "folder", ignore=shutil.ignore_patterns("*.lock"))
+    with running_desk(tmp_path / "folder") as again:
         assert hop["id"] in [state["id"] for state in again.client.get("/api/plans").json()["plans"]]
         assert again.client.get(f"/api/plans/{hop['id']}").json()["status"] == "done"
         assert again.client.get(f"/api/plans/{hop['id']}/front").status_code == 200
         assert again.client.get("/api/mission").json()["revision"] >= 0
+
+
+def test_a_folder_has_one_server_at_a_time(desk: RunningDesk, folder: Path) -> None:
+    words = [
+        sys.executable,
+        "-m",
+        "pareto_ltl",
+        "serve",
+        "--port",
+        "0",
+        "--no-browser",
+        "--folder",
+        str(folder),
+    ]
+    second = subprocess.run(words, capture_output=True, text=True, check=False, timeout=MOST)
+    assert second.returncode == 2
+    assert not second.stdout
+    assert second.stderr.count("\n") == 1
+    assert f"a desk is at work in {folder} already (process {desk.process.pid} on" in second.stderr
+    assert "give another --folder" in second.stderr
+
+
+def test_a_plan_that_a_killed_server_had_not_begun_is_not_forgotten(tmp_path: Path) -> None:
+    words = [*HOP, "planner.n_max=200000", "planner.trees=4"]
+    with running_desk(tmp_path) as killed:
+        first, second = (
+            killed.client.post("/api/plans", json={"overrides": words}).json()["id"] for _ in range(2)
+        )
+        with killed.client.stream("GET", f"/api/plans/{first}/events") as events:
+            next(line for line in events.iter_lines() if "forest" in line)
+        killed.process.kill()
+        killed.process.wait()
+    with running_desk(tmp_path) as again:
+        states = {state["id"]: state for state in again.client.get("/api/plans").json()["plans"]}
+        assert states[second]["status"] == "failed"
+        assert states[second]["error"] == "the server ended before this plan was begun; plan it again"
+        assert "planner.n_max=200000" in states[second]["command"]
+        assert states[first]["error"] != states[second]["error"]
+        assert again.client.get(f"/api/plans/{second}").json() == states[second]
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"../x": ["plan"]}', '{"20200101-000000-abcd": "plan"}', "{"])
+def test_a_damaged_note_of_plans_names_none(text: str, tmp_path: Path) -> None:
+    (tmp_path / "plans").mkdir()
+    (tmp_path / "plans" / "queue.json").write_text(text)
+    plans = Plans(DeskFolder.opened(tmp_path))
+    assert plans.all_states() == []

@@ -16,6 +16,7 @@ from pareto_ltl.support.atmosphere import (
     calibrated_airspeed,
     standard_air,
     standard_height,
+    temperature_scale,
     true_airspeed,
 )
 
@@ -74,3 +75,19 @@ def test_heights_outside_the_layers_are_refused(height):
 def test_pressures_outside_the_layers_are_refused(pressure):
     with pytest.raises(ValueError, match="between -2000 and 32000 m"):
         standard_height(pressure)
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "kelvin"),
+    [
+        ("K", 280.0, 280.0),
+        ("degC", 100.0, 373.15),
+        ("°F", 212.0, 373.15),
+        ("degF", 32.0, 273.15),
+        ("F", -40.0, 233.15),
+    ],
+)
+def test_temperatures_of_any_unit_become_kelvin(unit: str, value: float, kelvin: float) -> None:
+    scale = temperature_scale(unit)
+    assert scale is not None
+    assert scale[0] * value + scale[1] == pytest.approx(kelvin)

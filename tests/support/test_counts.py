@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import binom, hypergeom
+from scipy.stats import binom, binomtest, hypergeom
 
-from pareto_ltl.support.counts import binomial_tail, hypergeometric_tail, paired_difference
+from pareto_ltl.support.counts import (
+    binomial_tail,
+    clopper_pearson,
+    hypergeometric_tail,
+    paired_difference,
+)
 
 
 @settings(deadline=None)
@@ -39,3 +44,12 @@ def test_the_difference_of_pairs_has_an_interval_that_covers() -> None:
         covered += low <= 0.1 <= high
     assert covered >= 355
     assert paired_difference(np.zeros(50, bool), np.zeros(50, bool))[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("failures", "runs"), [(0, 1), (1, 1), (0, 50), (3, 50), (49, 50), (50, 50), (87, 20_000)]
+)
+@pytest.mark.parametrize("confidence", [0.9, 0.95])
+def test_the_exact_interval_is_the_one_of_scipy(failures: int, runs: int, confidence: float) -> None:
+    expected = binomtest(failures, runs).proportion_ci(confidence, "exact")
+    np.testing.assert_allclose(clopper_pearson(failures, runs, confidence), expected, rtol=1e-9)

@@ -51,3 +51,20 @@ def test_a_container_without_a_limit_leaves_the_memory_of_the_machine(
     (tmp_path / "memory.current").write_text("1\n")
     assert list(machine.container_room()) == []
     assert machine.available_memory() > 0
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "two", "1.5", "²", " "])
+def test_a_number_of_kernel_threads_that_is_none_is_refused(
+    value: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", value)
+    with pytest.raises(
+        ConfigError, match=r"NUMBA_NUM_THREADS must be a whole number from 1, got .*: unset it"
+    ):
+        machine.check_kernel_threads()
+
+
+@pytest.mark.parametrize("value", ["1", "64", ""])
+def test_a_number_of_kernel_threads_is_left_to_numba(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", value)
+    machine.check_kernel_threads()

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pareto_ltl_verify.claims.flights import MAX_FLIGHTS, promised_rate
+from pareto_ltl_verify.claims.containment import RUNS, left_areas
+from pareto_ltl_verify.claims.flights import MOST_FLIGHTS, promised_rate
 from pareto_ltl_verify.claims.plan import WEIGHTED
 from pareto_ltl_verify.evidence import BATCH, open_evidence
 from pareto_ltl_verify.flights import RARE, same_rate
@@ -73,3 +74,43 @@ def test_further_flights_fail_as_often_as_the_first_ones(honest: dict[str, Path]
     failed, runs = (sum(column) for column in zip(*batches, strict=True))
     assert same_rate(int(first.sum()), len(first), failed, runs) > RARE
     assert failed != int(first.sum())  # other random numbers
+
+
+class Leaving:
+    """Evidence of a containment whose new flights leave the border at a known ``rate``."""
+
+    planned_law, x, u = "coherent", np.zeros((2, 2)), np.zeros((1, 2))
+
+    def __init__(self, rate: float, told: float) -> None:
+        self.rate, self.rng, self.flown = rate, np.random.default_rng(12), 0
+        self.scene, self.remembered = {"bounds": [[-1.0, -1.0], [1.0, 1.0]]}, dict[str, Any]()
+        left = {"rate": told, "low": 0.8 * told, "high": 1.25 * told}
+        self.stated = {"areas": [{"name": "border", "left": left}]}
+
+    def document(self, _name: str) -> Any:
+        return self.stated
+
+    def fly(self, _law: str, _x: Any, _u: Any, runs: int, *_seed: int) -> Any:
+        self.flown += runs
+        places = np.zeros((runs, 2, 2))
+        places[self.rng.random(runs) < self.rate, 1] = 2.0
+        return places
+
+
+def leaves_as_told(rate: float, told: float) -> tuple[bool, int]:
+    evidence: Any = Leaving(rate, told)
+    return left_areas(evidence).holds, evidence.flown
+
+
+@pytest.mark.parametrize(("true", "told"), [(3e-4, 3e-6), (2e-3, 2e-5)])
+def test_a_rare_containment_told_much_lower_is_contradicted(true: float, told: float) -> None:
+    holds, flown = leaves_as_told(true, told)
+    assert not holds
+    assert flown <= MOST_FLIGHTS
+
+
+@pytest.mark.parametrize(("true", "wanted"), [(8e-4, RUNS), (1e-6, MOST_FLIGHTS)])
+def test_a_true_containment_passes_with_as_many_flights_as_its_rate_asks_for(
+    true: float, wanted: int
+) -> None:
+    assert leaves_as_told(true, true) == (True, wanted)

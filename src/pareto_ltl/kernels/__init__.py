@@ -5,3 +5,7 @@ pack the results. :mod:`typed_kernels` compiles them, keeps their machine code, 
 select its code.
 With ``NUMBA_DISABLE_JIT=1`` all of them run as plain Python.
 """
+
+from pareto_ltl.support.machine import check_kernel_threads
+
+check_kernel_threads()  # before numba, which raises a ValueError

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.messages import shown_value
 
 GIVEN = ("OMP_NUM_THREADS", "SLURM_CPUS_PER_TASK")  # set by launchers of sweeps, and by SLURM
 GIGABYTE = 1e9
+KERNEL_THREADS = "NUMBA_NUM_THREADS"
 SMALL = 2**28  # [bytes] smaller requests are not checked
 CGROUPS = (  # files of the limit and of the memory in use, in version 2 and in version 1 of cgroups
     ("memory.max", "memory.current"),
@@ -27,6 +29,16 @@ def cores() -> int:
         if value.isdecimal() and int(value) > 0:
             return int(value)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def check_kernel_threads() -> None:
+    """Raise ConfigError if ``NUMBA_NUM_THREADS`` is set and no whole number from 1."""
+    value = os.environ.get(KERNEL_THREADS, "")
+    if value and not (value.isascii() and value.isdecimal() and int(value) > 0):
+        raise ConfigError(
+            f"{KERNEL_THREADS} must be a whole number from 1, got {shown_value(value)}: "
+            "unset it for all cores"
+        )
 
 
 def on_all_cores(make: Callable[..., Made], *arguments: Iterable[Any]) -> list[Made]:

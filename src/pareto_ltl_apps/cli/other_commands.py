@@ -16,6 +16,7 @@ from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError, FormulaError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.links import refuse_links_out
+from pareto_ltl.support.locks import claim_folder
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl_apps.cli.output import Answer, Output, print_answer, print_problem, shown_table
 
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from pareto_ltl.extend import Automaton, Formula
     from pareto_ltl_apps.studies.promises import Promises
     from pareto_ltl_apps.view.records import Compared
+
+DESK_LOCK = ".desk.lock"  # in its folder, which one server has at a time
 
 
 def sweep(options: Namespace) -> Answer:
@@ -48,11 +51,12 @@ def serve(options: Namespace, output: Output) -> int:
     from pareto_ltl_apps.desk.app import desk_server
 
     desk = desk_server(options.folder, options.port)
-    print_answer(Answer({"address": desk.address}, [desk.address], [desk.address]), output)
-    sys.stdout.flush()  # a program that reads the address waits for it
-    if not options.no_browser and not _open(desk.browser_address()):
-        print("found no browser: open this address in one on this machine", file=sys.stderr)
-    desk.serve()
+    with claim_folder(options.folder / DESK_LOCK, "a desk", "give another --folder"):
+        print_answer(Answer({"address": desk.address}, [desk.address], [desk.address]), output)
+        sys.stdout.flush()  # a program that reads the address waits for it
+        if not options.no_browser and not _open(desk.browser_address()):
+            print("found no browser: open this address in one on this machine", file=sys.stderr)
+        desk.serve()
     return 0
 
 

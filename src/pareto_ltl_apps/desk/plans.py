@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl.support.errors import DataError, NotFoundError
+from pareto_ltl.support.files import write_json
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
 from pareto_ltl.support.run_status import RUN_LOG
-from pareto_ltl_apps.desk.folder import PLANS, DeskFolder
+from pareto_ltl_apps.desk.folder import PLAN_NAME, PLANS, DeskFolder
 
 WORKER = (sys.executable, "-m", "pareto_ltl_apps.cli.desk_worker")
 PATIENCE = 10.0  # [s] in which a cancelled run can record how it ended
@@ -29,6 +30,8 @@ STATUS = {"ok": "done", "stopped": "cancelled", "infeasible": "failed", "failed"
 BEACONS = "beacons"  # the command, and the folder that it writes into
 WARNED = " WARNING "  # of a line in run.log
 LOST = "the server ended while this plan was made; plan it again"
+NOT_BEGUN = "the server ended before this plan was begun; plan it again"
+QUEUE = "queue.json"  # in the folder of plans: plans that are not begun, so that they outlive the server
 
 
 @dataclass(slots=True)
@@ -49,6 +52,11 @@ class Job:
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     cancelled: bool = False
 
+    @property
+    def begun(self) -> bool:
+        """Whether the worker has begun the job."""
+        return any(event["event"] == "begun" for event in self.events)
+
     def tell(self, event: dict[str, Any]) -> None:
         """Add an event and wake those who follow the job."""
         self.events.append(event)
@@ -68,8 +76,16 @@ class Plans:
     folder: DeskFolder
     jobs: dict[str, Job] = field(default_factory=dict)
     waiting: asyncio.Queue[Job] = field(default_factory=asyncio.Queue)
+    left: dict[str, tuple[str, ...]] = field(default_factory=dict)  # what an earlier server did not begin
     worker: asyncio.subprocess.Process | None = None
     done: int = 0  # jobs of the present worker
+
+    def __post_init__(self) -> None:
+        """Read what an earlier server left; a damaged note names no plan."""
+        with suppress(DataError, OSError):
+            for name, argv in list(read_json(self._queue_file()).items())[-MOST_ENDED:]:
+                if PLAN_NAME.fullmatch(name) and isinstance(argv, list):
+                    self.left[name] = tuple(map(str, argv))
 
     # --- asked by the API ---------------------------------------------------------------------------
 
@@ -99,18 +115,22 @@ class Plans:
         if job.status != "running" or job.cancelled:
             return
         job.cancelled = True
-        if any(event["event"] == "begun" for event in job.events):
+        if job.begun:
             self._stop_worker()
         else:
             job.end("cancelled")
+            self._note_queue()
 
     def state(self, name: str) -> dict[str, Any]:
         """``id``, ``status``, ``directory``, ``error`` and ``command`` of a plan, or NotFoundError."""
         place, job = self.folder.plan_place(name), self.jobs.get(name)
-        if job is None and not (place / "run.json").is_file():
+        recorded = (place / "run.json").is_file()
+        if job is None and not recorded and name not in self.left:
             raise NotFoundError(f"there is no plan {shown_value(name)}")
         if job is not None:
             status, error, argv = job.status, job.error, job.argv
+        elif not recorded:
+            status, error, argv = "failed", NOT_BEGUN, self.left[name]
         else:
             record = read_json(place / "run.json")
             status = STATUS.get(str(record.get("status")), "failed")
@@ -126,7 +146,7 @@ class Plans:
 
     def all_states(self) -> list[dict[str, Any]]:
         """The states of all plans, the newest first."""
-        names = {name for name, job in self.jobs.items() if job.argv[0] != BEACONS}
+        names = {name for name, job in self.jobs.items() if job.argv[0] != BEACONS} | self.left.keys()
         place = self.folder.root / PLANS
         if place.is_dir():
             names |= {found.name for found in place.iterdir() if (found / "run.json").is_file()}
@@ -191,8 +211,22 @@ class Plans:
         for known in ended[: -MAX_ENDED or None]:  # their directories have what is known of them
             del self.jobs[known]
         job = self.jobs[name] = Job(name, argv)
+        self.left.pop(name, None)
         self.waiting.put_nowait(job)
+        self._note_queue()
         return job
+
+    def _queue_file(self) -> Path:
+        return self.folder.root / PLANS / QUEUE
+
+    def _note_queue(self) -> None:
+        """Write the command lines of plans that are not begun."""
+        waiting = {
+            name: job.argv for name, job in self.jobs.items() if job.status == "running" and not job.begun
+        }
+        with suppress(OSError):  # a disk that is full is reported by the plan itself
+            self._queue_file().parent.mkdir(exist_ok=True)
+            write_json(self._queue_file(), {name: list(argv) for name, argv in (self.left | waiting).items()})
 
     async def _started(self) -> asyncio.subprocess.Process:
         """The worker; a new one if there is none, or if it has run many jobs."""
@@ -224,6 +258,8 @@ class Plans:
                 job.end(status, "" if status == "cancelled" else str(event["error"]))
                 break
             job.tell(event)
+            if event["event"] == "begun":
+                self._note_queue()
         if job.status == "running":
             job.end(*(("cancelled",) if job.cancelled else ("failed", "the process of the plan ended early")))
         if job.cancelled:

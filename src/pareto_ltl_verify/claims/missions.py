@@ -34,22 +34,27 @@ from pareto_ltl_verify.geometry import in_plane, on_earth, outline_distance
 HOVER, TAKE_OFF = 17, 22  # MAV_CMD
 FENCE_SAG = 50.0  # [m] by which edges of a fence may leave straight edges of the plane
 SUBMARINE, MULTIROTOR, FIXED_WING, GENERIC = 12, 2, 1, 0  # MAV_TYPE
+ALTITUDE_MODES = {False: 1, True: 2}  # of QGroundControl: above the launch place, above mean sea level
 WIND = 43004  # MAV_CMD
 SCRIPT = {
     "schema": "pareto_ltl.mavlink_script/1", "dialect": "all", "firmware": "ArduPlane 4.6 or later",
     "mode": "GUIDED (15)",
 }  # fmt: skip
 PROLOGUE = [
-    ("SET_GPS_GLOBAL_ORIGIN", None, None, "z"),
-    ("COMMAND_INT", 179, None, "z"),
-    ("COMMAND_INT", 43003, None),
-]  # fmt: skip - message, command, height, and what the sender fills in
+    ("SET_GPS_GLOBAL_ORIGIN", None, "SET_GPS_GLOBAL_ORIGIN", None, None, "z"),
+    ("COMMAND_INT", 179, "MAV_CMD_DO_SET_HOME", 0, None, "z"),
+    ("COMMAND_INT", 43003, "MAV_CMD_EXTERNAL_POSITION_ESTIMATE", 0, None),
+]  # fmt: skip - message, command, name, frame, height, and what the sender fills in
 SENT = {
     ("COMMAND_LONG", 43000, "MAV_CMD_GUIDED_CHANGE_SPEED"),
     ("COMMAND_LONG", 43002, "MAV_CMD_GUIDED_CHANGE_HEADING"),
     ("COMMAND_LONG", 43004, "MAV_CMD_EXTERNAL_WIND_ESTIMATE"),
     ("COMMAND_INT", 43003, "MAV_CMD_EXTERNAL_POSITION_ESTIMATE"),
 }
+FIXED: dict[int, dict[int, int]] = {  # parameters of each command that are the same in every message
+    43000: {0: 0, 2: 0, 3: 0, 4: 0, 5: 0, 6: 0}, 43002: {0: 1, 3: 0, 4: 0, 5: 0, 6: 0},
+    43004: {4: 0, 5: 0, 6: 0}, 43003: {1: 0, 3: 0},
+}  # fmt: skip
 DEGREE = 1e7  # units of places of MAVLink in a degree
 LEG = re.compile(r"^ {4}\{ (.*) \},$", re.MULTILINE)
 START = re.compile(r"^local START = \{ lat = (-?\d+), lng = (-?\d+), sd = ([\d.e+-]+) \}", re.MULTILINE)
@@ -74,7 +79,8 @@ def items(result: Evidence) -> Verdict:
     wanted = [TAKE_OFF] * takes_off + [WAYPOINT] * len(result.u) + [HOVER] * rotor
     of_wing = FIXED_WING if result.robot.u_min > 0.0 else GENERIC
     kind = SUBMARINE if height.metres < 0.0 else MULTIROTOR if rotor else of_wing
-    faults = unlike(mission, {"vehicleType": kind, "firmwareType": 0})
+    modes = {"globalPlanAltitudeMode": ALTITUDE_MODES[height.above_sea]}
+    faults = unlike(mission, {"vehicleType": kind, "firmwareType": 0, **modes})
     faults += unlike(content, {"fileType": "Plan", "version": 1, "groundStation": "pareto_ltl"})
     parts = [content["geoFence"], mission, content["rallyPoints"]]
     faults += [f"versions {[part['version'] for part in parts]}"] * any(
@@ -153,12 +159,21 @@ def script_winds(result: Evidence) -> Verdict:
         faults += _wind_faults(message, rows[0])
     place = [float(rows[0][key]) * DEGREE for key in ("lat_deg", "lon_deg")]
     faults += unlike(script, SCRIPT)
-    filled = [(one["message"], one.get("command"), one["z"], *one["fill_in"]) for one in script["prologue"]]
+    filled = [
+        (one["message"], one.get("command"), one["name"], one.get("frame"), one["z"], *one["fill_in"])
+        for one in script["prologue"]
+    ]
     faults += [f"prologue {filled}"] * (filled != PROLOGUE)
     before = script["before_take_off"]
     sent = {(one["message"], one["command"], one["name"]) for one in (*script["messages"], *before)}
     faults += ["before take-off"] * any(one["command"] != WIND for one in before)
     faults += [f"messages {sorted(sent - SENT)}"] * bool(sent - SENT)
+    for message in (*script["messages"], *before):
+        params = dict(enumerate(message["params"]))
+        wrong = {k: value for k, value in FIXED[message["command"]].items() if params.get(k) != value}
+        faults += [f"{message['name']} at {message.get('t', 0.0):g} s: parameters {sorted(wrong)}"] * bool(
+            wrong
+        )
     for message in script["prologue"]:
         faults += unlike_at("place {} of the start", [message["x"], message["y"]], place, 1.0)
     return no_fault(f"{len(script['messages'])} messages", faults)

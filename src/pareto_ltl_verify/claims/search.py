@@ -64,6 +64,9 @@ def _link_faults(
     if parent[0] != -1 or not ((before >= 0) & (before < own)).all():
         yield "a parent is not an earlier vertex"
         return
+    if not ((cell >= 0) & (cell < len(cells))).all():
+        yield "a vertex is in no cell"
+        return
     table, after = result.timetable, np.empty(len(own), int)
     for t in np.unique(step[1:]).tolist():
         new = np.flatnonzero(step[1:] == t)

@@ -133,8 +133,8 @@ def _unheld(about: dict[str, Any], sizes: FloatArray) -> str:
     """The fault of the size of one area; an empty text if it is right."""
     whole = about["meaning"] == "whole_flight"
     step, share, runs = about.get("step", -1), about["probability"], about["flights"]
-    if whole != (step < 0):
-        return f"step {step} is {about['meaning']}"
+    if about["meaning"] != ("whole_flight" if step < 0 else "at_time") or about["role"] != "corridor":
+        return f"step {step} is {about['meaning']}, {about['role']}"
     if step == 0:
         return ""  # all flights begin at one place, or are drawn with start_sd
     met, size = (sizes.max(axis=1) if whole else sizes[:, step]), about["standard_deviations"]
