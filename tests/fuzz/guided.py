@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 KEPT = Path(__file__).parent / "kept"
-MOST_KEPT = 60  # cases of a target
+MAX_KEPT = 60  # cases of a target
 LONGEST = 4000  # [characters] of a kept case
 SECONDS_OF_CASE = 20  # a case that takes longer is a fault
 MIB = 3000  # of the process; more is a fault
@@ -92,13 +92,13 @@ def kept(target: str) -> list[Any]:
 
 
 def keep(target: str, cases: Sequence[Any]) -> None:
-    """Add short cases to the kept ones, the shortest first, up to :data:`MOST_KEPT`."""
+    """Add short cases to the kept ones, the shortest first, up to :data:`MAX_KEPT`."""
     file = KEPT / f"{target}.json"
     texts = json.loads(file.read_text()) if file.exists() else []
     new = sorted((packed(case) for case in cases), key=lambda one: len(json.dumps(one)))
     texts += [one for one in new if one not in texts and len(json.dumps(one)) <= LONGEST]
     KEPT.mkdir(exist_ok=True)
-    lines = ",\n".join(json.dumps(one) for one in texts[:MOST_KEPT])
+    lines = ",\n".join(json.dumps(one) for one in texts[:MAX_KEPT])
     file.write_text(f"[\n{lines}\n]\n")
 
 

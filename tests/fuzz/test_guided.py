@@ -42,7 +42,7 @@ def test_kept_cases_are_understood_or_refused_in_one_line(name: str, tmp_path: P
 
 def test_new_cases_are_kept_once_the_shortest_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(guided, "KEPT", tmp_path)
-    monkeypatch.setattr(guided, "MOST_KEPT", 3)
+    monkeypatch.setattr(guided, "MAX_KEPT", 3)
     guided.keep("telemetry", [b"longer", b"a"])
     guided.keep("telemetry", [b"a", b"bb", b"x" * 9000])
     assert kept("telemetry") == [b"a", b"longer", b"bb"]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pareto_ltl_verify.claims.containment import RUNS, left_areas
-from pareto_ltl_verify.claims.flights import MOST_FLIGHTS, promised_rate
+from pareto_ltl_verify.claims.flights import MAX_FLIGHTS, promised_rate
 from pareto_ltl_verify.claims.plan import WEIGHTED
 from pareto_ltl_verify.evidence import BATCH, open_evidence
 from pareto_ltl_verify.flights import RARE, same_rate
@@ -106,10 +106,10 @@ def leaves_as_told(rate: float, told: float) -> tuple[bool, int]:
 def test_a_rare_containment_told_much_lower_is_contradicted(true: float, told: float) -> None:
     holds, flown = leaves_as_told(true, told)
     assert not holds
-    assert flown <= MOST_FLIGHTS
+    assert flown <= MAX_FLIGHTS
 
 
-@pytest.mark.parametrize(("true", "wanted"), [(8e-4, RUNS), (1e-6, MOST_FLIGHTS)])
+@pytest.mark.parametrize(("true", "wanted"), [(8e-4, RUNS), (1e-6, MAX_FLIGHTS)])
 def test_a_true_containment_passes_with_as_many_flights_as_its_rate_asks_for(
     true: float, wanted: int
 ) -> None:

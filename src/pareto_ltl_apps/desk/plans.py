@@ -83,7 +83,7 @@ class Plans:
     def __post_init__(self) -> None:
         """Read what an earlier server left; a damaged note names no plan."""
         with suppress(DataError, OSError):
-            for name, argv in list(read_json(self._queue_file()).items())[-MOST_ENDED:]:
+            for name, argv in list(read_json(self._queue_file()).items())[-MAX_ENDED:]:
                 if PLAN_NAME.fullmatch(name) and isinstance(argv, list):
                     self.left[name] = tuple(map(str, argv))
 

@@ -17,7 +17,7 @@ from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl_verify.areas import drawn_fault, rings_of, segment_distance
 from pareto_ltl_verify.claims import Claim, Verdict, close, far_apart, likely, no_fault
 from pareto_ltl_verify.claims.exports import xml_root
-from pareto_ltl_verify.claims.flights import MOST_FLIGHTS, SEEN
+from pareto_ltl_verify.claims.flights import MAX_FLIGHTS, SEEN
 from pareto_ltl_verify.claims.outlines import SAG
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.flights import RARE
@@ -194,9 +194,7 @@ def _agrees(result: Evidence, areas: Sequence[tuple[Mapping[str, Any], Leaves]],
     batches, and end with the first that contradicts a rate; of all looks together at most :data:`RARE` of
     honest records are contradicted.
     """
-    wanted = [
-        math.ceil(min(SEEN / max(rate["high"], SEEN / MOST_FLIGHTS), MOST_FLIGHTS)) for rate, _ in areas
-    ]
+    wanted = [math.ceil(min(SEEN / max(rate["high"], SEEN / MAX_FLIGHTS), MAX_FLIGHTS)) for rate, _ in areas]
     looks = max(1, math.ceil(max(wanted, default=0) / RUNS))
     counts, runs = np.zeros(len(areas), int), np.zeros(len(areas), int)
     chances = np.ones(len(areas))

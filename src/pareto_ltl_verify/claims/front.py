@@ -186,7 +186,7 @@ def _path_faults(result: Evidence, row: Mapping[str, str], k: int) -> Iterator[s
 def front_costs(result: Evidence) -> Verdict:
     """V and R of paths of the front, from their positions; the safest and the shortest one are among them."""
     best = columns(result, "mission_risk", "length_m").argmin(axis=0).tolist()
-    chosen = sorted({*_spread(len(result.front), MOST_PATHS), *best})
+    chosen = sorted({*_spread(len(result.front), MAX_PATHS), *best})
     faults = (f"path {k}: {fault}" for k in chosen for fault in _bound_faults(result, result.front[k], k))
     return no_fault(f"{len(chosen)} of {len(result.front)} paths", faults)
 

@@ -18,8 +18,8 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault
 from pareto_ltl_verify.evidence import Evidence
 
-FEWEST_CELLS, MOST_CELLS = 20, 500  # of the lattice of the wind along the longer side of the map
-FEWEST_MODE_CELLS, MOST_MODE_CELLS = 10, 24  # of the lattice of its modes
+FEWEST_CELLS, MAX_CELLS = 20, 500  # of the lattice of the wind along the longer side of the map
+FEWEST_MODE_CELLS, MAX_MODE_CELLS = 10, 24  # of the lattice of its modes
 LAW_WORDS = (
     "auto",
     "none",
@@ -74,10 +74,10 @@ def lattices(result: Evidence) -> Verdict | None:
     low, high = np.array(result.scene["bounds"], float)
     side = float((high - low).max())
     padding = min(float(settings["padding"]), side)
-    step = max(min(float(settings["spacing"]), side / FEWEST_CELLS), (side + 2.0 * padding) / MOST_CELLS)
+    step = max(min(float(settings["spacing"]), side / FEWEST_CELLS), (side + 2.0 * padding) / MAX_CELLS)
     nodes = {"wind": (wind.x, wind.y, step, np.maximum(1, _cells(high - low + 2.0 * padding, step)))}
     if wind.modes is not None:
-        coarse = min(max(float(settings["modes_spacing"]), side / MOST_MODE_CELLS), side / FEWEST_MODE_CELLS)
+        coarse = min(max(float(settings["modes_spacing"]), side / MAX_MODE_CELLS), side / FEWEST_MODE_CELLS)
         nodes["modes"] = (wind.modes.x, wind.modes.y, coarse, _cells(high - low, coarse) + 2)
     middle = 0.5 * (low + high)
     faults = (
