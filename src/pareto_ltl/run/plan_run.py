@@ -164,6 +164,8 @@ class Run(BaseRun):
             settings.fidelity,
         )
         problem = replace(problem, costs=costs_with(settings.selection.costs))
+        if settings.branch.leaves > 1:  # the robot flies tables: a fix chooses one, and steers nothing
+            problem = problem.with_feedback(settings.robot.feedback_time)
         for line in missed_windows(problem.automaton.windows, problem.max_steps * problem.motion.dt):
             LOG.warning("%s", line)
         return problem
@@ -196,6 +198,7 @@ class Run(BaseRun):
         plan = self.unpriced_plan()
         from pareto_ltl.run import plan_stage
 
+        plan = plan_stage.branched(self, plan)
         plan = plan_stage.priced(self.problem, plan, self.seeds("plan"))
         return plan_stage.with_remedies(self.settings, self.problem, self.wind, plan, self.seeds("plan"))
 
