@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pareto_ltl.logic.automaton import Automaton, show_letter, translate
     from pareto_ltl.logic.formula import Formula, disputed_reading, parse_formula
+    from pareto_ltl.planning.branching.records import Branch, Branching
     from pareto_ltl.planning.conditioning import Fix, Learnt
     from pareto_ltl.planning.cost import Cost
     from pareto_ltl.planning.costs import cost_named, known_costs
@@ -69,6 +70,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Automaton",
     "BeaconMap",
+    "Branch",
+    "Branching",
     "Cost",
     "Declaration",
     "Decomposition",
@@ -154,6 +157,8 @@ __all__ = [
 _EXPORTS = {
     "Automaton": "pareto_ltl.logic.automaton",
     "BeaconMap": "pareto_ltl.simulation.beacons",
+    "Branch": "pareto_ltl.planning.branching.records",
+    "Branching": "pareto_ltl.planning.branching.records",
     "Cost": "pareto_ltl.planning.cost",
     "Declaration": "pareto_ltl.settings.checks",
     "Decomposition": "pareto_ltl.world.cells",

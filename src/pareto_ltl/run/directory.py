@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.settings.outputs import BRANCH_FILES, EXPORT_FILES
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import FULL_DISK, remove_dead_drafts
 from pareto_ltl.support.locks import claim_folder
@@ -19,7 +19,11 @@ BOOKKEEPING = (  # the first is removed first: without it, the other files are n
 )  # fmt: skip
 OTHER_FILES = (  # of no stage: of a replan, and of exports that were asked for later
     "replan.json",
-    *(f"{folder}{name}" for folder in ("exports/", "exports_point_*/") for name in EXPORT_FILES.values()),
+    *(
+        f"{folder}{name}"
+        for folder in ("exports/", "exports_point_*/")
+        for name in (*EXPORT_FILES.values(), *BRANCH_FILES)
+    ),
 )
 
 EARLY_FILES = ("scene.json", "cells.json", "automaton.json", "automaton.hoa", RUN_LOCK)

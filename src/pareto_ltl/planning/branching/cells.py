@@ -52,38 +52,38 @@ class Cell:
     def words(self) -> str:
         """Where the cell lies, for people: the question to which a position in it is the answer yes."""
         parts = [
-            _side(self.left, "left", "right", "the planned track"),
-            _side(self.along, "ahead", "behind", "the planned position, along the track"),
+            _side(self.left, ("left of", "right of"), "the planned track"),
+            _side(self.along, ("ahead of", "behind"), "the planned position (along the track)"),
         ]
-        return "; and ".join(filter(None, parts)) or "anywhere"
+        return ", and ".join(filter(None, parts)) or "anywhere"
 
 
-def _side(ends: Ends, positive: str, negative: str, what: str) -> str:
-    """``more than 3.2 km left of the planned track``; empty without a limit."""
+def _side(ends: Ends, sides: tuple[str, str], what: str) -> str:
+    """``more than 3.2 km left of the planned track``; empty without a limit.
+
+    ``sides`` are the words for positive distances and for negative ones.
+    """
     low, high = ends
     if high == math.inf:
-        return "" if low == -math.inf else _beyond(low, positive, negative, what)
+        return "" if low == -math.inf else _beyond(low, sides, what)
     if low == -math.inf:
-        return _beyond(-high, negative, positive, what)
+        return _beyond(-high, sides[::-1], what)
     if low >= 0.0 or high <= 0.0:
         near, far = sorted((abs(low), abs(high)))
-        side = positive if low >= 0.0 else negative
+        side = sides[0] if low >= 0.0 else sides[1]
         if near == 0.0:
-            return f"{side} of {what}, by less than {distance_text(far)}"
-        return f"between {distance_text(near)} and {distance_text(far)} {side} of {what}"
-    return (
-        f"less than {distance_text(-low)} {negative} of {what} and less than {distance_text(high)} "
-        f"{positive} of it"
-    )
+            return f"{side} {what} by less than {distance_text(far)}"
+        return f"between {distance_text(near)} and {distance_text(far)} {side} {what}"
+    return f"less than {distance_text(-low)} {sides[1]}, or {distance_text(high)} {sides[0]}, {what}"
 
 
-def _beyond(low: float, side: str, other: str, what: str) -> str:
-    """On ``side`` of a line that lies ``low`` [m] on that side."""
+def _beyond(low: float, sides: tuple[str, str], what: str) -> str:
+    """On the first of ``sides`` of a line that lies ``low`` [m] on that side."""
     if low == 0.0:
-        return f"{side} of {what}"
+        return f"{sides[0]} {what}"
     if low > 0.0:
-        return f"more than {distance_text(low)} {side} of {what}"
-    return f"{side} of {what}, or less than {distance_text(-low)} {other} of it"
+        return f"more than {distance_text(low)} {sides[0]} {what}"
+    return f"{sides[0]} {what}, or less than {distance_text(-low)} {sides[1]} it"
 
 
 class Moments(NamedTuple):
