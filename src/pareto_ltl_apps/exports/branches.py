@@ -139,7 +139,8 @@ h1 { font-size: 1.4em; margin: 0 0 .3em; } h2 { font-size: 1.15em; margin: 1em 0
 section { break-after: page; } section:last-of-type { break-after: auto; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 th, td { text-align: right; padding: .15em .5em; border-bottom: 1px solid #bbb; }
-td.place { white-space: nowrap; } th { border-bottom: 2px solid #111; font-weight: 600; } th:first-child, td:first-child { text-align: left; }
+td.place { white-space: nowrap; }
+th { border-bottom: 2px solid #111; font-weight: 600; } th:first-child, td:first-child { text-align: left; }
 .answers td, .answers th { text-align: left; } .letter { font-size: 1.5em; font-weight: 700; width: 1.6em; }
 .note { color: #444; } svg { max-width: 100%; height: auto; display: block; margin: .6em auto; }
 """
