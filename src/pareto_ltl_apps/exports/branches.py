@@ -16,7 +16,7 @@ import numpy as np
 
 from pareto_ltl.extend import Branch, Branching, FlownAir, Frame, Plan, PlannedPath, Problem
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, rate_text
+from pareto_ltl.support.display import distance_text, probability_text, rate_text
 from pareto_ltl_apps.exports.navigation_log import SHARE, NavigationLog, navigation_log
 
 OF_STEPS = ("t", "x", "utc", "lat", "lon", "major", "minor", "azimuth", "radius")  # T + 1 entries
@@ -83,6 +83,33 @@ def branch_sentences(tree: Branching, moment: str) -> Iterator[str]:
         f"Of {rate.sample} with these branches, {rate_text(rate.failure, rate.low, rate.high)} fail; of the "
         f"same flights without the fix, {rate_text(tree.alone.failure, tree.alone.low, tree.alone.high)}."
     )
+
+
+def branch_lines(plan: Plan, frame: Frame) -> Iterator[str]:
+    """Lines for the terminal: the question, the answers, and what each number of branches would give."""
+    tree = plan.branching
+    assert tree is not None
+    fix, utc = tree.fix, frame.utc(plan.path.t)
+    where = f"{fix.place[0]:.0f}, {fix.place[1]:.0f} m" if frame.crs is None else _place(frame, fix.place)
+    bearing = "" if frame.crs is None else f", planned track {track_bearing(frame, tree):.0f}° true"
+    yield (
+        f"{clock(fix.step * plan.dt)} after departure{'' if utc is None else f' ({utc[fix.step]})'}: "
+        f"measure the position (planned: {where}{bearing}; sd {distance_text(fix.sd)})"
+    )
+    for branch in tree.branches:
+        rate = branch.rate
+        yield (
+            f"  {branch.name}: {branch.cell.words} ({100 * branch.share:.0f} % of flights): branch_"
+            f"{branch.name}.csv; order {branch.path.order or '-'}; "
+            f"{probability_text(rate.failure)} of them fail"
+        )
+    yield f"no fix ({100 * (1 - fix.available):.0f} % expected): the plan goes on"
+    yield (
+        f"fails {rate_text(tree.rate.failure, tree.rate.low, tree.rate.high)} with branches, "
+        f"{rate_text(tree.alone.failure, tree.alone.low, tree.alone.high)} without"
+    )
+    parts = [f"{row.leaves}: {probability_text(row.rate.failure)}" for row in tree.front]
+    yield f"by number of branches, in the flights of the search: {', '.join(parts)}"
 
 
 # --- lines on a map --------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from pareto_ltl_verify.claims import Claim, Verdict, close, likely, no_fault, wi
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.flights import RARE, fly, same_rate
 from pareto_ltl_verify.gaussians import ON_EDGE
-from pareto_ltl_verify.geometry import convex, deepest
+from pareto_ltl_verify.geometry import azimuths, convex, deepest
 
 FILES = ("plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc")
 DRAWS = 400_000  # positions drawn for the moments of cells
@@ -29,6 +29,7 @@ RUNS = 4000  # new flights of the plan and of each branch
 SEED = 20181013
 LARGEST = 0.03  # standard deviations by which means may differ, and share by which covariances may
 SPREAD = 6.0  # standard errors that a share may be off
+STILL, TURNED = 1e-3, 0.01  # airspeed [m/s] below which there is no heading; its largest error [deg]
 
 
 class Tree(NamedTuple):
@@ -249,11 +250,20 @@ def navigation(result: Evidence) -> Verdict | None:
             f"{name}: airspeed above u_max": (speed > robot.u_max * (1 + 1e-5)).any(),
             f"{name}: airspeed below u_min": (speed < robot.u_min * (1 - 1e-5)).any(),
             f"{name}: length": not close(row["length"], float(np.hypot(*np.diff(x, axis=0).T).sum()), 1e-6),
+            f"{name}: headings": row["heading_true"] is not None
+            and not _same_headings(row["heading_true"], azimuths(result.scene["crs"], x[:-1], u), speed),
             f"{name}: labels": result.ground.labels(x[1:-1]) != [frozenset(one) for one in row["label"][1:-1]]
             and not _near_edge(result, x, row["label"]),
         }
         faults |= _table_faults(result, row)
     return no_fault(f"{len(tree.rows)} branches", faults)
+
+
+def _same_headings(stated: list[float | None], derived: FloatArray, speed: FloatArray) -> bool:
+    """Whether stated headings [deg] are those of the controls, where there is an airspeed."""
+    told = np.array([math.nan if value is None else value for value in stated])
+    turned = np.abs((told - derived + 180.0) % 360.0 - 180.0)
+    return len(told) == len(derived) and bool((turned[speed >= STILL] <= TURNED).all())
 
 
 def _near_edge(result: Evidence, x: FloatArray, stated: list[list[str]]) -> bool:
@@ -275,19 +285,24 @@ def _table_faults(result: Evidence, row: dict[str, Any]) -> dict[str, Any]:
         return {f"{name}: {len(table)} rows": True}
     if result.robot.bank or row["lat"] is None:
         return {}
-    columns = {"lat_deg": "lat", "lon_deg": "lon", "t_s": "t"}
-    faults = {
-        f"{name}: {column}": not np.allclose([float(one[column]) for one in table], row[key], atol=1e-6)
-        for column, key in columns.items()
+    x, u = np.array(row["x"], float), np.array(row["u"], float)
+    heading = azimuths(result.scene["crs"], 0.5 * (x[:-1] + x[1:]), u)
+    wanted = {
+        "lat_deg": row["lat"],
+        "lon_deg": row["lon"],
+        "t_s": row["t"],
+        "airspeed_tas_m_s": row["airspeed"],
     }
-    legs = {"airspeed_tas_m_s": "airspeed", "heading_true_deg": "heading_true"}
-    for column, key in legs.items():
-        told = [float(one[column] or "nan") for one in table[:-1]]
-        own = [math.nan if value is None else value for value in row[key]]
-        turned = (
-            (np.array(told) - own + 180.0) % 360.0 - 180.0 if key == "heading_true" else np.array(told) - own
+    faults = {
+        f"{name}: {column}": not np.allclose(
+            [float(one[column]) for one in table[: len(values)]], values, atol=1e-6
         )
-        faults[f"{name}: {column}"] = bool((np.abs(np.nan_to_num(turned)) > 0.05).any())
+        for column, values in wanted.items()
+    }
+    told = np.array([float(one["heading_true_deg"] or "nan") for one in table[:-1]])
+    turned = (told - heading + 180.0) % 360.0 - 180.0
+    still = np.hypot(*u.T) < STILL
+    faults[f"{name}: heading_true_deg"] = bool((np.abs(turned[~still]) > TURNED).any())
     return faults
 
 
