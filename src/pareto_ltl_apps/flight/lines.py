@@ -100,7 +100,8 @@ def _fix(event: Event) -> str:
 def _branch(event: Event) -> str:
     return (
         f"BRANCH {event['name']}: the measured position is {event['where']}; fly "
-        f"branch_{event['name']}.csv from here on (of simulated flights that flew it, {probability_text(event['failure'])} failed)"
+        f"branch_{event['name']}.csv from here on (of simulated flights that flew it, "
+        f"{probability_text(event['failure'])} failed)"
     )
 
 
