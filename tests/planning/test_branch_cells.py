@@ -57,7 +57,9 @@ def test_cells_of_a_division_have_the_moments_of_the_whole(
     """The law of total expectation and of total variance: nothing is lost between four cells."""
     mean, cov = law
     cells = [
-        Cell(along, left) for along in ((-INF, first), (first, INF)) for left in ((-INF, second), (second, INF))
+        Cell(along, left)
+        for along in ((-INF, first), (first, INF))
+        for left in ((-INF, second), (second, INF))
     ]
     parts = []
     for cell in cells:
