@@ -14,10 +14,9 @@ from pareto_ltl.planning.branching.belief import (
     learnt_in_cell,
     measured_moments,
     prior_at,
-    within,
 )
 from pareto_ltl.planning.branching.cells import Cell, Moments
-from pareto_ltl.planning.branching.records import TRUNK, BranchFix, cells_of
+from pareto_ltl.planning.branching.records import TRUNK, BranchFix, cells_of, within
 from pareto_ltl.planning.conditioning import Fix, learn
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import RobotConfig
@@ -111,7 +110,7 @@ def test_a_cell_of_no_width_is_a_position_fix(sorted_flights) -> None:
 
 def test_branches_that_go_on_as_planned_change_nothing(sorted_flights) -> None:
     """With the rest of the plan in every cell the same flights fail; with another rest, others do."""
-    problem, flight, winds, x, _, cell = sorted_flights
+    _, flight, winds, x, _, cell = sorted_flights
     few = np.arange(2000)
     some, branch = winds.only(few), cell[few]
     alone = problem_failures(some, x[few])

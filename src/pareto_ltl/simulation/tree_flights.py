@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning.branching.belief import within
 from pareto_ltl.planning.branching.records import TRUNK, BranchFix, Branching
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
@@ -55,10 +54,7 @@ class TreeFlights:
 
     def measured(self, fix: BranchFix, x: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Measured positions (n, 2) [m] of flights that are at ``x`` (n, 2), and which of them are taken."""
-        taken = self.luck < fix.available
-        if fix.landmark is not None:
-            taken = taken & within(fix.landmark, x)
-        return x + fix.sd * self.noise, taken
+        return x + fix.sd * self.noise, fix.inside(x) & (self.luck < fix.available)
 
     def failed(self, u: FloatArray) -> BoolArray:
         """Which flights of the controls ``u`` (T, 2) fail."""

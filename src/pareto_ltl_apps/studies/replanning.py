@@ -21,7 +21,16 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl import Run, Settings, WindField
-from pareto_ltl.extend import DrawnFlights, Fix, LawPart, PlannedPath, Study, UnpricedRun, draw_flights
+from pareto_ltl.extend import (
+    Branching,
+    DrawnFlights,
+    Fix,
+    LawPart,
+    PlannedPath,
+    Study,
+    UnpricedRun,
+    draw_flights,
+)
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.settings import ReplanningConfig
 from pareto_ltl.support.arrays import Float32Array, FloatArray, length_of
@@ -43,6 +52,7 @@ LOG = logging.getLogger("pareto_ltl.studies.replanning")
 STREAM, FIXES, FORECASTS = "replanning", "replanning fixes", "replanning forecasts"
 TEST_STREAM, LATER = "replan test", "later"  # of flights in later fields: random stream, name of the winds
 AS_PLANNED, HELD = "as planned", "position always known"
+AT_THE_BRANCH = "a new plan at that fix"
 NO_FIXES, BY_CHANCE = "no fixes", "fixes by chance"
 EFFORT = (PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES)
 
@@ -69,6 +79,8 @@ class Way:
         The positions of a flight, from what the robot knows of its position on the way.
     fixes, forecasts : tuple of int
         Steps of position fixes and of newer forecasts; the robot plans again at each.
+    branching : Branching or None
+        The branches of the plan, of which the robot takes one at its fix.
     """
 
     name: str
@@ -76,6 +88,7 @@ class Way:
     pilot: Pilot = DrawnFlights.flown
     fixes: tuple[int, ...] = ()
     forecasts: tuple[int, ...] = ()
+    branching: Branching | None = None
 
     @property
     def steps(self) -> tuple[int, ...]:
@@ -130,7 +143,13 @@ def ways_of(cfg: ReplanningConfig, run: Run) -> tuple[Way, ...]:
         sets = {f"{count} fix{'es' * (count > 1)}": evenly(steps, count) for count in cfg.fixes}
         sets |= {"fixes at landmarks": path.fixes} if path.fixes else {}
     known = [] if run.problem.motion.gain > 0.0 else [Way(HELD, path, always_known)]
-    ways = [Way(AS_PLANNED, path), *known, *(Way(name, path, fixes=own) for name, own in sets.items())]
+    ways = [Way(AS_PLANNED, path), *known]
+    if (tree := plan.branching) is not None:
+        ways += [
+            Way(f"{len(tree.branches)} branches", path, branching=tree),
+            Way(AT_THE_BRANCH, path, fixes=(tree.fix.step,)),
+        ]
+    ways += [Way(name, path, fixes=own) for name, own in sets.items()]
     if cfg.forecasts is not None:
         apart = max(1, round(3600.0 * cfg.forecasts / plan.dt))
         cycles, often = tuple(range(apart, steps, apart)), f"a forecast every {cfg.forecasts:g} h"
@@ -190,6 +209,8 @@ def replanned_controls(
     run, since, taken = context.run, 0, 0
     settings, sd = run.settings, run.settings.replanning.fix_sd
     u, x = way.path.u, way.path.x
+    if (tree := way.branching) is not None:
+        return branch_controls(context, way, tree, wind, number)
     for step in way.steps:
         if step >= len(u):
             break
@@ -212,6 +233,21 @@ def replanned_controls(
         run, since, taken = done.run, step, taken + 1
         u, x = np.concatenate([u[:step], new.u]), np.concatenate([x[:step], new.x])
     return u, x, taken
+
+
+def branch_controls(
+    context: ReplanningContext, way: Way, tree: Branching, wind: DrawnFlights, number: int
+) -> tuple[FloatArray, FloatArray, int]:
+    """As :func:`replanned_controls`, of a plan that branches: its fix has the error of a new plan's."""
+    u, x, fix = way.path.u, way.path.x, tree.fix
+    there = way.pilot(wind, u, x)[:, fix.step]
+    rng = stream_at(context.run.settings, FIXES, number, fix.step)
+    y = there + fix.sd * rng.standard_normal(2)
+    if not bool(fix.inside(there)[0]) or rng.random() >= fix.available:
+        return u, x, 0
+    rest = tree.branches[int(tree.chosen(y)[0])].path
+    k = fix.step
+    return np.concatenate([u[:k], rest.u]), np.concatenate([x[:k], rest.x]), 1
 
 
 def stream_at(settings: Settings, stream: str, number: int, step: int) -> Generator:

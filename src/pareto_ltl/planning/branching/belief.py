@@ -23,7 +23,7 @@ from pareto_ltl.planning.conditioning import Fix, Joint, Learnt, joint_at
 from pareto_ltl.planning.evaluate import cross_covariance, propagate
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.support.arrays import BoolArray, FloatArray, square_matrices
+from pareto_ltl.support.arrays import FloatArray, square_matrices
 
 INSIDE_DRAWS = 200_000  # of positions, for a fix that only a landmark gives
 INSIDE_SEED = 20181009
@@ -48,7 +48,7 @@ def measured_moments(fix: BranchFix, cell: Cell, cov: FloatArray) -> Moments:
         rng = np.random.default_rng(INSIDE_SEED)
         e, noise = rng.standard_normal((2, INSIDE_DRAWS, 2))
         e = e @ np.linalg.cholesky(cov + 1e-9 * np.trace(cov) * np.eye(2)).T
-        taken = within(fix.landmark, fix.place + e)
+        taken = fix.inside(fix.place + e)
         y = fix.distances(fix.place + e[taken] + fix.sd * noise[taken])
         held = cell.holds(y)
         if held.sum() < 2:
@@ -57,19 +57,12 @@ def measured_moments(fix: BranchFix, cell: Cell, cov: FloatArray) -> Moments:
     return Moments(share, axes.T @ mean, axes.T @ V @ axes)
 
 
-def within(outline: FloatArray, points: FloatArray) -> BoolArray:
-    """Which ``points`` (n, 2) lie in the convex ``outline`` (m, 2), counter-clockwise."""
-    edge = np.roll(outline, -1, axis=0) - outline
-    normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1)
-    return np.asarray((points @ normal.T <= (normal * outline).sum(axis=1)).all(axis=1), bool)
-
-
 def learnt_in_cell(prior: Joint, told: Moments, sd: float) -> Learnt:
     """The law of position, θ and own errors of the flights whose measured position lies in a cell.
 
     ``told`` are the moments of y - x in the cell, ``sd`` [m] of the measurement.
 
-    Eq. (M81) of docs/mathematics_methods.md.
+    Eq. (M80) of docs/mathematics_methods.md.
     """
     S = prior.cov + sd**2 * np.eye(2)
     inverse = np.linalg.inv(S)
@@ -99,7 +92,7 @@ def course_in_cell(problem: Problem, x: FloatArray, fix: BranchFix, told: Moment
     From the fix on; before it they are those of all flights. ``x`` are the means without a fix of the
     controls of the plan to the fix, and of the branch from there.
 
-    Eq. (M82) of docs/mathematics_methods.md.
+    Eq. (M81) of docs/mathematics_methods.md.
     """
     law = unaided(problem.world.law)
     flight = propagate(problem, x, law)

@@ -97,7 +97,7 @@ class Moments(NamedTuple):
 def cell_moments(cell: Cell, mean: FloatArray, cov: FloatArray) -> Moments:
     """The moments of N(``mean`` (2,), ``cov`` (2, 2)) in ``cell``; ValueError if it has no probability.
 
-    Eq. (M80) of docs/mathematics_methods.md.
+    Eq. (M79) of docs/mathematics_methods.md.
     """
     limited = [ends != EVERYWHERE for ends in (cell.along, cell.left)]
     if all(limited):

@@ -9,8 +9,16 @@ import numpy as np
 from pareto_ltl.planning.branching.cells import Cell
 from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.projection import Navigation
+
+
+def within(outline: FloatArray, points: FloatArray) -> BoolArray:
+    """Which ``points`` (n, 2) lie in the convex ``outline`` (m, 2), counter-clockwise."""
+    edge = np.roll(outline, -1, axis=0) - outline
+    normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1)
+    return np.asarray((points @ normal.T <= (normal * outline).sum(axis=1)).all(axis=1), bool)
+
 
 TRUNK = -1  # the branch of a flight that takes no fix: the plan goes on
 NAMES = "ABCD"  # of the branches, in order
@@ -52,6 +60,12 @@ class BranchFix:
     def distances(self, y: FloatArray) -> FloatArray:
         """Distances along and left (n, 2) [m] of the positions ``y`` (n, 2) [m]."""
         return np.asarray((y - self.place) @ self.axes.T, float)
+
+    def inside(self, x: FloatArray) -> BoolArray:
+        """Which robots at ``x`` (n, 2) [m] are where a fix can be taken."""
+        if self.landmark is None:
+            return np.ones(len(x), bool)
+        return within(self.landmark, x)
 
 
 @dataclass(frozen=True, slots=True)

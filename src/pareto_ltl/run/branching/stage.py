@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning.branching.belief import within
-from pareto_ltl.planning.branching.records import BranchFix, TreeRow
+from pareto_ltl.planning.branching.records import BranchFix, TreeRow, within
 from pareto_ltl.planning.costs import hours_text
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import FailureRate
@@ -157,11 +156,14 @@ class Outlook:
 
 
 def promising_trunks(grower: Grower, front: Front, own: int, fixes: Sequence[BranchFix]) -> list[int]:
-    """The plan, and the path of the front that is likely to be the best trunk.
+    """The plan, and with ``selection.rule=worth`` the path of the front that is likely to be the best trunk.
 
+    Other rules have reasons of their own for the path that they take.
     A path is taken to fail as often as its flights are lost at the fix, and :data:`SAVED` of the others that
     fail without one.
     """
+    if grower.world.settings.selection.rule != "worth":
+        return [own]
     step = fixes[0].step
     outlooks = []
     for point, path in enumerate(front.paths):

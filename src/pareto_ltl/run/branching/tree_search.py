@@ -137,9 +137,8 @@ class Grower:
 
     @property
     def saving(self) -> float:
-        """Per cent of the failures that a per cent of length must save; 0 if the rule takes the safest."""
-        cfg = self.world.settings.selection
-        return cfg.saving if cfg.rule == "worth" else 0.0
+        """Per cent of the failures that a per cent of length must save, whatever rule chose the plan."""
+        return self.world.settings.selection.saving
 
     def score(self, failure: float, length: float) -> float:
         """What is minimised, as the rule ``worth`` does: log(p + SMALL) + s log(l)."""
