@@ -21,8 +21,10 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.flight.following import follow
 from pareto_ltl_apps.flight.telemetry import Reading
+from pareto_ltl_apps.flight.watch import WatchSettings
 from pareto_ltl_verify.judge import verify
 
+SELDOM = WatchSettings(every=3600.0, members=100)
 PHI1 = "F(a & F b & F c)"
 AT, STEP = 5.0, 5  # [h] of the fix, and its step
 SMALL: dict[str, Any] = {
@@ -151,14 +153,16 @@ def test_follow_names_the_branch_that_a_fix_selects(made: Path, tmp_path: Path) 
     assert tree is not None
     for branch in tree.branches:
         off = branch.path.x[0] - run.plan.path.x[STEP]
-        events = list(follow(made, as_flown(run, off), out=tmp_path / branch.name))
+        events = list(follow(made, as_flown(run, off), out=tmp_path / branch.name, settings=SELDOM))
         chosen = [event for event in events if event["event"] == "branch"]
         assert [event["name"] for event in chosen] == [branch.name]
         # The watch goes on with the branch: its promise is the one of the branch.
         assert events[-1]["promised"] == branch.rate.failure
-        again = list(follow(made, as_flown(run, off), out=tmp_path / branch.name, resume=True))
+        again = list(
+            follow(made, as_flown(run, off), out=tmp_path / branch.name, resume=True, settings=SELDOM)
+        )
         assert again[-1]["promised"] == branch.rate.failure
-    nothing = list(follow(made, as_flown(run, np.zeros(2))[: STEP * 60 - 1]))
+    nothing = list(follow(made, as_flown(run, np.zeros(2))[: STEP * 60 - 1], settings=SELDOM))
     assert not [event for event in nothing if event["event"] == "branch"]
 
 

@@ -78,7 +78,6 @@ class Settings(CheckedSettings):
     smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
     refine: RefineConfig = field(default_factory=RefineConfig)
     selection: SelectionConfig = field(default_factory=SelectionConfig)
-    branch: BranchConfig = field(default_factory=BranchConfig)
     deployment: DeploymentConfig = field(default_factory=DeploymentConfig)
     exports: ExportsConfig = field(default_factory=ExportsConfig)
     report: ReportConfig = field(default_factory=ReportConfig)
@@ -96,6 +95,7 @@ class Settings(CheckedSettings):
     replanning: ReplanningConfig = field(default_factory=ReplanningConfig)
     sitl: SitlConfig = field(default_factory=SitlConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
+    branch: BranchConfig = field(default_factory=BranchConfig)
 
     PRESETS, LAWS = PRESETS, LAWS  # names of presets with their values, of wind laws
 
