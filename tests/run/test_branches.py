@@ -78,7 +78,7 @@ def test_each_branch_has_a_table_from_the_fix_on(made: Path) -> None:
         assert float(rows[0]["t_s"]) == AT * 3600.0
         assert len(rows) == len(branch.path.t)
         assert (made / f"branch_{branch.name}_card.csv").is_file()
-    page = (made / "branches.html").read_text()
+    page = (made / "branch_cards.html").read_text()
     assert page.count("<section>") == 3
     assert all(f"Table {one.name}" in page and one.cell.words in page for one in plan.branching.branches)
     named = json.loads((made / "mission.plan").read_text())["pareto_ltl"]
@@ -312,6 +312,6 @@ def test_a_fix_that_says_nothing_gives_no_branches(tmp_path: Path) -> None:
     run = pareto_ltl.plan("phi1", PHI1, out=place, branch={"leaves": 2, "at": [AT], "fix_sd": 1e6}, **SMALL)
     assert run.plan.branching is None
     assert json.loads((place / "plan.json").read_text())["schema"] == "pareto_ltl.plan/2"
-    assert not (place / "branches.html").exists()
+    assert not (place / "branch_cards.html").exists()
     assert "branches do not pay" in (place / "run.log").read_text()
     assert math.isfinite(run.plan.promise.rate.failure)  # type: ignore[union-attr]

@@ -25,8 +25,6 @@ EXPORT_FILES = {
     "netcdf": "trajectory.nc",
     "f3548": "operational_intent.json",
 }  # the file of each format
-BRANCH_CARDS = "branches.html"
-BRANCH_FILES = ("branch_?.csv", "branch_?_card.csv", BRANCH_CARDS)  # of a plan that branches
 ON_REQUEST = ("f3548", "fpl", "lua")  # formats that are written only if asked for
 PAGE_FILE = "report.html"
 HIGHEST = 100_000.0  # limit of the absolute value of an exported height [m]

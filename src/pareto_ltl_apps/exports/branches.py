@@ -1,7 +1,7 @@
 """Files of a plan that branches: a table for each branch, and cards to print.
 
 ``branch_A.csv`` and so on have the columns of ``dead_reckoning.csv``, ``branch_A_card.csv`` those of
-``flight_card.csv``, both from the fix on. ``branches.html`` is for people: its first page asks where the
+``flight_card.csv``, both from the fix on. ``branch_cards.html`` is for people: its first page asks where the
 measured position lies, with a map to plot it on, and each branch has a page.
 """
 
@@ -174,7 +174,7 @@ th { border-bottom: 2px solid #111; font-weight: 600; } th:first-child, td:first
 
 
 def branch_cards(name: str, plan: Plan, frame: Frame, branches: Sequence[ExportedBranch]) -> bytes:
-    """``branches.html``: the question with its map, then a page for each branch."""
+    """``branch_cards.html``: the question with its map, then a page for each branch."""
     tree = plan.branching
     assert tree is not None
     pages = [_question(name, plan, tree, frame, branches), *(_table(plan, one) for one in branches)]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl import Scene
-from pareto_ltl.settings.outputs import BRANCH_CARDS, EXPORT_FILES
+from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
@@ -101,7 +101,7 @@ def write_branches(exported: ExportedPlan, formats: Sequence[str], folder: Path)
             found[f"branch_{one.name}_card.csv"] = card_of(one.log, one.first)
     if exported.branches and "card" in formats:
         plan, frame = exported.plan, exported.scene.frame
-        found[BRANCH_CARDS] = branch_cards(exported.name, plan, frame, exported.branches)
+        found["branch_cards.html"] = branch_cards(exported.name, plan, frame, exported.branches)
     for name, content in found.items():
         write_bytes(folder / name, content)
     return tuple(folder / name for name in found)
