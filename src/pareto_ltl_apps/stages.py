@@ -10,11 +10,7 @@ from pareto_ltl.extend import Record
 from pareto_ltl.settings.outputs import EXPORT_FILES, PAGE_FILE
 from pareto_ltl_apps.studies.stages import FIGURE_FILES, STUDY_STAGES
 
-OF_BRANCHES = (
-    "branch_?.csv",
-    "branch_?_card.csv",
-    "branch_cards.html",
-)  # tables and cards of a plan that branches
+OF_BRANCHES = "branch_?.csv", "branch_?_card.csv", "branch_cards.html"  # of plans that branch
 LOG = logging.getLogger("pareto_ltl.stages")
 
 
