@@ -18,6 +18,8 @@ from lies.editing import Lie, edited, in_json
 from pareto_ltl.planning.plan_files import read_plan, write_plan
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.flight.following import follow
 from pareto_ltl_apps.flight.telemetry import Reading
@@ -315,3 +317,22 @@ def test_a_fix_that_says_nothing_gives_no_branches(tmp_path: Path) -> None:
     assert not (place / "branch_cards.html").exists()
     assert "branches do not pay" in (place / "run.log").read_text()
     assert math.isfinite(run.plan.promise.rate.failure)  # type: ignore[union-attr]
+
+
+def test_a_plan_branches_in_a_landmark_that_it_passes(tmp_path: Path) -> None:
+    """The fix has the error and the place of the landmark, is missed outside, and steers nothing."""
+    place, scene = tmp_path / "landmark", read_yaml(choice_file("scene", "phi1"))
+    mark = [[0.6, 6.5], [3.1, 6.5], [3.1, 9.4], [0.6, 9.4]]
+    run = pareto_ltl.plan(
+        scene | {"landmarks": [mark]}, PHI1, out=place, branch={"leaves": 2, "available": 0.8}, **SMALL
+    )
+    tree = run.plan.branching
+    assert tree is not None
+    assert tree.fix.landmark is not None
+    assert tree.fix.inside(tree.fix.place[None])[0]
+    assert (tree.fix.sd, tree.fix.available) == (run.settings.robot.fix_sd, 0.8)
+    assert run.plan.path.fixes == ()
+    assert tree.difference[2] < 0.0
+    taken = sum(one.rate.runs for one in tree.branches)
+    assert taken < 0.8 * tree.rate.runs + 6 * math.sqrt(0.16 * tree.rate.runs)  # outside it is not taken
+    assert [finding for finding in verify(place) if not finding.holds] == []
