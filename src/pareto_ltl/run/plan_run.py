@@ -198,16 +198,15 @@ class Run(BaseRun):
         plan = self.unpriced_plan()
         from pareto_ltl.run import plan_stage
 
-        plan = plan_stage.branched(self, plan)
         plan = plan_stage.priced(self.problem, plan, self.seeds("plan"))
         return plan_stage.with_remedies(self.settings, self.problem, self.wind, plan, self.seeds("plan"))
 
     def unpriced_plan(self) -> Plan:
         """The plan without prices."""
         front, problem, wind = self.front, self.problem, self.wind
-        from pareto_ltl.run.plan_stage import chosen_plan
+        from pareto_ltl.run.plan_stage import branched, chosen_plan
 
-        return chosen_plan(self.settings, problem, wind, front, self.seeds("plan"))
+        return branched(self, chosen_plan(self.settings, problem, wind, front, self.seeds("plan")))
 
     @record()
     def forecasts(self) -> Mapping[str, Forecast]:
