@@ -15,6 +15,7 @@ import pytest
 import pareto_ltl
 from exports.test_lua import HEADING, commands, flight, needs_lua
 from lies.editing import Lie, edited, in_json
+from pareto_ltl.extend import plan_on_branch
 from pareto_ltl.planning.plan_files import read_plan, write_plan
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.errors import ConfigError, DataError
@@ -22,6 +23,7 @@ from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.flight.following import follow
+from pareto_ltl_apps.flight.sends import at_leg
 from pareto_ltl_apps.flight.telemetry import Reading
 from pareto_ltl_apps.flight.watch import WatchSettings
 from pareto_ltl_verify.judge import verify
@@ -166,6 +168,23 @@ def test_follow_names_the_branch_that_a_fix_selects(made: Path, tmp_path: Path) 
         assert again[-1]["promised"] == branch.rate.failure
     nothing = list(follow(made, as_flown(run, np.zeros(2))[: STEP * 60 - 1], settings=SELDOM))
     assert not [event for event in nothing if event["event"] == "branch"]
+
+
+def test_a_plan_on_a_branch_has_its_headings_and_places(made: Path) -> None:
+    """What follow sends to an autopilot after the fix: headings from true north, not from the plane's."""
+    plan = Run.open(made).plan
+    assert plan.branching is not None
+    for branch in plan.branching.branches:
+        there = plan_on_branch(plan, branch)
+        assert (there.path.u[:STEP] == plan.path.u[:STEP]).all()
+        assert (there.path.u[STEP:] == branch.path.u).all()
+        assert there.navigation is not None
+        for name in ("airspeed", "lat", "lon", "heading_true"):
+            own, first = getattr(branch.navigation, name), getattr(plan.navigation, name)
+            assert (getattr(there.navigation, name)[STEP:] == own).all()
+            assert (getattr(there.navigation, name)[:STEP] == first[:STEP]).all()
+        (_, command), *_ = at_leg(["heading"], there, STEP, 1.0)
+        assert command["params"][1] == branch.navigation.heading_true[0]  # type: ignore[index]
 
 
 def test_replanning_from_a_plan_with_branches_makes_one_without(made: Path) -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from pareto_ltl.extend import Branch, Branching, FlownAir, Frame, Plan, PlannedPath, Problem
+from pareto_ltl.extend import Branch, Branching, FlownAir, Frame, Plan, Problem, plan_on_branch
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text
 from pareto_ltl_apps.exports.navigation_log import SHARE, NavigationLog, navigation_log
@@ -46,21 +46,16 @@ def exported_branches(problem: Problem, plan: Plan, air: FlownAir | None) -> tup
     if tree is None:
         return ()
     return tuple(
-        ExportedBranch(branch, _log_from(problem, plan.path, branch.path, tree.fix.step, air), tree.fix.step)
+        ExportedBranch(branch, _log_from(problem, plan, branch, air), tree.fix.step)
         for branch in tree.branches
     )
 
 
-def _log_from(
-    problem: Problem, trunk: PlannedPath, rest: PlannedPath, step: int, air: FlownAir | None
-) -> NavigationLog:
-    """The log of ``rest``, which begins at ``step``: winds are those that the flights of its cell expect."""
-
-    def joined(name: str) -> FloatArray:
-        return np.concatenate([getattr(trunk, name)[:step], getattr(rest, name)])
-
-    whole = replace(trunk, t=joined("t"), x=joined("x"), cov=joined("cov"), u=joined("u"))
-    log = navigation_log(problem, whole, air)
+def _log_from(problem: Problem, plan: Plan, branch: Branch, air: FlownAir | None) -> NavigationLog:
+    """The log of ``branch`` from the fix on: winds are those that the flights of its cell expect."""
+    assert plan.branching is not None
+    step = plan.branching.fix.step
+    log = navigation_log(problem, plan_on_branch(plan, branch).path, air)
     cut = {
         field.name: getattr(log, field.name)[step:]
         for field in fields(NavigationLog)

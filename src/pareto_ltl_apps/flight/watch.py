@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.extend import Fix, Plan, Problem
+from pareto_ltl.extend import Fix, Plan, Problem, plan_on_branch
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import probability_text
@@ -18,7 +18,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.flight.belief import LAW, Belief, Estimate
-from pareto_ltl_apps.flight.branches import plan_on_branch, selected_branch
+from pareto_ltl_apps.flight.branches import selected_branch
 from pareto_ltl_apps.flight.goals import BELIEVED, Goal, completed, planned_goals, reached
 from pareto_ltl_apps.flight.position_fixes import causes, chance, in_plane, on_map
 from pareto_ltl_apps.flight.rules import ADVICE, Event, Rules, alarm, event_of

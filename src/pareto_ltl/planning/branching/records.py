@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from pareto_ltl.planning.branching.cells import Cell
 from pareto_ltl.planning.rates import FailureRate
-from pareto_ltl.planning.records import PlannedPath
+from pareto_ltl.planning.records import Plan, PlannedPath
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.projection import Navigation
 
@@ -147,3 +148,26 @@ def cells_of(cells: tuple[Cell, ...], distances: FloatArray) -> IntArray:
     if not (held.sum(axis=0) == 1).all():
         raise ValueError("the cells do not divide the plane: a position lies in none of them, or in two")
     return np.asarray(held.argmax(axis=0), np.int64)
+
+
+def plan_on_branch(plan: Plan, branch: Branch) -> Plan:
+    """``plan`` up to its fix, then ``branch``: its promise is the rate of the flights that fly the branch."""
+    assert plan.branching is not None
+    step, log = plan.branching.fix.step, plan.navigation
+
+    def joined(one: Any, other: Any, name: str) -> Any:
+        first, then = getattr(one, name), getattr(other, name)
+        if first is None or then is None:
+            return None
+        return (*first[:step], *then) if isinstance(first, tuple) else np.concatenate([first[:step], then])
+
+    trunk, rest = plan.path, branch.path
+    path = replace(
+        trunk, **{name: joined(trunk, rest, name) for name in ("t", "x", "cov", "u", "q", "label")},
+        origin=rest.origin, order=rest.order,
+    )  # fmt: skip
+    if log is not None:
+        names = ("airspeed", "time_utc", "lat", "lon", "heading_true")
+        log = replace(log, **{name: joined(log, branch.navigation, name) for name in names})
+    promise = None if plan.promise is None else replace(plan.promise, rate=branch.rate)
+    return replace(plan, path=path, promise=promise, branching=None, limits=None, prices=(), navigation=log)
