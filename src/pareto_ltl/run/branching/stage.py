@@ -190,10 +190,13 @@ def outlook(grower: Grower, path: PlannedPath, step: int) -> float:
 
 
 def worthwhile_leaves(tree: Tree) -> int:
-    """The fewest branches of ``tree`` beyond which more do not reduce the failures significantly."""
-    number = 1
-    for more in range(2, len(tree.divisions) + 1):
-        gain = paired_difference(tree.divisions[number - 1].failed, tree.divisions[more - 1].failed)
-        if gain[2] < 0.0:
-            number = more
+    """The fewest branches of ``tree`` beyond which more do not reduce the failures significantly.
+
+    The first ones must also fail less than one rest for all flights: else the search has found a better
+    trunk, and the fix says nothing.
+    """
+    number, least = 1, [tree.divisions[0].failed, tree.single.failed]
+    for more, division in enumerate(tree.divisions[1:], 2):
+        if all(paired_difference(failed, division.failed)[2] < 0.0 for failed in least):
+            number, least = more, [division.failed]
     return number

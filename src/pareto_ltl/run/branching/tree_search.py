@@ -101,13 +101,17 @@ class Division:
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """A trunk, a fix, and the best division for each number of branches, one being the trunk alone."""
+    """A trunk, a fix, and the best division for each number of branches, one being the trunk alone.
+
+    ``single`` is the best rest for all flights that take the fix: what a fix that says nothing would give.
+    """
 
     trunk: PlannedPath
     fix: BranchFix
     rests: tuple[FloatArray, ...]
     divisions: tuple[Division, ...]
     table: Table
+    single: Division
     point: int = 0
 
 
@@ -166,7 +170,7 @@ class Grower:
     def tree(self, trunk: PlannedPath, fix: BranchFix, rests: Sequence[FloatArray], table: Table) -> Tree:
         """The best division for each number of branches."""
         divisions = tuple(self.divided(table, number) for number in range(1, self.leaves + 1))
-        return Tree(trunk, fix, tuple(rests), divisions, table)
+        return Tree(trunk, fix, tuple(rests), divisions, table, self.of_cells(table, (Cell(),)))
 
     def best_score(self, tree: Tree) -> float:
         """The best score of ``tree`` with any number of branches."""
