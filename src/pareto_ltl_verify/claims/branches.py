@@ -249,6 +249,8 @@ def navigation(result: Evidence) -> Verdict | None:
             f"{name}: airspeed": not np.allclose(row["airspeed"], speed, rtol=1e-6),
             f"{name}: airspeed above u_max": (speed > robot.u_max * (1 + 1e-5)).any(),
             f"{name}: airspeed below u_min": (speed < robot.u_min * (1 - 1e-5)).any(),
+            f"{name}: energy": robot.capacity is not None
+            and float(robot.spent(np.vstack([result.u[: tree.step], u])).sum()) > robot.capacity * (1 + 1e-6),
             f"{name}: length": not close(row["length"], float(np.hypot(*np.diff(x, axis=0).T).sum()), 1e-6),
             f"{name}: headings": row["heading_true"] is not None
             and not _same_headings(row["heading_true"], azimuths(result.scene["crs"], x[:-1], u), speed),

@@ -202,7 +202,7 @@ class Grower:
                 continue
             found += [(self.worth_of(winds.only(rows), trunk, k, path.u), path.u) for path in paths]
         found.sort(key=lambda pair: pair[0])
-        return [u for _, u in found[:RESTS] if self.keeps_epsilon(trunk, fix, told, u)]
+        return [u for _, u in found[:RESTS] if self.can_be_flown(trunk, fix, told, u)]
 
     def worth_of(self, winds: TreeFlights, trunk: PlannedPath, step: int, rest: FloatArray) -> float:
         """The score of one rest for the flights of a cell."""
@@ -221,9 +221,13 @@ class Grower:
         """Expected positions (T+1, 2) [m] of the controls ``u``, without a fix."""
         return propagate_controls(self.problem, u, unaided(self.problem.world.law)).x
 
-    def keeps_epsilon(self, trunk: PlannedPath, fix: BranchFix, told: Moments, rest: FloatArray) -> bool:
-        """Whether the flights of a cell keep ``planner.epsilon`` in every segment of ``rest``."""
-        risk = segment_risks(self.problem, self.means(whole_controls(trunk.u, fix.step, rest)), fix, told)
+    def can_be_flown(self, trunk: PlannedPath, fix: BranchFix, told: Moments, rest: FloatArray) -> bool:
+        """Whether the flights of a cell keep epsilon in each segment of ``rest``, within the energy."""
+        u, energy = whole_controls(trunk.u, fix.step, rest), self.problem.energy
+        capacity = math.inf if energy is None or energy.capacity is None else energy.capacity
+        if energy is not None and energy.of(u, self.problem.motion.dt) > capacity:
+            return False
+        risk = segment_risks(self.problem, self.means(u), fix, told)
         return bool((risk[fix.step :] <= allowed_risk(self.problem) * (1.0 + 1e-6)).all())
 
     # --- the table ---
