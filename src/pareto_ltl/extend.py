@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pareto_ltl.logic.automaton import Automaton, show_letter, translate
     from pareto_ltl.logic.formula import Formula, disputed_reading, parse_formula
+    from pareto_ltl.planning.branching.records import Branch, Branching, plan_on_branch
     from pareto_ltl.planning.conditioning import Fix, Learnt
     from pareto_ltl.planning.cost import Cost
     from pareto_ltl.planning.costs import cost_named, known_costs
@@ -69,6 +70,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Automaton",
     "BeaconMap",
+    "Branch",
+    "Branching",
     "Cost",
     "Declaration",
     "Decomposition",
@@ -139,6 +142,7 @@ __all__ = [
     "packaged_laws",
     "parse_formula",
     "plain_sample",
+    "plan_on_branch",
     "planned_run",
     "readings_of",
     "record",
@@ -154,6 +158,8 @@ __all__ = [
 _EXPORTS = {
     "Automaton": "pareto_ltl.logic.automaton",
     "BeaconMap": "pareto_ltl.simulation.beacons",
+    "Branch": "pareto_ltl.planning.branching.records",
+    "Branching": "pareto_ltl.planning.branching.records",
     "Cost": "pareto_ltl.planning.cost",
     "Declaration": "pareto_ltl.settings.checks",
     "Decomposition": "pareto_ltl.world.cells",
@@ -224,6 +230,7 @@ _EXPORTS = {
     "packaged_laws": "pareto_ltl.wind.named_laws",
     "parse_formula": "pareto_ltl.logic.formula",
     "plain_sample": "pareto_ltl.simulation.samples",
+    "plan_on_branch": "pareto_ltl.planning.branching.records",
     "planned_run": "pareto_ltl.run.results",
     "readings_of": "pareto_ltl.wind.snapshots",
     "record": "pareto_ltl.run.record",
