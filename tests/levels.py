@@ -87,6 +87,7 @@ NOT_BY_DAY = [
     "report/test_page_browser",
     "report/test_limits",
     "report/test_texts",
+    "run/test_branches",
     "run/test_choosing",
     "run/test_directory",
     "run/test_documents",

@@ -4,6 +4,9 @@ from pareto_ltl.logic.automaton import translate as translate
 from pareto_ltl.logic.formula import Formula as Formula
 from pareto_ltl.logic.formula import disputed_reading as disputed_reading
 from pareto_ltl.logic.formula import parse_formula as parse_formula
+from pareto_ltl.planning.branching.records import Branch as Branch
+from pareto_ltl.planning.branching.records import Branching as Branching
+from pareto_ltl.planning.branching.records import plan_on_branch as plan_on_branch
 from pareto_ltl.planning.conditioning import Fix as Fix
 from pareto_ltl.planning.conditioning import Learnt as Learnt
 from pareto_ltl.planning.cost import Cost as Cost

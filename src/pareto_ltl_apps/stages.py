@@ -11,6 +11,7 @@ from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl_apps.studies.stages import FIGURE_FILES, STUDY_STAGES
 from pareto_ltl_apps.view import PAGE_FILE
 
+OF_BRANCHES = "branch_?.csv", "branch_?_card.csv", "branch_cards.html"  # of plans that branch
 LOG = logging.getLogger("pareto_ltl.stages")
 
 
@@ -51,7 +52,7 @@ def write_page(run: Run) -> tuple[Path, ...]:
     return (make_page(run),)
 
 
-EXPORT = Record(write_plan_files, "export", tuple(EXPORT_FILES.values()), name="exports")
+EXPORT = Record(write_plan_files, "export", (*EXPORT_FILES.values(), *OF_BRANCHES), name="exports")
 FIGURES = Record(draw_figures, "report", shows=FIGURE_FILES, name="figures")
 PAGE = Record(write_page, "page", shows=(PAGE_FILE,))
 STAGES = (EXPORT, FIGURES, PAGE, *STUDY_STAGES)

@@ -251,7 +251,10 @@ class Evidence:
         if name == "independent":
             return Independent(self.wind, times, self.robot)
         used = self.planned_law == "coherent" and self.settings["fidelity"]["judge"] == "flights"
-        fixed = used and not self.robot.feedback
+        tables = (
+            self.settings.get("branch", {}).get("leaves", 1) > 1
+        )  # a fix chooses a table, and steers nothing
+        fixed = used and not self.robot.feedback and not tables
         landmarks = landmarks_of(self.scene, self.robot.fix_sd) if fixed else ()
         return Coherent(self.wind, times, self.robot, landmarks)
 

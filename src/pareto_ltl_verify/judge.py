@@ -13,6 +13,7 @@ from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_verify.claims import (
     Claim,
     Verdict,
+    branches,
     choice,
     containment,
     exports,
@@ -44,6 +45,7 @@ CLAIMS: tuple[Claim, ...] = (
     *plan.CLAIMS, *limits.CLAIMS, *search.CLAIMS, *front.CLAIMS, *choice.CLAIMS, *judged.CLAIMS,
     *flights.CLAIMS, *legs.CLAIMS, *exports.CLAIMS, *outlines.CLAIMS, *missions.CLAIMS, *height.CLAIMS,
     *texts.CLAIMS, *page.CLAIMS, *units.CLAIMS, *replan.CLAIMS, *containment.CLAIMS,
+    *branches.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)
 OF_A_DEPARTURE = frozenset({

@@ -192,6 +192,12 @@ def verdicts(result: Evidence) -> Iterator[dict[str, str]]:
         yield _row(what, promise, f"{_sample(promise)}; {stands}") | {"rate": promised(promise)}
         claimed = promise["claimed"]
         yield _row("claimed when the front was judged", claimed, _sample(claimed))
+    if (tree := result.plan.get("branches")) is not None:
+        when = f"{round(tree['fix']['step'] * result.robot.dt) / 3600:.4g} h"
+        yield _row(f"the plan with branches after a fix at {when}", tree["rate"], _sample(tree["rate"]))
+        for row in tree["branches"]:
+            told = f"{_sample(row['rate'])}: {probability_text(row['share'])} of those with the fix"
+            yield _row(f"branch {row['name']}, {row['where']}", row["rate"], told)
     laws = sorted(LAWS, key=lambda law: (law != result.planned_law, law))
     for law in (one for one in laws if _has_flights(result, one)):
         rate = deployed(result, law)

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 
-from pareto_ltl.support.display import listed_text
+from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl_verify import page_texts
 from pareto_ltl_verify.claims import close
 from pareto_ltl_verify.claims.exports import TABLE, column
@@ -63,6 +63,28 @@ def height_text(result: Evidence) -> str:
     return " ".join(filter(None, [*height_sentences(result), absent_sentence(result)]))
 
 
+def branch_sentences(result: Evidence) -> Iterator[str]:
+    """What files say of a plan that branches: when, into what, and how often it fails."""
+    tree = result.plan.get("branches")
+    if tree is None:
+        return
+    step, rows = tree["fix"]["step"], tree["branches"]
+    letters, times = [row["name"] for row in rows], result.plan["time_utc"]
+    moment = f"{step * result.robot.dt:g} s" if times is None else times[step]
+    if result.robot.bank > 0.0 and result.has(TABLE):  # turns move the times of the legs
+        moment = result.table(TABLE)[step]["time_utc"] or f"{column(result.table(TABLE), 't_s')[step]:g} s"
+    yield (
+        f"At {moment} a position fix selects one of the branches {', '.join(letters[:-1])} and "
+        f"{letters[-1]}; without it, the plan goes on."
+    )
+    yield from (f"Branch {row['name']}: the measured position is {row['where']}." for row in rows)
+    shares = [rate_text(rate["failure"], rate["low"], rate["high"]) for rate in (tree["rate"], tree["alone"])]
+    yield (
+        f"Of {tree['rate']['runs']:,} flights with these branches, {shares[0]} fail; of the same flights "
+        f"without the fix, {shares[1]}."
+    )
+
+
 def known_sentences(result: Evidence, name: str) -> Iterator[str]:
     """Every sentence, besides the rates, that a file may have."""
     plan, law = result.plan, result.planned_law
@@ -73,6 +95,7 @@ def known_sentences(result: Evidence, name: str) -> Iterator[str]:
     yield from [f"The failure rates are no promise: {gap}."] * bool(gap)
     if (promise := plan["promise"]) is not None and promise["failure"] < promise.get("floor", 0.0):
         yield f"Promised: {page_texts.promised(promise)}."
+    yield from branch_sentences(result)
     yield absent_sentence(result)
     yield f"Not covered: {plan.get('not_covered', '').rstrip('.')}."
     if name == "mission.plan":

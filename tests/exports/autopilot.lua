@@ -11,7 +11,12 @@ function uint:tofloat() return self.v end
 function millis() return setmetatable({ v = now }, uint) end
 arming = { is_armed = function() return armed end }
 vehicle = { get_mode = function() return mode end }
-gps = { status = function(_, instance) return instance == 0 and fix or nil end }
+local user, measured = 0, nil
+gps = {
+    status = function(_, instance) return instance == 0 and fix or nil end,
+    location = function() return measured end,
+}
+param = { get = function(_, name) return name == "SCR_USER1" and user or nil end }
 
 local function field(name)
     return function(self, value)
@@ -22,7 +27,19 @@ local function field(name)
         return self["_" .. name]
     end
 end
-function Location() return { lat = field("lat"), lng = field("lng"), alt = field("alt") } end
+local RADIUS = 6371008.8 -- [m] of a sphere, close enough for the few km of a test
+function Location()
+    return {
+        lat = field("lat"), lng = field("lng"), alt = field("alt"),
+        get_distance_NE = function(self, other)
+            local degree = math.pi / 180 * 1e-7 * RADIUS
+            local middle = math.rad(1e-7 * (self:lat() + other:lat()) / 2)
+            local north = degree * (other:lat() - self:lat())
+            local east = degree * (other:lng() - self:lng()) * math.cos(middle)
+            return { x = function() return north end, y = function() return east end }
+        end,
+    }
+end
 
 local origin
 local function place(loc) return string.format("%d %d %d", loc:lat(), loc:lng(), loc:alt()) end
@@ -57,6 +74,12 @@ for _, event in ipairs(events) do
     if event.armed ~= nil then armed = event.armed end
     if event.mode then mode = event.mode end
     if event.fix then fix = event.fix end
+    if event.user then user = event.user end
+    if event.lat then
+        measured = Location()
+        measured:lat(event.lat)
+        measured:lng(event.lng)
+    end
     if event.deny ~= nil then denied[event.deny] = true end
     if event.take ~= nil then denied[event.take] = nil end
 end

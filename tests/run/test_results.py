@@ -317,7 +317,7 @@ def test_a_plan_of_another_schema_is_refused_by_name(tmp_path: Path) -> None:
     plan_files.write_plan(tmp_path, plan())
     path = tmp_path / "plan.json"
     path.write_text(path.read_text().replace("pareto_ltl.plan/2", "pareto_ltl.plan/9"))
-    known = "'pareto_ltl.plan/2' or 'pareto_ltl.plan/1'"
+    known = "'pareto_ltl.plan/2' or 'pareto_ltl.plan/3' or 'pareto_ltl.plan/1'"
     with pytest.raises(DataError, match=f'expected schema {known}, found "pareto_ltl.plan/9"'):
         plan_files.read_plan(path)
 

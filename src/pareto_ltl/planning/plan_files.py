@@ -18,8 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pareto_ltl.planning.branching.files import branches_document, read_branches
 from pareto_ltl.planning.costs import cost_named, known_costs
 from pareto_ltl.planning.limits import Price, Remedy, SegmentLimits, WorstSegment
+from pareto_ltl.planning.navigation_files import number_or_nan, read_navigation
 from pareto_ltl.planning.rates import FailureRate, Promise
 from pareto_ltl.planning.records import RISKS, Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.settings.fidelity import models_of
@@ -40,8 +42,10 @@ FRONT_HEADER = (
 NO_RATE = (math.nan, math.nan, math.nan, "", "")
 PATH_ARRAYS = ("t", "x", "cov", "q", "u")
 PLAN_SCHEMA = "pareto_ltl.plan/2"
+BRANCHED_SCHEMA = "pareto_ltl.plan/3"  # of a plan with branches
 PLAN_SCHEMAS = {
     PLAN_SCHEMA: "plan",
+    BRANCHED_SCHEMA: "plan",
     "pareto_ltl.plan/1": "plan_1",
 }  # identifier in the file: name of the schema file
 TABLE_HEADER = ("step", "t_s", "x_m", "y_m", "u_x_m_s", "u_y_m_s", "cov_xx", "cov_xy", "cov_yy", "q", "label")
@@ -265,7 +269,7 @@ def write_plan(directory: Path, plan: Plan) -> None:
     """Write ``plan.json`` and ``plan.csv``."""
     path = plan.path
     content = {
-        "schema": PLAN_SCHEMA,
+        "schema": PLAN_SCHEMA if plan.branching is None else BRANCHED_SCHEMA,
         "formula": plan.formula,
         "atoms": plan.atoms,
         "dt": plan.dt,
@@ -295,6 +299,8 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "label": path.label,
         "u": path.u,
     }
+    if plan.branching is not None:
+        content["branches"] = branches_document(plan.branching, plan.air)
     write_json(directory / "plan.json", content)
     write_csv(directory / "plan.csv", TABLE_HEADER, (_plan_row(path, step) for step in range(len(path.t))))
 
@@ -366,13 +372,14 @@ def read_plan(place: Path | str) -> Plan:
             weights=tuple(selection.pop("weights")),
             rule_settings=selection,
             promise=_promise(content.get("promise")),
-            navigation=_navigation(content),
+            navigation=read_navigation(content),
             limits=_limits(content),
             prices=tuple(Price(**price) for price in content.get("prices", ())),
             height=Height(**content["height"]) if "height" in content else None,
             air=_air(content["air"]) if "air" in content else None,
             worst=WorstSegment(**content["worst_segment"]) if "worst_segment" in content else None,
             remedies=tuple(Remedy(**remedy) for remedy in content.get("remedies", ())),
+            branching=read_branches(content["branches"]) if "branches" in content else None,
         )
 
 
@@ -387,30 +394,14 @@ def _promise(content: Mapping[str, Any] | None) -> Promise | None:
     rate, claimed = (
         FailureRate(**{name: stated[name] for name in names}) for stated in (content, content["claimed"])
     )
-    bound, linearity = (_number(content[name]) for name in ("bound", "linearity"))
+    bound, linearity = (number_or_nan(content[name]) for name in ("bound", "linearity"))
     return Promise(rate, claimed, bound, linearity, content["passed"], content.get("floor", 0.0))
-
-
-def _navigation(content: Mapping[str, Any]) -> Navigation | None:
-    if content.get("airspeed") is None:
-        return None
-    steps, times, columns = len(content["u"]), content["time_utc"], dict[str, FloatArray]()
-    for key, size in (("airspeed", steps), ("lat", steps + 1), ("lon", steps + 1), ("heading_true", steps)):
-        if content[key] is not None:
-            columns[key] = np.array([_number(value) for value in content[key]], float)
-            if len(columns[key]) != size:
-                raise ValueError(f"{key} must have {size} entries, got {len(columns[key])}")
-    return Navigation(**columns, time_utc=None if times is None else tuple(times), crs=content["crs"])
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
 
 
 def _flight(content: Mapping[str, Any]) -> PlannedPath:
     objectives = content["objectives"]  # files of schema 1 may lack mission_risk_ordered
     costs = {"mission_risk_ordered": objectives["mission_risk"]} | objectives
-    risks = {name: _number(costs.pop(name)) for name in RISKS}
+    risks = {name: number_or_nan(costs.pop(name)) for name in RISKS}
     flight = PlannedPath(
         t=np.array(content["t"], float),
         x=np.array(content["x"], float),
@@ -418,7 +409,7 @@ def _flight(content: Mapping[str, Any]) -> PlannedPath:
         q=np.array(content["q"], np.int64),
         label=tuple(frozenset(names) for names in content["label"]),
         u=np.array(content["u"], float).reshape(-1, 2),
-        objectives=Objectives({name: _number(value) for name, value in costs.items()}, **risks),
+        objectives=Objectives({name: number_or_nan(value) for name, value in costs.items()}, **risks),
         origin=content["origin"],
         fixes=tuple(content.get("fixes", ())),
         order=content.get("order", ""),

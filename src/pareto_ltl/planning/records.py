@@ -26,6 +26,8 @@ from pareto_ltl.world.scene import Scene
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from pareto_ltl.planning.branching.records import Branching
+
 NO_PROMISE = "no failure rate is promised: the law of the plan does not explain what was measured"
 
 
@@ -304,6 +306,9 @@ class Plan(Displayed):
         False if ``worst`` is above ``epsilon``: no path keeps it, and the plan is the nearest one.
     remedies : tuple of Remedy
         Changes that were tried if epsilon is not kept, or if hardly any flight succeeds.
+    branching : Branching or None
+        What to fly after a position fix (``branch.leaves``); None: the plan has no branches. Everything else
+        is about the plan that is flown without a fix.
     """
 
     NO_PROMISE: ClassVar[str] = NO_PROMISE
@@ -330,6 +335,7 @@ class Plan(Displayed):
     worst: WorstSegment | None = None
     epsilon_kept: bool = True
     remedies: tuple[Remedy, ...] = ()
+    branching: Branching | None = None
 
     def __post_init__(self) -> None:
         models_of(self.fidelity)
@@ -389,6 +395,8 @@ class Plan(Displayed):
         """Formula, length, steps, further costs and what the plan promises."""
         o, models = self.path.objectives, self.models
         promised = {} if self.promise is None else {"fails": str(self.promise.rate)}
+        if (tree := self.branching) is not None:
+            promised = {f"fails, with {len(tree.branches)} branches": str(tree.rate)} | promised
         risks = {
             f"mission risk {models.mission_symbol} in {models.law} winds": o.mission_risk,
             f"collision risk R in {models.law} winds": o.collision_risk,

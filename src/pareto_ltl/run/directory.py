@@ -17,9 +17,14 @@ BOOKKEEPING = (  # the first is removed first: without it, the other files are n
     "metrics.json", "run.json", "config_resolved.yaml", RUN_LOG,
     ".hydra/config.yaml", ".hydra/hydra.yaml", ".hydra/overrides.yaml",
 )  # fmt: skip
+BRANCH_FILES = ("branch_?.csv", "branch_?_card.csv", "branch_cards.html")  # of plans that branch
 OTHER_FILES = (  # of no stage: of a replan, and of exports that were asked for later
     "replan.json",
-    *(f"{folder}{name}" for folder in ("exports/", "exports_point_*/") for name in EXPORT_FILES.values()),
+    *(
+        f"{folder}{name}"
+        for folder in ("exports/", "exports_point_*/")
+        for name in (*EXPORT_FILES.values(), *BRANCH_FILES)
+    ),
 )
 
 EARLY_FILES = ("scene.json", "cells.json", "automaton.json", "automaton.hoa", RUN_LOCK)

@@ -123,6 +123,13 @@ def _plan_numbers(plan: Plan) -> dict[str, float]:
             "epsilon_kept": float(plan.epsilon_kept),
             "worst_segment_probability": plan.worst.probability,
         }
+    if (tree := plan.branching) is not None:
+        table |= {
+            "branches": float(len(tree.branches)),
+            **{f"branches_{name}": getattr(tree.rate, name) for name in ("failure", "low", "high", "runs")},
+            "branches_alone_failure": tree.alone.failure,
+            "branches_length_m": tree.length,
+        }
     if promise is None:
         return table
     return table | {

@@ -164,6 +164,8 @@ class Run(BaseRun):
             settings.fidelity,
         )
         problem = replace(problem, costs=costs_with(settings.selection.costs))
+        if settings.branch.leaves > 1:  # the robot flies tables: a fix chooses one, and steers nothing
+            problem = problem.with_feedback(settings.robot.feedback_time)
         for line in missed_windows(problem.automaton.windows, problem.max_steps * problem.motion.dt):
             LOG.warning("%s", line)
         return problem
@@ -202,9 +204,9 @@ class Run(BaseRun):
     def unpriced_plan(self) -> Plan:
         """The plan without prices."""
         front, problem, wind = self.front, self.problem, self.wind
-        from pareto_ltl.run.plan_stage import chosen_plan
+        from pareto_ltl.run.plan_stage import branched, chosen_plan
 
-        return chosen_plan(self.settings, problem, wind, front, self.seeds("plan"))
+        return branched(self, chosen_plan(self.settings, problem, wind, front, self.seeds("plan")))
 
     @record()
     def forecasts(self) -> Mapping[str, Forecast]:

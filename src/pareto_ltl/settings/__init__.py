@@ -38,6 +38,7 @@ from pareto_ltl.settings.outputs import (
     SweepConfig,
 )
 from pareto_ltl.settings.planner import (
+    BranchConfig,
     LogicConfig,
     PlannerConfig,
     RefineConfig,
@@ -94,6 +95,7 @@ class Settings(CheckedSettings):
     replanning: ReplanningConfig = field(default_factory=ReplanningConfig)
     sitl: SitlConfig = field(default_factory=SitlConfig)
     sweep: SweepConfig = field(default_factory=SweepConfig)
+    branch: BranchConfig = field(default_factory=BranchConfig)
 
     PRESETS, LAWS = PRESETS, LAWS  # names of presets with their values, of wind laws
 
@@ -105,6 +107,24 @@ class Settings(CheckedSettings):
             level = compared[0] if compared else usual_level(self.wind.source, self.robot.level)
             self.wind = replace(self.wind, level=level)
         flight_air(self, flight_height(self))
+        self._check_branches()
+
+    def _check_branches(self) -> None:
+        """Refuse branches of a robot that always knows its position, and models that do not see them."""
+        if self.branch.leaves == 1:
+            return
+        if self.robot.feedback_time is not None:
+            raise ConfigError(
+                f"branch.leaves = {self.branch.leaves}: a robot with robot.feedback_time always knows its "
+                "position and needs no branches; set robot.feedback_time=null or branch.leaves=1"
+            )
+        needs = {"law": "coherent", "judge": "flights", "refine": "sampled"}
+        for name, value in needs.items():
+            if (found := getattr(self.fidelity, name)) != value:
+                raise ConfigError(
+                    f"branch.leaves = {self.branch.leaves} needs fidelity.{name}={value}, got {found}: take "
+                    "fidelity=full, or branch.leaves=1"
+                )
 
     @property
     def border(self) -> str:

@@ -111,6 +111,33 @@ class RefineConfig(CheckedSettings, section="refine"):
 
 
 @dataclass
+class BranchConfig(CheckedSettings, section="branch"):
+    """A plan that branches at a position fix (docs/branching.md)."""
+
+    leaves: int = setting(
+        1,
+        "largest number of branches, one table to fly for each cell of measured positions; 1: no branch",
+        "[1, 4]",
+    )
+    at: list[float] = setting(
+        [],
+        "times after departure at which a position fix can be taken, of which the plan branches at the best "
+        "one; none: at the landmarks of the map",
+        "(0, 1e4]",
+        unit="h",
+    )
+    fix_sd: float = setting(
+        500.0,
+        "standard deviation of a fix at a time of branch.at in each direction; at landmarks robot.fix_sd",
+        "(0, 1e6]",
+        unit="m",
+    )
+    available: float = setting(
+        1.0, "probability that the fix can be taken; without it the plan goes on", "(0, 1]"
+    )
+
+
+@dataclass
 class SelectionConfig(CheckedSettings, section="selection"):
     """Which path of the front becomes the plan."""
 

@@ -193,6 +193,7 @@ TOOL_COMMANDS = (
             POINT,
             flag("--limits", "show only the segments that come closest to planner.epsilon"),
             flag("--legs", "each leg on a line; default: legs of one heading together"),
+            flag("--branches", "show only where the plan branches, and which table to fly then"),
         ),
     ),
     ToolCommand(

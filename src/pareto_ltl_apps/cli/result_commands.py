@@ -155,9 +155,38 @@ def explain(options: Namespace) -> Answer:
     """A plan leg by leg, or what limits it."""
     from pareto_ltl_apps.view.showing import explanation
 
+    if options.branches:
+        return _explain_branches(options)
     reported = explanation(options.directory, point=options.point, limits=options.limits, each=options.legs)
     lines = list(chain.from_iterable(map(_in_columns, reported.lines)))
     return Answer({"directory": options.directory, **reported.document}, lines)
+
+
+def _explain_branches(options: Namespace) -> Answer:
+    """Where a plan branches, and what each number of branches would give."""
+    from pareto_ltl import Run
+    from pareto_ltl_apps.exports.branches import branch_lines
+
+    if options.point is not None or options.limits or options.legs:
+        raise ConfigError("--branches shows the branches of the plan: leave out --point, --limits and --legs")
+    run = Run.open(options.directory)
+    tree = run.plan.branching
+    if tree is None:
+        raise DataError(
+            f"{options.directory}: the plan has no branches: plan with branch.leaves=2 and branch.at=[HOURS]"
+        )
+    document = {
+        "directory": options.directory,
+        "step": tree.fix.step,
+        "failure": tree.rate.failure,
+        "alone": tree.alone.failure,
+        "branches": [
+            {"name": one.name, "where": one.cell.words, "share": one.share, "failure": one.rate.failure}
+            for one in tree.branches
+        ],
+    }
+    lines = list(chain.from_iterable(map(_in_columns, branch_lines(run.plan, run.scene.frame))))
+    return Answer(document, lines)
 
 
 def _in_columns(line: str) -> list[str]:

@@ -158,6 +158,12 @@ def summary_rows(
     if {"promise_failure", "length_m"} <= set(metrics) and not verbose:  # a plan, not a study of plans
         yield from _cost_rows(metrics, medium)
         yield _promise_row(metrics, f"{fails}, {law} {flows}")
+        if "branches" in metrics:
+            rate = rate_text(*(metrics[f"branches_{name}"] for name in ("failure", "low", "high")))
+            yield (
+                f"with its {metrics['branches']:.0f} branches, {metrics['branches_runs']:,.0f} flights",
+                rate,
+            )
         yield "in all", f"{metrics['run_seconds']:.2f} s"
         return
     if "length_m" in metrics:

@@ -32,7 +32,7 @@ GROUPS = (
 )  # fmt: skip
 SECTIONS = (
     "", "scene", "scene.random", "mission", "robot", "robot.power", "wind", "logic", "planner", "fidelity",
-    "smoothing", "refine", "selection", "deployment", "exports", "report", "departure",
+    "smoothing", "refine", "selection", "deployment", "exports", "report", "departure", "branch",
     "limits",
 )  # fmt: skip
 TEXTS = frozenset({

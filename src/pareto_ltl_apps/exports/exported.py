@@ -14,6 +14,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl.support.medium import Medium
 from pareto_ltl.support.seeds import unspawned
+from pareto_ltl_apps.exports.branches import ExportedBranch, branch_sentences, exported_branches
 from pareto_ltl_apps.exports.corridor import Corridor, flown_corridor
 from pareto_ltl_apps.exports.navigation_log import NavigationLog, navigation_log
 
@@ -58,6 +59,8 @@ class ExportedPlan:
         ``robot.feedback_time`` of the plan [s]; None if it is flown without knowledge of the position.
     turn : float or None
         Centripetal acceleration of turns [m/s²]; None for a robot that turns on the spot.
+    branches : tuple of ExportedBranch
+        What to fly after a position fix; empty for a plan without branches.
     """
 
     name: str
@@ -73,6 +76,7 @@ class ExportedPlan:
     feedback: float | None = None
     turn: float | None = None
     air: FlownAir | None = None
+    branches: tuple[ExportedBranch, ...] = ()
 
     @property
     def autopilot_airspeed(self) -> FloatArray:
@@ -111,6 +115,10 @@ class ExportedPlan:
             reported.append(fails(promise.rate, self.flown_by()))
             if promise.rate.failure < promise.floor:
                 reported.append(f"Promised: {promise.fails}.")
+        if (tree := plan.branching) is not None:
+            reported += branch_sentences(
+                tree, self.log.time_utc(tree.fix.step) or f"{self.log.t[tree.fix.step]:g} s"
+            )
         pilot = f"by an autopilot that knows and holds the positions (robot.feedback_time={HELD_TIME:g})"
         reported.append(f"{Plan.NO_PROMISE.capitalize()}." if self.held is None else fails(self.held, pilot))
         if self.log.swing > 0.0:
@@ -167,6 +175,7 @@ def exported_plan(settings: Settings, problem: Problem, plan: Plan, seed: SeedSe
         turn=problem.turns.acceleration,
         vehicle=vehicle_of(height, problem),
         medium=settings.medium,
+        branches=exported_branches(problem, plan, air),
     )
 
 

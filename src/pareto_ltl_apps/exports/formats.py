@@ -12,11 +12,18 @@ from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
+from pareto_ltl_apps.exports.branches import branch_cards
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import corridor_geojson, operational_intent, plan_geojson
 from pareto_ltl_apps.exports.mavlink import mavlink_script, plan_lua
 from pareto_ltl_apps.exports.qgc import mission_plan
-from pareto_ltl_apps.exports.tables import dead_reckoning_csv, flight_card, trajectory_netcdf
+from pareto_ltl_apps.exports.tables import (
+    card_of,
+    dead_reckoning_csv,
+    flight_card,
+    table_of,
+    trajectory_netcdf,
+)
 from pareto_ltl_apps.exports.xml_files import plan_fpl, plan_gpx, plan_kml
 
 MAKERS: dict[str, Callable[[ExportedPlan], bytes]] = {
@@ -81,4 +88,20 @@ def write_exports(exported: ExportedPlan, formats: Sequence[str], folder: Path) 
     paths = tuple(folder / EXPORT_FILES[name] for name in formats)
     for name, path in zip(formats, paths, strict=True):
         write_bytes(path, MAKERS[name](exported))
-    return paths
+    return (*paths, *write_branches(exported, formats, folder))
+
+
+def write_branches(exported: ExportedPlan, formats: Sequence[str], folder: Path) -> tuple[Path, ...]:
+    """Write the tables and cards of the branches of a plan, with the tables and cards of the plan."""
+    found = dict[str, bytes]()
+    for one in exported.branches:
+        if "dead_reckoning" in formats:
+            found[f"branch_{one.name}.csv"] = table_of(one.log, one.first)
+        if "card" in formats:
+            found[f"branch_{one.name}_card.csv"] = card_of(one.log, one.first)
+    if exported.branches and "card" in formats:
+        plan, frame = exported.plan, exported.scene.frame
+        found["branch_cards.html"] = branch_cards(exported.name, plan, frame, exported.branches)
+    for name, content in found.items():
+        write_bytes(folder / name, content)
+    return tuple(folder / name for name in found)

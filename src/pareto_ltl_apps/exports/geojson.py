@@ -20,6 +20,7 @@ from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import plain_data
+from pareto_ltl_apps.exports.branches import dividing_lines, reach_of
 from pareto_ltl_apps.exports.corridor import Corridor
 from pareto_ltl_apps.exports.degrees import line_parts, polygon_parts, united_rings
 from pareto_ltl_apps.exports.exported import ExportedPlan
@@ -34,6 +35,7 @@ def plan_geojson(exported: ExportedPlan) -> bytes:
     features = [_line(exported.crs, log.x, route | {"length_m": path.objectives.length})]
     features += [_line(exported.crs, log.x[k : k + 2], _leg(exported, k)) for k in range(len(log.airspeed))]
     features += [_position(exported, k) for k in range(len(log.t))]
+    features += _branch_features(exported)
     return _collection(features + _map_features(exported), exported)
 
 
@@ -61,6 +63,23 @@ def _position(exported: ExportedPlan, k: int) -> Feature:
     about = {"role": "position", "step": k, "time_utc": log.time_utc(k), "t_s": log.t[k], **log.spread(k)}
     about |= {"regions": exported.plan.path.label[k], "fix": k in log.fixes, "wind_law": log.law}
     return feature("Point", Frame(exported.crs).lonlat(log.x[k]), about)
+
+
+def _branch_features(exported: ExportedPlan) -> list[Feature]:
+    """The route of each branch, and the lines between the cells."""
+    tree, crs = exported.plan.branching, exported.crs
+    if tree is None:
+        return []
+    found = []
+    for one in exported.branches:
+        about = {
+            "role": "branch", "name": one.name, "where": one.branch.cell.words, "share": one.branch.share,
+            "order": one.branch.path.order, "t_s": one.log.t[0], "time_utc": one.log.time_utc(0),
+        }  # fmt: skip
+        found.append(_line(crs, one.log.x, about))
+    for what, ends in dividing_lines(tree, reach_of(tree, exported.plan)):
+        found.append(_line(crs, ends, {"role": "branch line", "name": what}))
+    return found
 
 
 def _map_features(exported: ExportedPlan) -> list[Feature]:

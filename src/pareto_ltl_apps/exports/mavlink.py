@@ -9,13 +9,17 @@ without a companion computer.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data
+from pareto_ltl_apps.exports.branches import track_bearing
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import listed_json
+from pareto_ltl_apps.exports.navigation_log import NavigationLog
 
 SCHEMA = "pareto_ltl.mavlink_script/1"
 CHANGE_SPEED, CHANGE_HEADING, POSITION_ESTIMATE, WIND_ESTIMATE = 43000, 43002, 43003, 43004
@@ -151,21 +155,68 @@ def plan_lua(exported: ExportedPlan) -> bytes:
             "plan.lua: the plan counts on position fixes at landmarks, which a script cannot measure; use "
             "mavlink_script.json"
         )
-    columns = (
-        log.t[:-1], exported.autopilot_airspeed, log.heading, log.wind_speed, log.wind_speed_sd,
-        log.wind_from, log.wind_from_sd,
-    )  # fmt: skip
-    legs = ["    { " + ", ".join(map(_number, row)) + " }," for row in zip(*columns, strict=True)]
+    legs = _lua_legs(log, exported.autopilot_airspeed)
     about = "\n".join([exported.name, *exported.sentences()]).replace("]]", "] ]")  # which ends a comment
     values = {
         "@TEXT@": about, "@LEGS@": "\n".join(legs), "@LAT@": str(round(log.lat[0] * DEGREE)),
         "@LON@": str(round(log.lon[0] * DEGREE)), "@SD@": _number(start_sd(exported)),
         "@END@": _number(log.t[-1]), "@TURN@": _number(turn_of(exported)),
+        **_lua_branches(exported),
     }  # fmt: skip
-    text = files("pareto_ltl_apps.exports").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    return _filled(TEMPLATE, values).encode()
+
+
+def _filled(template: str, values: Mapping[str, str]) -> str:
+    """The file ``template`` of this folder with ``values`` in the place of their names."""
+    text = files("pareto_ltl_apps.exports").joinpath(template).read_text(encoding="utf-8")
     for key, value in values.items():
         text = text.replace(key, value)
-    return text.encode()
+    return text
+
+
+def _lua_legs(log: NavigationLog, airspeed: FloatArray, indent: str = "    ") -> list[str]:
+    """The legs of ``log`` as rows of a table of Lua."""
+    columns = (
+        log.t[:-1], airspeed, log.heading, log.wind_speed, log.wind_speed_sd, log.wind_from,
+        log.wind_from_sd,
+    )  # fmt: skip
+    return [f"{indent}{{ {', '.join(map(_number, row))} }}," for row in zip(*columns, strict=True)]
+
+
+def _lua_branches(exported: ExportedPlan) -> dict[str, str]:
+    """What the script needs to branch: cells, the table of each, the choice; empty without branches."""
+    tree = exported.plan.branching
+    if tree is None:
+        return dict.fromkeys(("@BRANCHES@", "@CHOOSER@", "@CHOOSE@", "@RESET@"), "")
+    frame, fix, tables = exported.scene.frame, tree.fix, []
+    for one in exported.branches:
+        cell = one.branch.cell
+        airspeed = one.log.airspeed if exported.air is None else one.log.calibrated
+        along, left = (", ".join(map(_end_text, ends)) for ends in (cell.along, cell.left))
+        tables += [
+            f'    {{ name = "{one.name}", along = {{ {along} }}, left = {{ {left} }}, '
+            f"t_end = {_number(one.log.t[-1])}, legs = {{",
+            *_lua_legs(one.log, airspeed, "        "),
+            "    } },",
+        ]
+    lon, lat = (float(part[0]) for part in frame.to_geographic(fix.place[None]))
+    moment = fix.step * exported.plan.dt
+    values = {
+        "@T@": _number(moment), "@LAST@": _number(moment + 0.5 * exported.plan.dt),
+        "@PLACE_LAT@": str(round(lat * DEGREE)), "@PLACE_LON@": str(round(lon * DEGREE)),
+        "@TRACK@": _number(track_bearing(frame, tree)), "@TABLES@": "\n".join(tables),
+    }  # fmt: skip
+    return {
+        "@BRANCHES@": "\n" + _filled("branches.lua", values),
+        "@CHOOSER@": _filled("branch_choice.lua", {}),
+        "@CHOOSE@": "    choose(time)\n",
+        "@RESET@": "        chosen, LEGS, END = false, PLAN, PLAN_END\n",
+    }
+
+
+def _end_text(end: float) -> str:
+    """An end of an interval [m] in Lua."""
+    return _number(end) if math.isfinite(end) else "math.huge" if end > 0.0 else "-math.huge"
 
 
 def _number(value: float) -> str:

@@ -22,7 +22,7 @@ local TURN = @TURN@ -- [m/s/s] centripetal acceleration of turns
 local LEGS = { -- time [s], calibrated airspeed [m/s], true heading [deg], wind speed [m/s], its sd, wind from [deg], its sd
 @LEGS@
 }
-
+@BRANCHES@
 local GUIDED, FIX_3D, GLOBAL = 15, 3, 0
 local SPEED, HEADING, WIND = 43000, 43002, 43004
 local PERIOD = 200 -- [ms]
@@ -90,10 +90,10 @@ local function send()
     end
 end
 
-local function update()
+@CHOOSER@local function update()
     if not arming:is_armed() then
         begun, leg, waiting, over = nil, 0, {}, false
-        prepare()
+@RESET@        prepare()
         set_first_wind()
         return update, PERIOD
     end
@@ -113,7 +113,7 @@ local function update()
         end
         return update, PERIOD
     end
-    local now = math.max(leg, 1)
+@CHOOSE@    local now = math.max(leg, 1)
     while now < #LEGS and time >= LEGS[now + 1][1] do
         now = now + 1
     end

@@ -18,7 +18,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import speed_digits
 from pareto_ltl.support.files import csv_text
 from pareto_ltl_apps.exports.exported import ExportedPlan
-from pareto_ltl_apps.exports.navigation_log import LEG_COLUMNS, SPREAD_COLUMNS
+from pareto_ltl_apps.exports.navigation_log import LEG_COLUMNS, SPREAD_COLUMNS, NavigationLog
 
 TABLE_COLUMNS = (
     "leg", "time_utc", "t_s", *LEG_COLUMNS, "lat_deg", "lon_deg", *SPREAD_COLUMNS, "fix", "wind_law",
@@ -31,12 +31,17 @@ CARD_COLUMNS = (
 
 def dead_reckoning_csv(exported: ExportedPlan) -> bytes:
     """The table, and a row for the arrival; positions, radius and ellipse are those at the start of a leg."""
-    log = exported.log
+    return table_of(exported.log)
+
+
+def table_of(log: NavigationLog, first: int = 0) -> bytes:
+    """The table of a log whose legs count from ``first``."""
     nothing = [""] * len(LEG_COLUMNS)
     rows = [
         (
-            k, log.time_utc(k), log.t[k], *(log.leg(k).values() if k < log.legs else nothing), log.lat[k],
-            log.lon[k], *log.spread(k).values(), int(k in log.fixes), log.law,
+            first + k, log.time_utc(k), log.t[k],
+            *(log.leg(k).values() if k < log.legs else nothing), log.lat[k], log.lon[k],
+            *log.spread(k).values(), int(k in log.fixes), log.law,
         )
         for k in range(log.legs + 1)
     ]  # fmt: skip
@@ -50,7 +55,11 @@ def flight_card(exported: ExportedPlan) -> bytes:
 
     Position and radius are those at the begin of a row. ``dead_reckoning.csv`` has all digits.
     """
-    log = exported.log
+    return card_of(exported.log)
+
+
+def card_of(log: NavigationLog, first: int = 0) -> bytes:
+    """The card of a log whose legs count from ``first``."""
     digits = speed_digits(max(log.airspeed.tolist(), default=math.inf))
     commands = [
         ("" if math.isnan(heading) else f"{round(heading) % 360:d}", *(_speed(v, digits) for v in speeds))
@@ -66,10 +75,11 @@ def flight_card(exported: ExportedPlan) -> bytes:
     rows = []
     for command, same in groupby(range(log.legs), key=commands.__getitem__):
         legs = list(same)
-        name = str(legs[0]) if len(legs) == 1 else f"{legs[0]}-{legs[-1]}"
+        ends = [first + legs[0], first + legs[-1]]
+        name = "-".join(map(str, ends[: len(legs)]))
         flown = f"{log.duration[legs].sum():.0f}", f"{log.distance[legs].sum() / 1e3:.1f}"
         rows.append(row(legs[0], name, *command, *flown))
-    return csv_text(CARD_COLUMNS, [*rows, row(log.legs, str(log.legs), *[""] * 5)]).encode()
+    return csv_text(CARD_COLUMNS, [*rows, row(log.legs, str(first + log.legs), *[""] * 5)]).encode()
 
 
 def _speed(value: float, digits: int) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.names import joined_names
+from pareto_ltl_apps.exports.branches import dividing_lines, reach_of
 from pareto_ltl_apps.exports.degrees import united_rings
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import named_outlines, tube_rings
@@ -75,10 +76,34 @@ def plan_kml(exported: ExportedPlan) -> bytes:
         " ".join(exported.sentences()),
         *styles,
         placemark("route", "route", _shape("LineString", line, exported)),
+        *_branches(exported),
         element("Folder", element("name", "positions"), *_positions(exported)),
         element("Folder", element("name", "map"), *_map(exported)),
         placemark(areas, "corridor", _polygon(tube_rings(exported.crs, exported.corridor, float(tube)))),
     )
+
+
+def _branches(exported: ExportedPlan) -> Iterator[Xml.Element]:
+    """A folder with the route of each branch and the lines between the cells; none without branches."""
+    tree, crs = exported.plan.branching, exported.crs
+    if tree is None:
+        return
+
+    def line(points: FloatArray) -> Xml.Element:
+        text = coordinates_text(Frame(crs).line_degrees(points), _height(exported))
+        return _shape("LineString", text, exported)
+
+    routes = [
+        placemark(
+            f"branch {one.name}: {one.branch.cell.words}", "route", line(one.log.x), one.log.time_utc(0)
+        )
+        for one in exported.branches
+    ]
+    between = [
+        placemark(f"line {what}", "border", line(ends))
+        for what, ends in dividing_lines(tree, reach_of(tree, exported.plan))
+    ]
+    yield element("Folder", element("name", "branches"), *routes, *between)
 
 
 def kml_bytes(name: str, description: str, *content: Xml.Element) -> bytes:

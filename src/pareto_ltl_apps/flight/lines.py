@@ -97,6 +97,14 @@ def _fix(event: Event) -> str:
     )
 
 
+def _branch(event: Event) -> str:
+    return (
+        f"BRANCH {event['name']}: the measured position is {event['where']}; fly "
+        f"branch_{event['name']}.csv from here on (of simulated flights that flew it, "
+        f"{probability_text(event['failure'])} failed)"
+    )
+
+
 def _replanned(event: Event) -> str:
     why = "" if event["wind"] is None else f" with the forecast {event['wind']}"
     if event["new"] is None:
@@ -143,6 +151,7 @@ LINES: dict[str, Callable[[Event], str]] = {
     "goal": _goal,
     "status": _status,
     "fix": _fix,
+    "branch": _branch,
     "replanned": _replanned,
     "switched": lambda event: f"SWITCHED to the plan in {event['directory']}; times count from its departure",
     "alarm": lambda event: f"ALARM: {event['text']}. What can be done: {event['advice']}",

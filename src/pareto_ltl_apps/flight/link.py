@@ -316,7 +316,7 @@ class Link:
             return
         if event["event"] == "status":
             yield from self._sent(at_status(trusted(sends, watch, time), event), time)
-        leg = (id(watch), watch.belief.step)
+        leg = (id(watch.plan), watch.belief.step)  # a branch is another plan
         if event["event"] in ("flown", "status") and leg != self.leg and not watch.over:
             if not self.vehicle.guided or self.now > self.vehicle.beaten + STALE:
                 return  # no mode is changed: headings follow once the pilot has chosen GUIDED

@@ -309,7 +309,12 @@ def _carried_on(
     limits = plan.limits and plan.limits.after(flown)
     # Prices belong to the whole flight, at steps of its path.
     plan = replace(
-        plan, path=rest, limits=limits, prices=(), navigation=scene.frame.navigation(rest.t, rest.x, rest.u)
+        plan,
+        path=rest,
+        limits=limits,
+        prices=(),
+        branching=None,
+        navigation=scene.frame.navigation(rest.t, rest.x, rest.u),
     )
     return Replanned(situation, None, plan, rest, rate, rate, (0.0, 0.0, 0.0), seconds)
 

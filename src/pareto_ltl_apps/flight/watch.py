@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.extend import Fix, Plan, Problem
+from pareto_ltl.extend import Fix, Plan, Problem, plan_on_branch
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import probability_text
-from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.flight.belief import LAW, Belief, Estimate
+from pareto_ltl_apps.flight.branches import selected_branch
 from pareto_ltl_apps.flight.goals import BELIEVED, Goal, completed, planned_goals, reached
 from pareto_ltl_apps.flight.position_fixes import causes, chance, in_plane, on_map
 from pareto_ltl_apps.flight.rules import ADVICE, Event, Rules, alarm, event_of
@@ -252,6 +253,8 @@ class Watch:
                 self._advance(event)
             elif event["event"] == "fix":
                 self._believe(event)
+            elif event["event"] == "branch":
+                self._take_branch(event["name"])
             elif event["event"] == "status":
                 self.energy, self.due = event["energy"] or 0.0, event["time"] + self.settings.every
                 self.line_due = event["time"] + self.settings.lines if event["shown"] else self.line_due
@@ -292,6 +295,27 @@ class Watch:
         if self._believe(event):
             self.due = self.line_due = self.time
             self.raised -= {"map"} if far > SURPRISE else {"map", "fix"}
+            yield from self._branched(place)
+
+    def _branched(self, place: FloatArray) -> Iterator[Event]:
+        """Which branch of the plan a fix that is used selects; the watch then follows it."""
+        branch = selected_branch(self.plan, self.time, place)
+        if branch is None:
+            return
+        yield event_of(
+            "branch", self.time, name=branch.name, where=branch.cell.words, failure=branch.rate.failure
+        )
+        self._take_branch(branch.name)
+
+    def _take_branch(self, name: str) -> None:
+        """Follow the branch ``name`` from here on."""
+        tree = self.plan.branching
+        branch = next((one for one in tree.branches if one.name == name), None) if tree else None
+        if branch is None:
+            raise DataError(f"the journal names branch {name}, which the plan does not have")
+        self.plan = plan_on_branch(self.plan, branch)
+        now = self.belief.step
+        self.goals = [goal for goal in planned_goals(self.problem, self.plan.path) if goal.step > now]
 
     def _believe(self, fix: Mapping[str, Any]) -> bool:
         """Give an event ``fix`` to the belief; returns whether it is used."""

@@ -75,6 +75,7 @@ def _draw_layers(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
     for flown in sorted(run.deployments.values(), key=lambda flown: -float(flown.x[:, -1].std(axis=0).sum())):
         map_layers.draw_flights(chart, flown, cfg.paths)  # the widest spread first, below the others
     if run.plan is not None:
+        map_layers.draw_branches(chart, run.plan)
         map_layers.draw_mean_path(chart, run.plan.path.x)
     map_layers.draw_endpoints(chart, run.scene, run.plan)
     map_layers.name_regions(chart, run.scene, taken_points(run.scene, run.plan))
@@ -88,6 +89,7 @@ def _shown_forest(cfg: ReportConfig, run: DrawnRun) -> Forest | None:
 def draw_route(chart: Axes, scene: Scene, plan: Plan) -> None:
     """Ground, the path with its ends, and the names of the regions beside them."""
     map_layers.draw_ground(chart, scene, None)
+    map_layers.draw_branches(chart, plan)
     map_layers.draw_mean_path(chart, plan.path.x)
     map_layers.draw_endpoints(chart, scene, plan)
     map_layers.name_regions(chart, scene, taken_points(scene, plan))

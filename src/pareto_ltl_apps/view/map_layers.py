@@ -217,6 +217,17 @@ def draw_mean_path(chart: Axes, x: FloatArray) -> None:
     chart.plot(*x.T, color=style.BLACK, lw=1.3, zorder=6, **look)
 
 
+def draw_branches(chart: Axes, plan: Plan) -> None:
+    """The expected positions of each branch as a dashed line, and a diamond at its fix."""
+    tree = plan.branching
+    if tree is None:
+        return
+    look: dict[str, Any] = {"path_effects": style.white_halo(1.6)}
+    for branch in tree.branches:
+        chart.plot(*branch.path.x.T, color=style.ORANGE, lw=0.9, ls=(0, (4, 1.5)), zorder=5.9, **look)
+    chart.plot(*tree.fix.place, "D", color=style.ORANGE, mec=style.BLACK, mew=0.6, ms=4.5, zorder=9.4)
+
+
 def draw_endpoints(chart: Axes, scene: Scene, plan: Plan | None) -> None:
     """A circle at the start, and a square at the last expected position of ``plan``."""
     chart.plot(*scene.start, **START_LOOK, zorder=9.5, clip_on=False)

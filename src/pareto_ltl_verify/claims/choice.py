@@ -100,6 +100,10 @@ def choice(result: Evidence) -> Verdict | None:
     settings = result.settings["selection"]
     if added_rule(result) is not None:
         return None
+    if (tree := result.plan.get("branches")) is not None:  # the best trunk need not be the best path
+        point = tree["point"]
+        known = point < len(result.front) and np.array_equal(result.front_x(point), result.x)
+        return Verdict(f"path {point} with branches", "the plan" if known else "another path", known)
     rule, capacity = settings["rule"], result.robot.capacity
     paths, place = _all_paths(result, settings), -1
     if capacity is not None and rule != "point":

@@ -81,14 +81,23 @@ def geojson(result: Evidence) -> Verdict:
     features, strange = _features(result, "plan.geojson")
     legs, areas = len(result.u), map_areas(result)
     roles = ["route", *["leg"] * legs, *["position"] * (legs + 1), *(area.role for area in areas), "start"]
-    if [feature["properties"]["role"] for feature in features] != roles:
+    own = [one for one in features if one["properties"]["role"] in BRANCH_ROLES]
+    others = [one for one in features if one["properties"]["role"] not in BRANCH_ROLES]
+    if [feature["properties"]["role"] for feature in others] != roles:
         return no_fault(f"{len(features)} shapes", [f"{len(roles)} shapes are expected"])
-    route, *rest = features
+    route, *rest = others
     drawn, start = rest[2 * legs + 1 : -1], rest[-1]
     return no_fault(
         f"{len(features)} shapes",
         strange,
         _route_faults(result, route),
+        _branch_faults(
+            result,
+            [
+                (one["properties"]["role"], one["properties"], _line(result.scene["crs"], one["geometry"]))
+                for one in own
+            ],
+        ),
         _leg_faults(result, rest[:legs]),
         _position_faults(result, rest[legs : 2 * legs + 1]),
         (
@@ -122,6 +131,42 @@ def _route_faults(result: Evidence, route: Mapping[str, Any]) -> list[str]:
     faults += [f"order {about['order']}"] * (about["order"] not in result.orders(result.x))
     length = result.plan["objectives"]["length"]
     return faults + [f"length {about['length_m']}"] * (not close(about["length_m"], length, 1e-9))
+
+
+BRANCH_ROLES = ("branch", "branch line")
+ON_LINE = 1e-3  # share of the length of a line between cells by which its ends may lie beside it
+
+
+def _branch_faults(
+    result: Evidence, drawn: Sequence[tuple[str, Mapping[str, Any], FloatArray]]
+) -> Iterator[str]:
+    """Faults of the routes of branches, and of the lines between cells, each with role and numbers."""
+    tree = result.plan.get("branches")
+    if tree is None:
+        yield from (f"a {role} of a plan without branches" for role, _, _ in drawn)
+        return
+    rows = tree["branches"]
+    routes = [one for one in drawn if one[0] == "branch"]
+    lines = [x for role, _, x in drawn if role == "branch line"]
+    if len(routes) != len(rows) or not lines:
+        yield f"{len(routes)} branches and {len(lines)} lines between cells"
+        return
+    for row, (_, about, x) in zip(rows, routes, strict=True):
+        table = f"branch_{row['name']}.csv"
+        turned = result.robot.bank > 0.0 and result.has(table)
+        flown = in_plane(result.scene["crs"], lonlat(result.table(table))) if turned else np.array(row["x"])
+        fault = line_fault(x, flown)
+        yield from [f"branch {row['name']}: {fault}"] * bool(fault)
+        wanted = {"name": row["name"], "where": row["where"]}
+        yield from (f"branch {row['name']}: {one}" for one in unlike(about, wanted))
+    (east, north), place = tree["fix"]["ahead"], np.array(tree["fix"]["place"])
+    axes = np.array([[east, north], [-north, east]])
+    for x in lines:
+        y = (x - place) @ axes.T
+        slack = ON_LINE * float(np.ptp(y, axis=0).max()) + 1.0
+        ends = [[end for row in rows for end in row[key] if end is not None] for key in ("along", "left")]
+        on = any(np.abs(y[:, i] - end).max() <= slack for i in (0, 1) for end in ends[i])
+        yield from ["a line that divides no cells"] * (not on)
 
 
 def _leg_faults(result: Evidence, legs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -213,6 +258,11 @@ def kml(result: Evidence) -> Verdict:
     names = [mark.findtext("name", "", KML) for mark in marks]
     steps = [f"{k} {joined_names(label)}".strip() for k, label in enumerate(result.plan["label"])]
     tube = [f"{TUBE * 100:g} % of whole flights, {result.planned_law} {flow}" for flow in result.flows]
+    tree = result.plan.get("branches")
+    letters = [] if tree is None else [f"branch {row['name']}: {row['where']}" for row in tree["branches"]]
+    own = [mark for mark, name in zip(marks, names, strict=True) if name in (*letters, *KML_LINES)]
+    marks = [mark for mark in marks if mark not in own]
+    names = [name for name in names if name not in (*letters, *KML_LINES)]
     wanted = ["route", *steps, *(area.title for area in areas)]
     if names[:-1] != wanted or names[-1] not in tube:
         other = [name for name in names if name not in [*wanted, *tube]]
@@ -222,6 +272,7 @@ def kml(result: Evidence) -> Verdict:
     line = marks[0].findtext("LineString/coordinates", None, KML)
     fault = line_fault(in_plane(result.scene["crs"], _coordinates(line)), flown_places(result))
     faults += [f"route: {fault}"] * bool(fault)
+    faults += _branch_faults(result, [_kml_branch(result, mark) for mark in own])
     for area, mark in zip(areas, marks[len(steps) + 1 : -1], strict=True):
         fault = drawn_fault(result.scene["crs"], _kml_rings(mark), area.outlines, SAG)
         style = "border" if area.role == "bounds" else area.role
@@ -236,6 +287,18 @@ def kml(result: Evidence) -> Verdict:
     for k, mark in enumerate(marks[1 : len(steps) + 1]):
         faults += [f"step {k}: {key}" for key in _unlike_data(mark, rows[k] if rows else {}, result)]
     return no_fault(f"{len(names)} placemarks", faults)
+
+
+KML_LINES = ("line along the track", "line across the track")
+
+
+def _kml_branch(result: Evidence, mark: ElementTree.Element) -> tuple[str, dict[str, Any], FloatArray]:
+    """Role, name with the words of the cell, and places [m] of a line of the branches."""
+    name = mark.findtext("name", "", KML)
+    line = mark.findtext("LineString/coordinates", None, KML)
+    letter, _, where = name.removeprefix("branch ").partition(": ")
+    role = BRANCH_ROLES[name in KML_LINES]
+    return role, {"name": letter, "where": where}, in_plane(result.scene["crs"], _coordinates(line))
 
 
 def _coordinates(text: str | None) -> FloatArray:

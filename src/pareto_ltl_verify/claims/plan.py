@@ -360,6 +360,11 @@ def metrics(result: Evidence) -> Verdict:
         wanted["energy_j"] = plan["objectives"].get("energy")
         if robot.capacity is not None:
             wanted["energy_share"] = plan["objectives"].get("energy", math.nan) / robot.capacity
+    if (tree := plan.get("branches")) is not None:
+        wanted |= {f"branches_{key}": tree["rate"][key] for key in ("failure", "low", "high", "runs")} | {
+            "branches": len(tree["branches"]), "branches_length_m": tree["length"],
+            "branches_alone_failure": tree["alone"]["failure"],
+        }  # fmt: skip
     if seen:
         same_names = ["failure", "low", "high", "runs", "bound", "passed", *({"floor"} & set(seen))]
         wanted |= {f"promise_{key}": seen[key] for key in same_names} | {

@@ -19,7 +19,8 @@ SHARES = frozenset({
     "completed", "wind_energy", "wind_rho", "hypervolume", "safest_raw", "safest", "least_failure",
     "least_failure_raw", "mission_risk_paper", "mission_risk", "mission_risk_ordered", "collision_risk",
     "promise_failure", "promise_low", "promise_high", "promise_claimed", "promise_bound", "promise_passed",
-    "promise_floor", "epsilon_kept", "worst_segment_probability",
+    "promise_floor", "epsilon_kept", "worst_segment_probability", "branches_failure", "branches_low",
+    "branches_high", "branches_alone_failure",
     *(f"{name}_{law}" for law in LAWS for name in (
         "mission_risk", "collision_risk", "failure", "mission_failure", "collision", "off_map"
     )),
@@ -30,6 +31,7 @@ SIZES = frozenset({
     "nodes_per_second", "front_size", "front_size_raw",
     "shortest_raw_m", "shortest_m", "dt_s", "front_runs", "length_m", "steps", "duration_s", "energy_j",
     "energy_share", "promise_runs", "promise_weighted", "linearity", "run_seconds", "memory_mib",
+    "branches", "branches_runs", "branches_length_m",
     *(f"runs_{law}" for law in LAWS), *(f"end_sd_{law}_m" for law in LAWS),
 })  # fmt: skip
 UNKNOWN = (  # may be null: growth too fast to be measured, readings too few to hold some of them out

@@ -97,7 +97,7 @@ BUMP = 0.03  # standard deviation of a random bend, as a share of the map's size
 
 
 def sampled_paths(
-    cfg: RefineConfig, problem: Problem, forest: Forest, flights: CommonFlights,
+    cfg: RefineConfig, problem: Problem, forest: Forest | None, flights: CommonFlights,
     progress: Progress | None = None, budget: Budget = UNLIMITED,
 ) -> tuple[PlannedPath, ...]:  # fmt: skip
     """Paths of many lengths on which few of the common ``flights`` fail, shortest first.
@@ -319,12 +319,12 @@ def steps_to_merge(problem: Problem, starts: Iterable[Start]) -> int:
 
 
 def starts_in_merged_steps(
-    problem: Problem, merged: Problem, forest: Forest, times: int
+    problem: Problem, merged: Problem, forest: Forest | None, times: int
 ) -> dict[StartKind, Start]:
     """The starts of ``merged``: its lines, and tree paths at every ``times``-th step and at the last one."""
     grown = [
         replace(start, x=np.vstack([start.x[:-1:times], start.x[-1:]]))
-        for start in tree_starts(problem, forest)
+        for start in ([] if forest is None else tree_starts(problem, forest))
     ]
     return unlike_starts(merged, [*first_starts(merged).values(), *grown])
 

@@ -208,6 +208,12 @@ def _verdicts(run: ShownRun, plan: Plan) -> Iterator[dict[str, str]]:
         fresh = _row(f"{promised}fresh flights of the plan", promise.rate, f"{promise.rate.sample}; {stands}")
         yield fresh | {"rate": promise.fails}
         yield _row("claimed when the front was judged", promise.claimed, promise.claimed.sample)
+    if (tree := plan.branching) is not None:
+        when = f"{round(tree.fix.step * plan.dt) / 3600:.4g} h"
+        yield _row(f"the plan with branches after a fix at {when}", tree.rate, tree.rate.sample)
+        for branch in tree.branches:
+            told = f"{branch.rate.sample}: {probability_text(branch.share)} of those with the fix"
+            yield _row(f"branch {branch.name}, {branch.cell.words}", branch.rate, told)
     for law in _laws(run.deployments, plan.models.law):
         flown = run.deployments[law]
         source = f"{flown.rate.sample}: {_causes(flown)}"

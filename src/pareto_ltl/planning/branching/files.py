@@ -1,0 +1,123 @@
+"""The key ``branches`` of ``plan.json``, schema ``pareto_ltl.plan/3``: a plan without it has schema 2."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from typing import Any
+
+import numpy as np
+
+from pareto_ltl.planning.branching.cells import Cell
+from pareto_ltl.planning.branching.records import Branch, BranchFix, Branching, TreeRow
+from pareto_ltl.planning.navigation_files import read_navigation
+from pareto_ltl.planning.rates import FailureRate
+from pareto_ltl.planning.records import Objectives, PlannedPath
+from pareto_ltl.settings.heights import FlownAir
+from pareto_ltl.support.arrays import require_shape
+from pareto_ltl.world.projection import Navigation
+
+RATE_KEYS = tuple(field.name for field in fields(FailureRate))
+DIFFERENCE = ("middle", "low", "high")
+
+
+def branches_document(tree: Branching, air: FlownAir | None) -> dict[str, Any]:
+    """The content of the key ``branches``."""
+    fix = tree.fix
+    return {
+        "fix": {
+            "step": fix.step,
+            "place": fix.place,
+            "ahead": fix.ahead,
+            "sd": fix.sd,
+            "available": fix.available,
+            "landmark": fix.landmark,
+        },
+        "rate": asdict(tree.rate),
+        "alone": asdict(tree.alone),
+        "difference": dict(zip(DIFFERENCE, tree.difference, strict=True)),
+        "length": tree.length,
+        "point": tree.point,
+        "front": [{"leaves": row.leaves, "length": row.length, **asdict(row.rate)} for row in tree.front],
+        "branches": [_branch_document(branch, air) for branch in tree.branches],
+    }
+
+
+def _branch_document(branch: Branch, air: FlownAir | None) -> dict[str, Any]:
+    path, log = branch.path, branch.navigation
+    calibrated = {} if air is None else {"airspeed_calibrated": air.calibrated(log.airspeed)}
+    return {
+        "name": branch.name,
+        "where": branch.cell.words,
+        "along": branch.cell.along,
+        "left": branch.cell.left,
+        "share": branch.share,
+        "rate": asdict(branch.rate),
+        "length": path.objectives.length,
+        "origin": path.origin,
+        "order": path.order,
+        **{field.name: getattr(log, field.name) for field in fields(Navigation)},
+        **calibrated,
+        "t": path.t,
+        "x": path.x,
+        "cov": path.cov,
+        "q": path.q,
+        "label": path.label,
+        "u": path.u,
+    }
+
+
+def read_branches(content: Mapping[str, Any]) -> Branching:
+    """The branches as :func:`branches_document` wrote them; ValueError for what does not fit together."""
+    fix = content["fix"]
+    outline = fix["landmark"]
+    read = BranchFix(
+        fix["step"], np.array(fix["place"], float), np.array(fix["ahead"], float), float(fix["sd"]),
+        float(fix["available"]), None if outline is None else np.array(outline, float),
+    )  # fmt: skip
+    if abs(math.hypot(*read.ahead) - 1.0) > 1e-6:
+        raise ValueError("branches/fix/ahead must be a unit vector")
+    tree = Branching(
+        fix=read,
+        branches=tuple(_branch(row) for row in content["branches"]),
+        rate=_rate(content["rate"]),
+        alone=_rate(content["alone"]),
+        difference=tuple(float(content["difference"][key]) for key in DIFFERENCE),  # type: ignore[arg-type]
+        length=float(content["length"]),
+        point=content["point"],
+        front=tuple(TreeRow(row["leaves"], _rate(row), float(row["length"])) for row in content["front"]),
+    )
+    tree.chosen(read.place[None])
+    return tree
+
+
+def _rate(content: Mapping[str, Any]) -> FailureRate:
+    return FailureRate(**{name: content[name] for name in RATE_KEYS})
+
+
+def _branch(row: Mapping[str, Any]) -> Branch:
+    x, u = np.array(row["x"], float), np.array(row["u"], float)
+    size = len(x)
+    unknown = math.nan
+    path = PlannedPath(
+        t=np.array(row["t"], float), x=x, cov=np.array(row["cov"], float), q=np.array(row["q"], np.int64),
+        label=tuple(frozenset(names) for names in row["label"]), u=u,
+        objectives=Objectives({"length": float(row["length"])}, unknown, unknown, unknown, unknown),
+        origin=row["origin"], order=row["order"],
+    )  # fmt: skip
+    for name, shape in {"t": (size,), "x": (size, 2), "cov": (size, 2, 2), "u": (size - 1, 2)}.items():
+        require_shape(f"branches: {name} of branch {row['name']}", getattr(path, name), *shape)
+    log = read_navigation(row)
+    if log is None:
+        raise ValueError(f"branches: branch {row['name']} has no airspeeds")
+    cell = Cell(_ends(row["along"], "along"), _ends(row["left"], "left"))
+    return Branch(row["name"], cell, float(row["share"]), path, _rate(row["rate"]), log)
+
+
+def _ends(pair: tuple[float | None, float | None], name: str) -> tuple[float, float]:
+    low, high = pair
+    ends = -math.inf if low is None else float(low), math.inf if high is None else float(high)
+    if not ends[0] < ends[1]:
+        raise ValueError(f"branches: {name} must be two ends, the lower one first, got {pair}")
+    return ends

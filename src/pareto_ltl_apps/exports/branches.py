@@ -1,0 +1,360 @@
+"""Files of a plan that branches: a table for each branch, and cards to print.
+
+``branch_A.csv`` and so on have the columns of ``dead_reckoning.csv``, ``branch_A_card.csv`` those of
+``flight_card.csv``, both from the fix on. ``branch_cards.html`` is for people: its first page asks where the
+measured position lies, with a map to plot it on, and each branch has a page.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from pareto_ltl.extend import Branch, Branching, FlownAir, Frame, Plan, Problem, plan_on_branch
+from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.display import distance_text, probability_text, rate_text
+from pareto_ltl_apps.exports.navigation_log import SHARE, NavigationLog, navigation_log
+
+OF_STEPS = ("t", "x", "utc", "lat", "lon", "major", "minor", "azimuth", "radius")  # T + 1 entries
+WHOLE = ("law", "fixes", "late", "swing")  # not by step
+SPAN = 3.2  # standard deviations of the measured position that the map of a card shows
+SIZE = 560.0  # pixels of that map
+COLORS = ("#2a78b5", "#c96f12", "#2f8f4e", "#8a4fa3")  # of the branches, also apart in grey
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedBranch:
+    """A branch and its navigation log, whose legs count from the departure of the plan."""
+
+    branch: Branch
+    log: NavigationLog
+    first: int
+
+    @property
+    def name(self) -> str:
+        """A, B, C or D."""
+        return self.branch.name
+
+
+def exported_branches(problem: Problem, plan: Plan, air: FlownAir | None) -> tuple[ExportedBranch, ...]:
+    """The branches of ``plan`` with their logs; none if it has none."""
+    tree = plan.branching
+    if tree is None:
+        return ()
+    return tuple(
+        ExportedBranch(branch, _log_from(problem, plan, branch, air), tree.fix.step)
+        for branch in tree.branches
+    )
+
+
+def _log_from(problem: Problem, plan: Plan, branch: Branch, air: FlownAir | None) -> NavigationLog:
+    """The log of ``branch`` from the fix on: winds are those that the flights of its cell expect."""
+    assert plan.branching is not None
+    step = plan.branching.fix.step
+    log = navigation_log(problem, plan_on_branch(plan, branch).path, air)
+    cut = {
+        field.name: getattr(log, field.name)[step:]
+        for field in fields(NavigationLog)
+        if field.name not in WHOLE and getattr(log, field.name) is not None
+    }
+    return replace(log, **cut, fixes=())
+
+
+def branch_sentences(tree: Branching, moment: str) -> Iterator[str]:
+    """Sentences for people: when the plan branches, what then, and how often it fails with its branches."""
+    names = ", ".join(branch.name for branch in tree.branches[:-1])
+    yield (
+        f"At {moment} a position fix selects one of the branches {names} and {tree.branches[-1].name}; "
+        "without it, the plan goes on."
+    )
+    for branch in tree.branches:
+        yield f"Branch {branch.name}: the measured position is {branch.cell.words}."
+    rate = tree.rate
+    yield (
+        f"Of {rate.sample} with these branches, {rate_text(rate.failure, rate.low, rate.high)} fail; of the "
+        f"same flights without the fix, {rate_text(tree.alone.failure, tree.alone.low, tree.alone.high)}."
+    )
+
+
+def branch_lines(plan: Plan, frame: Frame) -> Iterator[str]:
+    """Lines for the terminal: the question, the answers, and what each number of branches would give."""
+    tree = plan.branching
+    assert tree is not None
+    fix, utc = tree.fix, frame.utc(plan.path.t)
+    where = f"{fix.place[0]:.0f}, {fix.place[1]:.0f} m" if frame.crs is None else _place(frame, fix.place)
+    bearing = "" if frame.crs is None else f", planned track {track_bearing(frame, tree):.0f}° true"
+    yield (
+        f"{clock(fix.step * plan.dt)} after departure{'' if utc is None else f' ({utc[fix.step]})'}: "
+        f"measure the position (planned: {where}{bearing}; sd {distance_text(fix.sd)})"
+    )
+    for branch in tree.branches:
+        rate = branch.rate
+        yield (
+            f"  {branch.name}: {branch.cell.words} ({100 * branch.share:.0f} % of flights): branch_"
+            f"{branch.name}.csv; order {branch.path.order or '-'}; "
+            f"{probability_text(rate.failure)} of them fail"
+        )
+    yield f"no fix ({100 * (1 - fix.available):.0f} % expected): the plan goes on"
+    yield (
+        f"fails {rate_text(tree.rate.failure, tree.rate.low, tree.rate.high)} with branches, "
+        f"{rate_text(tree.alone.failure, tree.alone.low, tree.alone.high)} without"
+    )
+    parts = [f"{row.leaves}: {probability_text(row.rate.failure)}" for row in tree.front]
+    yield f"by number of branches, in the flights of the search: {', '.join(parts)}"
+
+
+# --- lines on a map --------------------------------------------------------------------------------
+
+
+def dividing_lines(tree: Branching, reach: float) -> list[tuple[str, FloatArray]]:
+    """The lines between the cells, each with its meaning and two ends (2, 2) [m], at most ``reach`` away."""
+    found = dict[tuple[float, ...], tuple[str, FloatArray]]()
+    for branch in tree.branches:
+        box = [np.clip(ends, -reach, reach) for ends in (branch.cell.along, branch.cell.left)]
+        for i, what in ((0, "across the track"), (1, "along the track")):
+            for end in (branch.cell.along, branch.cell.left)[i]:
+                if not math.isfinite(end):
+                    continue
+                ends = np.empty((2, 2))
+                ends[:, i], ends[:, 1 - i] = end, box[1 - i]
+                key = (i, end, *box[1 - i].tolist())
+                found[key] = (what, tree.fix.place + ends @ tree.fix.axes)
+    return list(found.values())
+
+
+def cell_outline(branch: Branch, tree: Branching, reach: float) -> FloatArray:
+    """The corners (4, 2) [m] of a cell, cut ``reach`` [m] from the planned position."""
+    (a, b), (c, d) = (np.clip(ends, -reach, reach) for ends in (branch.cell.along, branch.cell.left))
+    return np.asarray(tree.fix.place + np.array([[a, c], [b, c], [b, d], [a, d]]) @ tree.fix.axes, float)
+
+
+def reach_of(tree: Branching, plan: Plan) -> float:
+    """How far from the planned position a map of the fix reaches [m]."""
+    cov = plan.path.cov[tree.fix.step] + tree.fix.sd**2 * np.eye(2)
+    return SPAN * float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
+
+
+def measured_ellipse(tree: Branching, plan: Plan) -> FloatArray:
+    """Corners (72, 2) [m] of the ellipse that holds 95 % of the measured positions."""
+    cov = plan.path.cov[tree.fix.step] + tree.fix.sd**2 * np.eye(2)
+    angle = np.linspace(0.0, 2.0 * math.pi, 72, endpoint=False)
+    circle = math.sqrt(-2.0 * math.log(1.0 - SHARE)) * np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.asarray(tree.fix.place + circle @ np.linalg.cholesky(cov).T, float)
+
+
+def track_bearing(frame: Frame, tree: Branching) -> float:
+    """True direction of the planned track at the fix [deg]."""
+    east, north = tree.fix.ahead
+    grid = math.degrees(math.atan2(east, north))
+    return (grid + math.degrees(float(frame.north(tree.fix.place)[0]))) % 360.0
+
+
+# --- the cards --------------------------------------------------------------------------------------
+
+STYLE = """
+body { font: 11pt/1.4 system-ui, sans-serif; color: #111; margin: 1.5em auto; max-width: 48em; }
+h1 { font-size: 1.4em; margin: 0 0 .3em; } h2 { font-size: 1.15em; margin: 1em 0 .3em; }
+section { break-after: page; } section:last-of-type { break-after: auto; }
+table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
+th, td { text-align: right; padding: .15em .5em; border-bottom: 1px solid #bbb; }
+td.place { white-space: nowrap; }
+th { border-bottom: 2px solid #111; font-weight: 600; } th:first-child, td:first-child { text-align: left; }
+.answers td, .answers th { text-align: left; } .letter { font-size: 1.5em; font-weight: 700; width: 1.6em; }
+.note { color: #444; } svg { max-width: 100%; height: auto; display: block; margin: .6em auto; }
+"""
+
+
+def branch_cards(name: str, plan: Plan, frame: Frame, branches: Sequence[ExportedBranch]) -> bytes:
+    """``branch_cards.html``: the question with its map, then a page for each branch."""
+    tree = plan.branching
+    assert tree is not None
+    pages = [_question(name, plan, tree, frame, branches), *(_table(plan, one) for one in branches)]
+    body = "\n".join(f"<section>\n{page}\n</section>" for page in pages)
+    title = html.escape(f"{name}: branches")
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f"<style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n"
+    ).encode()
+
+
+def clock(seconds: float) -> str:
+    """Hours, minutes and seconds after departure: ``5:00:00``."""
+    total = round(seconds)
+    return f"{total // 3600}:{total // 60 % 60:02d}:{total % 60:02d}"
+
+
+def degrees(lat: float, lon: float) -> str:
+    """A place in degrees and minutes: ``36° 12.34' N, 93° 05.60' W``."""
+
+    def one(value: float, positive: str, negative: str) -> str:
+        minutes = round(abs(value) * 60.0, 2)
+        return f"{int(minutes // 60)}° {minutes % 60:05.2f}' {positive if value >= 0 else negative}"
+
+    return f"{one(lat, 'N', 'S')}, {one(lon, 'E', 'W')}"
+
+
+def _question(
+    name: str, plan: Plan, tree: Branching, frame: Frame, branches: Sequence[ExportedBranch]
+) -> str:
+    fix, log = tree.fix, branches[0].log
+    lon, lat = (float(part[0]) for part in frame.to_geographic(fix.place[None]))
+    when = clock(fix.step * plan.dt) + " after departure" + (f" ({log.utc[0]})" if log.utc else "")
+    reach = reach_of(tree, plan)
+    rows = "".join(
+        f'<tr><td class="letter" style="color:{color}">{one.name}</td>'
+        f"<td>{html.escape(one.branch.cell.words)}</td><td>{100 * one.branch.share:.0f} %</td></tr>"
+        for one, color in zip(branches, COLORS, strict=False)
+    )
+    lines = "".join(
+        f"<tr><td>{what}</td><td>{_place(frame, ends[0])}</td><td>{_place(frame, ends[1])}</td></tr>"
+        for what, ends in dividing_lines(tree, reach)
+    )
+    rate, alone = tree.rate, tree.alone
+    landmark = " inside the landmark" if fix.landmark is not None else ""
+    return f"""<h1>{html.escape(name)}: which table to fly</h1>
+<p><b>{when}</b>, measure the position{landmark} (standard deviation {distance_text(fix.sd)}).
+<b>Where is it?</b> Plot it on the map, and fly from then on the table of the letter that it lies on.
+No position: go on with the flight card of the plan.</p>
+<table class="answers"><tr><th>table</th><th>the measured position is</th><th>how often</th></tr>
+{rows}</table>
+{_map(tree, plan, frame, reach)}
+<p>Planned position {degrees(lat, lon)} ({lat:.4f}, {lon:.4f}); planned track
+{track_bearing(frame, tree):.0f}° true. Left and right are seen along the track.
+The dashed ellipse holds 95 % of the measured positions. A position far outside of the map is out of what
+the plan expects: check it before you use it.</p>
+<table class="answers"><tr><th>line</th><th>from</th><th>to</th></tr>{lines}</table>
+<p class="note">Of {rate.sample} with these tables, {rate_text(rate.failure, rate.low, rate.high)} fail;
+of the same flights without the fix, {rate_text(alone.failure, alone.low, alone.high)}.</p>"""
+
+
+def _place(frame: Frame, point: FloatArray) -> str:
+    lon, lat = (float(part[0]) for part in frame.to_geographic(point[None]))
+    return f"{lat:.4f}, {lon:.4f}"
+
+
+def _table(plan: Plan, one: ExportedBranch) -> str:
+    tree, log, branch = plan.branching, one.log, one.branch
+    assert tree is not None
+    calibrated = plan.air is not None
+    rows = []
+    for k in range(log.legs):
+        speed = log.calibrated[k] if calibrated else log.airspeed[k]
+        heading = "" if math.isnan(log.heading[k]) else f"{round(log.heading[k]) % 360:03d}°"
+        utc = "" if log.utc is None else f"<td>{log.utc[k][11:19]}</td>"
+        rows.append(
+            f"<tr><td>{one.first + k}</td><td>{clock(log.t[k])}</td>{utc}<td>{heading}</td>"
+            f"<td>{speed:.1f}</td>"
+            f'<td class="place">{log.lat[k]:.4f}, {log.lon[k]:.4f}</td>'
+            f"<td>{log.radius[k] / 1e3:.1f}</td></tr>"
+        )
+    end = log.legs
+    utc = "" if log.utc is None else f"<td>{log.utc[end][11:19]}</td>"
+    rows.append(
+        f"<tr><td>arrival</td><td>{clock(log.t[end])}</td>{utc}<td></td><td></td>"
+        f"<td>{log.lat[end]:.4f}, {log.lon[end]:.4f}</td><td>{log.radius[end] / 1e3:.1f}</td></tr>"
+    )
+    head = "<th>UTC</th>" if log.utc is not None else ""
+    kind = "calibrated airspeed" if calibrated else "speed through the water"
+    rate = branch.rate
+    return f"""<h1>Table {branch.name}</h1>
+<p>Fly it if the position measured {clock(tree.fix.step * plan.dt)} after departure is
+<b>{html.escape(branch.cell.words)}</b>. Of {rate.runs:,} flights that flew it,
+{rate_text(rate.failure, rate.low, rate.high)} failed.</p>
+<table><tr><th>leg</th><th>after departure</th>{head}<th>true heading</th><th>{kind} [m/s]</th>
+<th>expected position</th><th>95 % within [km]</th></tr>
+{"".join(rows)}</table>"""
+
+
+def _map(tree: Branching, plan: Plan, frame: Frame, reach: float) -> str:
+    """An SVG of the cells around the planned position, north up, with a graticule to plot a position on."""
+    half, fix = 0.5 * SIZE, tree.fix
+    scale = half / reach
+
+    def at(points: FloatArray) -> list[str]:
+        east, north = (np.asarray(points) - fix.place).T * scale
+        return [f"{half + e:.1f},{half - n:.1f}" for e, n in zip(east, north, strict=True)]
+
+    parts = []
+    far = 1.5 * reach  # the corners of a turned square
+    for branch, color in zip(tree.branches, COLORS, strict=False):
+        outline = cell_outline(branch, tree, far)
+        parts.append(
+            f'<polygon points="{" ".join(at(outline))}" fill="{color}" fill-opacity=".16" stroke="{color}" '
+            'stroke-width="2.5"/>'
+        )
+        near = cell_outline(branch, tree, 0.75 * reach)
+        inside = np.clip(near.mean(axis=0), fix.place - 0.85 * reach, fix.place + 0.85 * reach)
+        x, y = at(inside[None])[0].split(",")
+        parts.append(
+            f'<text x="{x}" y="{y}" font-size="44" font-weight="700" text-anchor="middle" fill="{color}">'
+            f"{branch.name}</text>"
+        )
+    parts += _graticule(frame, fix.place, reach, at)
+    track = fix.place + np.array([[-far, 0.0], [far, 0.0]]) @ fix.axes
+    tip = fix.place + np.array([[0.9 * reach, 0.0]]) @ fix.axes
+    a, b = at(track)
+    x, y = at(tip)[0].split(",")
+    parts.append(
+        f'<line x1="{a.split(",")[0]}" y1="{a.split(",")[1]}" x2="{b.split(",")[0]}" y2="{b.split(",")[1]}" '
+        'stroke="#111" stroke-dasharray="2 4"/>'
+    )
+    turn = -math.degrees(math.atan2(fix.ahead[1], fix.ahead[0]))
+    parts.append(
+        f'<path d="M-12,-7 L2,0 L-12,7 Z" fill="#111" transform="translate({x},{y}) rotate({turn:.1f})"/>'
+    )
+    ellipse = measured_ellipse(tree, plan)
+    parts.append(
+        f'<polygon points="{" ".join(at(ellipse))}" fill="none" stroke="#111" stroke-width="1.2" '
+        'stroke-dasharray="7 5"/>'
+    )
+    parts.append(f'<circle cx="{half}" cy="{half}" r="5" fill="#111"/>')
+    parts.append(f'<text x="{half + 9}" y="{half - 9}" font-size="13">planned position</text>')
+    side = SIZE + 2 * EDGE
+    inside = "".join(part for part in parts if RIM not in part)
+    return (
+        f'<svg viewBox="{-EDGE} {-EDGE} {side} {side}" width="{side:.0f}" role="img" '
+        f'aria-label="cells of the measured position"><clipPath id="frame">'
+        f'<rect width="{SIZE}" height="{SIZE}"/></clipPath><g clip-path="url(#frame)">{inside}</g>'
+        f'<rect width="{SIZE}" height="{SIZE}" fill="none" stroke="#111"/>'
+        f"{''.join(part for part in parts if RIM in part)}</svg>"
+    )
+
+
+RIM = 'class="rim"'  # texts outside of the frame of the map
+EDGE = 46.0  # pixels around the map for the labels of the graticule
+INTERVALS = (1 / 60, 1 / 30, 1 / 12, 0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 5.0)  # of the graticule [deg]
+
+
+def _graticule(frame: Frame, place: FloatArray, reach: float, at: object) -> list[str]:
+    """Lines of latitude and longitude with their labels on the rim."""
+    assert callable(at)
+    corners = place + reach * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    lon, lat = (np.asarray(part, float) for part in frame.to_geographic(corners))
+    found = []
+    for which, (low, high) in enumerate(((lon.min(), lon.max()), (lat.min(), lat.max()))):
+        step = next((one for one in INTERVALS if (high - low) / one <= 8), INTERVALS[-1])
+        other = np.linspace(*(((lat if which == 0 else lon).min(), (lat if which == 0 else lon).max())), 24)
+        for value in np.arange(math.ceil(low / step), math.floor(high / step) + 1) * step:
+            line = np.full(24, value)
+            points = frame.to_plane(*((line, other) if which == 0 else (other, line)))
+            found.append(
+                f'<polyline points="{" ".join(at(points))}" fill="none" stroke="#666" stroke-width=".7"/>'
+            )
+            offset = (points - place)[:, which]
+            along = (points - place)[:, 1 - which]
+            here = float(np.interp(-reach, along, offset))
+            if abs(here) > reach:
+                continue
+            text = f"{abs(value):.3f}".rstrip("0").rstrip(".") + "°"
+            text += ("E" if value >= 0 else "W") if which == 0 else ("N" if value >= 0 else "S")
+            pixel = 0.5 * SIZE * (1.0 + here / reach)
+            x, y = (pixel, SIZE + 16) if which == 0 else (-4, SIZE - pixel + 4)
+            anchor = "middle" if which == 0 else "end"
+            found.append(
+                f'<text {RIM} x="{x:.1f}" y="{y:.1f}" font-size="12" text-anchor="{anchor}">{text}</text>'
+            )
+    return found

@@ -1,0 +1,142 @@
+"""What a cell tells of position, wind and own errors, against flights sorted into the cell."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.random import SeedSequence
+
+from coherent import STEPS, coherent_problem
+from pareto_ltl.planning.branching.belief import (
+    course_in_cell,
+    learnt_in_cell,
+    measured_moments,
+    prior_at,
+)
+from pareto_ltl.planning.branching.cells import Cell, Moments
+from pareto_ltl.planning.branching.records import TRUNK, BranchFix, cells_of, within
+from pareto_ltl.planning.conditioning import Fix, learn
+from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.settings import RobotConfig
+from pareto_ltl.simulation.tree_flights import TreeFlights, fly_branches
+from pareto_ltl.support.arrays import square_matrices
+
+RUNS, STEP = 40_000, 15
+ROBOT = RobotConfig(dt=100.0, u_max=20.0, start_sd=50.0, heading_sd=2.0, airspeed_sd=0.02, clock_sd=1.0)
+CELLS = [
+    Cell(left=(0.0, math.inf)),
+    Cell((0.0, math.inf), (-math.inf, 0.0)),
+    Cell((-math.inf, 0.0), (-math.inf, 0.0)),
+]
+
+
+@pytest.fixture(scope="module")
+def sorted_flights():
+    """Flights of a plan in coherent winds, and the cell that the measured position of each lies in."""
+    problem = coherent_problem(robot=ROBOT)
+    flight = propagate(problem, STEPS)
+    winds = TreeFlights.drawn(problem, RUNS, SeedSequence(11))
+    x = winds.flown(flight.u)
+    ahead = STEPS[STEP] - STEPS[STEP - 1]
+    sd = 0.3 * float(np.sqrt(flight.cov[STEP, 0]))
+    fix = BranchFix(STEP, STEPS[STEP], ahead / np.hypot(*ahead), sd)
+    y, taken = winds.measured(fix, x[:, STEP])
+    assert taken.all()
+    return problem, flight, winds, x, fix, cells_of(tuple(CELLS), fix.distances(y))
+
+
+@pytest.mark.parametrize("number", range(len(CELLS)))
+def test_position_and_wind_in_a_cell_are_those_of_its_flights(sorted_flights, number: int) -> None:
+    """Means within 6 standard errors and 3 % of the spread, covariances within 6 standard errors and 5 %."""
+    problem, flight, winds, x, fix, cell = sorted_flights
+    cov = square_matrices(flight.cov)[STEP]
+    told = measured_moments(fix, CELLS[number], cov)
+    rows = np.flatnonzero(cell == number)
+    n = len(rows)
+    assert n / RUNS == pytest.approx(told.share, abs=6 * 0.5 / math.sqrt(RUNS) + 0.01)
+    learnt = learnt_in_cell(prior_at(problem, fix, flight.x), told, fix.sd)
+    own = x[rows, STEP]
+    sd = np.sqrt(np.diag(cov))
+    assert (np.abs(own.mean(axis=0) - learnt.mean) < (6 / math.sqrt(n) + 0.03) * sd).all()
+    assert np.abs(np.cov(own.T) - learnt.cov).max() < (6 * math.sqrt(2 / n) + 0.05) * sd.max() ** 2
+    theta = winds.flights.draws.theta[problem.modes.epoch[STEP]][rows].astype(float)
+    assert np.abs(learnt.theta).max() > 0.1  # the cell tells something of the wind
+    assert np.abs(theta.mean(axis=0) - learnt.theta).max() < 6 / math.sqrt(n) + 0.03
+    strongest = np.unravel_index(np.abs(learnt.theta).argmax(), learnt.theta.shape)
+    left = 1.0 - (learnt.told[:, strongest[0], strongest[1]] ** 2).sum()
+    assert theta[:, strongest[0], strongest[1]].var() == pytest.approx(left, abs=6 * math.sqrt(2 / n) + 0.03)
+    kappa = problem.own_errors("coherent")
+    errors = kappa.mean + winds.flights.errors[rows] @ kappa.root.T
+    spread = np.sqrt(np.diag(kappa.root @ kappa.root.T))
+    assert (np.abs(errors.mean(axis=0) - learnt.errors) < (6 / math.sqrt(n) + 0.03) * spread).all()
+
+
+@pytest.mark.parametrize("number", range(len(CELLS)))
+def test_the_rest_of_the_course_in_a_cell_is_that_of_its_flights(sorted_flights, number: int) -> None:
+    """To the end of the plan: the covariance of position and wind is part of it."""
+    problem, flight, _, x, fix, cell = sorted_flights
+    told = measured_moments(fix, CELLS[number], square_matrices(flight.cov)[STEP])
+    course = course_in_cell(problem, flight.x, fix, told)
+    rows = np.flatnonzero(cell == number)
+    for t in (STEP, (STEP + len(STEPS)) // 2, len(STEPS) - 1):
+        whole = square_matrices(flight.cov)[t]
+        sd, n = math.sqrt(np.trace(whole)), len(rows)
+        assert np.linalg.norm(x[rows, t].mean(axis=0) - course.x[t]) < (6 / math.sqrt(n) + 0.04) * sd
+        left = square_matrices(course.cov)[t]
+        assert np.abs(np.cov(x[rows, t].T) - left).max() < (6 * math.sqrt(2 / n) + 0.06) * sd**2
+    # What the cell says of the wind matters: without it the mean at the end would be elsewhere.
+    end = np.linalg.norm(course.x[-1] - flight.x[-1])
+    assert end > 0.2 * math.sqrt(np.trace(square_matrices(flight.cov)[-1]))
+
+
+def test_a_cell_of_no_width_is_a_position_fix(sorted_flights) -> None:
+    """V = 0 gives what (M67) gives, by the other code."""
+    problem, flight, _, _, fix, _ = sorted_flights
+    prior = prior_at(problem, fix, flight.x)
+    d = np.array([400.0, -250.0])
+    one = learnt_in_cell(prior, Moments(1.0, d, np.zeros((2, 2))), fix.sd)
+    other = learn(prior, flight.x[[STEP]], [Fix(fix.place + d, fix.sd, STEP)])
+    assert one.mean == pytest.approx(other.mean, abs=1e-6)
+    assert one.cov == pytest.approx(other.cov, rel=1e-8, abs=1e-3)
+    assert one.theta == pytest.approx(other.theta, abs=1e-9)
+    both = (np.einsum("rcm,rdk->cmdk", part.told, part.told) for part in (one, other))
+    assert next(both) == pytest.approx(next(both), abs=1e-9)
+    assert one.errors == pytest.approx(other.errors, abs=1e-12)
+    assert one.errors_cov == pytest.approx(other.errors_cov, abs=1e-12)
+    assert one.shared == pytest.approx(other.shared, abs=1e-6)
+
+
+def test_branches_that_go_on_as_planned_change_nothing(sorted_flights) -> None:
+    """With the rest of the plan in every cell the same flights fail; with another rest, others do."""
+    _, flight, winds, x, _, cell = sorted_flights
+    few = np.arange(2000)
+    some, branch = winds.only(few), cell[few]
+    alone = problem_failures(some, x[few])
+    rest = flight.u[STEP:]
+    assert (fly_branches(some, flight.u, STEP, [rest] * 3, branch) == alone).all()
+    assert (fly_branches(some, flight.u, STEP, [rest] * 3, np.full(2000, TRUNK)) == alone).all()
+    back = fly_branches(some, flight.u, STEP, [rest, -rest, rest], branch)
+    assert back[branch == 1].all()  # flown backwards, none reaches its goal
+    assert (back[branch != 1] == alone[branch != 1]).all()
+
+
+def problem_failures(winds: TreeFlights, x: np.ndarray) -> np.ndarray:
+    """Which flights ``x`` fail."""
+    return winds.flights.failed(np.ascontiguousarray(x))
+
+
+def test_a_landmark_is_measured_inside_only() -> None:
+    """And a fix that is available half of the time is taken by half of the flights."""
+    problem = coherent_problem()
+    winds = TreeFlights.drawn(problem, 4000, SeedSequence(2))
+    box = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
+    x = np.random.default_rng(4).uniform(-5.0, 15.0, (4000, 2))
+    fix = BranchFix(5, np.array([5.0, 5.0]), np.array([1.0, 0.0]), 2.0, 0.5, box)
+    y, taken = winds.measured(fix, x)
+    inside = ((x >= 0.0) & (x <= 10.0)).all(axis=1)
+    assert (within(box, x) == inside).all()
+    assert not taken[~inside].any()
+    assert taken[inside].mean() == pytest.approx(0.5, abs=6 * 0.5 / math.sqrt(inside.sum()))
+    assert (y - x).std() == pytest.approx(2.0, abs=6 * 2.0 / math.sqrt(2 * 8000))
