@@ -24,11 +24,13 @@ from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, NotFoundError, ParetoLtlError
 from pareto_ltl.support.reading import Advice, parse_json, read_json, shown_json
 from pareto_ltl_apps.desk import backdrop, missions, views
+from pareto_ltl_apps.desk.earth import LONGEST_NAME, ground_view
 from pareto_ltl_apps.desk.explaining import Explainer
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.desk.plans import Job, Plans
 from pareto_ltl_apps.desk.server import Guard, LoopbackServer, loopback_server
 from pareto_ltl_apps.view.components import FOLDER
+from pareto_ltl_apps.view.geography import places_named
 
 MOST_TIME = 1e8  # [s] after departure
 JSON_TYPE = "application/json"
@@ -303,6 +305,18 @@ def show_backdrop(asked: Asked) -> Answer:
 def keep_wind(asked: Asked) -> Answer:
     """Copy a file of winds (?name=FILE)."""
     return {"path": asked.folder.keep_wind(asked.query("name"), asked.content)}
+
+
+@operation("GET", "/api/ground")
+def show_ground(asked: Asked) -> Answer:
+    """Land, lakes, borders, cities (?box=WEST,SOUTH,EAST,NORTH&pixels=N)."""
+    return ground_view(asked.query("box"), asked.query("pixels", "1000"))
+
+
+@operation("GET", "/api/places")
+def find_places(asked: Asked) -> Answer:
+    """Cities by a part of their name (?find=NAME), the largest ones first."""
+    return {"places": places_named(asked.query("find")[:LONGEST_NAME])}
 
 
 @operation("GET", "/api/choices")

@@ -18,6 +18,7 @@ from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl_apps.view import map_layers, style
+from pareto_ltl_apps.view.land import draw_land
 from pareto_ltl_apps.view.map_layers import DRAWN_VERTICES, dense_path, timed_obstacles, visited_outlines
 from pareto_ltl_apps.view.records import DrawnRun
 from pareto_ltl_apps.view.wind import draw_wind_arrows, flight_midpoint
@@ -66,6 +67,7 @@ def column_map(scene: Scene, heading: Sequence[str], below: float) -> tuple[Figu
 
 
 def _draw_layers(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
+    draw_land(chart, run.scene, taken_points(run.scene, run.plan))
     map_layers.draw_ground(chart, run.scene, run.decomposition)
     map_layers.number_obstacles(chart, run.scene)
     if (forest := _shown_forest(cfg, run)) is not None:
@@ -88,6 +90,7 @@ def _shown_forest(cfg: ReportConfig, run: DrawnRun) -> Forest | None:
 
 def draw_route(chart: Axes, scene: Scene, plan: Plan) -> None:
     """Ground, the path with its ends, and the names of the regions beside them."""
+    draw_land(chart, scene, taken_points(scene, plan))
     map_layers.draw_ground(chart, scene, None)
     map_layers.draw_branches(chart, plan)
     map_layers.draw_mean_path(chart, plan.path.x)

@@ -23,6 +23,7 @@ from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl.support.times import hours_text
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.axes import hide_frame, scale_rate_axis
+from pareto_ltl_apps.view.land import draw_land
 from pareto_ltl_apps.view.limits import PlanLimits, PriceRow, points_text, priced_obstacles
 from pareto_ltl_apps.view.map import (
     LEFT,
@@ -256,6 +257,7 @@ def frames_figure(scene: Scene, deployment: Deployment, times: FloatArray, frame
         left = EDGE + k * (inner + GAP)
         chart = map_layers.map_axes(scene, style.axes_at(figure, left, BOTTOM, inner, height))
         chart.set(xlabel="", ylabel="", xticks=[], yticks=[])
+        draw_land(chart, scene, cities=False)
         map_layers.draw_ground(chart, scene, None)
         map_layers.name_regions(chart, scene, times=False)
         _draw_moment(chart, deployment, int(step), count)

@@ -3,6 +3,7 @@
 import { ask, giveFile } from "./api.js";
 import { Backdrop } from "./backdrop.js";
 import { Drawing } from "./drawing.js";
+import { Earth } from "./earth.js";
 import { mercator, placeText } from "./geo.js";
 import { ChartMap } from "./map.js";
 import { Panels } from "./panels.js";
@@ -26,16 +27,16 @@ function failed(error) {
 function forgive() { byId("problem").hidden = true; spot = null; }
 
 const store = new Store(() => { if (ready) { panels.show(); drawing.hint(); } backdrop.show(store.mission.backdrop).catch(failed); byId("no-backdrop").hidden = !store.mission.backdrop; map.refresh(); readyToPlan(); }, failed);
-let ready = false, drawing, panels, result, studies;
+let ready = false, earth, drawing, panels, result, studies;
 const backdrop = new Backdrop(() => map.refresh());
 
-const map = new ChartMap(byId("map"), view => [...backdrop.shapes(view), ...windShapes(view), ...drawing?.shapes(view, result?.view?.line ?? []) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
+const map = new ChartMap(byId("map"), view => [...earth?.layer.names(view) ?? [], ...backdrop.shapes(view), ...windShapes(view), ...drawing?.shapes(view, result?.view?.line ?? []) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
   press: (place, target) => target.dataset?.fix !== undefined ? { kind: "fix" } : drawing.press(place, target),
   drag: (held, place, before) => held.kind === "fix" ? result.dragFix(place) : drawing.drag(held, place, before),
   dropped: held => { if (held.kind !== "fix") store.changed(); },
   move: place => { byId("where").textContent = placeText(place); drawing.move(place); },
   click: (place, target) => drawing.click(place, target),
-});
+}, { under: () => earth?.shapes() ?? [] });
 
 Object.assign(map, { middle: mercator([-92, 37]), scale: 6000 });  // until there is something to show: 700 km
 
@@ -136,6 +137,7 @@ function listen() {
 }
 
 async function begin() {
+  earth = new Earth(map, failed);
   drawing = new Drawing(map, store, text => { byId("hint").textContent = text; });
   panels = new Panels(store, drawing, failed);
   studies = new Studies({ redraw: () => map.refresh(), failed, request: command => panels.request(command), id: () => result.id, departs: departure => store.change(mission => { mission.departure = departure; }) });

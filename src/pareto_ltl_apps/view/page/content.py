@@ -22,7 +22,7 @@ from pareto_ltl_apps.view.components import MODULES, STYLE, bundled, component, 
 from pareto_ltl_apps.view.in_words import mission_in_words
 from pareto_ltl_apps.view.limits import PlanLimits, chosen_number, priced_obstacles
 from pareto_ltl_apps.view.page import points
-from pareto_ltl_apps.view.page.ground import map_places, shown_map, shown_trees, shown_wind
+from pareto_ltl_apps.view.page.ground import map_places, shown_geography, shown_map, shown_trees, shown_wind
 from pareto_ltl_apps.view.page.machine import shown_automaton
 from pareto_ltl_apps.view.records import ShownRun
 
@@ -83,6 +83,7 @@ def page_content(run: ShownRun) -> Content:
         "law": _law(run),
         "timeZero": None if begin is None else begin[0],
         "map": shown_map(run.scene),
+        "geography": shown_geography(run.scene),
         "onEarth": run.scene.crs is not None,
         "height": _height(run),
         "vehicle": None if run.problem is None else vehicle_of(run.height, run.problem)._asdict(),
