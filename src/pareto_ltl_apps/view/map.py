@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pareto_ltl import Scene
-from pareto_ltl.extend import Forest, Plan, Promise
+from pareto_ltl.extend import Forest, Plan
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
@@ -122,7 +122,7 @@ def taken_points(scene: Scene, plan: Plan | None) -> FloatArray:
 
 
 def _heading(run: DrawnRun) -> list[str]:
-    """Lines above the map: formula, failures and length of the plan, or why there is no plan.
+    """Lines above the map: failures, formula and length of the plan, or why there is no plan.
 
     A plan without flights has bounds instead of failures.
     """
@@ -134,25 +134,22 @@ def _heading(run: DrawnRun) -> list[str]:
     if run.plan.alarmed:
         answer = [Plan.NO_PROMISE]
     elif run.plan.promise is not None:
-        answer = promise_lines(run.plan.promise, run.medium.flows)
+        answer = promise_lines(run.plan, run.medium.flows)
     else:
         answer = [
             f"planned in {models.law} {run.medium.flows}: {models.mission_symbol} ≤ "
             f"{shown_probability(path.objectives.mission_risk)}, "
             f"R ≤ {shown_probability(path.objectives.collision_risk)}"
         ]
-    return [run.plan.formula, *answer, length]
+    return [*answer, run.plan.formula, length]
 
 
-def promise_lines(promise: Promise | None, flows: str) -> list[str]:
-    """Failure rate of fresh flights, its upper limit, wind law and number of flights; empty without them."""
-    if promise is None:
+def promise_lines(plan: Plan, flows: str) -> list[str]:
+    """How many fresh flights of the plan fail, in a sentence; empty without them."""
+    if plan.promise is None:
         return []
-    rate = promise.rate
-    fails, upper = shown_probability(rate.failure), shown_probability(rate.high)
-    if rate.failure < promise.floor:
-        fails = promise.fails
-    return [f"fails {fails}, at most {upper} (95 %), {rate.law} {flows}, {rate.sample}"]
+    sentence = plan.promise.answer(flows, plan.level_gap)
+    return [sentence[0].upper() + sentence[1:]]
 
 
 def _failure_heading(forest: Forest | None) -> list[str]:

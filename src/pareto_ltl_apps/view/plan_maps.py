@@ -57,7 +57,7 @@ def limits_figure(run: DrawnRun, plan: Plan) -> Figure:
     told = PlanLimits(run.scene, plan, run.medium)
     rows = told.prices(BARS)
     below = BARS_BELOW + BAR * len(rows) + BARS_ABOVE if rows else 0.06
-    heading = [f"What limits the plan of {plan.formula}", *promise_lines(plan.promise, run.medium.flows)]
+    heading = [f"What limits the plan of {plan.formula}", *promise_lines(plan, run.medium.flows)]
     figure, chart = column_map(run.scene, heading, below + (0.44 if plan.limits is None else SCALE_BELOW))
     draw_route(chart, run.scene, plan)
     _number_priced(chart, run.scene, plan)

@@ -13,7 +13,6 @@ import numpy as np
 
 import pareto_ltl
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.support.display import interval_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import parse_json, read_text
 from pareto_ltl_verify import page_texts
@@ -305,17 +304,16 @@ def other_data(result: Evidence) -> Verdict:
 
 
 def headline(result: Evidence) -> Verdict | None:
-    """The rate in large letters is the promise of plan.json, with its interval and its wind law."""
-    matches, promise = HEADLINE.findall(read_text(result.directory / PAGE)), result.plan["promise"]
-    if promise is None:
+    """The rate in large letters is the promise of plan.json, with its interval and its winds."""
+    matches = HEADLINE.findall(read_text(result.directory / PAGE))
+    if result.plan["promise"] is None:
         return None
-    value = page_texts.promised(promise)
-    begin = f"{interval_text(promise['low'], promise['high'])} (95 %), under {promise['law']}"
-    notes = tuple(f"{begin} {flow}" for flow in result.flows)
+    value, note = page_texts.headline(result)
     if len(matches) != 1:
-        return Verdict(f"{len(matches)} rates", f"{value}, {notes[0]}", False)
-    rate, note = map(unescape, matches[0])
-    return Verdict(f"{rate}, {note}", f"{value}, {notes[0]}", rate == value and note.startswith(notes))
+        return Verdict(f"{len(matches)} rates", f"{value}, {note}", False)
+    rate, stated = map(unescape, matches[0])
+    holds = rate == value and stated.startswith(note)
+    return Verdict(f"{rate}, {stated}", f"{value}, {note}", holds)
 
 
 class Texts(HTMLParser):

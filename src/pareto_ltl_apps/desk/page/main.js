@@ -4,11 +4,11 @@ import { ask, giveFile } from "./api.js";
 import { Backdrop } from "./backdrop.js";
 import { Drawing } from "./drawing.js";
 import { Earth } from "./earth.js";
-import { mercator, placeText } from "./geo.js";
+import { lengthText, mercator, placeText } from "./geo.js";
 import { ChartMap } from "./map.js";
 import { Panels } from "./panels.js";
 import { Result } from "./result.js";
-import { byId, html, svg } from "./shapes.js";
+import { byId, html, percent, svg } from "./shapes.js";
 import { kml, outline, Store } from "./store.js";
 import { Studies } from "./studies.js";
 
@@ -34,7 +34,7 @@ const map = new ChartMap(byId("map"), view => [...earth?.layer.names(view) ?? []
   press: (place, target) => target.dataset?.fix !== undefined ? { kind: "fix" } : drawing.press(place, target),
   drag: (held, place, before) => held.kind === "fix" ? result.dragFix(place) : drawing.drag(held, place, before),
   dropped: held => { if (held.kind !== "fix") store.changed(); },
-  move: place => { byId("where").textContent = placeText(place); drawing.move(place); },
+  move: place => { byId("where").textContent = `${placeText(place)}${windText(place)}`; drawing.move(place); },
   click: (place, target) => drawing.click(place, target),
 }, { under: () => earth?.shapes() ?? [] });
 
@@ -43,8 +43,14 @@ Object.assign(map, { middle: mercator([-92, 37]), scale: 6000 });  // until ther
 /** The wind of the plan that is shown, or the wind before one; it lies under what is drawn. */
 function windShapes(view) {
   if (!result) return [];
-  byId("legend").textContent = result.view ? result.legend : studies.before.legend;
+  byId("legend").replaceChildren(...result.view ? result.legends() : studies.before.legends());
   return result.view ? result.wind.shapes(view, result.view.t[result.step]) : studies.before.shapes(view, studies.time);
+}
+
+/** The expected wind under the pointer. */
+function windText(place) {
+  const found = result?.view ? result.wind.near(place, result.view.t[result.step]) : studies?.before.near(place, studies.time);
+  return found ? `, wind ${found.speed.toFixed(1)} m/s (${(found.speed / 0.514444).toFixed(0)} kt) from ${found.from.toFixed(0)}°, ± ${found.sd.toFixed(1)} m/s` : "";
 }
 
 function spotShapes(view) {
@@ -62,7 +68,10 @@ function everything() {
 function readyToPlan() {
   if (!ready) return;
   const { features } = store.mission, has = role => features.some(one => one.role === role);
-  byId("plan").disabled = byId("compare-starts").disabled = result.working || !has("start") || !has("region") || !panels.formula;
+  const missing = !has("start") ? "needs a start" : !has("region") ? "needs a region" : !panels.formula ? "needs a mission without an error" : "";
+  byId("plan").disabled = byId("compare-starts").disabled = result.working || Boolean(missing);
+  byId("missing").textContent = result.working ? "" : missing;
+  byId("plan-note").hidden = !byId("result").hidden;
   byId("show-wind").disabled = !has("start");
 }
 
@@ -76,10 +85,17 @@ async function plan(command) {
   await listEarlier();
 }
 
+/** A plan by what it does and when it was made: "a, then b, 27 Nov 18:35". */
+function planName({ id, mission, made_by: maker }) {
+  const [, year, month, day, hour, minute] = /^(\d{4})(\d\d)(\d\d)-(\d\d)(\d\d)/.exec(id) ?? [], made = year ? `${year}-${month}-${day} ${hour}:${minute} UTC` : id;
+  const kind = maker === "choose" ? "another point: " : maker === "replan" ? "planned again: " : "";
+  return `${kind}${mission ? `${mission.replace(/\b[a-z_]\w*\b/g, name => store.names.has(name) ? store.titleOf(name) : name)}, ` : ""}${made}`;
+}
+
 async function listEarlier() {
   const plans = (await ask("GET", "/api/plans")).plans.filter(state => state.made_by !== "wind");
   byId("earlier-part").hidden = !plans.length;
-  byId("earlier").replaceChildren(...plans.slice(0, 30).map(state => html("li", {}, html("button", { type: "button", class: "plain", onclick: () => { forgive(); result.open(state).then(readyToPlan); } }, `${state.id.replace(/^(\d{4})(\d\d)(\d\d)-(\d\d)(\d\d)\d\d-\w{4}/, "$1-$2-$3 $4:$5").replaceAll("_", " ")} UTC`), html("span", { class: "note" }, state.made_by === "departure" ? `departures, ${state.status}` : state.status))));
+  byId("earlier").replaceChildren(...plans.slice(0, 30).map(state => html("li", {}, html("button", { type: "button", class: "plain", onclick: () => { forgive(); result.open(state).then(readyToPlan); } }, planName(state)), html("span", { class: "note" }, state.made_by === "departure" ? `departures, ${state.status}` : state.failure === null ? state.status : `${state.status}: ${lengthText(state.length_m)}, ${percent(state.failure)} fail`))));
 }
 
 // --- files --------------------------------------------------------------------------------------------
