@@ -55,8 +55,7 @@ def test_a_rate_in_a_wind_of_another_level_is_named_so() -> None:
     assert "fails in a wind of another level, coherent winds, 20,000 fresh flights" in rows
     assert not any(name.startswith("fails,") for name in rows)
     assert answer_line(METRICS, "coherent", gap="the robot flies at 925 hPa") == (
-        "15 of 10,000 flights fail (10 to 21), in winds of another level than the robot's, which is no "
-        "promise."
+        "15 of 10,000 flights fail (10 to 21), in winds of another level than the robot's (no promise)."
     )
 
 

@@ -79,6 +79,6 @@ def test_a_loop_has_its_reason_where_paths_without_it_are_less_safe() -> None:
     front = replace(front, paths=paths)
     (line,) = [one for one in trade_lines(scene, front, plan_of(paths[0])) if "turns" in one]
     assert line == (
-        "It turns in b, so that more flights meet it: 3.0 of 100 flights fail; of the safest path without that "
-        "(point 1, 1,950.0 km) 4.0 of 100 flights"
+        "It turns in b, so that more flights meet it: 3.0 of 100 flights fail; of the safest path without "
+        "that (point 1, 1,950.0 km) 4.0 of 100 flights"
     )

@@ -154,7 +154,7 @@ def winds_text(flows: str, law: str, gap: str = "") -> str:
     ('winds of this forecast', 'currents drawn anew at every step')
     """
     if gap:
-        return f"{flows} of another level than the robot's, which is no promise"
+        return f"{flows} of another level than the robot's (no promise)"
     return LAW_WORDS.get(law, f"{law} {{}}").format(flows)
 
 

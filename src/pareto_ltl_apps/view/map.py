@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pareto_ltl import Scene
-from pareto_ltl.extend import Forest, Plan
+from pareto_ltl.extend import Decomposition, Forest, Plan
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
@@ -68,7 +68,7 @@ def column_map(scene: Scene, heading: Sequence[str], below: float) -> tuple[Figu
 
 def _draw_layers(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
     draw_land(chart, run.scene, taken_points(run.scene, run.plan))
-    map_layers.draw_ground(chart, run.scene, run.decomposition)
+    map_layers.draw_ground(chart, run.scene, _shown_cells(cfg, run))
     map_layers.number_obstacles(chart, run.scene)
     if (forest := _shown_forest(cfg, run)) is not None:
         map_layers.draw_trees(chart, forest)
@@ -81,6 +81,11 @@ def _draw_layers(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
         map_layers.draw_mean_path(chart, run.plan.path.x)
     map_layers.draw_endpoints(chart, run.scene, run.plan)
     map_layers.name_regions(chart, run.scene, taken_points(run.scene, run.plan))
+
+
+def _shown_cells(cfg: ReportConfig, run: DrawnRun) -> Decomposition | None:
+    """The cells of the search, with its trees."""
+    return None if _shown_forest(cfg, run) is None else run.decomposition
 
 
 def _shown_forest(cfg: ReportConfig, run: DrawnRun) -> Forest | None:
@@ -225,7 +230,7 @@ def _map_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
             f"{total:,} vertices" if total <= DRAWN_VERTICES else f"{DRAWN_VERTICES:,} of {total:,} vertices"
         )
         keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=text))
-    if run.decomposition is not None:
+    if _shown_cells(cfg, run) is not None:
         keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))
     return keys
 

@@ -31,33 +31,40 @@ def trade_lines(scene: Scene, front: Front, plan: Plan) -> Iterator[str]:
     lengths = np.array([path.objectives.length for path in front.paths])
     rates = np.array([rate.failure for rate in front.rates])
     here, now = float(lengths[chosen]), float(rates[chosen])
+    floor = 0.0 if plan.promise is None else plan.promise.floor
+    rates = np.maximum(rates, floor)  # the data of the law cannot tell lower ones apart
     found = (np.flatnonzero(lengths <= (1.0 - share) * here) for share in SHORTER)
     shorter = next((some for some in found if len(some)), np.empty(0, int))
     if len(shorter):
         k = int(shorter[np.argmin(rates[shorter])])
         less = f"{distance_text(here - float(lengths[k]))} ({100.0 * (1.0 - lengths[k] / here):.0f} %)"
-        yield f"Point {k} is {less} shorter: {_instead(front, k, chosen)}"
-    longer = np.flatnonzero((lengths > here) & (rates < now))
+        yield f"Point {k} is {less} shorter: {_instead(front, k, chosen, floor)}"
+    longer = np.flatnonzero((lengths > here) & (rates < max(now, floor)))
     if len(longer):
         k = int(longer[np.argmin(rates[longer])])
-        yield f"Point {k} is {distance_text(float(lengths[k]) - here)} longer: {_instead(front, k, chosen)}"
-    yield from _loop_lines(scene, front, chosen, lengths, rates)
+        more = distance_text(float(lengths[k]) - here)
+        yield f"Point {k} is {more} longer: {_instead(front, k, chosen, floor)}"
+    yield from _loop_lines(scene, front, chosen, lengths, rates, floor)
 
 
-def _instead(front: Front, other: int, chosen: int) -> str:
-    """``4.1 instead of 3.1 of 100 flights fail``."""
-    one, two = (_share(front, k) for k in (other, chosen))
+def _instead(front: Front, other: int, chosen: int, floor: float) -> str:
+    """``4.1 instead of 3.1 of 100 flights fail``; of rates below the floor, what can be said of them."""
+    one, two = (_share(front, k, floor) for k in (other, chosen))
+    if one == two:
+        return f"{one} fail, as of the plan"
     count, _, whole = one.partition(" of ")
     return f"{count if whole == two.partition(' of ')[2] else one} instead of {two} fail"
 
 
-def _share(front: Front, k: int) -> str:
+def _share(front: Front, k: int, floor: float) -> str:
     rate = front.rates[k]
+    if rate.failure < floor:
+        return f"fewer than {flights_text(floor, floor, floor)[0]}"
     return flights_text(rate.failure, rate.low, rate.high)[0]
 
 
 def _loop_lines(
-    scene: Scene, front: Front, chosen: int, lengths: FloatArray, rates: FloatArray
+    scene: Scene, front: Front, chosen: int, lengths: FloatArray, rates: FloatArray, floor: float
 ) -> Iterator[str]:
     """Why the plan turns in a region or comes back to it: the safest path that does not is less safe."""
     names = looped_regions(scene, front.paths[chosen].x)
@@ -68,8 +75,9 @@ def _loop_lines(
     if rates[best] > rates[chosen]:
         where = " and ".join(names)
         yield (
-            f"It turns in {where}, so that more flights meet it: {_share(front, chosen)} fail; of the safest "
-            f"path without that (point {best}, {distance_text(float(lengths[best]))}) {_share(front, best)}"
+            f"It turns in {where}, so that more flights meet it: {_share(front, chosen, floor)} fail; of the "
+            f"safest path without that (point {best}, {distance_text(float(lengths[best]))}) "
+            f"{_share(front, best, floor)}"
         )
 
 

@@ -213,11 +213,11 @@ export class Result {
     byId("next").disabled = this.shown === this.front.points.length - 1;
     byId("choose").hidden = plan || this.checking;
     byId("result").classList.toggle("checking", this.checking);
-    const [rate, range] = row.failure_low === null ? [`≤ ${percent(row.failure)}`, "upper bound"] : flightsText(row.failure, row.failure_low, row.failure_high), order = row.order ? row.order.split(">").map(one => one.trim()).filter(one => one && one !== "-") : [];
+    const [rate, range] = row.failure_low === null ? [`≤ ${percent(row.failure)}`, "upper bound"] : row.failure < (promise?.floor ?? 0) ? [`fewer than ${flightsText(promise.floor, promise.floor, promise.floor)[0]}`, `of the simulated ones ${flightsText(row.failure, row.failure_low, row.failure_high).join(", ")}`] : flightsText(row.failure, row.failure_low, row.failure_high), order = row.order ? row.order.split(">").map(one => one.trim()).filter(one => one && one !== "-") : [];
     const facts = [["Fails", rate, `${range}${row.failure_low === null ? "" : " (95 %)"}, in ${SOURCES[this.front.law] ?? this.front.law}`], ["Length", lengthText(row.length_m), order.length ? `order ${order.map(this.title).join(" → ")}` : ""],
       ["Duration", duration(row.duration_s), `${row.steps} steps`], ...view.utc ? [["Arrival", `${view.utc.at(-1).slice(11, 16)} UTC`, view.utc.at(-1).slice(0, 10)]] : []];
     byId("facts").replaceChildren(...facts.map(([name, value, note]) => html("div", {}, html("dt", {}, name), html("dd", {}, value, html("small", {}, note)))));
-    byId("trade").textContent = tradeText(this.front.points, this.shown);
+    byId("trade").textContent = tradeText(this.front.points, this.shown, this.front.promise?.floor);
     this.showComparison();
     byId("warnings").replaceChildren(...(this.state?.warnings ?? []).map(text => html("li", {}, text)));
     byId("front-note").textContent = this.checking ? `${POINTS} ${CHECKING}` : POINTS;

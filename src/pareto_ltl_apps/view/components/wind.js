@@ -14,11 +14,12 @@ function arrow(x, y, dx, dy) {
   return pathOf([[x - dx / 2, y - dy / 2], tip]) + pathOf([side(1), tip, side(-1)]);
 }
 
-/** A barb at pixels x, y for a wind toward (dx, dy), a direction, with a speed [m/s]; its shaft is `scale` times LONGEST. */
-function barb(x, y, dx, dy, speed, scale) {
+/** A barb at pixels x, y for a wind toward (dx, dy), a direction, with a speed [m/s]; its shaft is `scale` times LONGEST, and south of the
+ *  equator its `side` is -1. */
+function barb(x, y, dx, dy, speed, scale, side) {
   let left = Math.round(speed / KT / 5) * 5;
   if (left === 0) return `M${(x - 3).toFixed(1)} ${y.toFixed(1)}a3 3 0 1 0 6 0a3 3 0 1 0 -6 0`;
-  const size = Math.hypot(dx, dy) / scale, [u, v] = [-dx / size, -dy / size], at = (along, across) => [x + along * u - across * v, y + along * v + across * u], parts = [pathOf([at(0, 0), at(LONGEST, 0)])];
+  const size = Math.hypot(dx, dy) / scale, [u, v] = [-dx / size, -dy / size], at = (along, across) => [x + along * u - side * across * v, y + along * v + side * across * u], parts = [pathOf([at(0, 0), at(LONGEST, 0)])];
   let along = LONGEST;
   if (left === 5) along -= 5;  // a single short barb is not at the end
   for (; left >= 50; left -= 50, along -= 6) parts.push(pathOf([at(along, 0), at(along - 2, 9), at(along - 5, 0)], true));
@@ -47,7 +48,7 @@ export class WindLayer {
     const gap = spots.length > 1 ? Math.hypot(spots[1][0] - spots[0][0], spots[1][1] - spots[0][1]) : LONGEST, size = Math.max(0.4, Math.min(1, 0.8 * gap / LONGEST));
     spots.forEach(([x, y], n) => {
       const [u, v] = uv[n], speed = Math.hypot(u, v), colour = Math.min(COLOURS.length - 1, Math.floor(COLOURS.length * speed / this.top));
-      made[colour].push(slow ? arrow(x, y, u * scale * size, -v * scale * size) : barb(x, y, u, -v, speed, size));
+      made[colour].push(slow ? arrow(x, y, u * scale * size, -v * scale * size) : barb(x, y, u, -v, speed, size, map.plane.around && this.view.at[n][1] < 0 ? -1 : 1));
     });
     return svg("g", { class: "wind" }, ...made.map((lines, k) => svg("path", { class: `speed speed-${k}`, d: lines.join("") })));
   }

@@ -106,6 +106,7 @@ def page_content(run: ShownRun) -> Content:
         "causes": list(Deployment.CAUSES),
         "automaton": None if run.automaton is None else shown_automaton(run.automaton),
         "notCovered": "" if plan is None else plan.not_covered,
+        "floor": 0.0 if plan is None or plan.promise is None else plan.promise.floor,
         "promise": None if plan is None or plan.promise is None else asdict(plan.promise.rate),
     } | alone
     words = mission_in_words(formula)

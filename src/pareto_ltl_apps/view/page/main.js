@@ -68,7 +68,7 @@ function showFront() {
   drawFront(byId("front"), PAGE.points, { shown: shown.point, chosen: PAGE.chosen, choose: showPoint, text, hollow: k => !isDrawn(k) });
   const [{ law, runs }] = PAGE.points;
   byId("front-note").textContent = PAGE.judge === "bound" ? `Each point is a path. Up: an upper bound on its failures under ${law} ${FLOWS}. Click a point to see its path.`
-    : `Each point is a path. Up: how many of its ${runs.toLocaleString("en")} flights under ${law} ${FLOWS} fail, with the 95 % interval. Click a point to see its path. ${tradeText(PAGE.points, shown.point)}`;
+    : `Each point is a path. Up: how many of its ${runs.toLocaleString("en")} flights under ${law} ${FLOWS} fail, with the 95 % interval. Click a point to see its path. ${tradeText(PAGE.points, shown.point, PAGE.floor)}`;
 }
 
 function showRisk() {
