@@ -135,13 +135,13 @@ def limit_rows(plan: Plan | None, medium: Medium = AIR) -> Iterator[tuple[str, s
     """The segment of ``plan`` that is closest to its chance constraint, if there is one."""
     if plan is not None and plan.worst is not None and not plan.epsilon_kept:
         yield (
-            f"worst segment collides, {plan.models.law} {medium.flows}",
+            f"likeliest collision, {plan.models.law} {medium.flows}",
             f"{allowed_text(plan.worst.probability, plan.epsilon)}, {plan.worst.nearest}",
         )
     elif plan is not None and plan.limits is not None:
         k = int(plan.limits.probability.argmax())
         yield (
-            f"closest segment collides, {plan.models.law} {medium.flows}",
+            f"likeliest collision, {plan.models.law} {medium.flows}",
             f"{allowed_text(float(plan.limits.probability[k]), plan.epsilon)}, {plan.limits.nearest[k]}",
         )
 

@@ -50,7 +50,7 @@ function windShapes(view) {
 /** The expected wind under the pointer. */
 function windText(place) {
   const found = result?.view ? result.wind.near(place, result.view.t[result.step]) : studies?.before.near(place, studies.time);
-  return found ? `, wind ${found.speed.toFixed(1)} m/s (${(found.speed / 0.514444).toFixed(0)} kt) from ${found.from.toFixed(0)}°, ± ${found.sd.toFixed(1)} m/s` : "";
+  return !found ? "" : found.water ? `, current ${found.speed.toFixed(2)} m/s sets to ${found.to.toFixed(0)}°, ± ${found.sd.toFixed(2)} m/s` : `, wind ${found.speed.toFixed(1)} m/s (${(found.speed / 0.514444).toFixed(0)} kt) from ${found.from.toFixed(0)}°, ± ${found.sd.toFixed(1)} m/s`;
 }
 
 function spotShapes(view) {

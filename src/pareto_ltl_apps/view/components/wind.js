@@ -64,7 +64,7 @@ export class WindLayer {
     const gap = view.at.length > 1 ? Math.hypot(view.at[1][0] - view.at[0][0], view.at[1][1] - view.at[0][1]) : 1;
     if (away[n] > 2 * gap) return null;
     const k = Math.max(0, view.t.findLastIndex(one => one <= seconds)), [u, v] = view.uv[k][n];
-    return { speed: Math.hypot(u, v), from: (Math.atan2(-u, -v) * 180 / Math.PI + 360) % 360, to: (Math.atan2(u, v) * 180 / Math.PI + 360) % 360, sd: view.sd[k][n] };
+    return { speed: Math.hypot(u, v), from: (Math.atan2(-u, -v) * 180 / Math.PI + 360) % 360, to: (Math.atan2(u, v) * 180 / Math.PI + 360) % 360, sd: view.sd[k][n], water: String(view.level ?? "").endsWith("depth") };
   }
 
   /** A cell about each place of the lattice, the darker the less certain the wind is. */
