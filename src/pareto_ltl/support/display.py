@@ -148,7 +148,7 @@ LAW_WORDS = {"coherent": "{} of this forecast", "independent": "{} drawn anew at
 
 
 def winds_text(flows: str, law: str, gap: str = "") -> str:
-    """The winds (or currents) of a law in words; ``gap`` says that they are those of another level.
+    """The winds (or currents) of a law in words; ``gap``: of another level than the robot's.
 
     >>> winds_text("winds", "coherent"), winds_text("currents", "independent")
     ('winds of this forecast', 'currents drawn anew at every step')

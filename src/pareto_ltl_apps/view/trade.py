@@ -23,7 +23,7 @@ HALF_TURN = 180.0  # [deg] of all turns in a region that are a loop
 def trade_lines(scene: Scene, front: Front, plan: Plan) -> Iterator[str]:
     """The best shorter and the best longer path of the front, and the reason of loops.
 
-    All rates are those of the front, in the same winds. Nothing where bounds judge, or without the front.
+    All rates come from the front, in the same winds. Nothing where bounds judge, or without the front.
     """
     chosen = chosen_number(front, plan)
     if chosen is None or not front.rates:

@@ -183,7 +183,7 @@ def drawn_map(result: Evidence) -> Verdict:
 
 
 def geography(result: Evidence) -> Verdict | None:
-    """Coasts, lakes, borders and cities of the page are those of the table of this package.
+    """Coasts, lakes, borders and cities of the page come from the table of this package.
 
     Outlines are simplified and cut by a box, which is three times as wide and high as the map: each corner is
     one of the table, or lies where a line of the table crosses the box, or is a corner of the box, or lies on

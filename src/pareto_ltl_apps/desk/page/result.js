@@ -236,7 +236,7 @@ export class Result {
   /** The numbers of the points that are kept beside the point that is shown. */
   showComparison() {
     const { pinned } = this, row = this.front.points[this.shown], place = byId("comparison"), held = pinned.some(one => one.id === this.id && one.number === this.shown);
-    byId("pin").textContent = held ? "Let this point go" : "Keep to compare";
+    byId("pin").textContent = held ? "Take it out" : "Add to the comparison";
     byId("pin").setAttribute("aria-pressed", String(held));
     byId("unpin").hidden = !pinned.length;
     place.hidden = !pinned.length;
