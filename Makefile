@@ -27,7 +27,7 @@ SUPPORTED = $(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3
 
 PEERS := build/peers
 
-.PHONY: help demo desk test test-fast test-all test-night test-night-tests test-sample coverage coverage-report fuzz guided mutants faults bench corpus scale gallery peers lint types docs dist archives lock install clean
+.PHONY: help docs-numbers demo desk test test-fast test-all test-night test-night-tests test-sample coverage coverage-report fuzz guided mutants faults bench corpus scale gallery peers lint types docs dist archives lock install clean
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 
@@ -128,6 +128,9 @@ archives: $(READY)
 # The variable keeps an advertisement of the theme off the screen.
 docs: $(READY) ## the site of the documentation, into site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+docs-numbers: $(READY) ## the outputs that README and documents show, made anew
+	$(BIN)/python release/docs_numbers.py
 
 install: $(READY) ## the environment for development, with the kernels of default runs compiled
 	$(BIN)/python -m pareto_ltl +experiment=phi1 report=none exports=none hydra.run.dir=build/compiled > /dev/null

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 RISK = re.compile(r"risk|fail|promis|missed|collid|touched|bound|% of positions|V \+ R", re.IGNORECASE)
-LAW = re.compile(r"independent|coherent|fidelity\.law|full fields|calm air")
+LAW = re.compile(r"independent|coherent|fidelity\.law|full fields|calm air|of this forecast|drawn anew at")
 NUMBER = re.compile(r"\d(?![.\d]*\s*(trees|vertices))")
 ROUNDED_AWAY = re.compile(r"\b0\.0000")
 TICK = re.compile(r"[-−\d.,]+")  # ticks beyond the ends of an axis have a place, but are not drawn

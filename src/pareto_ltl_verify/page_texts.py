@@ -13,12 +13,15 @@ import numpy as np
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.display import (
     SLOW,
+    allowed_text,
     distance_text,
     energy_text,
+    headline_text,
     interval_text,
     probability_text,
     promised_text,
     rate_text,
+    winds_text,
 )
 from pareto_ltl.support.medium import AIR, WATER, Medium
 from pareto_ltl.support.reading import read_text
@@ -106,6 +109,16 @@ def level_gap(result: Evidence) -> str:
     return next((one for one in parts if one.startswith("the robot ") and " used is " in one), "")
 
 
+def headline(result: Evidence) -> tuple[str, str]:
+    """How many flights fail, and the note on it."""
+    promise, flows = result.plan["promise"], medium_of(result).flows
+    return headline_text(
+        promise["failure"], promise["low"], promise["high"],
+        winds_text(flows, promise["law"], level_gap(result)),
+        f"{_sample(promise)} under {promise['law']} {flows}", promise.get("floor", 0.0),
+    )  # fmt: skip
+
+
 def promised(promise: Mapping[str, Any]) -> str:
     """The promised rate, not less than the data of the law of forecast errors can say."""
     return promised_text(promise["failure"], promise.get("floor", 0.0))
@@ -119,8 +132,8 @@ def facts(result: Evidence) -> Iterator[dict[str, str]]:
     plan, flows, gap = result.plan, medium_of(result).flows, level_gap(result)
     promise, costs, bound = plan["promise"], plan["objectives"], f"under {result.planned_law}"
     if promise is not None:
-        note = _note(promise, flows) + (f"; no promise: {gap}" if gap else "")
-        yield _fact("fails", promised(promise), note)
+        value, note = headline(result)
+        yield _fact("fails", value, note + (f"; no promise: {gap}" if gap else ""))
     elif alarmed(result):
         yield _fact("fails", "no promise", ALARM)
     else:
@@ -358,14 +371,13 @@ def tight_places(result: Evidence) -> list[dict[str, Any]]:
         return []
     unit, law = small_change(result), f"{result.planned_law} {medium_of(result).flows}"
     prices = [row.get("price", 0.0) for row in rows]
-    limit = "" if plan["epsilon"] >= 1.0 else f" of at most {epsilon_text(result)}"
     places = []
     for k, row in enumerate(rows):
         priced = prices[k] > TIGHT_PRICE * max(prices)
         if priced or row["probability"] > TIGHT_RISK * plan["epsilon"]:
             lines = [
                 f"{titled(result, row['nearest'])}, {times[k]} to {times[k + 1]}",
-                f"collides {probability_text(row['probability'])}{limit}, {law}",
+                f"collides {allowed_text(row['probability'], plan['epsilon'])}, {law}",
             ]
             saved = points_text(prices[k] * unit)
             lines += [f"all barriers {metres_text(unit)} farther: {saved} points fewer failures"] * priced

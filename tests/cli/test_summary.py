@@ -6,13 +6,13 @@ import io
 import logging
 from pathlib import Path
 
-import pytest
 from rich.console import Console
 
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.support.medium import WATER
 from pareto_ltl_apps.cli.output import collected_warnings
 from pareto_ltl_apps.cli.summary import (
+    answer_line,
     fitting_columns,
     run_answer,
     shown_markdown,
@@ -41,7 +41,7 @@ def test_every_probability_stands_beside_its_wind_law() -> None:
         "mission risk f_o (paper), independent winds": "1.2 %",
         "mission risk V, coherent winds": "0.0032 %",
         "collision risk R, coherent winds": "0 %",
-        "fails, coherent winds, 20,000 fresh flights": "0.15 %, at most 0.21 % (95 %)",
+        "fails, coherent winds, 20,000 fresh flights": "0.15 % (95 %: 0.10 to 0.21 %)",
         "bound V + R, coherent winds": "3.2 %",
         "V + R of the controls, coherent winds": "100 %",
         "failed of 500 simulated, coherent winds": "0 % (95 %: 0 to 0.73 %)",
@@ -50,32 +50,40 @@ def test_every_probability_stands_beside_its_wind_law() -> None:
     }
 
 
-@pytest.mark.parametrize("verbose", [True, False])
-def test_a_rate_in_a_wind_of_another_level_is_named_so(verbose: bool) -> None:
-    rows = dict(summary_rows(METRICS, "coherent", verbose=verbose, fails="fails in a wind of another level"))
+def test_a_rate_in_a_wind_of_another_level_is_named_so() -> None:
+    rows = dict(summary_rows(METRICS, "coherent", verbose=True, fails="fails in a wind of another level"))
     assert "fails in a wind of another level, coherent winds, 20,000 fresh flights" in rows
     assert not any(name.startswith("fails,") for name in rows)
+    assert answer_line(METRICS, "coherent", gap="the robot flies at 925 hPa") == (
+        "15 of 10,000 flights fail (10 to 21), in winds of another level than the robot's (no promise)."
+    )
 
 
 def test_a_rate_below_the_floor_of_its_law_is_said_to_be_below_it() -> None:
-    shown = "fails, coherent winds, 20,000 fresh flights"
-    rows = dict(summary_rows(METRICS | {"promise_floor": 1 / 65}, "coherent", verbose=False))
-    assert rows[shown] == (
-        "below 1.5 %: the law's data cannot say less; simulated: 0.15 %, at most 0.21 % (95 %)"
+    shown, floor = "fails, coherent winds, 20,000 fresh flights", {"promise_floor": 1 / 65}
+    assert answer_line(METRICS | floor, "coherent") == (
+        "Fewer than 1.5 of 100 flights fail, in winds of this forecast: the law's data cannot say less."
     )
-    above = dict(summary_rows(METRICS | {"promise_floor": 1e-3}, "coherent", verbose=False))
-    assert above[shown] == "0.15 %, at most 0.21 % (95 %)"
+    rows = dict(summary_rows(METRICS | floor, "coherent", verbose=True))
+    assert rows[shown] == (
+        "below 1.5 %: the law's data cannot say less; simulated: 0.15 % (95 %: 0.10 to 0.21 %)"
+    )
+    above = dict(summary_rows(METRICS | {"promise_floor": 1e-3}, "coherent", verbose=True))
+    assert above[shown] == "0.15 % (95 %: 0.10 to 0.21 %)"
 
 
-def test_a_newcomer_reads_the_promise_and_what_limits_it() -> None:
+def test_a_newcomer_reads_one_answer_and_no_other_failure() -> None:
+    assert answer_line(METRICS, "coherent") == (
+        "15 of 10,000 flights fail (10 to 21), in winds of this forecast."
+    )
     rows = dict(summary_rows(METRICS, "coherent", verbose=False))
     assert rows == {
         "length": "1,500.0 km",
         "flight time": "25.00 h in steps of 1,800 s",
-        "fails, coherent winds, 20,000 fresh flights": "0.15 %, at most 0.21 % (95 %)",
         "in all": "1.50 s",
     }
     bounded = {key: value for key, value in METRICS.items() if not key.startswith("promise")}
+    assert answer_line(bounded, "coherent") == ""
     assert len(dict(summary_rows(bounded, "coherent", verbose=False))) > 4  # there the bounds judge
 
 
@@ -90,7 +98,8 @@ def test_a_summary_of_a_robot_in_the_water_names_currents() -> None:
     for metrics, verbose in ((METRICS, True), (METRICS, False)):
         rows = dict(summary_rows(metrics, "coherent", WATER, verbose=verbose))
         assert rows["time under way"] == "25.00 h in steps of 1,800 s"
-        assert rows["fails, coherent currents, 20,000 fresh flights"].startswith("0.15 %")
+        assert answer_line(METRICS, "coherent", WATER).endswith("in currents of this forecast.")
+        assert ("fails, coherent currents, 20,000 fresh flights" in rows) == verbose
         assert not any(word in name for name in rows for word in ("wind", "flight time", "airspeed"))
 
 

@@ -53,6 +53,7 @@ def _headline(place: Path) -> None:
 
 
 TEXTS, MAP, OTHER = "page: all texts", "page: map", "page: other numbers"
+LAND = "page: coasts and cities"
 
 
 def in_html(pattern: str, new: str) -> Callable[[Path], Any]:
@@ -105,6 +106,16 @@ PAGE_LIES = (
     Lie("the page counts other failures", in_html(r"flights: (\d+) met", r"flights: 9\1 met"), (TEXTS,)),
     Lie("the map of the page has no first obstacle", in_page(_without_obstacle), (MAP,)),
     Lie("an obstacle of the page is elsewhere", in_page(_moved_obstacle), (MAP,)),
+    Lie(
+        "a city of the page lies elsewhere",
+        in_page(lambda data: data["geography"]["cities"][3].__setitem__(2, 35.0)),
+        (LAND,),
+    ),
+    Lie(
+        "a coast of the page lies elsewhere",
+        in_page(lambda data: data["geography"]["land"][0][5].__setitem__(0, -95.123)),
+        (LAND,),
+    ),
     Lie("the script of the page covers all errors", in_page(_covers_all), (OTHER,)),
     Lie("the page has no tight places", in_page(_no_tight_places), (OTHER,), "full"),
     Lie("the page draws other flights", in_page(_no_failures), (OTHER,)),

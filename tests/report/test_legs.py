@@ -106,7 +106,7 @@ def test_a_slow_leg_has_two_decimals_and_its_own_line() -> None:
     assert [len(group) for group in groups] == [2, 1]
     drift = replace(groups[0][0], wind=0.124, wind_sd=0.012, calibrated=math.nan)  # in the water
     assert "true, 0.35 m/s; wind 0.12 m/s from 090 (sd 0.01)" in _legs_line([drift], AIR)
-    assert "true, 0.35 m/s; current 0.12 m/s from 090 (sd 0.01)" in _legs_line([drift], WATER)
+    assert "true, 0.35 m/s; current 0.12 m/s sets to 270 (sd 0.01)" in _legs_line([drift], WATER)
 
 
 def test_a_leg_to_a_region_with_a_window_names_the_proposition() -> None:

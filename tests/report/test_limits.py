@@ -152,13 +152,13 @@ def test_a_place_is_tight_by_its_price_or_by_its_probability() -> None:
     assert list(places) == [0, 1, 20]
     assert places[0] == [
         "the eastern border, 00:00Z to 00:30Z",
-        "collides 4.8 % of at most 5.0 %, independent winds",
+        "collides 4.8 % of 5.0 % allowed, independent winds",
         "all barriers 1 km farther: 0.10 points fewer failures",
     ]
     assert len(places[1]) == 2
     unlimited = places_of(told(replace(plan, epsilon=1.0)))
     assert list(unlimited) == [0, 20]
-    assert unlimited[0][1] == "collides 4.8 %, independent winds"
+    assert unlimited[0][1] == "collides 4.8 %, without a limit, independent winds"
 
 
 def test_obstacles_with_a_price_are_known_by_their_number() -> None:
@@ -187,12 +187,12 @@ def test_a_price_with_a_large_error_is_counted_and_not_shown(shown: ShownRun) ->
 def test_text_says_what_the_rows_say_and_what_is_missing() -> None:
     plan = limited_plan()
     lines = list(told(plan).lines())
-    assert "independent winds, 5.0 % allowed (planner.epsilon); at most 4.8 %" in lines[0]
+    assert "independent winds: 4.8 % of 5.0 % allowed (planner.epsilon)" in lines[0]
     closest = "0  00:00Z - 00:30Z; the eastern border, 1.7 standard deviations away; 4.8 %"
     assert lines[1].strip() == closest
     assert lines[-5].strip() == "obstacle 6 at 09:00Z: 1 km smaller on every side, 0.27 points fewer failures"
     assert list(told(replace(plan, limits=None, prices=())).lines()) == [NO_SEGMENTS, "", NO_PRICES]
-    assert "no limit (planner.epsilon)" in next(told(replace(plan, epsilon=1.0)).lines())
+    assert "without a limit (planner.epsilon)" in next(told(replace(plan, epsilon=1.0)).lines())
 
 
 # --- page ---------------------------------------------------------------------------------------

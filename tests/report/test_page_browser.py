@@ -94,7 +94,7 @@ def test_points_are_chosen_with_the_keyboard(opened: Opened) -> None:
 
 def test_the_slider_moves_robot_wind_flights_risk_and_automaton(opened: Opened) -> None:
     opened.value("showPoint(PAGE.chosen); player.go(0)")
-    kinds = (".vehicle", ".wind", ".flight")
+    kinds = (".vehicle", ".speed", ".flight")
     before = {kind: drawn(opened, kind) for kind in kinds}
     now = opened.page.locator("#risk .now").get_attribute("d")
     clock = opened.page.locator("#clock").text_content()
@@ -153,7 +153,7 @@ def test_failed_flights_have_another_colour_and_another_line(opened: Opened) -> 
 def test_layers_are_switched_off_and_on(opened: Opened) -> None:
     opened.value("showPoint(PAGE.chosen)")
     for name, kind in (
-        ("wind", ".wind"), ("doubt", ".doubt"), ("ellipses", ".ellipse"), ("flights", ".trail"),
+        ("wind", ".speed"), ("doubt", ".doubt path"), ("ellipses", ".ellipse"), ("flights", ".trail"),
         ("others", ".others"),
     ):  # fmt: skip
         box = opened.page.locator(f"#layer-{name}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pareto_ltl.support.counts import clopper_pearson
-from pareto_ltl.support.display import interval_text, promised_text, rate_text
+from pareto_ltl.support.display import answer_text, interval_text, promised_text, rate_text, winds_text
 
 FLIGHTS, WEIGHTED = "flights", "importance sampling"  # methods of failure rates
 SAMPLES = {FLIGHTS: "flights", WEIGHTED: "weighted flights"}  # how the runs of each method are called
@@ -104,6 +104,11 @@ class Promise:
     def fails(self) -> str:
         """The promised rate as text: ``5.2 %``; not less than the data of the law can say."""
         return promised_text(self.rate.failure, self.floor)
+
+    def answer(self, flows: str, gap: str = "") -> str:
+        """How many flights fail, in a sentence, in ``flows``: winds or currents; ``gap`` as in a plan."""
+        rate = self.rate
+        return answer_text(rate.failure, rate.low, rate.high, winds_text(flows, rate.law, gap), self.floor)
 
     def __str__(self) -> str:
         rate = self.rate

@@ -84,6 +84,96 @@ def rate_text(rate: float, low: float, high: float) -> str:
     return f"{probability_text(rate)} (95 %: {interval_text(low, high)})"
 
 
+def flights_text(rate: float, low: float, high: float) -> tuple[str, str]:
+    """A failure rate and its 95 % interval as numbers of 100, 10,000 or a million flights.
+
+    >>> flights_text(0.0282, 0.0259, 0.0306)
+    ('2.8 of 100 flights', '2.6 to 3.1')
+    >>> flights_text(0.623, 0.6171, 0.6301)
+    ('62.3 of 100 flights', '61.7 to 63.0')
+    >>> flights_text(0.0015, 0.001, 0.0021)
+    ('15 of 10,000 flights', '10 to 21')
+    """
+    size = rate if rate > 0.0 else high
+    whole = next((n for n, least in ((100, 0.00995), (10_000, 0.0000995)) if size >= least), 1_000_000)
+    tenths = whole * (high - low) < 2.0
+
+    def number(value: float) -> str:
+        count = whole * min(value, 1.0)
+        if 0.0 < count < 0.001:
+            return "less than 0.001"
+        if whole == 100 and 99.0 < count < 100.0:
+            return f"{min(count, 99.99):.2f}"
+        return (
+            f"{count:.{int(tenths)}f}" if count >= 9.95 else f"{count:.2g}" if count < 1.0 else f"{count:.1f}"
+        )
+
+    return f"{number(rate)} of {whole:,} flights", f"{number(low)} to {number(high)}"
+
+
+def answer_text(rate: float, low: float, high: float, where: str, floor: float = 0.0) -> str:
+    """The answer to how likely a plan is to fail, in a sentence; ``where`` are the winds that it counts in.
+
+    Below the ``floor`` of the law of forecast errors it says what its data can say.
+
+    >>> answer_text(0.0282, 0.0259, 0.0306, "winds of this forecast")
+    '2.8 of 100 flights fail (2.6 to 3.1), in winds of this forecast'
+    >>> answer_text(1e-4, 4e-5, 2e-4, "winds of this forecast", 1 / 65)
+    "fewer than 1.5 of 100 flights fail, in winds of this forecast: the law's data cannot say less"
+    """
+    shown, interval = flights_text(rate, low, high)
+    if rate < floor:
+        least = flights_text(floor, floor, floor)[0]
+        return f"fewer than {least} fail, in {where}: the law's data cannot say less"
+    return f"{shown} fail ({interval}), in {where}"
+
+
+def headline_text(
+    rate: float, low: float, high: float, where: str, sample: str, floor: float = 0.0
+) -> tuple[str, str]:
+    """The number of flights that fail, and a note on it: interval, winds (or currents) and ``sample``.
+
+    >>> headline_text(0.0282, 0.0259, 0.0306, "winds of this forecast", "20,000 flights")
+    ('2.8 of 100 flights', '2.6 to 3.1 (95 %), in winds of this forecast; 20,000 flights')
+    """
+    shown, interval = flights_text(rate, low, high)
+    if rate >= floor:
+        return shown, f"{interval} (95 %), in {where}; {sample}"
+    least = flights_text(floor, floor, floor)[0]
+    said = f"in {where}: the law's data cannot say less; of {sample} {rate_text(rate, low, high)} fail"
+    return f"fewer than {least}", said
+
+
+LAW_WORDS = {"coherent": "{} of this forecast", "independent": "{} drawn anew at every step"}
+
+
+def winds_text(flows: str, law: str, gap: str = "") -> str:
+    """The winds (or currents) of a law in words; ``gap``: of another level than the robot's.
+
+    >>> winds_text("winds", "coherent"), winds_text("currents", "independent")
+    ('winds of this forecast', 'currents drawn anew at every step')
+    """
+    if gap:
+        return f"{flows} of another level than the robot's (no promise)"
+    return LAW_WORDS.get(law, f"{law} {{}}").format(flows)
+
+
+def allowed_text(probability: float, limit: float) -> str:
+    """A probability that is limited: ``3.8 % of 5.0 % allowed``; 1 or more is no limit.
+
+    >>> allowed_text(0.038, 0.05), allowed_text(0.06, 0.05), allowed_text(0.06, 1.0)
+    ('3.8 % of 5.0 % allowed', '6.0 %, above the 5.0 % allowed', '6.0 %, without a limit')
+    """
+    shown, most = probability_text(probability), probability_text(limit)
+    if limit >= 1.0:
+        return f"{shown}, without a limit"
+    return (
+        f"{shown} of {most} allowed"
+        if probability <= limit * 1.0005
+        else f"{shown}, above the {most} allowed"
+    )
+
+
 def promised_text(rate: float, floor: float) -> str:
     """A promised rate as text; below the ``floor`` of the law of forecast errors, what its data can say.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl import Settings
-from pareto_ltl.support.display import probability_text, rate_text
+from pareto_ltl.support.display import allowed_text, answer_text, probability_text, rate_text, winds_text
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.cli.output import Answer, shown_table
 from pareto_ltl_apps.view import PAGE_FILE
@@ -58,7 +58,9 @@ def run_answer(
         metrics, settings.fidelity.law, settings.medium, verbose=verbose,
         fails=f"fails in a {flow} of another level" if gap else "fails",
     )  # fmt: skip
+    answer = answer_line(metrics, settings.fidelity.law, settings.medium, gap)
     lines: list[object] = [
+        *([Text(answer, style="bold")] if answer else []),
         _summary_table(settings.name, [*rows, *limit_rows(plan, settings.medium), last]),
         *([f"No promise: {gap}; the rates count flights in the {flow} used."] if gap else []),
         *warning_paragraphs(warnings, directory),
@@ -120,6 +122,9 @@ def plan_paragraphs(settings: Settings, directory: Path, plan: Plan) -> Iterator
     from pareto_ltl import Run
 
     results = Run.open(directory)
+    from pareto_ltl_apps.view.trade import trade_lines
+
+    yield from (f"{line}." for line in trade_lines(results.scene, results.front, results.plan))
     if results.scene.landmarks:
         from pareto_ltl_apps.view.limits import detour_lines
 
@@ -129,19 +134,15 @@ def plan_paragraphs(settings: Settings, directory: Path, plan: Plan) -> Iterator
 def limit_rows(plan: Plan | None, medium: Medium = AIR) -> Iterator[tuple[str, str]]:
     """The segment of ``plan`` that is closest to its chance constraint, if there is one."""
     if plan is not None and plan.worst is not None and not plan.epsilon_kept:
-        risk, largest = (probability_text(p) for p in (plan.worst.probability, plan.epsilon))
         yield (
-            f"worst segment, {plan.models.law} {medium.flows}",
-            f"{plan.worst.nearest} at step {plan.worst.step + 1}: collides {risk}, "
-            f"above the limit of {largest}",
+            f"likeliest collision, {plan.models.law} {medium.flows}",
+            f"{allowed_text(plan.worst.probability, plan.epsilon)}, {plan.worst.nearest}",
         )
     elif plan is not None and plan.limits is not None:
         k = int(plan.limits.probability.argmax())
-        risk = probability_text(float(plan.limits.probability[k]))
-        largest = "no limit" if plan.epsilon >= 1.0 else f"at most {probability_text(plan.epsilon)}"
         yield (
-            f"closest segment, {plan.models.law} {medium.flows}",
-            f"{plan.limits.nearest[k]} at step {k + 1}: collides {risk}, {largest}",
+            f"likeliest collision, {plan.models.law} {medium.flows}",
+            f"{allowed_text(float(plan.limits.probability[k]), plan.epsilon)}, {plan.limits.nearest[k]}",
         )
 
 
@@ -151,13 +152,12 @@ def summary_rows(
 ) -> Iterator[tuple[str, str]]:  # fmt: skip
     """Names and values of the metrics that exist; ``law`` is the wind law of the plan, ``fails`` its rate.
 
-    Where flights judge, only ``verbose`` has the bounds and other simulated flights; only it has the times
-    of stages.
+    Where flights judge, the failure is said before (:func:`answer_line`), and only ``verbose`` has its row,
+    the bounds and other simulated flights; only it has the times of stages.
     """
     flows = medium.flows
     if {"promise_failure", "length_m"} <= set(metrics) and not verbose:  # a plan, not a study of plans
         yield from _cost_rows(metrics, medium)
-        yield _promise_row(metrics, f"{fails}, {law} {flows}")
         if "branches" in metrics:
             rate = rate_text(*(metrics[f"branches_{name}"] for name in ("failure", "low", "high")))
             yield (
@@ -228,13 +228,23 @@ def _wind_rows(metrics: Mapping[str, float]) -> Iterator[tuple[str, str]]:
 
 
 def _promise_row(metrics: Mapping[str, float], name: str) -> tuple[str, str]:
-    rate, limit = metrics["promise_failure"], probability_text(metrics["promise_high"])
+    rate = metrics["promise_failure"]
     kind = "weighted" if metrics.get("promise_weighted") else "fresh"
     named = f"{name}, {metrics['promise_runs']:,.0f} {kind} flights"
-    shown = f"{probability_text(rate)}, at most {limit} (95 %)"
+    shown = rate_text(rate, metrics["promise_low"], metrics["promise_high"])
     if rate >= (floor := metrics.get("promise_floor", 0.0)):
         return named, shown
     return named, f"below {probability_text(floor)}: the law's data cannot say less; simulated: {shown}"
+
+
+def answer_line(metrics: Mapping[str, float], law: str, medium: Medium = AIR, gap: str = "") -> str:
+    """How many flights of the plan fail, the first line of a summary; empty where bounds judge."""
+    if not {"promise_failure", "length_m"} <= set(metrics):
+        return ""
+    rate, low, high = (metrics[f"promise_{end}"] for end in ("failure", "low", "high"))
+    where = winds_text(medium.flows, law, gap)
+    sentence = answer_text(rate, low, high, where, metrics.get("promise_floor", 0.0))
+    return f"{sentence[0].upper()}{sentence[1:]}."
 
 
 # --- tables of studies -------------------------------------------------------------------------

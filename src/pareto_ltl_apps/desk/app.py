@@ -24,11 +24,13 @@ from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, NotFoundError, ParetoLtlError
 from pareto_ltl.support.reading import Advice, parse_json, read_json, shown_json
 from pareto_ltl_apps.desk import backdrop, missions, views
+from pareto_ltl_apps.desk.earth import LONGEST_NAME, ground_view
 from pareto_ltl_apps.desk.explaining import Explainer
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.desk.plans import Job, Plans
 from pareto_ltl_apps.desk.server import Guard, LoopbackServer, loopback_server
 from pareto_ltl_apps.view.components import FOLDER
+from pareto_ltl_apps.view.geography import places_named
 
 MAX_TIME = 1e8  # [s] after departure
 JSON_TYPE = "application/json"
@@ -305,8 +307,20 @@ def keep_wind(requested: DeskRequest) -> Answer:
     return {"path": requested.folder.keep_wind(requested.query("name"), requested.content)}
 
 
+@operation("GET", "/api/ground")
+def show_ground(requested: DeskRequest) -> Answer:
+    """Land, lakes, borders, cities (?box=WEST,SOUTH,EAST,NORTH&pixels=N)."""
+    return ground_view(requested.query("box"), requested.query("pixels", "1000"))
+
+
+@operation("GET", "/api/places")
+def find_places(requested: DeskRequest) -> Answer:
+    """Cities by a part of their name (?find=NAME), the largest ones first."""
+    return {"places": places_named(requested.query("find")[:LONGEST_NAME])}
+
+
 @operation("GET", "/api/choices")
-def show_choices(_asked: DeskRequest) -> Answer:
+def show_choices(_requested: DeskRequest) -> Answer:
     """Names of vehicles, winds, patterns, examples."""
     return missions.choices_of_desk()
 

@@ -20,6 +20,7 @@ from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
 from pareto_ltl.support.run_status import RUN_LOG
 from pareto_ltl_apps.desk.folder import PLAN_NAME, PLANS, DeskFolder
+from pareto_ltl_apps.view.in_words import mission_in_words
 
 WORKER = (sys.executable, "-m", "pareto_ltl_apps.cli.desk_worker")
 PATIENCE = 10.0  # [s] in which a cancelled run can record how it ended
@@ -141,7 +142,7 @@ class Plans:
         command = f"cd {shlex.quote(str(self.folder.root))} && {shlex.join(['pareto-ltl', *argv])}"
         return {
             "id": name, "status": status, "directory": str(place), "error": error, "command": command,
-            "warnings": _warnings(place), "made_by": argv[0] if argv else "plan",
+            "warnings": _warnings(place), "made_by": argv[0] if argv else "plan", **_summary(place),
         }  # fmt: skip
 
     def all_states(self) -> list[dict[str, Any]]:
@@ -271,6 +272,20 @@ class Plans:
             return
         worker.terminate()
         asyncio.get_running_loop().call_later(PATIENCE, _kill, worker)
+
+
+def _summary(place: Path) -> dict[str, Any]:
+    """Mission in words (or its formula), failure rate and length [m] of a plan, for a list."""
+    file = place / "plan.json"
+    if not file.is_file():
+        return {"mission": "", "failure": None, "length_m": None}
+    plan = read_json(file)
+    formula, promise = str(plan.get("formula", "")), plan.get("promise")
+    return {
+        "mission": mission_in_words(formula) or formula,
+        "failure": None if promise is None else promise["failure"],
+        "length_m": plan["objectives"]["length"],
+    }
 
 
 def _warnings(place: Path) -> list[str]:

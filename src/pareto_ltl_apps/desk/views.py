@@ -7,6 +7,7 @@ import io
 import math
 import threading
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -57,6 +58,9 @@ def front_view(directory: Path) -> dict[str, Any]:
         "alarms": read_json(directory / "replan.json")["alarms"] if alarmed else [],
         "points": [] if front is None else _rows(front),
         "chosen": chosen_number(front, run.plan),
+        "promise": None
+        if run.plan is None or run.plan.promise is None
+        else asdict(run.plan.promise.rate) | {"floor": run.plan.promise.floor},
         "law": "" if front is None else front.models.law,
         "formula": "" if run.automaton is None else run.automaton.formula,
     }

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import math
+from datetime import datetime, timedelta
 from itertools import groupby
 from typing import Any
 
@@ -70,7 +71,7 @@ def card_of(log: NavigationLog, first: int = 0) -> bytes:
 
     def row(k: int, name: str, *flown: str) -> list[str | None]:
         place = f"{log.lat[k]:.4f}", f"{log.lon[k]:.4f}", f"{log.radius[k] / 1e3:.1f}"
-        return [name, log.time_utc(k), f"{log.t[k]:.0f}", *flown, *place]
+        return [name, _whole_second(log.time_utc(k)), f"{log.t[k]:.0f}", *flown, *place]
 
     rows = []
     for command, same in groupby(range(log.legs), key=commands.__getitem__):
@@ -80,6 +81,14 @@ def card_of(log: NavigationLog, first: int = 0) -> bytes:
         flown = f"{log.duration[legs].sum():.0f}", f"{log.distance[legs].sum() / 1e3:.1f}"
         rows.append(row(legs[0], name, *command, *flown))
     return csv_text(CARD_COLUMNS, [*rows, row(log.legs, str(first + log.legs), *[""] * 5)]).encode()
+
+
+def _whole_second(utc: str | None) -> str | None:
+    """A time to the nearest second: ``2016-11-20T00:40:00Z``; None for none."""
+    if not utc or "." not in utc:
+        return utc
+    time = datetime.fromisoformat(utc) + timedelta(seconds=0.5)
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def _speed(value: float, digits: int) -> str:

@@ -153,7 +153,9 @@ def _draw_figure(summary: SweepSummary, out: Path) -> str | None:
 
     folder = out / "figures"
     folder.mkdir(exist_ok=True)
-    return draw_sweep_figure(folder, *figure, figure_series(summary, *figure))
+    series = figure_series(summary, *figure)
+    missing = len(summary.rows) - sum(map(len, series.values()))
+    return draw_sweep_figure(folder, *figure, series, missing=missing)
 
 
 def chosen_figure(summary: SweepSummary) -> tuple[str, str, str | None] | None:
@@ -168,9 +170,7 @@ def chosen_figure(summary: SweepSummary) -> tuple[str, str, str | None] | None:
     varied = [key for key in swept if not is_seed(key)] or swept
     rates = [name for name in metrics if name.startswith("failure_") and not name.endswith(("_low", "_high"))]
     x = requested.x or (varied[0] if varied else "job")
-    y = requested.y or next(
-        (name for name in (PROMISED, *rates, "mission_risk", "run_seconds") if name in metrics), metrics[0]
-    )
+    y = requested.y or _shared_metric(summary, (PROMISED, *rates, "mission_risk", "run_seconds", *metrics))
     others = [key for key in varied if key != x]
     by = requested.by or (others[0] if others else None)
     for role, name, known in (("x", x, [*swept, *metrics, "job"]), ("y", y, metrics), ("by", by, swept)):
@@ -178,6 +178,12 @@ def chosen_figure(summary: SweepSummary) -> tuple[str, str, str | None] | None:
             there = ", ".join(known)
             raise ConfigError(f"sweep.{role}={shown_text(name)} is not among the columns; there are {there}")
     return x, y, by
+
+
+def _shared_metric(summary: SweepSummary, names: Sequence[str]) -> str:
+    """The first of the metrics ``names`` that most of the jobs with results have, so that all are shown."""
+    made = [row.state.metrics for row in summary.rows if row.state.metrics]
+    return max(dict.fromkeys(names), key=lambda name: sum(name in metrics for metrics in made))
 
 
 def figure_series(

@@ -14,7 +14,7 @@ from pareto_ltl.extend import Deployment, FailureRate, Plan, PlannedPath, Proble
 from pareto_ltl.logic.timed import places_of
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
-from pareto_ltl.support.medium import Medium
+from pareto_ltl.support.medium import WATER, Medium
 from pareto_ltl_apps.exports.exported import height_sentence
 from pareto_ltl_apps.exports.geojson import border_corners
 from pareto_ltl_apps.exports.navigation_log import expected_winds, navigation_log
@@ -220,7 +220,8 @@ def _course_text(legs: Sequence[Leg], medium: Medium) -> str:
         return f"{speed}; {medium.flow} {wind} m/s (sd {sd})"
     heading, source = map(_mean_angle, zip(*((leg.heading_true, leg.wind_from) for leg in legs), strict=True))
     course = "drifting" if np.isnan(heading) else f"heading {heading:05.1f} true"
-    return f"{course}, {speed}; {medium.flow} {wind} m/s from {source:03.0f} (sd {sd})"
+    toward = f"sets to {(source + 180.0) % 360.0:03.0f}" if medium is WATER else f"from {source:03.0f}"
+    return f"{course}, {speed}; {medium.flow} {wind} m/s {toward} (sd {sd})"
 
 
 def _mean_angle(degrees: Sequence[float]) -> float:
@@ -279,6 +280,7 @@ def _promise_lines(plan: Plan, flown: Deployment, medium: Medium) -> Iterator[st
         yield Plan.NO_PROMISE
     else:
         if promise is not None:
+            yield promise.answer(flows, plan.level_gap)
             yield f"promised: {fails(promise.rate)}"
             if promise.rate.failure < promise.floor:
                 yield f"promised: {promise.fails}"

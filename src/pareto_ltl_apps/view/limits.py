@@ -14,7 +14,7 @@ import numpy as np
 
 from pareto_ltl import Scene
 from pareto_ltl.extend import Front, Plan, Price
-from pareto_ltl.support.display import SLOW, distance_text, probability_text
+from pareto_ltl.support.display import SLOW, allowed_text, distance_text, probability_text
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.view.legs import step_times
 
@@ -127,11 +127,8 @@ class PlanLimits:
         if not segments:
             yield NO_SEGMENTS
         else:
-            allowed = epsilon_text(plan) + " allowed" * (plan.epsilon < 1.0)
-            yield (
-                f"collision probability of a segment, {self.law}, {allowed} (planner.epsilon); at most "
-                f"{probability_text(segments[0].probability)}"
-            )
+            closest = allowed_text(segments[0].probability, plan.epsilon)
+            yield f"largest collision probability of a segment, {self.law}: {closest} (planner.epsilon)"
             yield from self.breach()
             for row in segments:
                 yield (
@@ -203,12 +200,11 @@ class PlanLimits:
             return []
         times, unit = step_times(self.scene, plan.path), small_change(self.scene)
         priced = limits.price > TIGHT_PRICE * float(limits.price.max())
-        limit = "" if plan.epsilon >= 1.0 else f" of at most {epsilon_text(plan)}"
         places = []
         for k in np.flatnonzero(priced | (limits.probability > TIGHT_RISK * plan.epsilon)).tolist():
-            risk = probability_text(float(limits.probability[k]))
+            risk = allowed_text(float(limits.probability[k]), plan.epsilon)
             barrier = self.scene.barrier_title(limits.nearest[k])
-            lines = [f"{barrier}, {times[k]} to {times[k + 1]}", f"collides {risk}{limit}, {self.law}"]
+            lines = [f"{barrier}, {times[k]} to {times[k + 1]}", f"collides {risk}, {self.law}"]
             if priced[k]:
                 saved = points_text(float(limits.price[k]) * unit)
                 lines.append(f"all barriers {metres_text(unit)} farther: {saved} points fewer failures")

@@ -13,11 +13,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pareto_ltl import Scene
-from pareto_ltl.extend import Forest, Plan, Promise
+from pareto_ltl.extend import Decomposition, Forest, Plan
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl_apps.view import map_layers, style
+from pareto_ltl_apps.view.land import draw_land
 from pareto_ltl_apps.view.map_layers import DRAWN_VERTICES, dense_path, timed_obstacles, visited_outlines
 from pareto_ltl_apps.view.records import DrawnRun
 from pareto_ltl_apps.view.wind import draw_wind_arrows, flight_midpoint
@@ -66,7 +67,8 @@ def column_map(scene: Scene, heading: Sequence[str], below: float) -> tuple[Figu
 
 
 def _draw_layers(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
-    map_layers.draw_ground(chart, run.scene, run.decomposition)
+    draw_land(chart, run.scene, taken_points(run.scene, run.plan))
+    map_layers.draw_ground(chart, run.scene, _shown_cells(cfg, run))
     map_layers.number_obstacles(chart, run.scene)
     if (forest := _shown_forest(cfg, run)) is not None:
         map_layers.draw_trees(chart, forest)
@@ -81,6 +83,11 @@ def _draw_layers(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
     map_layers.name_regions(chart, run.scene, taken_points(run.scene, run.plan))
 
 
+def _shown_cells(cfg: ReportConfig, run: DrawnRun) -> Decomposition | None:
+    """The cells of the search, with its trees."""
+    return None if _shown_forest(cfg, run) is None else run.decomposition
+
+
 def _shown_forest(cfg: ReportConfig, run: DrawnRun) -> Forest | None:
     """The trees, if they are wanted, or if there is no plan to show."""
     return run.forest if cfg.trees or run.plan is None else None
@@ -88,6 +95,7 @@ def _shown_forest(cfg: ReportConfig, run: DrawnRun) -> Forest | None:
 
 def draw_route(chart: Axes, scene: Scene, plan: Plan) -> None:
     """Ground, the path with its ends, and the names of the regions beside them."""
+    draw_land(chart, scene, taken_points(scene, plan))
     map_layers.draw_ground(chart, scene, None)
     map_layers.draw_branches(chart, plan)
     map_layers.draw_mean_path(chart, plan.path.x)
@@ -119,7 +127,7 @@ def taken_points(scene: Scene, plan: Plan | None) -> FloatArray:
 
 
 def _heading(run: DrawnRun) -> list[str]:
-    """Lines above the map: formula, failures and length of the plan, or why there is no plan.
+    """Lines above the map: failures, formula and length of the plan, or why there is no plan.
 
     A plan without flights has bounds instead of failures.
     """
@@ -131,25 +139,22 @@ def _heading(run: DrawnRun) -> list[str]:
     if run.plan.alarmed:
         answer = [Plan.NO_PROMISE]
     elif run.plan.promise is not None:
-        answer = promise_lines(run.plan.promise, run.medium.flows)
+        answer = promise_lines(run.plan, run.medium.flows)
     else:
         answer = [
             f"planned in {models.law} {run.medium.flows}: {models.mission_symbol} ≤ "
             f"{shown_probability(path.objectives.mission_risk)}, "
             f"R ≤ {shown_probability(path.objectives.collision_risk)}"
         ]
-    return [run.plan.formula, *answer, length]
+    return [*answer, run.plan.formula, length]
 
 
-def promise_lines(promise: Promise | None, flows: str) -> list[str]:
-    """Failure rate of fresh flights, its upper limit, wind law and number of flights; empty without them."""
-    if promise is None:
+def promise_lines(plan: Plan, flows: str) -> list[str]:
+    """How many fresh flights of the plan fail, in a sentence; empty without them."""
+    if plan.promise is None:
         return []
-    rate = promise.rate
-    fails, upper = shown_probability(rate.failure), shown_probability(rate.high)
-    if rate.failure < promise.floor:
-        fails = promise.fails
-    return [f"fails {fails}, at most {upper} (95 %), {rate.law} {flows}, {rate.sample}"]
+    sentence = plan.promise.answer(flows, plan.level_gap)
+    return [sentence[0].upper() + sentence[1:]]
 
 
 def _failure_heading(forest: Forest | None) -> list[str]:
@@ -225,7 +230,7 @@ def _map_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
             f"{total:,} vertices" if total <= DRAWN_VERTICES else f"{DRAWN_VERTICES:,} of {total:,} vertices"
         )
         keys.append(Line2D([], [], color=style.STONE, lw=0.6, alpha=0.8, label=text))
-    if run.decomposition is not None:
+    if _shown_cells(cfg, run) is not None:
         keys.append(Line2D([], [], color=style.MIST, lw=0.7, ls=":", label="cells"))
     return keys
 

@@ -23,6 +23,7 @@ from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl.support.times import hours_text
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.axes import hide_frame, scale_rate_axis
+from pareto_ltl_apps.view.land import draw_land
 from pareto_ltl_apps.view.limits import PlanLimits, PriceRow, points_text, priced_obstacles
 from pareto_ltl_apps.view.map import (
     LEFT,
@@ -56,7 +57,7 @@ def limits_figure(run: DrawnRun, plan: Plan) -> Figure:
     reported = PlanLimits(run.scene, plan, run.medium)
     rows = reported.prices(BARS)
     below = BARS_BELOW + BAR * len(rows) + BARS_ABOVE if rows else 0.06
-    heading = [f"What limits the plan of {plan.formula}", *promise_lines(plan.promise, run.medium.flows)]
+    heading = [f"What limits the plan of {plan.formula}", *promise_lines(plan, run.medium.flows)]
     figure, chart = column_map(run.scene, heading, below + (0.44 if plan.limits is None else SCALE_BELOW))
     draw_route(chart, run.scene, plan)
     _number_priced(chart, run.scene, plan)
@@ -256,6 +257,7 @@ def frames_figure(scene: Scene, deployment: Deployment, times: FloatArray, frame
         left = EDGE + k * (inner + GAP)
         chart = map_layers.map_axes(scene, style.axes_at(figure, left, BOTTOM, inner, height))
         chart.set(xlabel="", ylabel="", xticks=[], yticks=[])
+        draw_land(chart, scene, cities=False)
         map_layers.draw_ground(chart, scene, None)
         map_layers.name_regions(chart, scene, times=False)
         _draw_moment(chart, deployment, int(step), count)

@@ -28,6 +28,7 @@ from pareto_ltl_apps.view.axes import (
     hide_frame,
     set_rate_ticks,
 )
+from pareto_ltl_apps.view.land import draw_land
 
 LEFT, BASE = 0.52, 0.62  # [in] of both figures
 PANEL, MAP, GAP = 2.85, 2.75, 0.62  # [in] across
@@ -170,6 +171,7 @@ def _draw_routes(
     bottom = total - TOP - 0.12 - height
     chart = map_layers.map_axes(scene, style.axes_at(figure, left, bottom, MAP, height))
     map_layers.draw_graticule(chart, scene)
+    draw_land(chart, scene)
     map_layers.draw_ground(chart, scene, decomposition)
     map_layers.number_obstacles(chart, scene)
     shades = matplotlib.colormaps["viridis"](np.linspace(0.92, 0.08, max(len(routes), 1)))

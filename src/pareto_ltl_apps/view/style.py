@@ -15,7 +15,7 @@ import threading
 import warnings
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.font_manager import fontManager
+from matplotlib.font_manager import findSystemFonts, fontManager
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
@@ -101,7 +101,25 @@ _STYLE_LOCK = threading.Lock()  # the settings of matplotlib are global to the p
 def font_families() -> list[str]:
     """The fonts of figures that are installed: each letter is drawn by the first one that has it."""
     installed = {font.name for font in fontManager.ttflist}
+    if not installed.intersection(
+        OTHER_FONTS
+    ):  # the list of matplotlib is older than what was installed since
+        _add_new_fonts()
+        installed = {font.name for font in fontManager.ttflist}
     return [FIRST_FONT, *(name for name in OTHER_FONTS if name in installed)]
+
+
+@lru_cache(maxsize=1)  # once in a process
+def _add_new_fonts() -> None:
+    """Add the files of ``OTHER_FONTS`` that are on this machine and not in matplotlib's list."""
+    known = {font.fname for font in fontManager.ttflist}
+    wanted = tuple(
+        name.replace(" ", "").removesuffix("JP").removesuffix("SC").lower() for name in OTHER_FONTS
+    )
+    for file in sorted(set(findSystemFonts()) - known):
+        if Path(file).stem.replace("-", "").replace("_", "").lower().startswith(wanted):
+            with suppress(OSError, RuntimeError, ValueError):  # a damaged font
+                fontManager.addfont(file)
 
 
 @contextmanager

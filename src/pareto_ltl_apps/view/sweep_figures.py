@@ -24,7 +24,7 @@ SweepSeries = Mapping[str, Sequence[tuple[str, float]]]
 
 
 def draw_sweep_figure(
-    folder: Path, x: str, y: str, by: str | None, series: SweepSeries, dpi: int = 200
+    folder: Path, x: str, y: str, by: str | None, series: SweepSeries, dpi: int = 200, *, missing: int = 0
 ) -> str:
     """Write metric ``y`` over setting ``x`` as PNG and SVG into ``folder``; return the SVG element.
 
@@ -34,6 +34,8 @@ def draw_sweep_figure(
         The setting that distinguishes the series; it is the title of the legend.
     series : mapping of name to sequence of (value of x, value of y)
         One entry per series.
+    missing : int
+        Jobs of the sweep that have no such value; the figure says so.
     """
     scale = axis_scale(y)
     series = {name: [(at, scale * value) for at, value in points] for name, points in series.items()}
@@ -47,6 +49,11 @@ def draw_sweep_figure(
         axes.set_xlabel(axis_label(x), parse_math=False)
         axes.set_ylabel(axis_label(y), parse_math=False)
         _scale_axes(axes, across, np.array([value for points in series.values() for _, value in points]))
+        if missing:
+            jobs = f"{missing} job{'s' * (missing > 1)}"
+            style.text_at(
+                figure, SWEEP_WIDTH - 0.1, 0.03, f"{jobs} without {y} not shown", ha="right", fontsize=6.0
+            )
         if named:
             axes.legend(
                 title=by, alignment="left", loc="lower left", bbox_to_anchor=(0.0, 1.0),

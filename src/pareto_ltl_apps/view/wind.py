@@ -30,7 +30,12 @@ def flight_midpoint(plan: Plan | None) -> tuple[float, str]:
     if plan is None:
         return 0.0, "at departure"
     t = float(plan.path.t[0] + plan.path.t[-1]) / 2.0
-    return t, f"at mid-flight ({f'{t / 3600:.1f} h' if t >= 3600 else f'{t:.0f} s'})"
+    return t, f"at mid-flight ({_since(t)})"
+
+
+def _since(t: float) -> str:
+    """A time after departure [s]: ``9.2 h``, ``36 min``, ``90 s``."""
+    return f"{t / 3600:.1f} h" if t >= 3600 else f"{t / 60:.0f} min" if t >= 120 else f"{t:.0f} s"
 
 
 def utc_text(scene: Scene, t: float) -> str:

@@ -235,7 +235,7 @@ def flight_card(result: Evidence) -> Verdict:
         off = [
             key for key, of, unit, limit in ROUNDED if abs(unit * float(row[key]) - float(leg[of])) > limit
         ]
-        off += ["time_utc"] * (row["time_utc"] != leg["time_utc"])
+        off += ["time_utc"] * (not _same_second(row["time_utc"], leg["time_utc"]))
         if row is rows[-1]:
             off += [key for key in (*AIRSPEEDS, "heading_true_deg", "duration_s", "distance_km") if row[key]]
         else:
@@ -255,6 +255,16 @@ def _sums_off(row: dict[str, str], legs: Rows) -> list[str]:
     off = [key for key, values in common.items() if values != {row[key]}]
     sums = [(key, unit * float(row[key]) - column(legs, of).sum(), limit) for key, of, unit, limit in SUMMED]
     return off + [key for key, gap, limit in sums if not abs(gap) <= limit]
+
+
+def _same_second(whole: str, exact: str) -> bool:
+    """Whether a time in whole seconds is within half a second of another one; or neither is known."""
+    if not whole or not exact:
+        return whole == exact
+    return len(whole) == len("2018-10-09T00:00:00Z") and bool(
+        abs(np.datetime64(whole[:-1], "us") - np.datetime64(exact[:-1], "us"))
+        <= np.timedelta64(500_000, "us")
+    )
 
 
 def _rounded(text: str, digits: int) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import pareto_ltl
-from pareto_ltl.support.display import interval_text
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import parse_json, read_text
 from pareto_ltl_verify import page_texts
@@ -22,7 +22,7 @@ from pareto_ltl_verify.claims.exports import PLAN
 from pareto_ltl_verify.claims.origin import same_code
 from pareto_ltl_verify.claims.outlines import map_areas
 from pareto_ltl_verify.evidence import Evidence
-from pareto_ltl_verify.geometry import in_plane
+from pareto_ltl_verify.geometry import in_plane, on_earth
 from pareto_ltl_verify.sentences import height_text
 
 PAGE = "report.html"
@@ -43,10 +43,12 @@ DEGREES = 0.2  # [m] of a place that is rounded to six digits of a degree
 MAX_SHAPES = 20_000  # corners of all areas, of which the page leaves out some if there are more
 INVISIBLE = ("script", "style")
 PACKAGE = Path(pareto_ltl.__file__).parents[1] / "pareto_ltl_apps" / "view"
+WORLD, UNITS = PACKAGE / "geography" / "world.npz", 500  # of a degree, in which the table has its places
+EDGE = 2e-3  # [deg] of a corner on the edge of what is shown
 STYLES = ("components/components.css", "page/page.css")
 SCRIPTS = (
     *(f"components/{name}.js" for name in (
-        "shapes", "geo", "map", "wind", "flight", "front", "risk", "machine", "player"
+        "shapes", "geo", "map", "ground", "wind", "flight", "front", "risk", "machine", "player"
     )),
     *(f"page/{name}.js" for name in ("basics", "layers", "files", "main")),
 )  # fmt: skip
@@ -180,6 +182,90 @@ def drawn_map(result: Evidence) -> Verdict:
     return no_fault(f"{len(shapes)} areas", faults)
 
 
+def geography(result: Evidence) -> Verdict | None:
+    """Coasts, lakes, borders and cities of the page come from the table of this package.
+
+    Outlines are simplified and cut by a box, which is three times as wide and high as the map: each corner is
+    one of the table, or lies where a line of the table crosses the box, or is a corner of the box, or lies on
+    180 degrees. None for a page without them.
+    """
+    shown = page_data(result).get("geography")
+    if shown is None:
+        return None
+    box, number = np.array(shown["box"], float), 0
+    far = np.abs(box - _box(result)).max()
+    faults = [f"box {shown['box']}"] * bool(far > 1e-2 * np.ptp(box[::2]))
+    with np.load(WORLD) as table:
+        names = table["city_names"].tobytes().decode().split("\n")
+        lon, lat = table["city_places"] / UNITS
+        lon = box[0] + (lon - box[0]) % 360.0
+        inside = np.flatnonzero((lon <= box[2]) & (lat >= box[1]) & (lat <= box[3]))[: len(shown["cities"])]
+        wanted = [[names[k], lon[k], lat[k]] for k in inside]
+        faults += ["cities"] * (len(wanted) != len(shown["cities"]))
+        for (name, *there), (other, *here) in zip(wanted, shown["cities"], strict=False):
+            moved = name != other or float(np.abs(np.subtract(there, here)).max()) > 1e-3
+            faults += [f"city {other}"] * moved
+        for layer in ("land", "lakes", "islands", "borders", "states"):
+            known, crossed = _known_corners(table, layer, box)
+            for line in shown[layer]:
+                number += len(line)
+                xy = np.array(line, float)
+                strange = [one for one in xy if tuple(_units(one[None])[0]) not in known]
+                ends = [one for one in strange if np.abs(one[0] % 360.0 - 180.0) > EDGE]
+                off = [one for one in ends if np.abs(crossed - one).max(axis=1).min() > EDGE]
+                faults += [f"{layer} at {x:g}, {y:g}" for x, y in off]
+    return no_fault(f"{number} corners and {len(shown['cities'])} cities", faults)
+
+
+def _box(result: Evidence) -> FloatArray:
+    """The map of a result and as much again on each side: west, south, east, north [deg]."""
+    low, high = np.array(result.scene["bounds"], float)
+    sides = [np.linspace(low[i], high[i], 9) for i in (0, 1)]
+    grid = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+    lon, lat = on_earth(result.scene["crs"], np.vstack([(low + high)[None] / 2, grid]))
+    lon = lon[0] + (lon - lon[0] + 180.0) % 360.0 - 180.0
+    reach = min(np.ptp(lon), (360.0 - np.ptp(lon)) / 2)
+    south, north = lat.min() - np.ptp(lat), lat.max() + np.ptp(lat)
+    return np.array([lon.min() - reach, max(south, -89.0), lon.max() + reach, min(north, 89.0)])
+
+
+def _known_corners(table: Any, layer: str, box: FloatArray) -> tuple[set[tuple[int, int]], FloatArray]:
+    """Places of a layer, and places (n, 2) [deg] where it crosses the edges of a box, with its corners."""
+    places, ends = _table_places(table, layer)
+    a, b = np.delete(places, ends, axis=0), np.delete(places, np.append(0, ends[:-1] + 1), axis=0)
+    found = [np.array([[x, y] for x in box[::2] for y in box[1::2]])]
+    for axis, edge in ((0, box[0]), (0, box[2]), (1, box[1]), (1, box[3])):
+        for turn in (-360.0, 0.0, 360.0) if axis == 0 else (0.0,):
+            at = edge - turn
+            across = (a[:, axis] - at) * (b[:, axis] - at) <= 0.0
+            across &= a[:, axis] != b[:, axis]
+            share = (at - a[across, axis]) / (b[across, axis] - a[across, axis])
+            crossing = a[across] + share[:, None] * (b[across] - a[across])
+            shifts = (turn,) if axis == 0 else (-360.0, 0.0, 360.0)
+            found += [crossing + np.array([shift, 0.0]) for shift in shifts]
+    return {tuple(place) for place in _units(places).tolist()}, np.concatenate(found)
+
+
+def _units(places: Any) -> Any:
+    """Places (n, 2) [deg] as whole units of the table, without turns round the Earth."""
+    lon, lat = np.round(np.asarray(places, float) * UNITS).T.astype(int)
+    return np.column_stack([(lon + 180 * UNITS) % (360 * UNITS), lat])
+
+
+def _table_places(table: Any, layer: str) -> tuple[FloatArray, IntArray]:
+    """All places (n, 2) [deg] of a layer, and the numbers of the last places of its lines.
+
+    Each line has a length, a first place and the steps after it.
+    """
+    lower, upper = table[f"{layer}_steps"].astype(int)
+    steps = lower + 256 * upper - 65536 * (upper >= 128)
+    lines, at = [], 0
+    for size, *first in table[f"{layer}_begins"].tolist():
+        lines.append(np.array(first) + np.cumsum(steps[:, at : at + size].T, axis=0))
+        at += size
+    return np.concatenate(lines) / UNITS, np.cumsum(table[f"{layer}_begins"][:, 0]) - 1
+
+
 def other_data(result: Evidence) -> Verdict:
     """Names, law, departure, tight places, uncovered errors and the flights that the page draws."""
     data, plan, zero = page_data(result), result.plan, result.scene["time_zero"]
@@ -188,6 +274,7 @@ def other_data(result: Evidence) -> Verdict:
         "name": result.settings["name"], "formula": result.automaton["formula"], "law": result.planned_law,
         "notCovered": plan.get("not_covered", ""), "medium": medium,
         "onEarth": result.scene["crs"] is not None, "judge": str(result.settings["fidelity"]["judge"]),
+        "floor": (plan["promise"] or {}).get("floor", 0.0),
         "places": page_texts.tight_places(result) if not page_texts.alarmed(result) else data.get("places"),
     }  # fmt: skip
     if (height := plan.get("height")) is not None:
@@ -218,17 +305,16 @@ def other_data(result: Evidence) -> Verdict:
 
 
 def headline(result: Evidence) -> Verdict | None:
-    """The rate in large letters is the promise of plan.json, with its interval and its wind law."""
-    matches, promise = HEADLINE.findall(read_text(result.directory / PAGE)), result.plan["promise"]
-    if promise is None:
+    """The rate in large letters is the promise of plan.json, with its interval and its winds."""
+    matches = HEADLINE.findall(read_text(result.directory / PAGE))
+    if result.plan["promise"] is None:
         return None
-    value = page_texts.promised(promise)
-    begin = f"{interval_text(promise['low'], promise['high'])} (95 %), under {promise['law']}"
-    notes = tuple(f"{begin} {flow}" for flow in result.flows)
+    value, note = page_texts.headline(result)
     if len(matches) != 1:
-        return Verdict(f"{len(matches)} rates", f"{value}, {notes[0]}", False)
-    rate, note = map(unescape, matches[0])
-    return Verdict(f"{rate}, {note}", f"{value}, {notes[0]}", rate == value and note.startswith(notes))
+        return Verdict(f"{len(matches)} rates", f"{value}, {note}", False)
+    rate, stated = map(unescape, matches[0])
+    holds = rate == value and stated.startswith(note)
+    return Verdict(f"{rate}, {stated}", f"{value}, {note}", holds)
 
 
 class Texts(HTMLParser):
@@ -341,6 +427,7 @@ CLAIMS: tuple[Claim, ...] = (
     Claim("page: points of the front", (PAGE, "front.csv", "plan.json"), points),
     Claim("page: paths and promise", (*FILES, "front.csv", "front.npz"), paths),
     Claim("page: map", (PAGE, *PLAN), drawn_map),
+    Claim("page: coasts and cities", FILES, geography),
     Claim("page: other numbers", FILES, other_data),
     Claim("page: rate in the headline", (PAGE, "plan.json"), headline),
     Claim("page: all texts", FILES, whole_page),

@@ -13,9 +13,12 @@ const TOOLS = [
   { name: "region-circle", label: "Round region", role: "region", shape: "circle", hint: "Click the centre of the region, then its edge." },
   { name: "obstacle", label: "Obstacle", role: "obstacle", shape: "polygon", hint: "Click the corners of the obstacle; click the first corner again to close it." },
   { name: "obstacle-circle", label: "Round obstacle", role: "obstacle", shape: "circle", hint: "Click the centre of the obstacle, then its edge." },
+  { name: "line", label: "Line", role: "obstacle", shape: "line", hint: "Click along a power line, a cable or a road; click its last corner again, or press Enter, to end it. Its width is set beside the map." },
   { name: "landmark", label: "Landmark", role: "landmark", shape: "polygon", hint: "Click the corners of the area in which the vehicle measures its position." },
   { name: "border", label: "Border", role: "border", shape: "box", hint: "Click two opposite corners of the area that is planned in." },
+  { name: "measure", label: "Measure", role: "measure", shape: "measure", hint: "Click along what you measure; Escape ends." },
 ];
+const WIDTH = "200 m";  // from a new line to either side
 const BEGIN = "Begin here: press Start and click on the map, then draw a region; or open an example or a file.";
 const NEAR = 12;  // [pixels] from the first corner that close an outline
 
@@ -23,7 +26,7 @@ export class Drawing {
   /** `told(text)` shows a hint. */
   constructor(map, store, told) {
     Object.assign(this, { map, store, told, tool: TOOLS[0], points: [], pointer: null, chosen: null, corner: null });
-    for (const tool of TOOLS) byId("tools").append(html("button", { type: "button", "data-tool": tool.name, "aria-pressed": false, onclick: () => this.take(tool.name) }, tool.label));
+    for (const tool of TOOLS) byId("tools").append(html("button", { type: "button", "data-tool": tool.name, "aria-pressed": false, onclick: () => this.take(tool.name) }, ...tool.role && tool.role !== "measure" ? [html("span", { class: `sign ${tool.role} ${tool.shape === "line" ? "line" : tool.shape === "circle" ? "round" : ""}`, "aria-hidden": "true" })] : [], tool.label));
     byId("tools").append(html("button", { type: "button", id: "undo", title: "Ctrl+Z", onclick: () => { this.stop(); store.undo(); } }, "Undo"), html("button", { type: "button", id: "redo", title: "Ctrl+Y", onclick: () => { this.stop(); store.redo(); } }, "Redo"));
     document.addEventListener("keydown", event => this.key(event));
     this.take("select");
@@ -102,9 +105,9 @@ export class Drawing {
     const [first] = this.points, near = first && Math.hypot(...this.map.at(first).map((a, k) => a - this.map.at(place)[k])) < NEAR;
     if (shape === "polygon" && near && this.points.length >= 3) { this.close(); return; }
     const last = this.points.at(-1);
-    if (last && Math.hypot(...this.map.at(last).map((a, k) => a - this.map.at(place)[k])) < 3) { if (shape === "polygon") this.close(); return; }  // a double click
+    if (last && Math.hypot(...this.map.at(last).map((a, k) => a - this.map.at(place)[k])) < 3) { if (shape === "polygon" || shape === "line") this.close(); return; }  // a double click
     this.points.push(place);
-    if (shape !== "polygon" && this.points.length === 2) this.close();
+    if ((shape === "circle" || shape === "box") && this.points.length === 2) this.close();
     this.map.refresh();
   }
 
@@ -113,7 +116,8 @@ export class Drawing {
     if (shape === "polygon" && points.length >= 3) {
       if (crossesItself(points)) { this.told("The outline crosses itself: move back with Backspace, or Escape to begin again."); return; }
       this.finish("polygon", points);
-    } else if (shape === "circle" && points.length === 2) this.finish("circle", [points[0]], radiusText(distance(...points)));
+    } else if (shape === "line" && points.length >= 2) this.finish("line", points, WIDTH);
+    else if (shape === "circle" && points.length === 2) this.finish("circle", [points[0]], radiusText(distance(...points)));
     else if (shape === "box" && points.length === 2) {
       const [[a, b], [c, d]] = points;
       this.finish("polygon", [[Math.min(a, c), Math.min(b, d)], [Math.max(a, c), Math.min(b, d)], [Math.max(a, c), Math.max(b, d)], [Math.min(a, c), Math.max(b, d)]]);
@@ -156,7 +160,11 @@ export class Drawing {
     } else if (shape === "box" && this.pointer) {
       const [[a, b], [c, d]] = [this.points[0], this.pointer];
       found.push(svg("path", { class: `feature ${role} draft`, d: map.line([[a, b], [c, b], [c, d], [a, d]], true) }));
-    } else found.push(svg("path", { class: `feature ${role} draft`, d: map.line(way, way.length > 2) }));
+    } else if (shape === "measure") {
+      const total = way.slice(1).reduce((sum, place, k) => sum + distance(way[k], place), 0);
+      found.push(svg("path", { class: "measure", d: map.line(way) }));
+      this.told(`${lengthText(total)} (${(total / 1852).toFixed(1)} nmi). Click on, or press Escape to end.`);
+    } else found.push(svg("path", { class: `feature ${role} draft${shape === "line" ? " line" : ""}`, d: map.line(way, shape !== "line" && way.length > 2) }));
     this.points.forEach((place, k) => { const [cx, cy] = map.at(place); found.push(svg("circle", { class: "handle", cx, cy, r: k ? 4 : 7 })); });
     return found;
   }

@@ -3,11 +3,12 @@
 import { ask, giveFile } from "./api.js";
 import { Backdrop } from "./backdrop.js";
 import { Drawing } from "./drawing.js";
-import { mercator, placeText } from "./geo.js";
+import { Earth } from "./earth.js";
+import { lengthText, mercator, placeText } from "./geo.js";
 import { ChartMap } from "./map.js";
 import { Panels } from "./panels.js";
 import { Result } from "./result.js";
-import { byId, html, svg } from "./shapes.js";
+import { byId, html, percent, svg } from "./shapes.js";
 import { kml, outline, Store } from "./store.js";
 import { Studies } from "./studies.js";
 
@@ -26,24 +27,30 @@ function failed(error) {
 function forgive() { byId("problem").hidden = true; spot = null; }
 
 const store = new Store(() => { if (ready) { panels.show(); drawing.hint(); } backdrop.show(store.mission.backdrop).catch(failed); byId("no-backdrop").hidden = !store.mission.backdrop; map.refresh(); readyToPlan(); }, failed);
-let ready = false, drawing, panels, result, studies;
+let ready = false, earth, drawing, panels, result, studies;
 const backdrop = new Backdrop(() => map.refresh());
 
-const map = new ChartMap(byId("map"), view => [...backdrop.shapes(view), ...windShapes(view), ...drawing?.shapes(view, result?.view?.line ?? []) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
+const map = new ChartMap(byId("map"), view => [...earth?.layer.names(view) ?? [], ...backdrop.shapes(view), ...windShapes(view), ...drawing?.shapes(view, result?.view?.line ?? []) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
   press: (place, target) => target.dataset?.fix !== undefined ? { kind: "fix" } : drawing.press(place, target),
   drag: (held, place, before) => held.kind === "fix" ? result.dragFix(place) : drawing.drag(held, place, before),
   dropped: held => { if (held.kind !== "fix") store.changed(); },
-  move: place => { byId("where").textContent = placeText(place); drawing.move(place); },
+  move: place => { byId("where").textContent = `${placeText(place)}${windText(place)}`; drawing.move(place); },
   click: (place, target) => drawing.click(place, target),
-});
+}, { under: () => earth?.shapes() ?? [] });
 
 Object.assign(map, { middle: mercator([-92, 37]), scale: 6000 });  // until there is something to show: 700 km
 
 /** The wind of the plan that is shown, or the wind before one; it lies under what is drawn. */
 function windShapes(view) {
   if (!result) return [];
-  byId("legend").textContent = result.view ? result.legend : studies.before.legend;
+  byId("legend").replaceChildren(...result.view ? result.legends() : studies.before.legends());
   return result.view ? result.wind.shapes(view, result.view.t[result.step]) : studies.before.shapes(view, studies.time);
+}
+
+/** The expected wind under the pointer. */
+function windText(place) {
+  const found = result?.view ? result.wind.near(place, result.view.t[result.step]) : studies?.before.near(place, studies.time);
+  return !found ? "" : found.water ? `, current ${found.speed.toFixed(2)} m/s sets to ${found.to.toFixed(0)}°, ± ${found.sd.toFixed(2)} m/s` : `, wind ${found.speed.toFixed(1)} m/s (${(found.speed / 0.514444).toFixed(0)} kt) from ${found.from.toFixed(0)}°, ± ${found.sd.toFixed(1)} m/s`;
 }
 
 function spotShapes(view) {
@@ -61,7 +68,10 @@ function everything() {
 function readyToPlan() {
   if (!ready) return;
   const { features } = store.mission, has = role => features.some(one => one.role === role);
-  byId("plan").disabled = byId("compare-starts").disabled = result.working || !has("start") || !has("region") || !panels.formula;
+  const missing = !has("start") ? "needs a start" : !has("region") ? "needs a region" : !panels.formula ? "needs a mission without an error" : "";
+  byId("plan").disabled = byId("compare-starts").disabled = result.working || Boolean(missing);
+  byId("missing").textContent = result.working ? "" : missing;
+  byId("plan-note").hidden = !byId("result").hidden;
   byId("show-wind").disabled = !has("start");
 }
 
@@ -75,10 +85,17 @@ async function plan(command) {
   await listEarlier();
 }
 
+/** A plan by what it does and when it was made: "a, then b, 27 Nov 18:35". */
+function planName({ id, mission, made_by: maker }) {
+  const [, year, month, day, hour, minute] = /^(\d{4})(\d\d)(\d\d)-(\d\d)(\d\d)/.exec(id) ?? [], made = year ? `${year}-${month}-${day} ${hour}:${minute} UTC` : id;
+  const kind = maker === "choose" ? "another point: " : maker === "replan" ? "planned again: " : "";
+  return `${kind}${mission ? `${mission.replace(/\b[a-z_]\w*\b/g, name => store.names.has(name) ? store.titleOf(name) : name)}, ` : ""}${made}`;
+}
+
 async function listEarlier() {
   const plans = (await ask("GET", "/api/plans")).plans.filter(state => state.made_by !== "wind");
   byId("earlier-part").hidden = !plans.length;
-  byId("earlier").replaceChildren(...plans.slice(0, 30).map(state => html("li", {}, html("button", { type: "button", class: "plain", onclick: () => { forgive(); result.open(state).then(readyToPlan); } }, `${state.id.replace(/^(\d{4})(\d\d)(\d\d)-(\d\d)(\d\d)\d\d-\w{4}/, "$1-$2-$3 $4:$5").replaceAll("_", " ")} UTC`), html("span", { class: "note" }, state.made_by === "departure" ? `departures, ${state.status}` : state.status))));
+  byId("earlier").replaceChildren(...plans.slice(0, 30).map(state => html("li", {}, html("button", { type: "button", class: "plain", onclick: () => { forgive(); result.open(state).then(readyToPlan); } }, planName(state)), html("span", { class: "note" }, state.made_by === "departure" ? `departures, ${state.status}` : state.failure === null ? state.status : `${state.status}: ${lengthText(state.length_m)}, ${percent(state.failure)} fail`))));
 }
 
 // --- files --------------------------------------------------------------------------------------------
@@ -136,6 +153,7 @@ function listen() {
 }
 
 async function begin() {
+  earth = new Earth(map, failed);
   drawing = new Drawing(map, store, text => { byId("hint").textContent = text; });
   panels = new Panels(store, drawing, failed);
   studies = new Studies({ redraw: () => map.refresh(), failed, request: command => panels.request(command), id: () => result.id, departs: departure => store.change(mission => { mission.departure = departure; }) });

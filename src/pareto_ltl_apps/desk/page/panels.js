@@ -40,7 +40,7 @@ export class Panels {
   listen() {
     const { store } = this, on = (id, kind, act) => byId(id).addEventListener(kind, act);
     for (const key of ["pattern", "robot", "planner", "settings"]) on(key, "change", event => store.change(mission => { mission[key] = event.target.value; }));
-    on("departure", "change", event => store.change(mission => { mission.departure = event.target.value; }));
+    on("departure", "change", event => this.edit(event.target, text => { const departure = utcOf(text); store.change(mission => { mission.departure = departure; }); }));
     on("formula", "input", event => store.change(mission => { mission.pattern = "formula"; mission.formula = event.target.value; }));
     on("wind", "change", event => {
       if (event.target.value !== "file") { store.change(mission => { mission.wind = event.target.value; mission.windPath = ""; }); return; }
@@ -70,7 +70,8 @@ export class Panels {
 
   show() {
     const { mission } = this.store, file = Boolean(mission.windPath);
-    for (const key of ["pattern", "robot", "planner", "departure", "settings"]) if (byId(key).value !== mission[key]) byId(key).value = mission[key];
+    for (const key of ["pattern", "robot", "planner", "settings"]) if (byId(key).value !== mission[key]) byId(key).value = mission[key];
+    if (document.activeElement !== byId("departure")) byId("departure").value = mission.departure.replace("T", " ");
     byId("wind").value = file ? "file" : mission.wind;
     byId("wind-note").textContent = file ? `File ${mission.windPath.split("/").pop()}.` : WIND_NOTES[mission.wind] ?? "";
     byId("robot-note").textContent = this.robots?.find(({ name }) => name === mission.robot)?.note.split(". ")[0].replace(/\.?$/, ".") ?? "";
@@ -103,7 +104,7 @@ export class Panels {
     const fields = [];
     if (one.role === "region" || one.role === "obstacle") fields.push(field("title", "Name", one.title, text => { this.store.rename(number, text.trim() || one.name); }));
     if (one.shape === "circle") fields.push(field("place", one.role === "start" ? "Position" : "Centre", placeText(one.points[0]), text => this.put(number, "points", placeOf(text), "latitude and longitude, e.g. 36°45.7′N 92°24.2′W or 36.76, -92.40", place => [place])));
-    if (one.role !== "start") fields.push(field("buffer", one.shape === "circle" ? "Radius" : "Safety distance", one.buffer, text => this.put(number, "buffer", text.trim() && metresOf(text) >= 0 ? text.trim() : text.trim() ? null : "", "a distance, e.g. 5 km, 3 nmi or 200 m")));
+    if (one.role !== "start") fields.push(field("buffer", one.shape === "circle" ? "Radius" : one.shape === "line" ? "Width to each side" : "Safety distance", one.buffer, text => this.put(number, "buffer", text.trim() && metresOf(text) >= 0 ? text.trim() : text.trim() ? null : "", "a distance, e.g. 5 km, 3 nmi or 200 m")));
     if (one.role === "region" || one.role === "obstacle") for (const [key, label] of [["from", "Only from"], ["until", "Only until"]]) fields.push(field(key, label, one[key], text => this.put(number, key, text.trim(), "")));
     if (one.role === "landmark") fields.push(field("fix", "Error of a fix", one.fix ?? "", text => this.put(number, "fix", text.trim() && !fixOf(text) ? null : text.trim(), "e.g. 50 m, or 50 m across, 20 km along, 40°")));
     form.replaceChildren(...fields, html("p", { class: "note" }, one.role === "region" || one.role === "obstacle" ? "Times: 6h, 90min, or 2018-10-09T06:00Z; empty for always." : one.role === "landmark" ? FIX_NOTE : ""));
@@ -188,10 +189,18 @@ export class Panels {
     if (mission.departure && command !== "wind") settings["mission.start_time"] = `${mission.departure.length === 16 ? `${mission.departure}:00` : mission.departure}Z`;
     if (command === "departure") {
       Object.assign(settings, { report: "none", "departure.flights": 2000, "departure.seeds": 1, "departure.every": +byId("every").value || 6 });
-      if (byId("latest").value) settings["departure.last"] = `${byId("latest").value}:00Z`;
+      const latest = utcOf(byId("latest").value);
+      if (latest) settings["departure.last"] = `${latest}:00Z`;
     }
     return { command, map: this.store.geojson(), ...command === "wind" ? {} : { formula: this.formula }, settings, overrides: mission.settings.split(/\s+/).filter(Boolean) };
   }
+}
+
+/** A time of "2018-10-09 06:00", "2018-10-09T06:00Z" and the like as 2018-10-09T06:00, UTC; empty for none. */
+function utcOf(text) {
+  const plain = text.trim(), found = /^(\d{4}-\d\d-\d\d)[T ]+(\d\d?):?(\d\d)(?::\d\d)?\s*(?:Z|UTC)?$/i.exec(plain), time = found && `${found[1]}T${found[2].padStart(2, "0")}:${found[3]}`;
+  if (!plain || (time && !Number.isNaN(Date.parse(`${time}Z`)))) return time || "";
+  throw new Error("expected a time in UTC, as 2018-10-09 06:00");
 }
 
 function fill(id, rows) {

@@ -6,7 +6,7 @@ import { drawFront } from "./front.js";
 import { lengthText, placeText } from "./geo.js";
 import { Player } from "./player.js";
 import { drawRisk } from "./risk.js";
-import { byId, duration, html, percent, svg } from "./shapes.js";
+import { byId, duration, flightsText, html, percent, svg, tradeText } from "./shapes.js";
 import { WindLayer } from "./wind.js";
 
 const STAGES = {
@@ -14,7 +14,11 @@ const STAGES = {
   problem: "Preparing the search", forest: "Searching for paths", front: "Improving the paths", plan: "Checking the plan with new flights", forecasts: "Checking the plan with new flights",
   deployment: "Flying the plan", departure: "Comparing departures", export: "Writing files", report: "Drawing figures", page: "Writing the report",
 };
-const FORMATS = { kml: "KML", gpx: "GPX", geojson: "GeoJSON", dead_reckoning: "Log (CSV)", qgc: "QGroundControl", mavlink: "MAVLink", corridor: "Corridor", netcdf: "NetCDF" };
+const FORMATS = {  // what a button says, and for whom its file is
+  dead_reckoning: ["Dead reckoning (CSV)", "headings, airspeeds and times of each leg: spreadsheets, a script of an autopilot"], card: ["Flight card (CSV)", "the same, rounded to what a pilot holds"],
+  qgc: ["QGroundControl plan", "waypoints and geofence: QGroundControl, PX4, ArduPilot"], mavlink: ["MAVLink script", "headings and airspeeds with their times: pymavlink"], lua: ["ArduPlane script (Lua)", "flies the table by the clock: ArduPlane 4.6 or later"],
+  kml: ["KML", "Google Earth, QGIS"], gpx: ["GPX", "chart plotters, OpenCPN, GPS devices"], fpl: ["Garmin FPL", "Garmin navigators, ForeFlight, SkyDemon"], geojson: ["GeoJSON", "QGIS, web maps"], corridor: ["Corridor (GeoJSON)", "areas that hold 50 to 99 % of the flights: QGIS"], f3548: ["Operational intent (JSON)", "UTM services, ASTM F3548"], netcdf: ["NetCDF", "xarray, Panoply"],
+};
 const EARLY = {  // where the points come from, while the plan is made
   search: count => `${count} paths of the search so far, with an upper bound on their failures. They are being improved.`,
   refinement: count => `${count} paths so far. They still change, and how often they fail is counted on few flights.`,
@@ -29,7 +33,7 @@ const SOURCES = { coherent: "winds whose error lasts for hours", independent: "w
 export class Result {
   /** `redraw()` draws the map again, `fit(places)` shows places, `failed(error)` shows an error. */
   constructor({ redraw, fit, failed, remember, title, studies }) {
-    Object.assign(this, { redraw, fit, failed, remember, title, studies, state: null, views: new Map(), fix: null, ends: null, pinned: null, player: new Player(step => this.moveTo(step)) });
+    Object.assign(this, { redraw, fit, failed, remember, title, studies, state: null, views: new Map(), fix: null, ends: null, pinned: [], player: new Player(step => this.moveTo(step)) });
     this.reset();
     const on = (id, act) => byId(id).addEventListener("click", act);
     on("cancel", () => this.cancel().catch(failed));
@@ -37,9 +41,10 @@ export class Result {
     on("next", () => this.show(this.shown + 1));
     on("choose", () => this.choose().catch(failed));
     on("show-fix", () => { if (!this.view) return; this.fix = this.fix ? null : this.view.line[this.step]; this.showFix(); });
-    on("pin", () => { if (!this.view) return; this.pinned = this.pinned ? null : { id: this.id, number: this.shown, row: this.front.points[this.shown], view: this.view }; this.showFacts(); this.drawFront(); this.redraw(); });
+    on("pin", () => { if (this.view) this.keep(); });
+    on("unpin", () => { this.pinned = []; this.showFacts(); this.drawFront(); this.redraw(); });
     on("replan", () => this.replan().catch(failed));
-    for (const [kind, label] of Object.entries(FORMATS)) byId("exports").append(html("button", { type: "button", "data-kind": kind, onclick: event => this.take(kind, event.target) }, label));
+    for (const [kind, [label, title]] of Object.entries(FORMATS)) byId("exports").append(html("button", { type: "button", "data-kind": kind, title, onclick: event => this.take(kind, event.target) }, label));
     byId("risk-part").addEventListener("toggle", () => { if (this.view) this.moveTo(this.step); });
     new ResizeObserver(() => this.drawFront()).observe(byId("front"));
   }
@@ -196,45 +201,57 @@ export class Result {
 
   drawFront() {
     if (byId("result").hidden) return;
-    if (this.front) drawFront(byId("front"), this.front.points, { shown: this.shown, chosen: this.front.chosen, choose: k => this.show(k), pinned: this.pinned?.row });
+    if (this.front) drawFront(byId("front"), this.front.points, { shown: this.shown, chosen: this.front.chosen, choose: k => this.show(k), pinned: this.pinned.map(one => one.row) });
     else if (this.early.length) drawFront(byId("front"), this.early, { shown: this.looked, chosen: null, choose: k => { this.looked = k; this.drawFront(); this.redraw(); } });
   }
 
   showFacts() {
-    const row = this.front.points[this.shown], { view } = this, plan = this.shown === this.front.chosen;
+    const { view } = this, plan = this.shown === this.front.chosen, { promise } = this.front;
+    const row = { ...this.front.points[this.shown], ...plan && promise ? { failure: promise.failure, failure_low: promise.low, failure_high: promise.high } : {} };
     byId("point-name").textContent = `Point ${this.shown} of ${this.front.points.length - 1}${plan ? ", the plan" : ""}`;
     byId("previous").disabled = this.shown === 0;
     byId("next").disabled = this.shown === this.front.points.length - 1;
     byId("choose").hidden = plan || this.checking;
     byId("result").classList.toggle("checking", this.checking);
-    const rate = row.failure_low === null ? `at most ${percent(row.failure)}` : percent(row.failure);
-    const range = row.failure_low === null ? "upper bound" : `${percent(row.failure_low)} to ${percent(row.failure_high)}, 95 % interval`;
-    const facts = [["Fails", rate, `${range}, in ${SOURCES[this.front.law] ?? this.front.law}`], ["Length", lengthText(row.length_m), row.order ? `order ${row.order.split(">").map(this.title).join(" → ")}` : ""],
-      ["Duration", duration(row.duration_s), `${row.steps} legs`], ...view.utc ? [["Arrival", `${view.utc.at(-1).slice(11, 16)} UTC`, view.utc.at(-1).slice(0, 10)]] : []];
+    const [rate, range] = row.failure_low === null ? [`≤ ${percent(row.failure)}`, "upper bound"] : row.failure < (promise?.floor ?? 0) ? [`fewer than ${flightsText(promise.floor, promise.floor, promise.floor)[0]}`, `of the simulated ones ${flightsText(row.failure, row.failure_low, row.failure_high).join(", ")}`] : flightsText(row.failure, row.failure_low, row.failure_high), order = row.order ? row.order.split(">").map(one => one.trim()).filter(one => one && one !== "-") : [];
+    const facts = [["Fails", rate, `${range}${row.failure_low === null ? "" : " (95 %)"}, in ${SOURCES[this.front.law] ?? this.front.law}`], ["Length", lengthText(row.length_m), order.length ? `order ${order.map(this.title).join(" → ")}` : ""],
+      ["Duration", duration(row.duration_s), `${row.steps} steps`], ...view.utc ? [["Arrival", `${view.utc.at(-1).slice(11, 16)} UTC`, view.utc.at(-1).slice(0, 10)]] : []];
     byId("facts").replaceChildren(...facts.map(([name, value, note]) => html("div", {}, html("dt", {}, name), html("dd", {}, value, html("small", {}, note)))));
+    byId("trade").textContent = tradeText(this.front.points, this.shown, this.front.promise?.floor);
     this.showComparison();
     byId("warnings").replaceChildren(...(this.state?.warnings ?? []).map(text => html("li", {}, text)));
     byId("front-note").textContent = this.checking ? `${POINTS} ${CHECKING}` : POINTS;
   }
 
-  /** The numbers of the pinned point, which can belong to another plan, beside the point that is shown. */
+  /** Keep the point that is shown, beside others that were kept, also of other plans; once more: let it go. */
+  keep() {
+    const { id, shown: number } = this, here = this.pinned.findIndex(one => one.id === id && one.number === number);
+    if (here >= 0) this.pinned.splice(here, 1);
+    else this.pinned.push({ id, number, row: this.front.points[number], view: this.view });
+    this.showFacts();
+    this.drawFront();
+    this.redraw();
+  }
+
+  /** The numbers of the points that are kept beside the point that is shown. */
   showComparison() {
-    const { pinned } = this, row = this.front.points[this.shown], same = pinned && pinned.id === this.id && pinned.number === this.shown, place = byId("comparison");
-    byId("pin").textContent = pinned ? "End the comparison" : "Compare with others";
-    place.hidden = !pinned;
-    if (!pinned) return;
-    if (same) { place.replaceChildren(html("caption", {}, `Point ${pinned.number} is kept for comparison: show another point, or another plan.`)); return; }
-    const range = one => one.failure_low === null ? `at most ${percent(one.failure)}` : `${percent(one.failure)} (${percent(one.failure_low)} to ${percent(one.failure_high)})`, sign = (value, text) => { const size = text(Math.abs(value)); return `${parseFloat(size) === 0 ? "" : value < 0 ? "−" : "+"}${size}`; };
-    const rows = [["Fails", range(pinned.row), range(row), `${sign(row.failure - pinned.row.failure, percent).replace(" %", "")} percentage points`], ["Length", lengthText(pinned.row.length_m), lengthText(row.length_m), sign(row.length_m - pinned.row.length_m, lengthText)], ["Duration", duration(pinned.row.duration_s), duration(row.duration_s), sign(row.duration_s - pinned.row.duration_s, duration)]];
-    if (pinned.view.utc && this.view.utc) rows.push(["Arrival", pinned.view.utc.at(-1).slice(5, 16).replace("T", " "), this.view.utc.at(-1).slice(5, 16).replace("T", " "), ""]);
-    place.replaceChildren(html("thead", {}, html("tr", {}, html("td"), html("th", {}, `point ${pinned.number}${pinned.id === this.id ? "" : " of the other plan"} (dashed)`), html("th", {}, `point ${this.shown}`), html("th", {}, "difference"))), html("tbody", {}, ...rows.map(([name, ...cells]) => html("tr", {}, html("th", {}, name), ...cells.map(cell => html("td", {}, cell))))));
+    const { pinned } = this, row = this.front.points[this.shown], place = byId("comparison"), held = pinned.some(one => one.id === this.id && one.number === this.shown);
+    byId("pin").textContent = held ? "Take it out" : "Add to the comparison";
+    byId("pin").setAttribute("aria-pressed", String(held));
+    byId("unpin").hidden = !pinned.length;
+    place.hidden = !pinned.length;
+    if (!pinned.length) return;
+    const range = one => one.failure_low === null ? `≤ ${percent(one.failure)}` : `${percent(one.failure)} (${percent(one.failure_low).replace(" %", "")} to ${percent(one.failure_high)})`;
+    const columns = [...pinned.map((one, k) => ({ ...one, name: html("th", { class: `kept-${k % 4}` }, html("span", { class: "swatch" }), `point ${one.number}${one.id === this.id ? "" : ", other plan"}`) })), ...held ? [] : [{ row, view: this.view, name: html("th", {}, `point ${this.shown}, shown`) }]];
+    const rows = [["Fails", one => range(one.row)], ["Length", one => lengthText(one.row.length_m)], ["Duration", one => duration(one.row.duration_s)], ...columns.every(one => one.view.utc) ? [["Arrival", one => one.view.utc.at(-1).slice(5, 16).replace("T", " ")]] : []];
+    place.replaceChildren(html("caption", {}, `Kept for comparison: ${pinned.length}. Show another point, or another plan.`), html("thead", {}, html("tr", {}, html("td"), ...columns.map(one => one.name))), html("tbody", {}, ...rows.map(([name, text]) => html("tr", {}, html("th", {}, name), ...columns.map(one => html("td", {}, text(one)))))));
   }
 
   showLimits() {
     const { limits } = this.view, place = byId("limits");
     if (!limits) { place.replaceChildren(html("button", { type: "button", id: "find-limits", onclick: event => { event.target.disabled = true; this.findLimits().catch(this.failed); } }, "What limits this path")); return; }
-    const rows = limits.prices.filter(row => !(parseFloat(row.saved) < LEAST_SAVED)).slice(0, 4).map(row => html("li", {}, html("strong", {}, row.limit.replace(/^region (\w+)/, (_, name) => `region ${this.title(name)}`)), ` ${row.change}${/\d/.test(row.time) ? ` (${row.time})` : ""}: fails ${row.saved} percentage points less`));
-    place.replaceChildren(html("h3", {}, "What limits it"), rows.length ? html("ul", { class: "plainlist" }, ...rows) : html("p", { class: "note" }, limits.prices.length ? `No small change of a limit saves ${LEAST_SAVED} percentage points of the failures.` : `${limits.no_prices}.`));
+    const rows = limits.prices.filter(row => !(parseFloat(row.saved) < LEAST_SAVED)).slice(0, 4).map(row => html("li", {}, html("strong", {}, row.limit.replace("largest airspeed", "airspeed limit").replace(/^region (\w+)/, (_, name) => `region ${this.title(name)}`)), ` ${row.change}${/\d/.test(row.time) ? ` (${row.time})` : ""}: ${row.saved} percentage points fewer`));
+    place.replaceChildren(html("h3", {}, "What limits it"), html("p", { class: "note" }, `What a small change would save of the ${percent(this.front.points[this.shown].failure)} that fail:`), rows.length ? html("ul", { class: "plainlist" }, ...rows) : html("p", { class: "note" }, limits.prices.length ? `No small change of a limit saves ${LEAST_SAVED} percentage points of the failures.` : `${limits.no_prices}.`));
   }
 
   async findLimits() {
@@ -294,15 +311,15 @@ export class Result {
   shapes(map) {
     if (!this.view || !this.front) return [...this.early.map(point => track(map, point.line ?? [], "early")), track(map, this.early[this.looked]?.line ?? [])];
     const { view, step } = this, flights = byId("layer-flights").checked ? flown(map, view.flights, step) : [];
-    const parts = [...this.studies.beaconShapes(map), ...flights, ...this.pinned ? [track(map, this.pinned.view.line, "pinned")] : [], ...ellipses(map, view), track(map, view.line), ellipse(map, view, step, "now"), ...vehicle(map, view, step, stepLines(map, view, step).join("\n"))];
+    const parts = [...this.studies.beaconShapes(map), ...flights, ...this.pinned.map((one, k) => track(map, one.view.line, `pinned kept-${k % 4}`)), ...ellipses(map, view), track(map, view.line), ellipse(map, view, step, "now"), ...vehicle(map, view, step, stepLines(map, view, step).join("\n"))];
     if (this.fix) { const [x, y] = map.at(this.fix); parts.push(svg("circle", { class: "fix", "data-fix": "", cx: x, cy: y, r: 11 }), svg("path", { class: "fixcross", d: `M${x - 16} ${y}H${x + 16}M${x} ${y - 16}V${y + 16}` })); }
     return parts;
   }
 
-  /** What the layers show at this time, in words. */
-  get legend() {
-    const told = [this.wind.legend];
-    if (this.view && byId("layer-flights").checked) { const { at, failed } = this.view.flights; told.push(`${at.length} simulated flights, ${failed.filter(step => step >= 0 && step <= this.step).length} failed by now`); }
-    return told.filter(Boolean).join("; ");
+  /** What the layers show at this time, as elements. */
+  legends() {
+    const shown = this.wind.legends();
+    if (this.view && byId("layer-flights").checked) { const { at, failed } = this.view.flights; shown.push(html("span", { class: "speeds" }, `${at.length} simulated flights, ${failed.filter(step => step >= 0 && step <= this.step).length} failed by now`)); }
+    return shown;
   }
 }

@@ -54,6 +54,6 @@ export function stepLines(map, view, step) {
   const held = log.calibrated?.[step] ?? null;  // none in the water
   const [air, wind, sd, calibrated] = speedTexts(log.airspeed[step], log.wind_speed[step], log.wind_sd[step], held ?? 0);
   const speed = held === null ? `${air} m/s` : `true airspeed ${air} m/s, calibrated ${calibrated} m/s`;
-  lines.push(`${log.heading[step] === null ? "drifts" : `heading ${log.heading[step].toFixed(0)}° true`}, ${speed}`, `wind ${wind} m/s from ${log.wind_from[step].toFixed(0)}° (standard deviation ${sd} m/s)`);
+  lines.push(`${log.heading[step] === null ? "drifts" : `heading ${log.heading[step].toFixed(0)}° true`}, ${speed}`, `${held === null ? `current ${wind} m/s sets to ${((log.wind_from[step] + 180) % 360).toFixed(0)}°` : `wind ${wind} m/s from ${log.wind_from[step].toFixed(0)}°`} (standard deviation ${sd} m/s)`);
   return lines;
 }

@@ -39,7 +39,7 @@ const STEPS = [1 / 600, 1 / 120, 1 / 60, 1 / 30, 1 / 12, 1 / 6, 1 / 3, 1 / 2, 1,
 // Kinds of places that a map can have. `to` and `from` lead to the plane that is drawn; `around` is its extent in
 // x, or 0; `scales` are the least and most pixels for a unit; `step` and `label` are for the lines of its grid.
 export const EARTHLY = {
-  to: mercator, from: degrees, around: 2 * Math.PI, scales: [40, 4e7], distance, beside,
+  to: mercator, from: degrees, around: 2 * Math.PI, scales: [110, 4e7], distance, beside,
   step: least => STEPS.find(one => one * RAD >= least) ?? 45,
   label: (value, axis, step) => axis ? angleText(value, "NS", step >= 1 / 60 ? 0 : 1) : angleText(turned(value), "EW", step >= 1 / 60 ? 0 : 1),
   text: place => placeText(place),

@@ -12,13 +12,14 @@ const extent = values => values.reduce(([low, high], value) => [Math.min(low, va
 
 export class ChartMap {
   /** `draw(map)` draws the layers of the page after the grid; `heard` has press, drag, dropped, move and click.
-   *  In a page that `scrolls`, the wheel zooms with the Ctrl key only. */
-  constructor(root, draw, heard, { plane = EARTHLY, scrolls = false } = {}) {
-    Object.assign(this, { root, draw, heard, plane, scrolls, middle: plane.to([0, 0]), scale: plane.scales[0], pointers: new Map(), pressed: null, waiting: false });
+   *  In a page that `scrolls`, the wheel zooms with the Ctrl key only; `under(map)` draws below the grid. */
+  constructor(root, draw, heard, { plane = EARTHLY, scrolls = false, under = () => [] } = {}) {
+    Object.assign(this, { root, draw, heard, plane, scrolls, under, middle: plane.to([0, 0]), scale: plane.scales[0], pointers: new Map(), pressed: null, waiting: false });
+    this.floor = svg("g");
     this.ground = svg("g");
     this.layers = svg("g");
     this.frame = svg("g", { class: "frame" });
-    root.append(this.ground, this.layers, this.frame);
+    root.append(this.floor, this.ground, this.layers, this.frame);
     new ResizeObserver(() => this.refresh()).observe(root);
     this.listen();
   }
@@ -79,6 +80,7 @@ export class ChartMap {
     this.waiting = false;
     const [w, h] = this.size;
     this.root.setAttribute("viewBox", `0 0 ${w} ${h}`);
+    this.floor.replaceChildren(...this.under(this));
     this.grid();
     this.layers.replaceChildren(...this.draw(this));
   }

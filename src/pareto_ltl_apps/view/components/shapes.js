@@ -29,6 +29,27 @@ export function percent(p) {
   return value === 0 ? "0 %" : value < 1e-5 ? `${value.toExponential(1)} %` : `${+value.toPrecision(value >= 10 ? 3 : 2)} %`;
 }
 
+/** A failure rate and its interval as numbers of 100, 10,000 or a million flights, as in the summary of a run. */
+export function flightsText(rate, low, high) {
+  const size = rate > 0 ? rate : high, whole = size >= 0.00995 ? 100 : size >= 0.0000995 ? 10000 : 1e6, tenths = whole * (high - low) < 2;
+  const number = value => {
+    const count = whole * Math.min(1, value);
+    if (count > 0 && count < 0.001) return "less than 0.001";
+    if (whole === 100 && count > 99 && count < 100) return Math.min(count, 99.99).toFixed(2);
+    return count >= 9.95 ? count.toFixed(tenths ? 1 : 0) : count < 1 ? String(+count.toPrecision(2)) : count.toFixed(1);
+  };
+  return [`${number(rate)} of ${whole.toLocaleString("en")} flights`, `${number(low)} to ${number(high)}`];
+}
+
+/** What the best shorter and the best longer of some points ({failure, failure_low, length_m}) would give instead of one, in words; below the `floor` of the law, what can be said. */
+export function tradeText(points, k, floor = 0) {
+  const here = points[k], share = p => p.failure < floor ? `fewer than ${flightsText(floor, floor, floor)[0]}` : flightsText(p.failure, p.failure_low ?? p.failure, p.failure_high ?? p.failure)[0], km = metres => metres >= 2000 ? `${(metres / 1000).toLocaleString("en", { maximumFractionDigits: 1 })} km` : `${metres.toFixed(0)} m`;
+  const best = some => some.reduce((a, b) => b.failure < a.failure ? b : a, some[0]);
+  const shorter = best([0.9, 0.97].map(part => points.filter(p => p.length_m <= part * here.length_m)).find(some => some.length) ?? []), longer = best(points.filter(p => p.length_m > here.length_m && Math.max(p.failure, floor) < here.failure));
+  const said = (other, word) => `Point ${points.indexOf(other)} is ${km(Math.abs(other.length_m - here.length_m))} ${word}: ${share(other)} fail${share(other) === share(here) ? " too" : ` instead of ${share(here)}`}.`;
+  return [shorter && said(shorter, "shorter"), longer && said(longer, "longer")].filter(Boolean).join(" ");
+}
+
 /** Speeds in m/s, with two decimals if the largest of them is below 3 m/s, as of a glider. */
 export const speedTexts = (...speeds) => speeds.map(speed => speed.toFixed(Math.max(...speeds) < 3 ? 2 : 1));
 

@@ -1,6 +1,6 @@
 // Data of the page, the state of the view, and texts. Text from the data is set as text, never as markup.
 
-import { byId, duration, percent } from "./shapes.js";
+import { byId, duration, flightsText, percent } from "./shapes.js";
 
 const PAGE = JSON.parse(byId("page-data").textContent);
 const MEDIUM = PAGE.medium, FLOWS = MEDIUM.flows;  // wind and winds, or current and currents
@@ -27,8 +27,9 @@ function timeText(seconds) {
   return `${utc.slice(0, 10)} ${utc.slice(11, 16)} UTC`;
 }
 
-/** The failure rate or bound of a point, with its interval and its law. */
+/** The failure rate of a point with its interval, or its bound with its law. */
 function failureText({ failure, failure_low: low, failure_high: high, law }) {
-  if (low === null) return `fails at most ${percent(failure)} (bound), under ${law} ${FLOWS}`;
-  return `fails ${percent(failure)} (${percent(low).replace(" %", "")}–${percent(high)}, 95 %), under ${law} ${FLOWS}`;
+  if (low === null) return `fails ≤ ${percent(failure)} (bound), under ${law} ${FLOWS}`;
+  const [count, interval] = flightsText(failure, low, high);
+  return `${count} fail (${interval})`;
 }

@@ -16,13 +16,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pareto_ltl.extend import Deployment, FailureRate, Front, Plan, cost_named
-from pareto_ltl.support.display import distance_text, interval_text, probability_text
+from pareto_ltl.support.display import (
+    distance_text,
+    headline_text,
+    interval_text,
+    probability_text,
+    winds_text,
+)
 from pareto_ltl_apps.exports.exported import absent_sentence, height_sentence, vehicle_of
 from pareto_ltl_apps.view.components import MODULES, STYLE, bundled, component, page_environment
 from pareto_ltl_apps.view.in_words import mission_in_words
 from pareto_ltl_apps.view.limits import PlanLimits, chosen_number, priced_obstacles
 from pareto_ltl_apps.view.page import points
-from pareto_ltl_apps.view.page.ground import map_places, shown_map, shown_trees, shown_wind
+from pareto_ltl_apps.view.page.ground import map_places, shown_geography, shown_map, shown_trees, shown_wind
 from pareto_ltl_apps.view.page.machine import shown_automaton
 from pareto_ltl_apps.view.records import ShownRun
 
@@ -83,6 +89,7 @@ def page_content(run: ShownRun) -> Content:
         "law": _law(run),
         "timeZero": None if begin is None else begin[0],
         "map": shown_map(run.scene),
+        "geography": shown_geography(run.scene),
         "onEarth": run.scene.crs is not None,
         "height": _height(run),
         "vehicle": None if run.problem is None else vehicle_of(run.height, run.problem)._asdict(),
@@ -99,6 +106,7 @@ def page_content(run: ShownRun) -> Content:
         "causes": list(Deployment.CAUSES),
         "automaton": None if run.automaton is None else shown_automaton(run.automaton),
         "notCovered": "" if plan is None else plan.not_covered,
+        "floor": 0.0 if plan is None or plan.promise is None else plan.promise.floor,
         "promise": None if plan is None or plan.promise is None else asdict(plan.promise.rate),
     } | alone
     words = mission_in_words(formula)
@@ -163,9 +171,13 @@ def _headline(run: ShownRun, plan: Plan, chosen: int | None) -> Iterator[dict[st
     promise, path, flows = plan.promise, plan.path, run.medium.flows
     cost, times = path.objectives, run.scene.frame.utc(path.t)
     if promise is not None:
-        gap = plan.level_gap
-        note = _interval_note(promise.rate, flows) + (f"; no promise: {gap}" if gap else "")
-        yield fact("fails", promise.fails, note)
+        gap, promised = plan.level_gap, promise.rate
+        where = winds_text(flows, promised.law, gap)
+        sample = f"{promised.sample} under {promised.law} {flows}"
+        value, note = headline_text(
+            promised.failure, promised.low, promised.high, where, sample, promise.floor
+        )
+        yield fact("fails", value, note + (f"; no promise: {gap}" if gap else ""))
     elif plan.alarmed:
         yield fact("fails", "no promise", Plan.NO_PROMISE)
     else:
@@ -180,8 +192,8 @@ def _headline(run: ShownRun, plan: Plan, chosen: int | None) -> Iterator[dict[st
     duration = f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else seconds
     yield fact("length", distance_text(cost.length), "of the expected path")
     yield fact("duration", duration, f"{len(path.u)} steps of {plan.dt:,.6g} s")
-    for name, value in cost.further_costs.items():
-        yield fact(name, cost_named(name).text(value), cost_named(name).note)
+    for name, amount in cost.further_costs.items():
+        yield fact(name, cost_named(name).text(amount), cost_named(name).note)
     if times is not None:
         for name, time in (("departure", times[0]), ("arrival", times[-1])):
             yield fact(name, f"{time[11:16]} UTC", time[:10])

@@ -13,6 +13,7 @@ from pareto_ltl_apps.exports.degrees import crosses
 from pareto_ltl_apps.exports.formats import holds_pole
 from pareto_ltl_apps.exports.geojson import titled_outlines
 from pareto_ltl_apps.view import lattice
+from pareto_ltl_apps.view.geography import geography_around
 
 MAX_TIMES = 25  # times at which the wind is shown, at most
 MAX_CORNERS = 20_000  # corners of all polygons, at most; more are thinned out
@@ -87,6 +88,12 @@ def shown_map(scene: Scene) -> dict[str, Any]:
             for name, window in scene.windows.items()
         ],
     }
+
+
+def shown_geography(scene: Scene) -> dict[str, Any] | None:
+    """Coasts, borders and cities on the map and beside it; None if the map is not shown in degrees."""
+    found = None if shown_crs(scene) is None else geography_around(scene)
+    return None if found is None else found.as_dict()
 
 
 def shown_wind(scene: Scene, wind: WindField, last: float) -> dict[str, Any]:

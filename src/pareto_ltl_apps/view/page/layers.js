@@ -2,12 +2,13 @@
 
 import { ellipse, ellipses, flown, nameSpot, stepLines, track, vehicle } from "./flight.js";
 import { EARTHLY, PLANAR } from "./geo.js";
+import { GroundLayer } from "./ground.js";
 import { ChartMap } from "./map.js";
 import { byId, percent, svg } from "./shapes.js";
 import { WindLayer } from "./wind.js";
 
 const NEAR = 18;  // [pixels] from a click to a step of the path
-const wind = new WindLayer(PAGE.wind);
+const ground = new GroundLayer(PAGE.geography), wind = new WindLayer(PAGE.wind);
 const ticked = id => byId(id)?.checked ?? false;
 const closed = ring => ring.slice(0, -1);
 const shapesOf = role => PAGE.map.shapes.filter(shape => shape.role === role);
@@ -17,13 +18,13 @@ const map = new ChartMap(byId("map"), layers, {
   press: () => null, drag: () => {}, dropped: () => {},
   move: place => { byId("where").textContent = map.plane.text(place); },
   click: place => goNear(place),
-}, { plane: PAGE.map.earthly ? EARTHLY : PLANAR, scrolls: true });
+}, { plane: PAGE.map.earthly ? EARTHLY : PLANAR, scrolls: true, under: map => ground.shapes(map) });
 
 /** All layers, the lowest first. */
 function layers() {
   const view = path();
   return [
-    ...wind.shapes(map, moment()), svg("path", { class: PAGE.map.walled ? "feature border walled" : "feature border", d: map.line(border, true) }),
+    ...ground.names(map), ...wind.shapes(map, moment()), svg("path", { class: PAGE.map.walled ? "feature border walled" : "feature border", d: map.line(border, true) }),
     ...["obstacle", "landmark", "region"].flatMap(role => shapesOf(role).map(shape => outline(shape))), ...closedRegions(moment()), ...trees(),
     ...otherPaths(), ...view ? pathShapes(view) : [...PAGE.planned ? [track(map, PAGE.planned)] : [], startShape()], ...names(),
   ];

@@ -5,7 +5,7 @@ import { lengthText } from "./geo.js";
 import { drawMachine, markMachine } from "./machine.js";
 import { Player } from "./player.js";
 import { drawRisk } from "./risk.js";
-import { byId, duration, html, percent } from "./shapes.js";
+import { byId, duration, flightsText, html, percent, tradeText } from "./shapes.js";
 
 const player = new Player(step => {
   shown.step = step;
@@ -38,7 +38,8 @@ function showFacts() {
   note.hidden = shown.point === PAGE.chosen || PAGE.chosen === null;
   if (note.hidden) { place.replaceChildren(...showFacts.plan); return; }
   const row = PAGE.points[shown.point], utc = path()?.utc?.at(-1);
-  const rate = row.failure_low === null ? [`≤ ${percent(row.failure)}`, `upper bound, under ${row.law} ${FLOWS}`] : [percent(row.failure), `${percent(row.failure_low)} to ${percent(row.failure_high)} (95 %), under ${row.law} ${FLOWS}, ${row.runs.toLocaleString("en")} flights`];
+  const [count, interval] = row.failure_low === null ? [] : flightsText(row.failure, row.failure_low, row.failure_high);
+  const rate = row.failure_low === null ? [`≤ ${percent(row.failure)}`, `upper bound, under ${row.law} ${FLOWS}`] : [count, `${interval} (95 %); ${row.runs.toLocaleString("en")} flights under ${row.law} ${FLOWS}`];
   const facts = [["fails", ...rate], ["length", lengthText(row.length_m), "of the expected path"], ["duration", duration(row.duration_s), `${row.steps} steps`]];
   if (utc) facts.push(["arrival", `${utc.slice(11, 16)} UTC`, utc.slice(0, 10)]);
   facts.push(["shown", `point ${shown.point}`, [`of the front, not the plan (point ${PAGE.chosen})`, ...row.costs].join("; ")]);
@@ -67,7 +68,7 @@ function showFront() {
   drawFront(byId("front"), PAGE.points, { shown: shown.point, chosen: PAGE.chosen, choose: showPoint, text, hollow: k => !isDrawn(k) });
   const [{ law, runs }] = PAGE.points;
   byId("front-note").textContent = PAGE.judge === "bound" ? `Each point is a path. Up: an upper bound on its failures under ${law} ${FLOWS}. Click a point to see its path.`
-    : `Each point is a path. Up: how many of its ${runs.toLocaleString("en")} flights under ${law} ${FLOWS} fail, with the 95 % interval. Click a point to see its path.`;
+    : `Each point is a path. Up: how many of its ${runs.toLocaleString("en")} flights under ${law} ${FLOWS} fail, with the 95 % interval. Click a point to see its path. ${tradeText(PAGE.points, shown.point, PAGE.floor)}`;
 }
 
 function showRisk() {
@@ -153,7 +154,7 @@ function listen() {
   on("zoom-in", "click", () => map.zoom(1.5));
   on("zoom-out", "click", () => map.zoom(1 / 1.5));
   on("fit", "click", () => map.fit(border));
-  for (const box of document.querySelectorAll(".layers input")) box.addEventListener("change", () => { map.refresh(); byId("map-note").textContent = mapNote(); });
+  for (const box of document.querySelectorAll(".layers input")) box.addEventListener("change", () => { map.refresh(); byId("map-note").textContent = mapNote(); byId("wind-keys").replaceChildren(...wind.legends()); });
   for (const [kind, printing] of [["beforeprint", true], ["afterprint", false]]) addEventListener(kind, () => { document.documentElement.classList.toggle("printing", printing); drawAll(); });
   for (const id of ["front", "risk"]) if (byId(id)) new ResizeObserver(() => { showFront(); showRisk(); }).observe(byId(id));
 }
@@ -163,6 +164,7 @@ fillChooser();
 limitTime();
 listen();
 byId("map-note").textContent = mapNote();
+byId("wind-keys").replaceChildren(...wind.legends());
 showMachine();
 drawAll();
 if (byId("files")) listFiles();
