@@ -17,6 +17,7 @@ SHORTER = (
     0.10,
     0.03,
 )  # shares of the length of the plan by which a path is worth naming, the first that has one
+COMPARED = "in the winds in which paths are compared"  # the promise of a plan has winds of its own
 HALF_TURN = 180.0  # [deg] of all turns in a region that are a loop
 
 
@@ -48,12 +49,12 @@ def trade_lines(scene: Scene, front: Front, plan: Plan) -> Iterator[str]:
 
 
 def _instead(front: Front, other: int, chosen: int, floor: float) -> str:
-    """``4.1 instead of 3.1 of 100 flights fail``; of rates below the floor, what can be said of them."""
+    """``4.1 instead of 3.1 of 100 flights fail, ...``; of rates below the floor, what can be said of them."""
     one, two = (_share(front, k, floor) for k in (other, chosen))
     if one == two:
         return f"{one} fail, as of the plan"
     count, _, whole = one.partition(" of ")
-    return f"{count if whole == two.partition(' of ')[2] else one} instead of {two} fail"
+    return f"{count if whole == two.partition(' of ')[2] else one} instead of {two} fail, {COMPARED}"
 
 
 def _share(front: Front, k: int, floor: float) -> str:
