@@ -100,7 +100,7 @@ def branched(run: Run, plan: Plan) -> Plan:
     from pareto_ltl.run.branching.stage import branched_plan
 
     def at_point(point: int) -> Plan:
-        """The plan of another path of the front, with the promise of its own."""
+        """The plan of another path of the front, with its promise."""
         selection = replace(settings.selection, rule="point", point=point)
         other = chosen_plan(
             replace(settings, selection=selection), run.problem, run.wind, run.front, run.seeds("plan")

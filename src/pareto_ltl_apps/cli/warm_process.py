@@ -301,7 +301,7 @@ class Request:
 
 
 def answer(request: Request, client: socket.socket, streams: list[int], run: Run) -> int:
-    """Run ``request`` as a process of its own would; send its number at first and its exit code at last."""
+    """Run ``request`` as a new process would; send its number at first and its exit code at last."""
     for number in (*FORWARDED, signal.SIGTSTP):
         signal.signal(number, signal.SIG_IGN if number in request.ignored else signal.SIG_DFL)
     if signal.SIGINT not in request.ignored:

@@ -1,6 +1,6 @@
 """Files of a plan that branches: a table for each branch, and cards to print.
 
-``branch_A.csv`` and so on have the columns of ``dead_reckoning.csv``, ``branch_A_card.csv`` those of
+``branch_A.csv`` and so on have the columns of ``dead_reckoning.csv``, ``branch_A_card.csv`` the columns of
 ``flight_card.csv``, both from the fix on. ``branch_cards.html`` is for people: its first page asks where the
 measured position lies, with a map to plot it on, and each branch has a page.
 """

@@ -17,7 +17,7 @@ SHORTER = (
     0.10,
     0.03,
 )  # shares of the length of the plan by which a path is worth naming, the first that has one
-COMPARED = "in the winds in which paths are compared"  # the promise of a plan has winds of its own
+COMPARED = "in the winds in which paths are compared"  # the promise of a plan has other winds
 HALF_TURN = 180.0  # [deg] of all turns in a region that are a loop
 
 

@@ -209,7 +209,7 @@ def shares(result: Evidence) -> Verdict | None:
 
 
 def positions(result: Evidence) -> Verdict | None:
-    """Means and covariances of each branch are those of flights in its cell that fly its controls."""
+    """Means and covariances of each branch come from flights in its cell that fly its controls."""
     tree = tree_of(result)
     if tree is None:
         return None
@@ -262,7 +262,7 @@ def navigation(result: Evidence) -> Verdict | None:
 
 
 def _same_headings(stated: list[float | None], derived: FloatArray, speed: FloatArray) -> bool:
-    """Whether stated headings [deg] are those of the controls, where there is an airspeed."""
+    """Whether stated headings [deg] belong to the controls, where there is an airspeed."""
     told = np.array([math.nan if value is None else value for value in stated])
     turned = np.abs((told - derived + 180.0) % 360.0 - 180.0)
     return len(told) == len(derived) and bool((turned[speed >= STILL] <= TURNED).all())
@@ -369,7 +369,7 @@ def rates(name: str, result: Evidence) -> Verdict | None:
 
 
 def _chance(stated: dict[str, Any], failed: BoolArray) -> float:
-    """p value that the stated rate is that of new flights."""
+    """p value of the stated rate in new flights."""
     if not len(failed):
         return 1.0
     count = round(stated["failure"] * stated["runs"])
@@ -377,7 +377,7 @@ def _chance(stated: dict[str, Any], failed: BoolArray) -> float:
 
 
 def gain(result: Evidence) -> Verdict | None:
-    """The difference is that of the two rates, below 0 with its interval, and the length is expected."""
+    """The difference belongs to the two rates, below 0 with its interval, and the length is expected."""
     tree = tree_of(result)
     if tree is None:
         return None

@@ -38,7 +38,7 @@ def measured_moments(fix: BranchFix, cell: Cell, cov: FloatArray) -> Moments:
     """Share of the flights that take the fix, mean (2,) - x and covariance (2, 2) of y in the cell.
 
     Both are in the plane [m, m²], and ``cov`` (2, 2) is Σ. A fix that only a landmark gives tells that the
-    robot is in it: its moments are those of a fixed sample of positions in the landmark.
+    robot is in it: its moments come from a fixed sample of positions in the landmark.
     """
     axes = fix.axes
     if fix.landmark is None:
@@ -89,7 +89,7 @@ def learnt_in_cell(prior: Joint, told: Moments, sd: float) -> Learnt:
 def course_in_cell(problem: Problem, x: FloatArray, fix: BranchFix, told: Moments) -> Flight:
     """The flight along the means ``x`` (T+1, 2) with means and covariances of the flights in the cell.
 
-    From the fix on; before it they are those of all flights. ``x`` are the means without a fix of the
+    From the fix on; before it they belong to all flights. ``x`` are the means without a fix of the
     controls of the plan to the fix, and of the branch from there.
 
     Eq. (M81) of docs/mathematics_methods.md.

@@ -3,7 +3,7 @@
 A person applies two distances: along the track from the planned position, ahead of it positive, and to the
 left of the track. A cell is a box of the two; it is a half-plane where one of its four ends is finite.
 
-With (a, l) ~ N(m, S) the two distances, the moments in a box are those of a Gaussian truncated in one
+With (a, l) ~ N(m, S) the two distances, the moments in a box come from a Gaussian truncated in one
 direction where only that one is limited, and the other follows by linear regression. In a box that is
 limited in both, a is integrated over by Gauss-Legendre quadrature, and l given a is the truncated
 N(m_l + b (a - m_a), S_ll - b S_al), b = S_al / S_aa.

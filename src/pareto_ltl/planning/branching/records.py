@@ -79,7 +79,7 @@ class Branch:
     share : float
         Probability of the cell, of flights that take the fix.
     path : PlannedPath
-        From the step of the fix on: times since departure; ``x`` and ``cov`` are those of flights in the
+        From the step of the fix on: times since departure; ``x`` and ``cov`` belong to flights in the
         cell; the controls are what the robot flies.
     rate : FailureRate
         Failure of the flights that fly this branch.
