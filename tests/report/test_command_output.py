@@ -13,7 +13,7 @@ import pytest
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_apps.cli.commands import run_command_line
-from pareto_ltl_apps.cli.output import Answer, Output, answered, output_of
+from pareto_ltl_apps.cli.output import Answer, Output, Tell, answered, output_of
 
 WORDS = {
     "front": ["front", "DIR"],
@@ -166,7 +166,7 @@ def test_flags_that_exclude_each_other_are_refused(capsys: pytest.CaptureFixture
 
 
 def test_what_else_is_printed_does_not_reach_programs(capsys: pytest.CaptureFixture[str]) -> None:
-    def work() -> Answer:
+    def work(_tell: Tell) -> Answer:
         print("between")
         return Answer({"a": float("nan"), "b": Path("x")}, ["text"], ["x"], code=3)
 

@@ -17,6 +17,8 @@ from pareto_ltl.settings import MissionConfig, SceneConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_apps.cli import hydra_app as app
+from pareto_ltl_apps.view.geography import geography_around
+from pareto_ltl_apps.view.land import BESIDE
 from problems import box, make_scene
 
 SMALL = {
@@ -254,7 +256,11 @@ def test_records_draw_themselves(planned: Run, both: tuple[Path, Path], tmp_path
     with_map = planned.plan.plot(scene=planned.scene)
     shown = {text.get_text() for text in with_map.figure.axes[0].texts}
     numbers = {str(number) for number in range(1, len(planned.scene.obstacles) + 1)}
-    assert {"a", "b", "c"} <= shown <= {"a", "b", "c"} | numbers
+    around = geography_around(planned.scene, BESIDE)
+    assert around is not None
+    cities = {city[0] for city in around.cities}
+    assert {"a", "b", "c"} <= shown <= {"a", "b", "c"} | numbers | cities
+    assert shown & cities
     assert shown & numbers
     for record in shown_records(planned)[1:]:
         assert record.plot(scene=planned.scene)._repr_png_().startswith(b"\x89PNG")

@@ -217,7 +217,7 @@ def test_a_mission_in_the_water_is_told_in_words_of_the_water_and_verified(
     assert json.loads((out / "plan.json").read_text())["covered"].startswith("current at 100m depth of csv")
     page = (out / "report.html").read_text()
     assert "coherent currents" in page.partition("<script")[0]
-    assert "current arrows" in page
+    assert 'id="layer-wind" checked> current</label>' in page
     assert run_command_line(["verify", str(out)]) == 0
     assert "FAILS" not in capsys.readouterr().out
     for words in ([], ["--limits"]):

@@ -189,7 +189,7 @@ def test_an_infeasible_run_is_judged_by_what_is_there(tmp_path: Path) -> None:
     found = verify(tmp_path / "none")
     assert [finding for finding in found if not finding.holds] == []
     assert {finding.claim.partition(":")[0] for finding in found} == {
-        "run", "metrics", "map", "mission", "wind", "plan", "trees", "units",
+        "run", "settings", "metrics", "map", "mission", "wind", "plan", "trees", "units",
     }  # fmt: skip
 
 

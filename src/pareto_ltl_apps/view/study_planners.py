@@ -34,6 +34,7 @@ from pareto_ltl_apps.view.wind import draw_wind_arrows
 MAX_KEYS = 6  # in a line of the legend of the panels
 PLANNED: dict[str, Any] = {"color": style.BLACK, "lw": 1.1, "ls": (0, (3.5, 1.5))}  # look of a planned path
 FACTOR_LABELS = FACTOR_TITLES | {
+    "trees": "trees",
     "epsilon": "ε, collision probability of a step",
     "kernel": "kernel of the wind regression",
 }

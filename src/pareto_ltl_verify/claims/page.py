@@ -45,6 +45,7 @@ INVISIBLE = ("script", "style")
 PACKAGE = Path(pareto_ltl.__file__).parents[1] / "pareto_ltl_apps" / "view"
 WORLD, UNITS = PACKAGE / "geography" / "world.npz", 500  # of a degree, in which the table has its places
 EDGE = 2e-3  # [deg] of a corner on the edge of what is shown
+BOX_ROUNDING = 6e-4  # [deg] of the edges of what is shown, which have three digits
 STYLES = ("components/components.css", "page/page.css")
 SCRIPTS = (
     *(f"components/{name}.js" for name in (
@@ -194,7 +195,7 @@ def geography(result: Evidence) -> Verdict | None:
         return None
     box, number = np.array(shown["box"], float), 0
     far = np.abs(box - _box(result)).max()
-    faults = [f"box {shown['box']}"] * bool(far > 1e-2 * np.ptp(box[::2]))
+    faults = [f"box {shown['box']}"] * bool(far > BOX_ROUNDING + 1e-2 * np.ptp(box[::2]))
     with np.load(WORLD) as table:
         names = table["city_names"].tobytes().decode().split("\n")
         lon, lat = table["city_places"] / UNITS
