@@ -56,6 +56,7 @@ NOT_BY_DAY = [
     "exports/test_edges",
     "fuzz/*",
     "kernels/test_code_cache",
+    "mutants/test_making",
     "studies/*",
     "cli/test_budget",
     "cli/test_commands",
