@@ -14,6 +14,7 @@ import sys
 import tempfile
 import threading
 import time
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -362,6 +363,12 @@ def test_commands_that_need_no_planner_or_must_not_share_one_run_here(words: str
         asked.connect(str(here / SOCKET_NAME))
         send_message(asked, {"a": 1}, (0, 1, 2))
     other.join()
+
+
+def test_the_source_of_every_package_is_looked_at() -> None:
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))
+    packages = project["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    assert {Path(package).name for package in packages} == set(warm_client.OURS)
 
 
 def test_what_is_loaded_differs_with_source_and_environment(

@@ -337,6 +337,6 @@ def _end_with(client: socket.socket) -> None:
     client.settimeout(None)
     with suppress(OSError):
         client.recv(1)
-    os.kill(os.getpid(), signal.SIGTERM)  # a run records how it ended; see support/stopping.py
+    os.kill(os.getpid(), signal.SIGTERM)  # a run records how it ended; see pareto_ltl_apps/stopping.py
     time.sleep(LAST_WORDS)
     os._exit(128 + signal.SIGTERM)
