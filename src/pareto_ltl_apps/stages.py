@@ -7,11 +7,10 @@ from pathlib import Path
 
 from pareto_ltl import Run
 from pareto_ltl.extend import Record
-from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.settings.outputs import BRANCH_FILES, EXPORT_FILES
 from pareto_ltl_apps.studies.stages import FIGURE_FILES, STUDY_STAGES
 from pareto_ltl_apps.view import PAGE_FILE
 
-OF_BRANCHES = "branch_?.csv", "branch_?_card.csv", "branch_cards.html"  # of plans that branch
 LOG = logging.getLogger("pareto_ltl.stages")
 
 
@@ -52,7 +51,7 @@ def write_page(run: Run) -> tuple[Path, ...]:
     return (make_page(run),)
 
 
-EXPORT = Record(write_plan_files, "export", (*EXPORT_FILES.values(), *OF_BRANCHES), name="exports")
+EXPORT = Record(write_plan_files, "export", (*EXPORT_FILES.values(), *BRANCH_FILES), name="exports")
 FIGURES = Record(draw_figures, "report", shows=FIGURE_FILES, name="figures")
 PAGE = Record(write_page, "page", shows=(PAGE_FILE,))
 STAGES = (EXPORT, FIGURES, PAGE, *STUDY_STAGES)

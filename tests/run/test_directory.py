@@ -15,10 +15,9 @@ from pareto_ltl.run.directory import BOOKKEEPING, RUN_LOCK, claimed_directory
 from pareto_ltl.run.pipeline import files_of, known_stages
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.building import build_settings
-from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.settings.outputs import BRANCH_FILES, EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.locks import hold_lock
-from pareto_ltl_apps.stages import OF_BRANCHES
 
 MAP = {
     "bounds": [[0, 0], [1e6, 1e6]],
@@ -136,4 +135,4 @@ def test_a_run_writes_what_its_stages_declare_and_nothing_else(tmp_path: Path) -
     declared = {name for stage in pipeline.stages for name in (*stage.writes, *stage.shows)}
     found = {path for pattern in (*declared, *BOOKKEEPING) for path in tmp_path.glob(pattern)}
     assert found == {path for path in tmp_path.rglob("*") if path.is_file()}
-    assert all(any(tmp_path.glob(pattern)) for pattern in declared.difference(OF_BRANCHES))
+    assert all(any(tmp_path.glob(pattern)) for pattern in declared.difference(BRANCH_FILES))

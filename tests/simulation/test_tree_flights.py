@@ -16,7 +16,7 @@ from pareto_ltl.planning.branching.belief import (
     prior_at,
 )
 from pareto_ltl.planning.branching.cells import Cell, Moments
-from pareto_ltl.planning.branching.records import TRUNK, BranchFix, cells_of, within
+from pareto_ltl.planning.branching.records import TRUNK, BranchFix, cells_of
 from pareto_ltl.planning.conditioning import Fix, learn
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import RobotConfig
@@ -136,7 +136,7 @@ def test_a_landmark_is_measured_inside_only() -> None:
     fix = BranchFix(5, np.array([5.0, 5.0]), np.array([1.0, 0.0]), 2.0, 0.5, box)
     y, taken = winds.measured(fix, x)
     inside = ((x >= 0.0) & (x <= 10.0)).all(axis=1)
-    assert (within(box, x) == inside).all()
+    assert (fix.inside(x) == inside).all()
     assert not taken[~inside].any()
     assert taken[inside].mean() == pytest.approx(0.5, abs=6 * 0.5 / math.sqrt(inside.sum()))
     assert (y - x).std() == pytest.approx(2.0, abs=6 * 2.0 / math.sqrt(2 * 8000))

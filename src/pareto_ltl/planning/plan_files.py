@@ -23,7 +23,7 @@ from pareto_ltl.planning.costs import cost_named, known_costs
 from pareto_ltl.planning.limits import Price, Remedy, SegmentLimits, WorstSegment
 from pareto_ltl.planning.navigation_files import number_or_nan, read_navigation
 from pareto_ltl.planning.rates import FailureRate, Promise
-from pareto_ltl.planning.records import RISKS, Forest, Front, Objectives, Plan, PlannedPath, Tree
+from pareto_ltl.planning.records import BY_STEP, RISKS, Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.settings.heights import FlownAir, Height
 from pareto_ltl.support.archives import stored
@@ -292,12 +292,7 @@ def write_plan(directory: Path, plan: Plan) -> None:
         "prices": [asdict(price) for price in plan.prices],
         **_flown(plan),
         **{key: getattr(plan.navigation, key, None) for key in NAVIGATION_KEYS},
-        "t": path.t,
-        "x": path.x,
-        "cov": path.cov,
-        "q": path.q,
-        "label": path.label,
-        "u": path.u,
+        **{name: getattr(path, name) for name in BY_STEP},
     }
     if plan.branching is not None:
         content["branches"] = branches_document(plan.branching, plan.air)
@@ -390,10 +385,7 @@ def _air(content: Mapping[str, Any]) -> FlownAir:
 def _promise(content: Mapping[str, Any] | None) -> Promise | None:
     if content is None:
         return None
-    names = [field.name for field in fields(FailureRate)]
-    rate, claimed = (
-        FailureRate(**{name: stated[name] for name in names}) for stated in (content, content["claimed"])
-    )
+    rate, claimed = map(FailureRate.stated, (content, content["claimed"]))
     bound, linearity = (number_or_nan(content[name]) for name in ("bound", "linearity"))
     return Promise(rate, claimed, bound, linearity, content["passed"], content.get("floor", 0.0))
 

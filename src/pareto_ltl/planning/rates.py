@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
 
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.display import answer_text, interval_text, promised_text, rate_text, winds_text
@@ -51,6 +53,11 @@ class FailureRate:
     def counted(cls, law: str, failures: int, runs: int) -> FailureRate:
         """The rate of ``failures`` among ``runs`` flights, with its 95 % Clopper-Pearson interval."""
         return cls(law, failures / runs, *clopper_pearson(failures, runs), runs)
+
+    @classmethod
+    def stated(cls, content: Mapping[str, Any]) -> FailureRate:
+        """The rate in a document that has a key for each attribute, among others."""
+        return cls(**{field.name: content[field.name] for field in fields(cls)})
 
     @property
     def weighted(self) -> bool:

@@ -153,6 +153,9 @@ def objective_row(o: Objectives) -> FloatArray:
     return np.array([o.mission_risk, o.collision_risk, *o.costs.values()])
 
 
+BY_STEP = ("t", "x", "cov", "q", "label", "u")  # attributes of a path with an entry for each step
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class PlannedPath(Displayed):
     """A path evaluated exactly: the Gaussian of the position at every step.

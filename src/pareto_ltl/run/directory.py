@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from pareto_ltl.settings.outputs import EXPORT_FILES
+from pareto_ltl.settings.outputs import BRANCH_FILES, EXPORT_FILES
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import FULL_DISK, remove_dead_drafts
 from pareto_ltl.support.locks import claim_folder
@@ -17,7 +17,6 @@ BOOKKEEPING = (  # the first is removed first: without it, the other files are n
     "metrics.json", "run.json", "config_resolved.yaml", RUN_LOG,
     ".hydra/config.yaml", ".hydra/hydra.yaml", ".hydra/overrides.yaml",
 )  # fmt: skip
-BRANCH_FILES = ("branch_?.csv", "branch_?_card.csv", "branch_cards.html")  # of plans that branch
 OTHER_FILES = (  # of no stage: of a replan, and of exports that were asked for later
     "replan.json",
     *(

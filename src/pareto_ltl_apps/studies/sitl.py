@@ -131,8 +131,6 @@ def flight_air(problem: Problem, draws: Any, i: int, steps: int) -> Air:
 
     Within a step the wind does not change with time, as in our flights, but with the position.
     """
-    from pareto_ltl.kernels.flight import wind_met
-
     own = _one_of(draws, i)
     crs, dt = str(problem.scene.crs), problem.motion.dt
     x, met = np.zeros((1, steps + 1, 2)), np.empty((1, 4))
@@ -141,7 +139,7 @@ def flight_air(problem: Problem, draws: Any, i: int, steps: int) -> Air:
         t = min(int(time / dt + 1e-9), steps - 1)
         place = np.array([lon]), np.array([lat])
         x[0, t] = Frame(crs).to_plane(*place)[0]
-        wind_met(own, t, x, met)
+        kernel.wind_met(own, t, x, met)
         turn = -float(Frame(crs).convergence(*place)[0])  # from the plane to true north
         cos, sin = np.cos(turn), np.sin(turn)
         east, north = met[0, 0], met[0, 1]

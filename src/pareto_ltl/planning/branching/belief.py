@@ -12,8 +12,6 @@ and the same with κ, the robot's own errors, in the place of θ. V = 0 is a pos
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from pareto_ltl.kernels.path import Flight
@@ -22,7 +20,6 @@ from pareto_ltl.planning.branching.records import BranchFix
 from pareto_ltl.planning.conditioning import Fix, Joint, Learnt, joint_at
 from pareto_ltl.planning.evaluate import cross_covariance, propagate
 from pareto_ltl.planning.problem import Problem, unaided
-from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.support.arrays import FloatArray, square_matrices
 
 INSIDE_DRAWS = 200_000  # of positions, for a fix that only a landmark gives
@@ -109,11 +106,3 @@ def course_in_cell(problem: Problem, x: FloatArray, fix: BranchFix, told: Moment
         after = cov[t] - D @ W @ D.T
         cov[t] = 0.5 * (after + after.T)
     return flight._replace(x=means, cov=np.ascontiguousarray(cov.reshape(-1, 4)[:, [0, 1, 3]]))
-
-
-def rest_of(path: PlannedPath, step: int) -> PlannedPath:
-    """The steps of ``path`` from ``step`` on, at their times."""
-    return replace(
-        path, t=path.t[step:], x=path.x[step:], cov=path.cov[step:], q=path.q[step:],
-        label=path.label[step:], u=path.u[step:], fixes=(),
-    )  # fmt: skip

@@ -13,12 +13,11 @@ from pareto_ltl.planning.branching.cells import Cell
 from pareto_ltl.planning.branching.records import Branch, BranchFix, Branching, TreeRow
 from pareto_ltl.planning.navigation_files import read_navigation
 from pareto_ltl.planning.rates import FailureRate
-from pareto_ltl.planning.records import Objectives, PlannedPath
+from pareto_ltl.planning.records import BY_STEP, Objectives, PlannedPath
 from pareto_ltl.settings.heights import FlownAir
 from pareto_ltl.support.arrays import require_shape
 from pareto_ltl.world.projection import Navigation
 
-RATE_KEYS = tuple(field.name for field in fields(FailureRate))
 DIFFERENCE = ("middle", "low", "high")
 
 
@@ -59,12 +58,7 @@ def _branch_document(branch: Branch, air: FlownAir | None) -> dict[str, Any]:
         "order": path.order,
         **{field.name: getattr(log, field.name) for field in fields(Navigation)},
         **calibrated,
-        "t": path.t,
-        "x": path.x,
-        "cov": path.cov,
-        "q": path.q,
-        "label": path.label,
-        "u": path.u,
+        **{name: getattr(path, name) for name in BY_STEP},
     }
 
 
@@ -81,19 +75,17 @@ def read_branches(content: Mapping[str, Any]) -> Branching:
     tree = Branching(
         fix=read,
         branches=tuple(_branch(row) for row in content["branches"]),
-        rate=_rate(content["rate"]),
-        alone=_rate(content["alone"]),
+        rate=FailureRate.stated(content["rate"]),
+        alone=FailureRate.stated(content["alone"]),
         difference=tuple(float(content["difference"][key]) for key in DIFFERENCE),  # type: ignore[arg-type]
         length=float(content["length"]),
         point=content["point"],
-        front=tuple(TreeRow(row["leaves"], _rate(row), float(row["length"])) for row in content["front"]),
+        front=tuple(
+            TreeRow(row["leaves"], FailureRate.stated(row), float(row["length"])) for row in content["front"]
+        ),
     )
     tree.chosen(read.place[None])
     return tree
-
-
-def _rate(content: Mapping[str, Any]) -> FailureRate:
-    return FailureRate(**{name: content[name] for name in RATE_KEYS})
 
 
 def _branch(row: Mapping[str, Any]) -> Branch:
@@ -112,7 +104,7 @@ def _branch(row: Mapping[str, Any]) -> Branch:
     if log is None:
         raise ValueError(f"branches: branch {row['name']} has no airspeeds")
     cell = Cell(_ends(row["along"], "along"), _ends(row["left"], "left"))
-    return Branch(row["name"], cell, float(row["share"]), path, _rate(row["rate"]), log)
+    return Branch(row["name"], cell, float(row["share"]), path, FailureRate.stated(row["rate"]), log)
 
 
 def _ends(pair: tuple[float | None, float | None], name: str) -> tuple[float, float]:

@@ -9,17 +9,10 @@ import numpy as np
 
 from pareto_ltl.planning.branching.cells import Cell
 from pareto_ltl.planning.rates import FailureRate
-from pareto_ltl.planning.records import Plan, PlannedPath
+from pareto_ltl.planning.records import BY_STEP, Plan, PlannedPath
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.world.cells import inside_depth
 from pareto_ltl.world.projection import Navigation
-
-
-def within(outline: FloatArray, points: FloatArray) -> BoolArray:
-    """Which ``points`` (n, 2) lie in the convex ``outline`` (m, 2), counter-clockwise."""
-    edge = np.roll(outline, -1, axis=0) - outline
-    normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1)
-    return np.asarray((points @ normal.T <= (normal * outline).sum(axis=1)).all(axis=1), bool)
-
 
 TRUNK = -1  # the branch of a flight that takes no fix: the plan goes on
 NAMES = "ABCD"  # of the branches, in order
@@ -66,7 +59,7 @@ class BranchFix:
         """Which robots at ``x`` (n, 2) [m] are where a fix can be taken."""
         if self.landmark is None:
             return np.ones(len(x), bool)
-        return within(self.landmark, x)
+        return inside_depth(self.landmark, x) >= 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +156,7 @@ def plan_on_branch(plan: Plan, branch: Branch) -> Plan:
 
     trunk, rest = plan.path, branch.path
     path = replace(
-        trunk, **{name: joined(trunk, rest, name) for name in ("t", "x", "cov", "u", "q", "label")},
+        trunk, **{name: joined(trunk, rest, name) for name in BY_STEP},
         origin=rest.origin, order=rest.order,
     )  # fmt: skip
     if log is not None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning.branching.records import BranchFix, TreeRow, within
+from pareto_ltl.planning.branching.records import BranchFix, TreeRow
 from pareto_ltl.planning.costs.duration import hours_text
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import FailureRate
@@ -25,6 +25,7 @@ from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.seeds import named_child
+from pareto_ltl.world.cells import inside_depth
 
 LOG = logging.getLogger(__name__)
 STREAM, PROMISED = "branches", "promised branches"
@@ -136,7 +137,7 @@ def fixes_on(cfg: BranchConfig, robot: RobotConfig, problem: Problem, path: Plan
         return [fix(step, cfg.fix_sd) for step in wanted if 1 <= step < steps]
     found = []
     for number, outline in enumerate(problem.scene.landmarks):
-        inside = np.flatnonzero(within(outline, x[1:-1])) + 1
+        inside = np.flatnonzero(inside_depth(outline, x[1:-1]) >= 0.0) + 1
         if len(inside):
             middle = outline.mean(axis=0)
             step = int(inside[np.argmin(np.linalg.norm(x[inside] - middle, axis=1))])

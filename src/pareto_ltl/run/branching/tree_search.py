@@ -24,7 +24,7 @@ from pareto_ltl.planning.branching.belief import (
     measured_moments,
     prior_at,
 )
-from pareto_ltl.planning.branching.cells import Cell, Moments
+from pareto_ltl.planning.branching.cells import EVERYWHERE, Cell, Ends, Moments
 from pareto_ltl.planning.branching.records import (
     NAMES,
     TRUNK,
@@ -40,6 +40,7 @@ from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.planning.refine import sampled_paths
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
+from pareto_ltl.planning.selection_rules import SMALL
 from pareto_ltl.run.branching.rest_problem import World, rest_of_flight
 from pareto_ltl.simulation.tree_flights import TreeFlights, fly_tree, whole_controls
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, length_of, square_matrices
@@ -51,7 +52,6 @@ FITTED, JUDGED = 4000, 8000  # flights that rests are fitted to, and flights by 
 LEAST_FLIGHTS = 50  # of a cell: fewer say nothing
 RESTS = 6  # rests retained of a cell
 PLACES = 9  # at which a line is tried, from the 10th to the 90th percentile
-SMALL = 1e-3  # as in the selection rule ``worth``
 ROUNDS = 2  # in which rests are searched for again in the cells that were drawn
 SOME = 0.05  # share of the flights of a cell in an automaton state for which a rest is searched for
 QUADRANTS = tuple(
@@ -206,7 +206,7 @@ class Grower:
     def worth_of(self, winds: TreeFlights, trunk: PlannedPath, step: int, rest: FloatArray) -> float:
         """The score of one rest for the flights of a cell."""
         u = whole_controls(trunk.u, step, rest)
-        length = length_of(self.means(u))
+        length = length_of(expected_means(self.problem, u))
         return self.score(float(winds.failed(u).mean()), length)
 
     def open_states(self, state: IntArray) -> list[int]:
@@ -216,17 +216,13 @@ class Grower:
         able = (count >= max(SOME * len(state), LEAST_FLIGHTS)) & np.isfinite(distance) & (distance > 0.0)
         return [int(one) for one in q[able][np.argsort(-count[able])]]
 
-    def means(self, u: FloatArray) -> FloatArray:
-        """Expected positions (T+1, 2) [m] of the controls ``u``, without a fix."""
-        return propagate_controls(self.problem, u, unaided(self.problem.world.law)).x
-
     def can_be_flown(self, trunk: PlannedPath, fix: BranchFix, told: Moments, rest: FloatArray) -> bool:
         """Whether the flights of a cell keep epsilon in each segment of ``rest``, within the energy."""
         u, energy = whole_controls(trunk.u, fix.step, rest), self.problem.energy
         capacity = math.inf if energy is None or energy.capacity is None else energy.capacity
         if energy is not None and energy.of(u, self.problem.motion.dt) > capacity:
             return False
-        risk = segment_risks(self.problem, self.means(u), fix, told)
+        risk = segment_risks(self.problem, expected_means(self.problem, u), fix, told)
         return bool((risk[fix.step :] <= allowed_risk(self.problem) * (1.0 + 1e-6)).all())
 
     # --- the table ---
@@ -245,7 +241,7 @@ class Grower:
         """``table`` with further columns."""
         controls = [whole_controls(trunk.u, fix.step, rest) for rest in rests]
         failed = np.stack([self.judged.failed(u) for u in controls], axis=1)
-        length = np.array([length_of(self.means(u)) for u in controls])
+        length = np.array([length_of(expected_means(self.problem, u)) for u in controls])
         return replace(
             table, failed=np.hstack([table.failed, failed]), length=np.append(table.length, length)
         )
@@ -274,6 +270,11 @@ class Grower:
         return Division(cells, tuple(rests), failed, float(length.mean()))
 
 
+def expected_means(problem: Problem, u: FloatArray) -> FloatArray:
+    """Expected positions (T+1, 2) [m] of the controls ``u`` (T, 2) [m/s], without a fix."""
+    return propagate_controls(problem, u, unaided(problem.world.law)).x
+
+
 def segment_risks(problem: Problem, x: FloatArray, fix: BranchFix, told: Moments) -> FloatArray:
     """The probability of a collision in each segment (T,) of the flights in a cell."""
     return np.asarray(separation(problem, course_in_cell(problem, x, fix, told)).risk, float)
@@ -290,8 +291,7 @@ def mixed_risk(problem: Problem, tree: Tree, number: int) -> FloatArray:
     for cell, rest in zip(division.cells, division.rests, strict=True):
         told = measured_moments(fix, cell, tree.trunk.cov[k])
         u = whole_controls(tree.trunk.u, k, tree.rests[rest])
-        x = propagate_controls(problem, u, unaided(problem.world.law)).x
-        risk = segment_risks(problem, x, fix, told)[k:]
+        risk = segment_risks(problem, expected_means(problem, u), fix, told)[k:]
         total[: len(risk)] += told.share * risk
     return total
 
@@ -312,30 +312,26 @@ def divisions(y: FloatArray, leaves: int) -> Iterator[tuple[Cell, ...]]:
     places = [rounded_places(y[:, i]) for i in (0, 1)]
     for i in (0, 1):
         for cuts in combinations(places[i], leaves - 1):
-            yield tuple(_cell(i, ends, 1 - i) for ends in _bands(cuts))
+            yield tuple(_cell(i, ends) for ends in _bands(cuts))
         if leaves == 3:
             for first in places[i]:
                 low, high = _bands((first,))
                 for second in places[1 - i]:
                     halves = _bands((second,))
-                    yield (_cell(i, low, 1 - i), *(_cell(i, high, 1 - i, own) for own in halves))
-                    yield (*(_cell(i, low, 1 - i, own) for own in halves), _cell(i, high, 1 - i))
+                    yield (_cell(i, low), *(_cell(i, high, own) for own in halves))
+                    yield (*(_cell(i, low, own) for own in halves), _cell(i, high))
     if leaves == 4:
         for first in places[0]:
             for second in places[1]:
                 yield tuple(Cell(along, left) for along in _bands((first,)) for left in _bands((second,)))
 
 
-def _cell(i: int, ends: tuple[float, float], _other: int, across: tuple[float, float] | None = None) -> Cell:
-    """The cell with ``ends`` in distance i, and ``across`` in the other one."""
-    both = [Cell().along, Cell().left]
-    both[i] = ends
-    if across is not None:
-        both[1 - i] = across
-    return Cell(*both)
+def _cell(i: int, ends: Ends, other: Ends = EVERYWHERE) -> Cell:
+    """The cell with ``ends`` in distance i (0 along the track, 1 to its left), ``other`` in the other."""
+    return Cell(ends, other) if i == 0 else Cell(other, ends)
 
 
-def _bands(cuts: Sequence[float]) -> list[tuple[float, float]]:
+def _bands(cuts: Sequence[float]) -> list[Ends]:
     """The intervals between ``cuts``."""
     ends = [-math.inf, *cuts, math.inf]
     return list(pairwise(ends))
@@ -391,8 +387,7 @@ def branch_path(problem: Problem, tree: Tree, rest: int, told: Moments) -> Plann
     """The rest number ``rest`` as a path: means and covariances of the flights in the cell."""
     k, trunk = tree.fix.step, tree.trunk
     u = whole_controls(trunk.u, k, tree.rests[rest])
-    flight = propagate_controls(problem, u, unaided(problem.world.law))
-    course = course_in_cell(problem, flight.x, tree.fix, told)
+    course = course_in_cell(problem, expected_means(problem, u), tree.fix, told)
     x, cov = course.x[k:], square_matrices(course.cov)[k:]
     q, cell = states_from(problem, int(trunk.q[k]), x, k)
     unknown = math.nan
