@@ -41,7 +41,7 @@ export class Result {
     on("next", () => this.show(this.shown + 1));
     on("choose", () => this.choose().catch(failed));
     on("show-fix", () => { if (!this.view) return; this.fix = this.fix ? null : this.view.line[this.step]; this.showFix(); });
-    on("pin", () => { if (this.view) this.keep(); });
+    on("pin", () => { if (this.viewed === this.shown) this.keep(); });  // not while its path is read
     on("unpin", () => { this.pinned = []; this.showFacts(); this.drawFront(); this.redraw(); });
     on("replan", () => this.replan().catch(failed));
     for (const [kind, [label, title]] of Object.entries(FORMATS)) byId("exports").append(html("button", { type: "button", "data-kind": kind, title, onclick: event => this.take(kind, event.target) }, label));
@@ -53,7 +53,7 @@ export class Result {
   reset() {
     this.ends?.abort();
     this.player.stop();
-    Object.assign(this, { id: null, front: null, shown: null, view: null, wind: new WindLayer(), early: [], looked: null, step: 0, fix: null, working: false, checking: false, picked: false });
+    Object.assign(this, { id: null, front: null, shown: null, view: null, viewed: null, wind: new WindLayer(), early: [], looked: null, step: 0, fix: null, working: false, checking: false, picked: false });
     this.views.clear();
     this.studies.reset();
     document.querySelector("main").classList.remove("planned");
@@ -64,7 +64,7 @@ export class Result {
   /** Forget a front whose plan could not be checked; its paths stay as lines on the map. */
   discard() {
     this.player.stop();
-    Object.assign(this, { front: null, shown: null, view: null, fix: null });
+    Object.assign(this, { front: null, shown: null, view: null, viewed: null, fix: null });
     for (const id of ["result", "timebar"]) byId(id).hidden = true;
   }
 
@@ -187,8 +187,7 @@ export class Result {
     let view;
     try { view = await this.load(number); } catch (error) { this.views.delete(number); if (!this.checking) this.failed(error); return; }
     if (this.shown !== number) return;  // another was chosen since
-    this.view = view;
-    this.fix = null;
+    Object.assign(this, { view, viewed: number, fix: null });
     byId("timebar").hidden = false;
     this.drawFront();
     this.showFacts();
@@ -255,8 +254,8 @@ export class Result {
   }
 
   async findLimits() {
-    const { id, shown, view } = this;
-    view.limits = await ask("GET", `/api/plans/${id}/points/${shown}/limits`);
+    const { id, viewed, view } = this;  // another point may be shown whose path is still read
+    view.limits = await ask("GET", `/api/plans/${id}/points/${viewed}/limits`);
     if (view === this.view) this.showLimits();
   }
 
