@@ -40,7 +40,7 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[Settings]:
         found.append(pipeline.settings)
         return {"run_seconds": 0.0}
 
-    monkeypatch.setattr(Pipeline, "run_claimed", run)
+    monkeypatch.setattr(Pipeline, "complete", run)
     return found
 
 

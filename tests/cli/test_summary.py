@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from pareto_ltl import Run
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.support.medium import WATER
 from pareto_ltl_apps.cli.output import collected_warnings
@@ -123,7 +124,7 @@ def test_the_warnings_of_a_run_are_printed_each_once(tmp_path: Path) -> None:
 def test_the_law_is_that_of_the_settings(tmp_path: Path) -> None:
     page = io.StringIO()
     settings = Settings(name="trial", fidelity=preset("full"))
-    answer = run_answer(settings, tmp_path, METRICS, [], verbose=True)
+    answer = run_answer(Run(settings), tmp_path, METRICS, [], verbose=True)
     for line in answer.lines:
         Console(file=page, width=80).print(line)
     assert "mission risk V, coherent winds" in page.getvalue()

@@ -110,22 +110,18 @@ class Pipeline:
         ConfigError if another run uses the directory.
         """
         with self.claimed(directory):
-            return self.run_claimed(directory, argv, overrides)
+            return self.complete(Run(self.settings, directory=Path(directory)), argv, overrides)
 
-    def run_claimed(
-        self, directory: Path | str, argv: Sequence[str] = (), overrides: Sequence[str] = (),
-        progress: ProgressBar | None = None, answered: Answered | None = None,
+    def complete(
+        self, run: Run, argv: Sequence[str] = (), overrides: Sequence[str] = (),
+        answered: Answered | None = None,
     ) -> dict[str, float]:  # fmt: skip
-        """:meth:`run` in a directory that this process has already locked.
+        """Make the stages that ``run`` has no records of, in its directory, which is locked already.
 
-        ``progress`` shows it; ``answered`` is as for :func:`carry_out`.
+        The rest is as for :func:`carry_out`.
         """
-        run = Run(self.settings, directory=Path(directory), progress=progress)
-        return carry_out(run, self.stages, argv, overrides, answered)
-
-    def complete(self, run: Run) -> dict[str, float]:
-        """Make the stages that ``run`` has no records of, in its directory, which is locked already."""
-        return carry_out(run, [stage for stage in self.stages if stage.name not in run.records])
+        left = [stage for stage in self.stages if stage.name not in run.records]
+        return carry_out(run, left, argv, overrides, answered)
 
 
 @lru_cache

@@ -16,6 +16,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from pareto_ltl import Run
 from pareto_ltl.extend import Pipeline, ProgressBar
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, InfeasibleError
@@ -244,18 +245,20 @@ class HydraJob:
         shown, told = _relative_path(directory), list[Answer]()
         try:
             checked = self.pipeline or check_settings(settings_from(config))
-            answer_of = partial(run_answer, checked.settings, shown, verbose=self.output is Output.VERBOSE)
+            quiet = ProgressBar(shown=False) if self.output is Output.QUIET else None
+            run = Run(checked.settings, directory=directory, progress=quiet)
+            answer_of = partial(run_answer, run, shown, verbose=self.output is Output.VERBOSE)
             with collected_warnings() as warnings:
 
                 def tell(metrics: dict[str, float]) -> None:
+                    if self.tell is None:
+                        return
                     with suppress(*CONFIGURATION_ERRORS):  # reported at the end, when the result is whole
                         answer = answer_of(metrics, tuple(warnings), drawn=False)
-                        if self.tell is not None:
-                            self.tell(answer)
-                            told.append(answer)
+                        self.tell(answer)
+                        told.append(answer)
 
-                quiet = ProgressBar(shown=False) if self.output is Output.QUIET else None
-                metrics = checked.run_claimed(directory, self.argv, _task_overrides(), quiet, tell)
+                metrics = checked.complete(run, self.argv, _task_overrides(), tell)
         except Exception as error:
             before_stages = isinstance(error, ConfigError | DataError | FormulaError)
             gone = before_stages and not _chosen_directory() and Pipeline.discarded(directory)
@@ -270,7 +273,7 @@ class HydraJob:
             return 0
         try:
             self.answer = answer_of(metrics, warnings)
-        except CONFIGURATION_ERRORS as error:  # a disk that fails when the plan is read back
+        except CONFIGURATION_ERRORS as error:  # a disk that fails when tables are read back
             line = f"the result in {shown} is whole, but not its summary: {explain_error(error)}"
             print_problem(line)
             self.answer = Answer({"error": line})
@@ -289,7 +292,8 @@ class HydraJob:
             metrics: dict[str, float] = {}
 
             def work() -> None:
-                metrics.update(checked.run_claimed(directory, self.argv, _task_overrides()))
+                run = Run(checked.settings, directory=directory)
+                metrics.update(checked.complete(run, self.argv, _task_overrides()))
 
             done = RunJob(directory).do_once(work, resume=checked.settings.sweep.resume)
             ended = f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"

@@ -93,7 +93,7 @@ def choose(options: Namespace) -> Answer:
     with collected_warnings() as warnings:
         words = ("pareto-ltl", "choose", *options.words)
         run = choice.make(source, place, words)
-    return run_answer(run.settings, place, run.metrics, warnings)
+    return run_answer(run, place, run.metrics, warnings)
 
 
 def read_selection(rule: str | None, words: Sequence[str]) -> dict[str, Any] | None:

@@ -17,6 +17,7 @@ from pareto_ltl_apps.view import PAGE_FILE
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from pareto_ltl import Run
     from pareto_ltl.extend import Plan
     from pareto_ltl_apps.studies.sweep_summary import SweepSummary
 
@@ -27,7 +28,7 @@ FAILED = "failed"  # the column that a table has before others
 
 
 def run_answer(
-    settings: Settings,
+    run: Run,
     directory: Path,
     metrics: Mapping[str, float],
     warnings: Sequence[str],
@@ -42,11 +43,7 @@ def run_answer(
     """
     from rich.text import Text
 
-    plan = None
-    if (directory / "plan.json").is_file():
-        from pareto_ltl import Run
-
-        plan = Run.plan.load(directory)
+    settings, plan = run.settings, run.get("plan")
     covers = {key: text for key in ("covered", "not_covered") if (text := getattr(plan, key, ""))}
     document = {
         "directory": directory, "name": settings.name, "law": settings.fidelity.law, "metrics": metrics,
@@ -64,7 +61,7 @@ def run_answer(
         _summary_table(settings.name, [*rows, *limit_rows(plan, settings.medium), last]),
         *([f"No promise: {gap}; the rates count flights in the {flow} used."] if gap else []),
         *warning_paragraphs(warnings, directory),
-        *([] if plan is None else plan_paragraphs(settings, directory, plan)),
+        *([] if plan is None else plan_paragraphs(run, directory, plan)),
         *(f"{key.replace('_', ' ').capitalize()}: {text}" for key, text in covers.items()),
         *([] if plan is None else [files_line(settings, drawn=drawn)]),
     ]
@@ -106,29 +103,26 @@ def warning_paragraphs(warnings: Sequence[str], directory: Path) -> Iterator[str
         yield f"Warning: {len(warnings) - MAX_WARNINGS} more in {directory / 'run.log'}"
 
 
-def plan_paragraphs(settings: Settings, directory: Path, plan: Plan) -> Iterator[str]:
+def plan_paragraphs(run: Run, directory: Path, plan: Plan) -> Iterator[str]:
     """Which path of the front is the plan, where flights judge; what detours through landmarks would save."""
     from pareto_ltl.planning.selection_rules import selection_rule
 
-    cfg = settings.selection
+    cfg, scene, front = run.settings.selection, run.get("scene"), run.get("front")
     if not plan.epsilon_kept:
         yield "The plan is the path nearest to planner.epsilon, which no path keeps; the front has no other."
-    elif settings.fidelity.judge == "flights" and (words := selection_rule(cfg).in_words(cfg)):
+    elif run.settings.fidelity.judge == "flights" and (words := selection_rule(cfg).in_words(cfg)):
         yield f"The plan is {words}; `pareto-ltl choose {directory}` takes another point of the front."
     if plan.remedies:
         yield f"What helps, {plan.what_helps}."
-    if not all((directory / name).is_file() for name in ("front.csv", "scene.json")):
+    if scene is None or front is None:
         return
-    from pareto_ltl import Run
-
-    results = Run.open(directory)
     from pareto_ltl_apps.view.trade import trade_lines
 
-    yield from (f"{line}." for line in trade_lines(results.scene, results.front, results.plan))
-    if results.scene.landmarks:
+    yield from (f"{line}." for line in trade_lines(scene, front, plan))
+    if scene.landmarks:
         from pareto_ltl_apps.view.limits import detour_lines
 
-        yield from (f"Detour: {line}." for line in detour_lines(results.scene, results.front, results.plan))
+        yield from (f"Detour: {line}." for line in detour_lines(scene, front, plan))
 
 
 def limit_rows(plan: Plan | None, medium: Medium = AIR) -> Iterator[tuple[str, str]]:
