@@ -12,12 +12,12 @@ from numpy.random import SeedSequence
 
 import pareto_ltl
 from pareto_ltl.settings import ExportsConfig
-from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl_apps.exports.exported import exported_plan
 from pareto_ltl_apps.exports.formats import write_exports
+from pareto_ltl_apps.exports.kinds import FORMATS
 from problems import MISSIONS
 
-FORMATS = ExportsConfig(formats=list(EXPORT_FILES), altitude_lower=300.0, altitude_upper=400.0)
+ALL = ExportsConfig(formats=list(FORMATS), altitude_lower=300.0, altitude_upper=400.0)
 
 
 @pytest.fixture(scope="module")
@@ -28,16 +28,16 @@ def planned():
 
 def arguments_of(planned):
     """Those of ``exported_plan``, for all formats."""
-    return replace(planned.settings, exports=FORMATS), planned.problem, planned.plan, SeedSequence(1)
+    return replace(planned.settings, exports=ALL), planned.problem, planned.plan, SeedSequence(1)
 
 
 def test_all_formats_of_a_plan(benchmark, planned, tmp_path):
     def export():
-        return write_exports(exported_plan(*arguments_of(planned)), FORMATS.formats, tmp_path)
+        return write_exports(exported_plan(*arguments_of(planned)), ALL.formats, tmp_path)
 
     benchmark.extra_info["budget"] = 0.5
     paths = benchmark.pedantic(export, rounds=10, warmup_rounds=1)
-    assert len(paths) == len(EXPORT_FILES)
+    assert len(paths) == len(FORMATS)
 
 
 def test_what_is_exported_of_a_plan(benchmark, planned):

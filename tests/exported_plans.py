@@ -14,8 +14,8 @@ from pyproj import Geod
 import pareto_ltl
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import ExportsConfig, SceneConfig, Settings
-from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl_apps.exports.exported import ExportedPlan
+from pareto_ltl_apps.exports.kinds import FORMATS
 from quick_wind import QUICK_WIND
 
 SMALL = {
@@ -25,7 +25,7 @@ SMALL = {
     "refine": {"flights": 200, "sweep_flights": 60, "points": 4},
     "wind": QUICK_WIND,
 }
-EXPORTS = ExportsConfig(formats=list(EXPORT_FILES), flights=1000, altitude_lower=300.0, altitude_upper=420.0)
+EXPORTS = ExportsConfig(formats=list(FORMATS), flights=1000, altitude_lower=300.0, altitude_upper=420.0)
 
 
 def settings_named(name: str, **scene: Any) -> Settings:

@@ -20,9 +20,9 @@ from pareto_ltl.planning.costs import COSTS, cost_named
 from pareto_ltl.planning.plan_files import FRONT_HEADER, TABLE_HEADER
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.checks import field_kinds
-from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.schemas import SCHEMA_NAMES, schema_text
 from pareto_ltl_apps.cli.command_table import COMMANDS
+from pareto_ltl_apps.exports.kinds import FORMATS
 from pareto_ltl_apps.exports.tables import CARD_COLUMNS, TABLE_COLUMNS
 
 KEPT = Path(__file__).with_name("interface.json")
@@ -82,7 +82,7 @@ def interface() -> dict[str, Any]:
             "dead_reckoning.csv": [*TABLE_COLUMNS],
             "flight_card.csv": [*CARD_COLUMNS],
         },
-        "exports": dict(EXPORT_FILES),
+        "exports": {name: one.file for name, one in FORMATS.items()},
     }
 
 

@@ -17,6 +17,7 @@ from pareto_ltl.wind.sources import read_wind as read_wind
 from pareto_ltl.world.scene import Scene as Scene
 from pareto_ltl.world.scene_settings import read_map as read_map
 from pareto_ltl_apps.exports.interface import export as export
+from pareto_ltl_apps.exports.kinds import ExportFormat as ExportFormat
 from pareto_ltl_apps.flight.beacons import beacons as beacons
 from pareto_ltl_apps.flight.following import follow as follow
 from pareto_ltl_apps.flight.replanning import replan as replan

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pareto_ltl import Run
 from pareto_ltl.extend import Record
-from pareto_ltl.settings.outputs import BRANCH_FILES, EXPORT_FILES
+from pareto_ltl_apps.exports.kinds import BRANCH_FILES, format_files
 from pareto_ltl_apps.studies.stages import FIGURE_FILES, STUDY_STAGES
 from pareto_ltl_apps.view import PAGE_FILE
 
@@ -51,7 +51,14 @@ def write_page(run: Run) -> tuple[Path, ...]:
     return (make_page(run),)
 
 
-EXPORT = Record(write_plan_files, "export", (*EXPORT_FILES.values(), *BRANCH_FILES), name="exports")
+EXPORTED = (*format_files(), *BRANCH_FILES)
+EXPORT = Record(
+    write_plan_files,
+    "export",
+    EXPORTED,
+    name="exports",
+    later=tuple(folder + name for folder in ("exports/", "exports_point_*/") for name in EXPORTED),
+)
 FIGURES = Record(draw_figures, "report", shows=FIGURE_FILES, name="figures")
 PAGE = Record(write_page, "page", shows=(PAGE_FILE,))
 STAGES = (EXPORT, FIGURES, PAGE, *STUDY_STAGES)

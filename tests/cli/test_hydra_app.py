@@ -23,7 +23,7 @@ from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import Record
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
+from pareto_ltl.settings.outputs import ON_REQUEST
 from pareto_ltl.support import machine
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
@@ -32,6 +32,7 @@ from pareto_ltl_apps.cli import composition
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.cli.output import output_of
 from pareto_ltl_apps.cli.setting_keys import settings_from
+from pareto_ltl_apps.exports.kinds import FORMATS
 from quick_wind import wind_words
 from unmeasured import untraced
 
@@ -527,7 +528,7 @@ MADE = {
     *("run.json", "run.log", "config_resolved.yaml", ".hydra", "metrics.json"),
     *("scene.json", "wind.nc", "automaton.hoa", "automaton.json", "cells.json"),
     *("trees.npz", "front.csv", "front.npz", "plan.json", "plan.csv", "deployments.npz"),
-    *(name for kind, name in EXPORT_FILES.items() if kind not in ON_REQUEST),
+    *(one.file for kind, one in FORMATS.items() if kind not in ON_REQUEST),
 }
 TIMED = {"run.json", "run.log", "metrics.json", ".hydra"}
 NUMBERS = {

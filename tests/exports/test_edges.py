@@ -22,11 +22,11 @@ from uas_standards.astm.f3548.v21.api import OperationalIntentDetails
 import pareto_ltl
 from exported_plans import Flown, metres_apart, settings_named
 from pareto_ltl.extend import Frame
-from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world.projection import local_plane
 from pareto_ltl_apps.exports.exported import ExportedPlan, exported_plan
-from pareto_ltl_apps.exports.formats import MAKERS, holds_pole, writable_formats, write_exports
+from pareto_ltl_apps.exports.formats import holds_pole, writable_formats, write_exports
+from pareto_ltl_apps.exports.kinds import FORMATS
 from pareto_ltl_apps.exports.mavlink import script_messages
 
 PLACES = [(52.0, 179.9), (-45.0, -179.99), (80.0, 20.0), (0.0, 0.0)]
@@ -49,7 +49,7 @@ def test_a_map_anywhere_is_drawn_by_all_readers(
     lat: float, lon: float, moved: Callable[[float, float], ExportedPlan], tmp_path: Path
 ) -> None:
     exported = moved(lat, lon)
-    write_exports(exported, list(EXPORT_FILES), tmp_path)
+    write_exports(exported, list(FORMATS), tmp_path)
     for name in ("plan.geojson", "corridor.geojson"):
         found = geojson.loads((tmp_path / name).read_text())
         assert found.is_valid
@@ -68,10 +68,10 @@ def test_a_map_anywhere_is_drawn_by_all_readers(
 
 
 def test_what_crosses_the_180th_meridian_is_cut(moved: Callable[[float, float], ExportedPlan]) -> None:
-    drawn = geojson.loads(MAKERS["geojson"](moved(52.0, 179.9)))
+    drawn = geojson.loads(FORMATS["geojson"].content(moved(52.0, 179.9)))
     kinds = {f.properties["role"]: f.geometry.type for f in drawn.features}
     assert kinds["bounds"] == "MultiPolygon"
-    drawn = geojson.loads(MAKERS["geojson"](moved(52.0, 100.0)))
+    drawn = geojson.loads(FORMATS["geojson"].content(moved(52.0, 100.0)))
     assert not any(f.geometry.type.startswith("Multi") for f in drawn.features)
 
 
@@ -80,7 +80,7 @@ def test_fences_are_cut_at_the_180th_meridian_and_keep_their_area(
 ) -> None:
     for lon in (179.9, 178.0, -177.0, 100.0):
         exported = moved(40.0, lon)
-        content = json.loads(MAKERS["qgc"](exported))
+        content = json.loads(FORMATS["qgc"].content(exported))
         fences = content["geoFence"]["polygons"]
         for fence in fences:
             lons = np.array(fence["polygon"])[:, 1]
@@ -94,7 +94,7 @@ def test_fences_are_cut_at_the_180th_meridian_and_keep_their_area(
         cut = lon != 100.0
         assert any(fence["inclusion"] for fence in fences) != cut
         assert ("no fence" in content["pareto_ltl"]["note"]) == cut
-    assert len(json.loads(MAKERS["qgc"](moved(40.0, 179.9)))["geoFence"]["polygons"]) > len(
+    assert len(json.loads(FORMATS["qgc"].content(moved(40.0, 179.9)))["geoFence"]["polygons"]) > len(
         exported.scene.obstacles
     )
 
@@ -103,15 +103,15 @@ def test_fences_are_cut_at_the_180th_meridian_and_keep_their_area(
 def test_areas_are_not_drawn_around_a_pole(lat: float, held: bool, flown: Flown) -> None:
     scene = replace(flown.result.scene, crs=local_plane(lat, 10.0))
     assert holds_pole(scene) == held
-    formats, reason = writable_formats(list(EXPORT_FILES), scene, flown.exported.log.t)
-    assert (set(EXPORT_FILES) - set(formats)) == ({"geojson", "kml", "corridor"} if held else set())
+    formats, reason = writable_formats(list(FORMATS), scene, flown.exported.log.t)
+    assert (set(FORMATS) - set(formats)) == ({"geojson", "kml", "corridor"} if held else set())
     assert reason.startswith("geojson, kml, corridor: not written, since the map holds a pole") == held
 
 
 def test_a_fix_is_to_be_filled_in_by_who_sees_the_landmark(flown: Flown) -> None:
     fixes = (3, len(flown.exported.log.t) - 1)
     exported = replace(flown.exported, log=replace(flown.exported.log, fixes=fixes))
-    content = json.loads(MAKERS["mavlink"](exported))
+    content = json.loads(FORMATS["mavlink"].content(exported))
     check_document(content, "mavlink_script", "script")
     asked = [told for told in content["messages"] if told.get("fill_in")]
     assert [told["t"] for told in asked] == [exported.log.t[k] for k in fixes]
@@ -125,7 +125,7 @@ def test_a_fix_is_to_be_filled_in_by_who_sees_the_landmark(flown: Flown) -> None
         assert decoded.x / 1e7 == pytest.approx(exported.log.lat[k], abs=1e-7)
         assert decoded.y / 1e7 == pytest.approx(exported.log.lon[k], abs=1e-7)
         assert decoded.param3 > 0
-    rows = MAKERS["dead_reckoning"](exported).decode().splitlines()[1:]
+    rows = FORMATS["dead_reckoning"].content(exported).decode().splitlines()[1:]
     assert [k for k, row in enumerate(rows) if row.split(",")[-2] == "1"] == list(fixes)
 
 
@@ -134,16 +134,18 @@ def test_a_robot_that_drifts_has_no_heading(flown: Flown) -> None:
     heading, airspeed = log.heading.copy(), log.airspeed.copy()
     heading[2], airspeed[2] = np.nan, 0.0
     exported = replace(flown.exported, log=replace(log, heading=heading, airspeed=airspeed))
-    row = MAKERS["dead_reckoning"](exported).decode().splitlines()[3].split(",")
+    row = FORMATS["dead_reckoning"].content(exported).decode().splitlines()[3].split(",")
     assert row[3:5] == ["", "0.0"]
     sent = [told for told in script_messages(exported) if told["t"] == log.t[2]]
     assert [told["command"] for told in sent] == [43004, 43000]
     speeds = [
-        i["params"][1] for i in json.loads(MAKERS["qgc"](exported))["mission"]["items"] if i["command"] == 178
+        i["params"][1]
+        for i in json.loads(FORMATS["qgc"].content(exported))["mission"]["items"]
+        if i["command"] == 178
     ]
     assert min(speeds) > 0
-    assert geojson.loads(MAKERS["geojson"](exported)).is_valid
-    assert b"nan" not in MAKERS["kml"](exported).lower()
+    assert geojson.loads(FORMATS["geojson"].content(exported)).is_valid
+    assert b"nan" not in FORMATS["kml"].content(exported).lower()
 
 
 def test_a_plan_without_a_step_and_without_wind_is_exported(tmp_path: Path) -> None:
@@ -156,7 +158,7 @@ def test_a_plan_without_a_step_and_without_wind_is_exported(tmp_path: Path) -> N
     with np.errstate(invalid="ignore"):  # the hypervolume of a front of length 0 is none
         result = pareto_ltl.plan(scene, mission, planner=planner, wind="calm", fidelity="paper")
     assert len(result.plan.path.u) == 0
-    pareto_ltl.export(result, tmp_path, list(EXPORT_FILES), altitude_lower=0.0, altitude_upper=10.0)
+    pareto_ltl.export(result, tmp_path, list(FORMATS), altitude_lower=0.0, altitude_upper=10.0)
     assert geojson.loads((tmp_path / "plan.geojson").read_text()).is_valid
     assert geojson.loads((tmp_path / "corridor.geojson").read_text()).is_valid
     assert validate(file_to_validate=tmp_path / "plan.kml")

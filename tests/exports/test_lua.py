@@ -13,7 +13,7 @@ import pytest
 
 from exported_plans import Flown
 from pareto_ltl.support.errors import DataError
-from pareto_ltl_apps.exports.formats import MAKERS
+from pareto_ltl_apps.exports.kinds import FORMATS
 
 LUA = shutil.which("lua5.3") or shutil.which("lua5.4") or shutil.which("lua")
 AUTOPILOT = Path(__file__).parent / "autopilot.lua"
@@ -100,15 +100,15 @@ def test_the_prologue_needs_the_height_of_the_ground_and_no_satellites(flown: Fl
 def test_a_name_cannot_end_the_comment(flown: Flown, tmp_path: Path) -> None:
     exported = replace(flown.exported, name="]] gcs:send_text(0, 'x') --[[")
     script = tmp_path / "plan.lua"
-    script.write_bytes(MAKERS["lua"](exported))
+    script.write_bytes(FORMATS["lua"].content(exported))
     assert [line[1] for line in flight(script, "{ t = 5 }")] == [str(WIND)]
 
 
 def test_legs_without_airspeed_have_no_heading_and_fixes_are_refused(flown: Flown) -> None:
     log = flown.exported.log
     drifting = replace(log, heading=np.where(np.arange(len(log.heading)) == 1, math.nan, log.heading))
-    text = MAKERS["lua"](replace(flown.exported, log=drifting)).decode()
+    text = FORMATS["lua"].content(replace(flown.exported, log=drifting)).decode()
     assert text.count(", -1, ") == 1
     assert "@" not in text.split("]]", 1)[1]
     with pytest.raises(DataError, match="counts on position fixes"):
-        MAKERS["lua"](replace(flown.exported, log=replace(log, fixes=(2,))))
+        FORMATS["lua"].content(replace(flown.exported, log=replace(log, fixes=(2,))))

@@ -19,7 +19,7 @@ import pytest
 from exported_plans import Flown
 from pareto_ltl.settings.heights import Height
 from pareto_ltl_apps.exports.exported import FIXED_WING, GENERIC, MULTIROTOR, SUBMARINE, Vehicle
-from pareto_ltl_apps.exports.formats import MAKERS
+from pareto_ltl_apps.exports.kinds import FORMATS
 
 NUMBER, LATITUDE = {"type": "number"}, {"type": "number", "minimum": -90, "maximum": 90}
 LONGITUDE = {"type": "number", "minimum": -180, "maximum": 180}
@@ -80,7 +80,7 @@ PLAN = parts(
 @pytest.mark.parametrize("height", [Height(100.0, False, "100m"), Height(3000.0, True, "3000m amsl")])
 @pytest.mark.parametrize("vehicle", [Vehicle(GENERIC), Vehicle(MULTIROTOR, takes_off=True, hovers=True)])
 def test_the_plan_has_what_qgroundcontrol_requires(flown: Flown, vehicle: Vehicle, height: Height) -> None:
-    content = json.loads(MAKERS["qgc"](replace(flown.exported, vehicle=vehicle, height=height)))
+    content = json.loads(FORMATS["qgc"].content(replace(flown.exported, vehicle=vehicle, height=height)))
     jsonschema.Draft202012Validator(PLAN).validate(content)
     numbers = [item["doJumpId"] for item in content["mission"]["items"]]
     assert numbers == list(range(1, len(numbers) + 1))

@@ -37,7 +37,7 @@ from pareto_ltl.settings.heights import Height, level_height
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl_apps.exports.exported import vehicle_of
-from pareto_ltl_apps.exports.formats import MAKERS
+from pareto_ltl_apps.exports.kinds import FORMATS
 from pareto_ltl_apps.exports.xml_files import short_text
 
 
@@ -171,7 +171,7 @@ def test_the_gpx_route_has_the_departure_for_opencpn(flown: Flown) -> None:
 
 
 def test_the_card_is_the_table_rounded_and_no_leg_is_lost(flown: Flown) -> None:
-    rows = list(csv.DictReader(io.StringIO(MAKERS["card"](flown.exported).decode())))
+    rows = list(csv.DictReader(io.StringIO(FORMATS["card"].content(flown.exported).decode())))
     log, legs = flown.exported.log, list[int]()
     for row in rows[:-1]:
         first, _, last = row["legs"].partition("-")
@@ -190,14 +190,14 @@ def test_the_card_of_a_slow_robot_has_hundredths_of_a_metre_per_second(flown: Fl
     log = flown.exported.log
     speeds = {name: 0.01 * getattr(log, name) for name in ("airspeed", "calibrated")}
     slow = replace(flown.exported, log=replace(log, **speeds))
-    rows = list(csv.DictReader(io.StringIO(MAKERS["card"](slow).decode())))
+    rows = list(csv.DictReader(io.StringIO(FORMATS["card"].content(slow).decode())))
     assert {len(row["airspeed_tas_m_s"].partition(".")[2]) for row in rows[:-1]} == {2}
     assert float(rows[0]["airspeed_tas_m_s"]) == pytest.approx(0.01 * log.airspeed[0], abs=0.0051)
 
 
 def test_the_plan_for_garmin(flown: Flown) -> None:
     """Every point of the route is in the table; identifiers and comments have the letters of a navigator."""
-    root = ElementTree.fromstring(MAKERS["fpl"](flown.exported))
+    root = ElementTree.fromstring(FORMATS["fpl"].content(flown.exported))
     space = "{http://www8.garmin.com/xmlschemas/FlightPlan/v1}"
     assert [child.tag.removeprefix(space) for child in root] == [
         "file-description", "created", "waypoint-table", "route",
@@ -221,10 +221,10 @@ def test_heights_above_sea_level_are_in_the_files_and_the_home_is_on_the_ground(
     flown: Flown, height: Height
 ) -> None:
     exported = replace(flown.exported, height=height)
-    (route,) = gpxpy.parse(MAKERS["gpx"](exported).decode()).routes
+    (route,) = gpxpy.parse(FORMATS["gpx"].content(exported).decode()).routes
     assert {p.elevation for p in route.points} == {height.metres}
-    assert b"<altitudeMode>absolute</altitudeMode>" in MAKERS["kml"](exported)
-    mission = json.loads(MAKERS["qgc"](exported))["mission"]
+    assert b"<altitudeMode>absolute</altitudeMode>" in FORMATS["kml"].content(exported)
+    mission = json.loads(FORMATS["qgc"].content(exported))["mission"]
     assert mission["plannedHomePosition"][2] == 0.0
 
 
@@ -253,7 +253,7 @@ def test_the_mission_names_the_vehicle_and_takes_off_and_hovers_with_rotors(
     changing = np.linspace(1.0, 0.9, len(log.airspeed)) * log.airspeed
     log = replace(log, airspeed=changing, calibrated=changing)
     exported = replace(flown.exported, height=height, vehicle=vehicle_of(height, problem), log=log)
-    content = json.loads(MAKERS["qgc"](exported))
+    content = json.loads(FORMATS["qgc"].content(exported))
     mission = content["mission"]
     items = mission["items"]
     assert (mission["vehicleType"], items[0]["command"], items[-1]["command"]) == (vehicle, first, last)
@@ -273,9 +273,11 @@ def test_calm_air_has_no_wind_message_and_volumes_of_some_width(flown: Flown) ->
         log=replace(log, wind_speed_sd=0.0 * log.wind_speed_sd),
         corridor=replace(corridor, cov=1e-6 * corridor.cov),
     )
-    sent = {told["name"] for told in json.loads(MAKERS["mavlink"](calm))["messages"]}
+    sent = {told["name"] for told in json.loads(FORMATS["mavlink"].content(calm))["messages"]}
     assert "MAV_CMD_EXTERNAL_WIND_ESTIMATE" not in sent
-    for volume, x, end in zip(json.loads(MAKERS["f3548"](calm))["volumes"], log.x, log.x[1:], strict=False):
+    for volume, x, end in zip(
+        json.loads(FORMATS["f3548"].content(calm))["volumes"], log.x, log.x[1:], strict=False
+    ):
         corners = [(v["lng"], v["lat"]) for v in volume["volume"]["outline_polygon"]["vertices"]]
         outline = shapely.Polygon(Frame(calm.crs).to_plane(*np.array(corners).T))
         assert outline.exterior.distance(shapely.LineString([x, end])) > 9.0

@@ -15,9 +15,9 @@ from pareto_ltl.run.directory import BOOKKEEPING, RUN_LOCK, claimed_directory
 from pareto_ltl.run.pipeline import files_of, known_stages
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.building import build_settings
-from pareto_ltl.settings.outputs import BRANCH_FILES, EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.locks import hold_lock
+from pareto_ltl_apps.exports.kinds import BRANCH_FILES, FORMATS
 
 MAP = {
     "bounds": [[0, 0], [1e6, 1e6]],
@@ -128,7 +128,7 @@ def test_a_run_writes_what_its_stages_declare_and_nothing_else(tmp_path: Path) -
         }
         | QUICK
         | {"report": {"dpi": 30, "formats": ["png", "svg", "pdf"]}}
-        | {"exports": {"formats": list(EXPORT_FILES), "altitude_lower": 100.0, "altitude_upper": 200.0}}
+        | {"exports": {"formats": list(FORMATS), "altitude_lower": 100.0, "altitude_upper": 200.0}}
     )
     pipeline = Pipeline.of(settings)
     pipeline.run(tmp_path)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -16,14 +18,14 @@ from hypothesis import strategies as st
 import pareto_ltl
 from exported_plans import SMALL
 from pareto_ltl.settings import ExportsConfig
-from pareto_ltl.settings.outputs import EXPORT_FILES, ON_REQUEST
+from pareto_ltl.settings.outputs import EXPORT_FORMATS, ON_REQUEST
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import write_json
 from pareto_ltl_apps.cli.arguments import read_formats, read_metres
 from pareto_ltl_apps.cli.commands import run_command_line
-from pareto_ltl_apps.exports.formats import MAKERS
+from pareto_ltl_apps.exports.kinds import FORMATS, ExportFormat, format_names
 
-DEFAULT = [name for name in EXPORT_FILES if name not in ON_REQUEST]
+DEFAULT = [name for name in FORMATS if name not in ON_REQUEST]
 QUICK = {"planner": {"trees": 1, "n_max": 300}, "deployment": {"runs": 5}, "wind": "calm", "report": "none"}
 PLANAR = {
     "bounds": [[0, 0], [1e6, 1e6]],
@@ -44,13 +46,19 @@ def names_in(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir() if path.is_file()}
 
 
+def _maker(kind: ExportFormat) -> tuple[ModuleType, str]:
+    module, _, name = str(kind.maker).partition(":")
+    return import_module(module), name
+
+
 def test_there_is_a_maker_for_each_format() -> None:
-    assert list(MAKERS) == list(EXPORT_FILES)
+    assert format_names() == EXPORT_FORMATS == tuple(FORMATS)
+    assert all(callable(getattr(*_maker(one))) for one in FORMATS.values())
 
 
 def test_a_run_writes_all_formats_that_need_no_more_settings(made: Path) -> None:
-    assert {EXPORT_FILES[name] for name in DEFAULT} <= names_in(made)
-    assert EXPORT_FILES["f3548"] not in names_in(made)
+    assert {FORMATS[name].file for name in DEFAULT} <= names_in(made)
+    assert FORMATS["f3548"].file not in names_in(made)
 
 
 def test_the_command_and_python_write_the_bytes_of_the_run(
@@ -58,7 +66,7 @@ def test_the_command_and_python_write_the_bytes_of_the_run(
 ) -> None:
     assert run_command_line(["export", str(made)]) == 0
     shown = capsys.readouterr().out.splitlines()
-    assert shown == [str(made / "exports" / EXPORT_FILES[name]) for name in DEFAULT]
+    assert shown == [str(made / "exports" / FORMATS[name].file) for name in DEFAULT]
     paths = pareto_ltl.export(made, tmp_path / "python", ["kml", "corridor"])
     assert [path.name for path in paths] == ["plan.kml", "corridor.geojson"]
     for path in (*map(Path, shown), *paths):
@@ -181,7 +189,7 @@ def test_a_run_of_the_wind_alone_has_nothing_to_export(tmp_path: Path) -> None:
 
 def test_a_map_without_a_place_on_earth_says_what_is_not_written(tmp_path: Path) -> None:
     result = pareto_ltl.plan(PLANAR, "F a", out=tmp_path / "run", **QUICK)
-    assert not names_in(tmp_path / "run") & set(EXPORT_FILES.values())
+    assert not names_in(tmp_path / "run") & {one.file for one in FORMATS.values()}
     assert (
         "not written, since the map has no place on Earth; give scene.centre"
         in (tmp_path / "run" / "run.log").read_text()
@@ -195,7 +203,7 @@ def test_a_plan_without_times_leaves_out_what_needs_them(tmp_path: Path) -> None
     result = pareto_ltl.plan(PLANAR | {"centre": [37.0, -92.0]}, "F a", **QUICK)
     assert result.plan.navigation.time_utc is None
     written = {path.name for path in pareto_ltl.export(result, tmp_path)}
-    assert written == {EXPORT_FILES[name] for name in DEFAULT if name != "netcdf"}
+    assert written == {FORMATS[name].file for name in DEFAULT if name != "netcdf"}
     assert json.loads((tmp_path / "mavlink_script.json").read_text())["start_utc"] is None
     with pytest.raises(DataError, match=r"netcdf: not written, since the plan has no times in UTC"):
         pareto_ltl.export(result, tmp_path, ["netcdf"])
@@ -226,7 +234,7 @@ def test_settings_that_do_not_fit_are_refused(settings: dict[str, Any], words: s
         ExportsConfig(**settings)
 
 
-@given(st.lists(st.sampled_from(list(EXPORT_FILES)), min_size=1))
+@given(st.lists(st.sampled_from(list(FORMATS)), min_size=1))
 def test_formats_are_read_in_their_order_each_once(names: list[str]) -> None:
     assert read_formats(" , ".join(names)) == list(dict.fromkeys(names))
 

@@ -15,9 +15,9 @@ import pareto_ltl
 from coherent import SCENE
 from pareto_ltl.planning.records import NO_PROMISE
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.exports.kinds import FORMATS
 from pareto_ltl_apps.flight.newer_wind import in_newer_wind
 from pareto_ltl_apps.flight.replanning import comparison_lines
 from pareto_ltl_apps.flight.rest_of_flight import field_alarms, warn_of_use
@@ -185,7 +185,7 @@ def alarmed(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_no_file_of_a_plan_after_an_alarm_has_a_probability(alarmed: Path) -> None:
     there = {file.name for file in alarmed.iterdir()}
     files = {"kml", "qgc"}  # written by hand afterwards
-    assert not there & {name for key, name in EXPORT_FILES.items() if key not in files}
+    assert not there & {one.file for key, one in FORMATS.items() if key not in files}
     assert not (alarmed / "exports").exists()
     assert not there & {"front.csv", "front.npz", "deployments.npz"}
     metrics = json.loads((alarmed / "metrics.json").read_text())

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from importlib import metadata
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -222,6 +223,38 @@ def test_two_packages_with_one_name_are_refused(monkeypatch: pytest.MonkeyPatch)
             extensions.extension_names("pareto_ltl.stages")
     finally:
         extensions.installed_entries.cache_clear()
+
+
+def test_a_format_of_another_package_is_written_and_cannot_take_a_file(
+    added: dict[str, dict[str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is a choice of the settings, its file is written and cleared, and it cannot replace plan.json."""
+    import pareto_ltl
+    from pareto_ltl_apps.exports.kinds import format_files, format_named, format_names
+
+    module = ModuleType("others_formats")
+    module.LEGS = pareto_ltl.ExportFormat("legs.txt", lambda exported: b"%d" % len(exported.log.t))  # type: ignore[attr-defined]
+    module.THIEF = pareto_ltl.ExportFormat("plan.json", lambda _: b"")  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "others_formats", module)
+    added["pareto_ltl.exports"] = {"legs": "others_formats:LEGS", "lost": "no_such_module:LOST"}
+    assert format_names()[-2:] == ("legs", "lost")
+    assert "legs.txt" in format_files()
+    run = pareto_ltl.plan("phi1", "F a", wind="calm", **SMALL, seed=1)
+    (written,) = pareto_ltl.export(run, tmp_path, ["legs"])
+    assert int(written.read_bytes()) == len(run.plan.path.t)
+    assert (tmp_path / "legs.txt") == written
+    with pytest.raises(ConfigError, match=r"'lost' .* cannot be loaded"):
+        pareto_ltl.export(run, tmp_path, ["lost"])
+    with pytest.raises(ConfigError, match=r"exports\.formats must be .*f3548, legs, lost; got 'other'"):
+        pareto_ltl.export(run, tmp_path, ["other"])
+    extensions.installed_entries.cache_clear()
+    added["pareto_ltl.exports"] = {"thief": "others_formats:THIEF"}
+    assert format_files().count("plan.json") == 0
+    with pytest.raises(ConfigError, match=r"'thief' .* writes plan\.json, which is another file of a run"):
+        format_named("thief")
+    for name in ("", "a/b.txt", "..\\x", "*.txt"):
+        with pytest.raises(ConfigError, match="the name of a file in no folder"):
+            pareto_ltl.ExportFormat(name, lambda _: b"")
 
 
 def test_a_folder_that_is_not_there_is_refused(added: dict[str, dict[str, str]]) -> None:

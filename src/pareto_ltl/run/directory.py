@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from pareto_ltl.settings.outputs import BRANCH_FILES, EXPORT_FILES
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import FULL_DISK, remove_dead_drafts
 from pareto_ltl.support.locks import claim_folder
@@ -17,15 +16,7 @@ BOOKKEEPING = (  # the first is removed first: without it, the other files are n
     "metrics.json", "run.json", "config_resolved.yaml", RUN_LOG,
     ".hydra/config.yaml", ".hydra/hydra.yaml", ".hydra/overrides.yaml",
 )  # fmt: skip
-OTHER_FILES = (  # of no stage: of a replan, and of exports that were asked for later
-    "replan.json",
-    *(
-        f"{folder}{name}"
-        for folder in ("exports/", "exports_point_*/")
-        for name in (*EXPORT_FILES.values(), *BRANCH_FILES)
-    ),
-)
-
+OTHER_FILES = ("replan.json",)  # of no stage
 EARLY_FILES = ("scene.json", "cells.json", "automaton.json", "automaton.hoa", RUN_LOCK)
 STUDY_FOLDERS = ("parts", "starts", "recommended")  # of studies, whose content stays
 

@@ -49,7 +49,7 @@ class Pipeline:
     Attributes
     ----------
     files : tuple of str
-        Patterns of all files that a run of the application writes or shows.
+        Patterns of all files that a run of the application, or a command after it, writes or shows.
     """
 
     FIGURES: ClassVar[str] = "_figures"  # end of the names of stages that draw a study
@@ -152,8 +152,8 @@ def stages_by_name(settings: Settings, stages: Iterable[Record[Any]] | None = No
 
 
 def files_of(stages: Iterable[Record[Any]]) -> tuple[str, ...]:
-    """Patterns of the files that ``stages`` write or show."""
-    return tuple(name for stage in stages for name in (*stage.writes, *stage.shows))
+    """Patterns of the files that ``stages``, or commands after them, write or show."""
+    return tuple(name for stage in stages for name in (*stage.writes, *stage.shows, *stage.later))
 
 
 def _check_selection(settings: Settings, made: Sequence[str]) -> None:

@@ -46,6 +46,8 @@ class Record(Generic[T]):
         of seconds. ``*`` is a wildcard.
     shows : tuple of str
         Files for people, figures and texts, which may contain times of computation.
+    later : tuple of str
+        Files that commands write for a finished run; the next run in the directory removes them, too.
     codec : str
         ``module:NAME``: functions ``write_NAME(directory, record)`` and ``read_NAME(place)`` of the module
         write the record into a directory and read it back, from the directory or from its only file. Empty if
@@ -57,8 +59,9 @@ class Record(Generic[T]):
     def __init__(
         self, make: Callable[[Any], T], stage: str = "", writes: tuple[str, ...] = (),
         shows: tuple[str, ...] = (), codec: str = "", *, name: str = "", study: bool = False,
+        later: tuple[str, ...] = (),
     ) -> None:  # fmt: skip
-        self.make, self.writes, self.shows, self.codec = make, writes, shows, codec
+        self.make, self.writes, self.shows, self.later, self.codec = make, writes, shows, later, codec
         self.stage = stage or make.__name__
         self.name, self.study = name or self.stage, study
         self.__doc__ = make.__doc__

@@ -8,24 +8,14 @@ from typing import Any
 from pareto_ltl.settings.checks import CheckedSettings, check_outline, check_time, setting
 from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.extensions import EXPORT_GROUP
 from pareto_ltl.support.messages import wrong_value
 
 FIGURE_FORMATS = ("png", "svg", "pdf")
-EXPORT_FILES = {
-    "dead_reckoning": "dead_reckoning.csv",
-    "card": "flight_card.csv",
-    "geojson": "plan.geojson",
-    "kml": "plan.kml",
-    "gpx": "plan.gpx",
-    "fpl": "plan.fpl",
-    "qgc": "mission.plan",
-    "mavlink": "mavlink_script.json",
-    "lua": "plan.lua",
-    "corridor": "corridor.geojson",
-    "netcdf": "trajectory.nc",
-    "f3548": "operational_intent.json",
-}  # the file of each format
-BRANCH_FILES = ("branch_?.csv", "branch_?_card.csv", "branch_cards.html")  # of plans that branch
+EXPORT_FORMATS = (
+    "dead_reckoning", "card", "geojson", "kml", "gpx", "fpl", "qgc", "mavlink", "lua", "corridor", "netcdf",
+    "f3548",
+)  # fmt: skip
 ON_REQUEST = ("f3548", "fpl", "lua")  # formats that are written only if asked for
 HIGHEST = 100_000.0  # limit of the absolute value of an exported height [m]
 
@@ -72,9 +62,10 @@ class ExportsConfig(CheckedSettings, section="exports"):
 
     files: bool = setting(True, "whether the plan is exported")
     formats: list[str] = setting(
-        [name for name in EXPORT_FILES if name not in ON_REQUEST],
+        [name for name in EXPORT_FORMATS if name not in ON_REQUEST],
         "formats to write",
-        choices=tuple(EXPORT_FILES),
+        choices=EXPORT_FORMATS,
+        group=EXPORT_GROUP,
         distinct=True,
     )
     flights: int = setting(

@@ -9,6 +9,7 @@
 ``pareto_ltl.patterns``         a function from ``MissionConfig`` to a formula (``logic/patterns.py``)
 ``pareto_ltl.selection_rules``  a function that picks a path of a front (``planning/selection_rules.py``)
 ``pareto_ltl.costs``            a ``Cost`` of a path (``planning/costs/``)
+``pareto_ltl.exports``          an ``ExportFormat`` of plans, for an autopilot or a map
 ``pareto_ltl.conf``             a folder of YAML choices: ``robot/``, ``scene/``, ``pipelines/`` and so on
 
 An entry point is imported only when its name is used. ``examples/extension/`` has one of each.
@@ -38,6 +39,7 @@ WIND_SOURCE_GROUP = "pareto_ltl.wind_sources"
 PATTERN_GROUP = "pareto_ltl.patterns"
 SELECTION_RULE_GROUP = "pareto_ltl.selection_rules"
 COST_GROUP = "pareto_ltl.costs"
+EXPORT_GROUP = "pareto_ltl.exports"
 CONF_GROUP = "pareto_ltl.conf"
 
 

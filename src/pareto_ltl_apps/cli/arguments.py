@@ -8,9 +8,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, NoReturn, TypeVar
 
-from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text, shown_value, wrong_value
+from pareto_ltl_apps.exports.kinds import format_names
 
 METRES = {"": 1.0, "m": 1.0, "km": 1e3, "nmi": 1852.0}
 NUMBER = r"[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?|\.[0-9]+"
@@ -92,9 +92,9 @@ def read_formats(text: str) -> list[str]:
     """The formats of ``kml,gpx``; raises ConfigError for an unknown name."""
     names = [name.strip() for name in text.split(",")]
     for name in names:
-        if name not in EXPORT_FILES:
+        if name not in format_names():
             raise ConfigError(
-                f"--formats: there is no format {shown_value(name)}; there are {', '.join(EXPORT_FILES)}"
+                f"--formats: there is no format {shown_value(name)}; there are {', '.join(format_names())}"
             )
     return list(dict.fromkeys(names))
 

@@ -12,11 +12,11 @@ from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl_apps.cli import arguments as read
 from pareto_ltl_apps.cli.arguments import accepted
+from pareto_ltl_apps.exports.kinds import FORMATS
 from pareto_ltl_apps.studies.kinds import STUDIES
 
 
@@ -148,7 +148,7 @@ TOOL_COMMANDS = (
         "export", "the plan for autopilots, maps and navigators: KML, GPX, MAVLink and others",
         "result_commands.export",
         "Write a plan for autopilots, maps and navigators, in UTC, WGS 84 and true headings: "
-        + ", ".join(f"{name} ({file})" for name, file in EXPORT_FILES.items())
+        + ", ".join(f"{name} ({one.file})" for name, one in FORMATS.items())
         + ". docs/exports.md says what each is.",
         (
             DIR,

@@ -16,11 +16,11 @@ import numpy as np
 
 from pareto_ltl import choose, export, load_results
 from pareto_ltl.extend import Deployment, Front, cost_named
-from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.errors import DataError, InfeasibleError, NotFoundError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl_apps.exports.kinds import format_names
 from pareto_ltl_apps.flight.rest_of_flight import issued
 from pareto_ltl_apps.view.limits import PlanLimits, chosen_number
 from pareto_ltl_apps.view.page.ground import map_places, rounded, shown_wind
@@ -161,8 +161,8 @@ def check_view(directory: Path) -> dict[str, Any]:
 @one_at_a_time
 def export_view(directory: Path, kind: str, number: int | None) -> tuple[str, bytes]:
     """Name and content of an export of the plan, or of the point ``number`` of its front."""
-    if kind not in EXPORT_FILES:
-        raise NotFoundError(f"there is no format {shown_value(kind)}; there are {', '.join(EXPORT_FILES)}")
+    if kind not in format_names():
+        raise NotFoundError(f"there is no format {shown_value(kind)}; there are {', '.join(format_names())}")
     folder = directory / ("exports" if number is None else f"exports_point_{number}")
     written = export(load_results(directory), folder, [kind], point=number)
     if not written:

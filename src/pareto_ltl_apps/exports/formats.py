@@ -1,4 +1,4 @@
-"""The table of formats, and how the files of a plan are written."""
+"""Which formats can be written for a plan, and how its files are written."""
 
 from __future__ import annotations
 
@@ -8,40 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl import Scene
-from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import write_bytes
 from pareto_ltl_apps.exports.branches import branch_cards
 from pareto_ltl_apps.exports.exported import ExportedPlan
-from pareto_ltl_apps.exports.geojson import corridor_geojson, operational_intent, plan_geojson
-from pareto_ltl_apps.exports.mavlink import mavlink_script, plan_lua
-from pareto_ltl_apps.exports.qgc import mission_plan
-from pareto_ltl_apps.exports.tables import (
-    card_of,
-    dead_reckoning_csv,
-    flight_card,
-    table_of,
-    trajectory_netcdf,
-)
-from pareto_ltl_apps.exports.xml_files import plan_fpl, plan_gpx, plan_kml
+from pareto_ltl_apps.exports.kinds import ExportFormat, format_named
+from pareto_ltl_apps.exports.tables import card_of, table_of
 
-MAKERS: dict[str, Callable[[ExportedPlan], bytes]] = {
-    "dead_reckoning": dead_reckoning_csv,
-    "card": flight_card,
-    "geojson": plan_geojson,
-    "kml": plan_kml,
-    "gpx": plan_gpx,
-    "fpl": plan_fpl,
-    "qgc": mission_plan,
-    "mavlink": mavlink_script,
-    "lua": plan_lua,
-    "corridor": corridor_geojson,
-    "netcdf": trajectory_netcdf,
-    "f3548": operational_intent,
-}
-TIMED = ("netcdf", "f3548")  # formats that need times in UTC
-OUTLINED = ("geojson", "kml", "corridor")  # formats with areas in degrees, which cannot contain a pole
 POLE_MARGIN = 0.2  # of the size of the map: corridors may reach beyond it
 
 
@@ -55,16 +29,16 @@ def writable_formats(formats: Sequence[str], scene: Scene, t: FloatArray) -> tup
             f"{', '.join(formats)}: not written, since the map has no place on Earth; give scene.centre, or "
             "draw the map as GeoJSON"
         )
-    causes: dict[str, tuple[str, ...]] = {}
+    causes: dict[str, Callable[[ExportFormat], bool]] = {}
     if scene.frame.utc(t) is None:
-        causes["the plan has no times in UTC; set mission.start_time"] = TIMED
+        causes["the plan has no times in UTC; set mission.start_time"] = lambda one: one.timed
     if holds_pole(scene):
-        causes["the map holds a pole, around which areas cannot be drawn in degrees"] = OUTLINED
+        causes["the map holds a pole, around which areas cannot be drawn in degrees"] = lambda one: one.areas
     left, reasons = list(formats), []
     for cause, barred in causes.items():
-        if names := [name for name in left if name in barred]:
+        if names := [name for name in left if barred(format_named(name))]:
             reasons.append(f"{', '.join(names)}: not written, since {cause}")
-            left = [name for name in left if name not in barred]
+            left = [name for name in left if name not in names]
     return tuple(left), "; ".join(reasons)
 
 
@@ -85,9 +59,10 @@ def holds_pole(scene: Scene) -> bool:
 def write_exports(exported: ExportedPlan, formats: Sequence[str], folder: Path) -> tuple[Path, ...]:
     """Write the files into ``folder``, which is made where it is missing; return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths = tuple(folder / EXPORT_FILES[name] for name in formats)
-    for name, path in zip(formats, paths, strict=True):
-        write_bytes(path, MAKERS[name](exported))
+    kinds = tuple(map(format_named, formats))
+    paths = tuple(folder / kind.file for kind in kinds)
+    for kind, path in zip(kinds, paths, strict=True):
+        write_bytes(path, kind.content(exported))
     return (*paths, *write_branches(exported, formats, folder))
 
 

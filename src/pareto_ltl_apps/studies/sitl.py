@@ -18,20 +18,20 @@ from pareto_ltl import Run, Settings
 from pareto_ltl.extend import Deployment, Frame, Plan, Problem, Study
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.settings import SitlConfig
-from pareto_ltl.settings.outputs import EXPORT_FILES
 from pareto_ltl.simulation import flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.seeds import stage_seeds, unspawned
+from pareto_ltl_apps.exports.kinds import FORMATS
 from pareto_ltl_apps.studies import aircraft as jsbsim
 from pareto_ltl_apps.studies.aircraft import Air, Orders, Track
 from pareto_ltl_apps.studies.parts import Progress
 from pareto_ltl_apps.studies.tables import mcnemar_test, rate_columns
 
 COLUMNS = {"cas": "airspeed_cas_m_s", "tas": "airspeed_tas_m_s"}
-TABLE = EXPORT_FILES["dead_reckoning"]
+TABLE = FORMATS["dead_reckoning"].file
 
 
 @dataclass(frozen=True, slots=True)
