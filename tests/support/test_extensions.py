@@ -8,9 +8,9 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib import metadata
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from types import ModuleType
 
@@ -158,7 +158,11 @@ def added(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, dict[str, str]]
     table: dict[str, dict[str, str]] = {}
     own = list(metadata.distribution("pareto-ltl").entry_points)
 
-    def entry_points(group: str) -> list[EntryPoint]:
+    plain = metadata.entry_points
+
+    def entry_points(group: str = "") -> Sequence[EntryPoint] | EntryPoints:
+        if not group:  # numba asks for all
+            return plain()
         others = [EntryPoint(name, value, group) for name, value in table.get(group, {}).items()]
         return [*(entry for entry in own if entry.group == group), *others]
 
