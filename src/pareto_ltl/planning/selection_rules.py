@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -68,6 +67,27 @@ class SelectionRule:
         return self.meaning.format(**values)
 
 
+RULES: dict[str, SelectionRule] = {}  # the rules of this package, in the order of the file
+Pick = Callable[[SelectionConfig, Front], int]
+
+
+def rule(
+    name: str,
+    meaning: str,
+    *,
+    reads: tuple[str, ...] = (),
+    names_one: bool = False,
+    keeps_alpha: bool = False,
+) -> Callable[[Pick], Pick]:
+    """Make the decorated function the rule ``name``; the others are attributes of :class:`SelectionRule`."""
+
+    def add(pick: Pick) -> Pick:
+        RULES[name] = SelectionRule(pick, reads, names_one, keeps_alpha, meaning)
+        return pick
+
+    return add
+
+
 def selection_rule(cfg: SelectionConfig) -> SelectionRule:
     """The rule ``cfg.rule``: one of :data:`RULES`, or of another package, where a function reads the options.
 
@@ -80,13 +100,13 @@ def selection_rule(cfg: SelectionConfig) -> SelectionRule:
     found = known_kind(
         group, RULES, cfg.rule, lambda loaded: isinstance(loaded, SelectionRule) or callable(loaded)
     )
-    rule = found if isinstance(found, SelectionRule) else SelectionRule(found, reads=("options",))
-    if unknown := [name for name in rule.reads if not hasattr(cfg, name)]:
+    chosen = found if isinstance(found, SelectionRule) else SelectionRule(found, reads=("options",))
+    if unknown := [name for name in chosen.reads if not hasattr(cfg, name)]:
         raise ConfigError(
             f"selection.rule={cfg.rule} reads {shown_value(unknown[0])}, no setting of selection; "
             f"expected some of {', '.join(field.name for field in fields(cfg))}"
         )
-    return rule
+    return chosen
 
 
 def choose_path(cfg: SelectionConfig, front: Front) -> PlannedPath:
@@ -125,6 +145,29 @@ def bound_warning(path: PlannedPath, models: FidelityConfig) -> str | None:
     )
 
 
+@rule(
+    "worth",
+    "the shortest path that is not worth lengthening: 1 % more length would save less than {saving:g} % of "
+    "the failures (selection.saving)",
+    reads=("saving",),
+)
+def by_worth(cfg: SelectionConfig, front: Front) -> int:
+    """The shortest path whose failure rate is not worth more length; with bounds, the path of ``priority``.
+
+    It has the least (p + ``SMALL``) l^s, p the failure rate, l the length and s = ``cfg.saving``: where the
+    front is smooth, one per cent more length would save less than s per cent of the failures. The safest end
+    of a front is its noisiest point, and is often reached by laps; this rule stops before it.
+
+    Eq. (M49a) of docs/mathematics_methods.md.
+    """
+    if not front.rates:
+        return by_priority(cfg, front)
+    lengths = _lengths(front)
+    score = np.log(_risks(front) + SMALL) + cfg.saving * np.log(lengths)
+    return int(np.lexsort((lengths, score.round(12)))[0])
+
+
+@rule("priority", "the shortest of the safest paths")
 def by_priority(_cfg: SelectionConfig, front: Front) -> int:
     """The least mission risk, then the least collision risk, then the shortest (the paper's rule).
 
@@ -142,22 +185,7 @@ def by_priority(_cfg: SelectionConfig, front: Front) -> int:
     return int(as_safe[np.argmin(rows[as_safe, 2])])
 
 
-def by_worth(cfg: SelectionConfig, front: Front) -> int:
-    """The shortest path whose failure rate is not worth more length; with bounds, the path of ``priority``.
-
-    It has the least (p + ``SMALL``) l^s, p the failure rate, l the length and s = ``cfg.saving``: where the
-    front is smooth, one per cent more length would save less than s per cent of the failures. The safest end
-    of a front is its noisiest point, and is often reached by laps; this rule stops before it.
-
-    Eq. (M49a) of docs/mathematics_methods.md.
-    """
-    if not front.rates:
-        return by_priority(cfg, front)
-    lengths = _lengths(front)
-    score = np.log(_risks(front) + SMALL) + cfg.saving * np.log(lengths)
-    return int(np.lexsort((lengths, score.round(12)))[0])
-
-
+@rule("weighted", "the least weighted sum of risk and length")
 def by_weights(cfg: SelectionConfig, front: Front) -> int:
     """The least g_w(ξ, λ) = Σ_j λ_j f_j, with length in units of the shortest path of the front.
 
@@ -179,6 +207,39 @@ def by_weights(cfg: SelectionConfig, front: Front) -> int:
     if front.rates:
         return int(np.argmin((weights[0] + weights[1]) * _risks(front) + costs @ weights[2:]))
     return int(np.argmin(np.column_stack([rows[:, :2], costs]) @ weights))
+
+
+@rule(
+    "threshold",
+    "the shortest path that fails in at most {alpha:g} of the flights (selection.alpha)",
+    reads=("alpha",),
+    keeps_alpha=True,
+)
+def by_threshold(cfg: SelectionConfig, front: Front) -> int:
+    """The shortest of the paths that are safe enough; errors as in :func:`by_least`."""
+    return by_least("length", cfg, front)
+
+
+@rule(
+    "energy",
+    "the least energy of paths that fail in at most {alpha:g} of the flights (selection.alpha)",
+    reads=("alpha",),
+    keeps_alpha=True,
+)
+def by_energy(cfg: SelectionConfig, front: Front) -> int:
+    """The path of least energy among those that are safe enough; errors as in :func:`by_least`."""
+    return by_least("energy", cfg, front)
+
+
+@rule(
+    "least",
+    "the least {least} of paths that fail in at most {alpha:g} of the flights (selection.alpha)",
+    reads=("alpha", "least"),
+    keeps_alpha=True,
+)
+def by_cost(cfg: SelectionConfig, front: Front) -> int:
+    """The path of the least ``selection.least`` that is safe enough; errors as in :func:`by_least`."""
+    return by_least(cfg.least, cfg, front)
 
 
 def by_least(name: str, cfg: SelectionConfig, front: Front) -> int:
@@ -221,6 +282,7 @@ def _no_safe_path(cfg: SelectionConfig, front: Front, least: float) -> Infeasibl
     )
 
 
+@rule("knee", "the path farthest below the chord of the front")
 def by_knee(_cfg: SelectionConfig, front: Front) -> int:
     """The path farthest below the chord of the front: further reduction of risk costs much more length.
 
@@ -238,6 +300,7 @@ def by_knee(_cfg: SelectionConfig, front: Front) -> int:
     return int(best[np.lexsort((rows[best, 1], rows[best, 0]))[0]])
 
 
+@rule("length", "the safest path of at most {length} (selection.length)", reads=("length",))
 def by_length(cfg: SelectionConfig, front: Front) -> int:
     """The least risk among the paths no longer than ``cfg.length``.
 
@@ -258,6 +321,7 @@ def by_length(cfg: SelectionConfig, front: Front) -> int:
     return int(short[np.lexsort((lengths[short], risks[short]))[0]])
 
 
+@rule("point", "point {point} of the front (selection.point)", reads=("point",), names_one=True)
 def by_number(cfg: SelectionConfig, front: Front) -> int:
     """Path number ``cfg.point`` of the front, counted as in ``front.csv``.
 
@@ -289,43 +353,6 @@ def _lengths(front: Front) -> FloatArray:
 def _objective_rows(front: Front) -> FloatArray:
     """Mission risk, collision risk and all C costs of every path, (P, 2 + C)."""
     return np.array([objective_row(path.objectives) for path in front.paths])
-
-
-RULES: dict[str, SelectionRule] = {
-    "worth": SelectionRule(
-        by_worth,
-        reads=("saving",),
-        meaning="the shortest path that is not worth lengthening: 1 % more length would save less than "
-        "{saving:g} % of the failures (selection.saving)",
-    ),
-    "priority": SelectionRule(by_priority, meaning="the shortest of the safest paths"),
-    "weighted": SelectionRule(by_weights, meaning="the least weighted sum of risk and length"),
-    "threshold": SelectionRule(
-        partial(by_least, "length"),
-        reads=("alpha",),
-        keeps_alpha=True,
-        meaning="the shortest path that fails in at most {alpha:g} of the flights (selection.alpha)",
-    ),
-    "energy": SelectionRule(
-        partial(by_least, "energy"),
-        reads=("alpha",),
-        keeps_alpha=True,
-        meaning="the least energy of paths that fail in at most {alpha:g} of the flights (selection.alpha)",
-    ),
-    "least": SelectionRule(
-        lambda cfg, front: by_least(cfg.least, cfg, front),
-        reads=("alpha", "least"),
-        keeps_alpha=True,
-        meaning="the least {least} of paths that fail in at most {alpha:g} of the flights (selection.alpha)",
-    ),
-    "knee": SelectionRule(by_knee, meaning="the path farthest below the chord of the front"),
-    "length": SelectionRule(
-        by_length, reads=("length",), meaning="the safest path of at most {length} (selection.length)"
-    ),
-    "point": SelectionRule(
-        by_number, reads=("point",), names_one=True, meaning="point {point} of the front (selection.point)"
-    ),
-}
 
 
 # --- what the battery holds ---------------------------------------------------------------------
