@@ -5,6 +5,7 @@ from __future__ import annotations
 LOGIC = ("logic/test_formula.py", "logic/test_tables.py", "logic/test_semantics.py")
 HOA = ("logic/test_formats.py", "logic/test_hoa_limits.py")
 PARTS = ("wind/test_law_of_parts.py", "wind/test_law_of_currents.py")
+COSTS = ("containment", "duration", "energy", "length", "turns")
 
 MODULES: dict[str, tuple[str, ...]] = {
     "pareto_ltl.logic.dfa": (*LOGIC, "logic/test_progress.py"),
@@ -14,7 +15,7 @@ MODULES: dict[str, tuple[str, ...]] = {
     "pareto_ltl.logic.normal_form": LOGIC,
     "pareto_ltl.logic.progression": LOGIC,
     "pareto_ltl.logic.timed": ("logic/test_deadlines.py",),
-    "pareto_ltl.planning.costs": ("planning/test_costs.py",),
+    **{f"pareto_ltl.planning.costs.{name}": ("planning/test_costs.py",) for name in COSTS},
     "pareto_ltl.planning.error_tail": ("simulation/test_error_tail.py",),
     "pareto_ltl.planning.power": ("planning/test_power.py",),
     "pareto_ltl.planning.product_graph": ("planning/test_product_graph.py",),
