@@ -13,7 +13,7 @@ MODULES: dict[str, tuple[str, ...]] = {
     "pareto_ltl.logic.hoa": HOA,
     "pareto_ltl.logic.labels": HOA,
     "pareto_ltl.logic.normal_form": LOGIC,
-    "pareto_ltl.logic.progression": LOGIC,
+    "pareto_ltl.logic.progression": ("logic/test_progression.py", *LOGIC),
     "pareto_ltl.logic.timed": ("logic/test_deadlines.py",),
     **{f"pareto_ltl.planning.costs.{name}": ("planning/test_costs.py",) for name in COSTS},
     "pareto_ltl.planning.error_tail": ("simulation/test_error_tail.py",),
