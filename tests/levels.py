@@ -226,7 +226,7 @@ def left_out(path: Path) -> bool:
 def of_this_level(items: Sequence[pytest.Item]) -> list[pytest.Item]:
     """The tests among those collected that are of this level, in their order."""
     if SAMPLE:
-        alone = _night_alone(items)
+        alone = night_alone(items)
         return drawn([item for item in items if item in alone], SAMPLE)
     if AT_NIGHT:
         return list(items)
@@ -259,13 +259,17 @@ def _left_to_night(items: Sequence[pytest.Item]) -> set[pytest.Item]:
     }
 
 
-def _night_alone(items: Sequence[pytest.Item]) -> set[pytest.Item]:
+def night_alone(items: Sequence[pytest.Item]) -> set[pytest.Item]:
     """The tests that no other level runs in the same way."""
     return _left_to_night(items) | {
         item
         for item in items
         if not _listed(item.path, NOT_SAMPLED)
-        and (_listed(item.path, ONLY_AT_NIGHT) or _depends_on_level(item, "AT_NIGHT", "first_of_each"))
+        and (
+            _listed(item.path, ONLY_AT_NIGHT)
+            or _depends_on_level(item, "AT_NIGHT", "first_of_each")
+            or _examples_by_level(getattr(item, "obj", None))
+        )
     }
 
 
@@ -283,12 +287,10 @@ def drawn(items: Sequence[pytest.Item], seed: str) -> list[pytest.Item]:
 
 
 def same_by_day(item: pytest.Item) -> bool:
-    """Whether a test is the same by day: a number of Hypothesis examples by level or something else of its
-    module by level would make it another one.
-    """
+    """Whether a test is the same by day: something of its module by level would make it another one."""
     if _listed(item.path, NOT_BY_DAY) or _listed_test(item, NOT_BY_DAY):
         return False
-    return not (_examples_by_level(getattr(item, "obj", None)) or _depends_on_level(item, "BY_DAY"))
+    return not _depends_on_level(item, "BY_DAY")
 
 
 def _depends_on_level(item: pytest.Item, *levels: str) -> bool:
