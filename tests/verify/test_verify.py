@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import pareto_ltl
@@ -62,6 +63,17 @@ def test_a_promise_that_is_a_fifth_too_low_is_caught(tmp_path: Path) -> None:
     assert not next(findings(open_evidence(place), claim)).holds
     in_plan(lambda plan: plan["promise"].update(runs=2000))(place)
     assert next(findings(open_evidence(place), claim)).holds
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_path_and_its_beginning_are_flown_in_the_same_winds(preset: str, honest: dict[str, Path]) -> None:
+    """Else paths of different lengths would not fail together, as they do in the flights of the planner."""
+    result = open_evidence(honest[preset])
+    for law in ("independent", "coherent"):
+        whole = result.fly(law, result.x, result.u, 20, 3)
+        for steps in (1, len(result.u) // 2, len(result.u) - 1):
+            begun = result.fly(law, result.x[: steps + 1], result.u[:steps], 20, 3)
+            np.testing.assert_array_equal(begun, whole[:, : steps + 1])
 
 
 def test_each_lie_has_a_name_of_its_own() -> None:
