@@ -119,6 +119,7 @@ def fences(result: Evidence) -> Verdict:
     drawn = [np.array(fence["polygon"], float)[:, ::-1] for fence in polygons]
     inside = [fence["inclusion"] for fence in polygons]
     faults = ["circles"] * bool(content["circles"])
+    faults += [f"fence {number}: version" for number, one in enumerate(polygons, 1) if one["version"] != 1]
     for keep_in, title, corners in areas:
         parts = 1
         if _crosses_180(crs, corners):
