@@ -136,7 +136,7 @@ def changed(value: Any, change: str) -> Any:
 def told(folder: Path, copy: Path, fact: Fact, change: str) -> Path | None:
     """A copy of a result in which a fact is another one; None if the change does not change it.
 
-    A millionth of a number is less than what is compared: 1 m of 2,000 km, 1 cm of a latitude.
+    Less than 10⁻⁸ of a number is not compared: 2 cm of 2,000 km, 1 cm of a latitude.
     """
     new = changed(fact.value, change)
     if _alike(fact.value, new):
@@ -159,7 +159,7 @@ def told(folder: Path, copy: Path, fact: Fact, change: str) -> Path | None:
 def _alike(value: Any, new: Any) -> bool:
     try:
         old = float(value)
-        return 0.0 < abs(float(new) - old) <= 1e-6 * abs(old)
+        return 0.0 < abs(float(new) - old) <= 1e-8 * abs(old)
     except (TypeError, ValueError):
         return False
 
