@@ -56,4 +56,16 @@ MODULES: dict[str, tuple[str, ...]] = {
 # By module, line, old and new text.
 EQUIVALENT: dict[tuple[str, str, str, str], str] = {
     ("pareto_ltl.wind.coverage", "if 0.0 < held < np.inf:", "0.0", "1.0"): "wind.max_gap is given in hours",
+    (
+        "pareto_ltl.planning.product_graph",
+        "EXACT_LEADS = 20_000  # up to so many product states leads are exact shortest paths",
+        "20_000",
+        "20001",
+    ): "a limit of time, on either side of which leads are right",
+    (
+        "pareto_ltl.logic.progression",
+        "if 0 in clauses:",
+        "0",
+        "1",
+    ): "0 implies nothing else, so that the loop below keeps it alone; no clause is the bit of true, 1",
 }

@@ -190,3 +190,13 @@ def test_fans_of_a_box_are_two_halves():
     fans = guide.cell_fans(workspace.decompose(make_scene({"a": box(0, 0, 20, 20)}, start=(1, 1))))
     np.testing.assert_allclose(fans.share, [0.5, 1.0])
     assert shapely.area(shapely.polygons(fans.corner)).sum() == pytest.approx((20 * KM) ** 2)
+
+
+def test_up_to_the_limit_of_states_leads_are_exact_and_beyond_it_costs_are_estimated(monkeypatch):
+    problem = two_goals("F(a & F b)")
+    size = len(problem.labels) * problem.automaton.n_states
+    start = (problem.automaton.initial, int(problem.locate(problem.scene.start[None])[0]))
+    for limit, exact in ((size, True), (size - 1, False)):
+        monkeypatch.setattr(guide, "EXACT_LEADS", limit)
+        assert (graph_of(problem).ahead == 0.0).all() == exact
+        assert bool(guide.farthest_states(problem.decomposition, problem.logic, start)) == exact
