@@ -63,6 +63,18 @@ EQUIVALENT: dict[tuple[str, str, str, str], str] = {
         "20001",
     ): "a limit of time, on either side of which leads are right",
     (
+        "pareto_ltl.logic.labels",
+        "self.known.clear()",
+        "self.known.clear()",
+        "pass",
+    ): "what is known is worked out again: memory, not results",
+    (
+        "pareto_ltl.logic.labels",
+        "if len(self.known) * self.letters > MAX_STORED:",
+        "len(self.known) * self.letters > MAX_STORED",
+        "(len(self.known) * self.letters >= MAX_STORED)",
+    ): "what is known is worked out again: memory, not results",
+    (
         "pareto_ltl.logic.progression",
         "if 0 in clauses:",
         "0",
