@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pareto_ltl.logic import hoa, labels, translate
 from pareto_ltl.support.arrays import BoolArray
@@ -138,3 +140,17 @@ def test_letters_are_listed_where_some_are_missing_and_only_there() -> None:
     some = translate("F(a & F b)", whole.letters[:3])
     assert "letters: 0 1 2" in hoa.hoa_text(some)
     assert hoa.parse_hoa(hoa.hoa_text(some)) == some
+
+
+@given(st.integers(1, 2**16 - 2))
+def test_labels_hold_their_codes_and_no_other_and_none_is_redundant(chosen: int) -> None:
+    codes = np.arange(16)
+    inside, outside = codes[(chosen >> codes) & 1 == 1], codes[(chosen >> codes) & 1 == 0]
+    cubes = labels.covering_cubes(inside, outside, 4)
+
+    def held(some: list[labels.Cube]) -> set[int]:
+        return {code for code in codes.tolist() if any(code & care == value for care, value in some)}
+
+    assert held(cubes) == set(inside.tolist())
+    for cube in cubes:
+        assert held([one for one in cubes if one != cube]) != held(cubes)

@@ -568,3 +568,12 @@ def test_the_safest_of_a_front_is_of_equal_ones_the_shortest_with_its_own_hyperv
     assert safest.rates == (front.rates[1],)
     shares = 1.0 - np.array([0.1, 2.0, 6.0]) / front.reference
     assert safest.hypervolume == pytest.approx(np.prod(shares))
+
+
+@pytest.mark.parametrize(("risk", "advised"), [(0.3, True), (0.55, False)])
+def test_a_limit_of_one_or_more_is_not_advised(risk, advised):
+    """The sum of both bounds, twice ``risk``, can be more than 1."""
+    front = front_of((risk, risk, 2.0))
+    with pytest.raises(InfeasibleError) as told:
+        choose_path(SelectionConfig(rule="threshold", alpha=0.1), front)
+    assert ("set selection.alpha=" in str(told.value)) == advised
