@@ -27,7 +27,7 @@ SUPPORTED = $(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3
 
 PEERS := build/peers
 
-.PHONY: help docs-numbers demo desk test test-fast test-all test-night test-night-tests test-sample coverage coverage-report fuzz guided mutants faults bench corpus scale gallery peers lint types docs dist archives lock install clean
+.PHONY: help docs-numbers demo desk test test-fast test-all test-night test-night-tests test-sample coverage coverage-report fuzz guided mutants faults bench ratios corpus scale gallery peers lint types docs dist archives lock install clean
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 
@@ -88,6 +88,9 @@ faults: $(READY) ## kill runs and sweeps at 200 random moments each, half an hou
 
 bench: $(READY) ## compare speeds with their budgets
 	$(BIN)/python -m pytest benchmarks/bench_*.py $(ARGS)
+
+ratios: $(READY) ## CPU time of runs over that of imports, and of the first run in empty caches over the second
+	$(BIN)/python -m pytest benchmarks/bench_run.py -k "ratios or warm_process" $(ARGS)
 
 corpus: $(READY) ## plan 100 missions with five seeds each, many hours; ARGS="--tenth --seeds 0,1" for a few
 	cd benchmarks && "$(abspath $(BIN))/python" -m corpus $(ARGS)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = (
@@ -18,6 +18,7 @@ FLAGS = (
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 )  # fmt: skip
 MOST, PAUSE = 120_000, 50  # [ms] that a slow machine may take, and between two looks
+expect.set_options(timeout=MOST)
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
 
@@ -35,11 +36,22 @@ class Opened:
 
     def wait(self, condition: str) -> None:
         """Until ``condition`` holds and the map is drawn; the page's policy forbids ``wait_for_function``."""
+        self.becomes(f"Boolean({condition})", True)
+
+    def becomes(self, script: str, expected: object) -> None:
+        """Until the value of ``script`` is ``expected``, and the map is drawn.
+
+        What follows an action is read with this or with Playwright's ``expect``, never once: the page may
+        answer later (``test_browser_tests.py``).
+        """
+        value = None
         for _ in range(MOST // PAUSE):
-            if self.value(condition):
+            value = self.value(script)
+            if value == expected:
                 return self.drawn()
             self.page.wait_for_timeout(PAUSE)
-        pytest.fail(f"not within {MOST} ms: {condition}; the page says {self.page.inner_text('body')}")
+        said = self.page.inner_text("body")
+        pytest.fail(f"not within {MOST} ms: {script} is {value!r}, not {expected!r}; the page says {said}")
 
     def drawn(self) -> None:
         """Until what was changed is drawn: a map is drawn with the next picture of the browser."""

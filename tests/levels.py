@@ -85,6 +85,7 @@ NOT_BY_DAY = [
     "report/test_command_output",
     "report/test_figures",
     "report/test_legs",
+    "report/test_page",
     "report/test_page_browser",
     "report/test_limits",
     "report/test_texts",
@@ -95,7 +96,11 @@ NOT_BY_DAY = [
     "run/test_exporting",
     "run/test_faults",
     "run/test_interface",
+    "run/test_nearest_path",
     "run/test_nothing_received_acts",
+    "run/test_nth_call",
+    "run/test_objects_compose",
+    "run/test_received_results",
     "run/test_replan_inputs",
     "run/test_replanning",
     "run/test_steering",
@@ -118,11 +123,14 @@ NOT_BY_DAY = [
     "verify/test_far_barriers",
     "verify/test_fix_shapes",
     "verify/test_forbidden",
+    "verify/test_generated_lies",
     "verify/test_air",
     "verify/test_exact_replans",
     "verify/test_robot_errors",
     "verify/test_replanned_errors",
     "verify/test_simplified",
+    "verify/test_unscored",
+    "verify/test_verify",
     "wind/test_law_estimate",
     "wind/test_netcdf_files",
     "wind/test_live",
@@ -159,8 +167,12 @@ FEWER: dict[str, tuple[int, str]] = {
     "test_corpus::test_a_mission_of_each_kind_has_a_plan": (
         3, "each plans a mission; the kinds have tests of their own where they are drawn, planned and judged",
     ),
+    "run/test_nothing_received_acts::"
+    "test_no_command_connects_reads_or_writes_where_the_settings_of_a_result_say": (
+        12, "each command once (97 of 1,600 s of tests/run with both sources, read alike by all)",
+    ),
     "run/test_vehicles::test_all_paths_of_a_vehicle_keep_its_airspeeds_and_tell_its_energy": (
-        8, "each plans; a power curve and the airspeeds have tests of their own (planning/test_power)",
+        4, "each plans; a power curve and the airspeeds have tests of their own (planning/test_power)",
     ),
     "planning/test_front_sweep::test_refined_paths_fail_less_on_fresh_flights_than_those_of_the_trees": (
         1, "each sweeps a front; laws and borders have tests of their own where failures are judged",
@@ -214,7 +226,7 @@ def left_out(path: Path) -> bool:
 def of_this_level(items: Sequence[pytest.Item]) -> list[pytest.Item]:
     """The tests among those collected that are of this level, in their order."""
     if SAMPLE:
-        alone = _night_alone(items)
+        alone = night_alone(items)
         return drawn([item for item in items if item in alone], SAMPLE)
     if AT_NIGHT:
         return list(items)
@@ -247,13 +259,17 @@ def _left_to_night(items: Sequence[pytest.Item]) -> set[pytest.Item]:
     }
 
 
-def _night_alone(items: Sequence[pytest.Item]) -> set[pytest.Item]:
+def night_alone(items: Sequence[pytest.Item]) -> set[pytest.Item]:
     """The tests that no other level runs in the same way."""
     return _left_to_night(items) | {
         item
         for item in items
         if not _listed(item.path, NOT_SAMPLED)
-        and (_listed(item.path, ONLY_AT_NIGHT) or _depends_on_level(item, "AT_NIGHT", "first_of_each"))
+        and (
+            _listed(item.path, ONLY_AT_NIGHT)
+            or _depends_on_level(item, "AT_NIGHT", "first_of_each")
+            or _examples_by_level(getattr(item, "obj", None))
+        )
     }
 
 
@@ -271,12 +287,10 @@ def drawn(items: Sequence[pytest.Item], seed: str) -> list[pytest.Item]:
 
 
 def same_by_day(item: pytest.Item) -> bool:
-    """Whether a test is the same by day: a number of Hypothesis examples by level or something else of its
-    module by level would make it another one.
-    """
+    """Whether a test is the same by day: something of its module by level would make it another one."""
     if _listed(item.path, NOT_BY_DAY) or _listed_test(item, NOT_BY_DAY):
         return False
-    return not (_examples_by_level(getattr(item, "obj", None)) or _depends_on_level(item, "BY_DAY"))
+    return not _depends_on_level(item, "BY_DAY")
 
 
 def _depends_on_level(item: pytest.Item, *levels: str) -> bool:

@@ -51,12 +51,14 @@ def test_what_all_tests_of_a_module_use_makes_all_of_them_depend(more: str) -> N
     assert "test_alike" in names_by_level(MODULE + more, "BY_DAY")
 
 
-def test_a_test_with_examples_of_the_level_is_another_one_by_day() -> None:
+def test_a_test_with_examples_of_the_level_is_the_same_by_day_and_another_one_at_night() -> None:
     def plain() -> None: ...
 
     usual = given(st.none())(lambda _: None)
     own = settings(max_examples=7)(given(st.none())(lambda _: None))
-    assert [same_by_day(item(HERE, test)) for test in (plain, usual, own)] == [True, False, True]
+    items = [item(HERE, test) for test in (plain, usual, own)]
+    assert all(same_by_day(one) for one in items)
+    assert levels.night_alone(items) == {items[1]}
     assert not same_by_day(item(HERE.parent / "test_golden.py", plain))
 
 

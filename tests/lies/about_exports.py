@@ -266,6 +266,16 @@ EXPORT_LIES = (
         ("exports: mavlink_script.json",),
     ),
     Lie("a waypoint lies elsewhere", in_json("mission.plan", _moved_waypoint), ("exports: mission.plan",)),
+    Lie(
+        "a fence is of another version",
+        in_json("mission.plan", lambda plan: put(plan, "geoFence", "polygons", 0, "version", value=0)),
+        ("exports: fences of mission.plan",),
+    ),
+    Lie(
+        "legs are 0.5 m longer",
+        in_table("distance_m", lambda far: far + 0.5),
+        ("exports: dead_reckoning.csv",),
+    ),
     Lie("the launch place is elsewhere", in_json("mission.plan", _other_home), ("exports: mission.plan",)),
     Lie(
         "heights of the mission are above the sea",

@@ -10,6 +10,7 @@ from lies.editing import (
     both,
     in_json,
     in_plan,
+    in_settings,
     moved,
     put,
     setting,
@@ -82,6 +83,11 @@ WORLD_LIES = (
         "an obstacle is smaller in both files",
         both(in_json("scene.json", _shrink_obstacle), in_json("cells.json", _shrink_obstacle)),
         ("map: scene.json is the map of the settings", "map: cells cover the free space once"),
+    ),
+    Lie(
+        "the settings ask for an obstacle at a random place",
+        in_settings(lambda told: told["scene"]["random"].update(obstacles=1)),
+        ("map: scene.json is the map of the settings",),
     ),
     Lie(
         "an obstacle is gone",

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from pareto_ltl.logic import hoa, labels
+from pareto_ltl.logic import hoa, labels, translate
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.errors import DataError, ParetoLtlError
 
@@ -116,3 +118,39 @@ def test_a_state_that_is_announced_and_has_no_lines_never_completes() -> None:
 
 def test_a_header_that_ends_with_another_mark_is_refused() -> None:
     assert "expected --BODY--" in refusal(text().replace("--BODY--", "--END--"))
+
+
+def test_an_edge_may_lead_to_a_state_that_is_announced_and_has_no_lines_and_to_no_other() -> None:
+    leads = text(states="States: 3").replace("[!(0)] 0\n", "[!(0)] 2\n")
+    found = hoa.parse_hoa(leads)
+    assert found.accepts([{"a"}, set()])
+    assert not found.accepts([set(), {"a"}])
+    assert "state 0 leads to state 2, which does not exist" in refusal(leads.replace("States: 3\n", ""))
+    assert "state 1, but 'States:' announces 1" in refusal(text(states="States: 1"))
+
+
+def test_the_name_of_a_state_changes_nothing() -> None:
+    named = text().replace("State: 0\n", 'State: 0 "begin"\n').replace("State: 1 {0}", 'State: 1 "done" {0}')
+    assert hoa.parse_hoa(named) == hoa.parse_hoa(text())
+
+
+def test_letters_are_listed_where_some_are_missing_and_only_there() -> None:
+    whole = translate("F(a & F b)")
+    assert "letters:" not in hoa.hoa_text(whole)
+    some = translate("F(a & F b)", whole.letters[:3])
+    assert "letters: 0 1 2" in hoa.hoa_text(some)
+    assert hoa.parse_hoa(hoa.hoa_text(some)) == some
+
+
+@given(st.integers(1, 2**16 - 2))
+def test_labels_hold_their_codes_and_no_other_and_none_is_redundant(chosen: int) -> None:
+    codes = np.arange(16)
+    inside, outside = codes[(chosen >> codes) & 1 == 1], codes[(chosen >> codes) & 1 == 0]
+    cubes = labels.covering_cubes(inside, outside, 4)
+
+    def held(some: list[labels.Cube]) -> set[int]:
+        return {code for code in codes.tolist() if any(code & care == value for care, value in some)}
+
+    assert held(cubes) == set(inside.tolist())
+    for cube in cubes:
+        assert held([one for one in cubes if one != cube]) != held(cubes)

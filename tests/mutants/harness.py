@@ -3,10 +3,12 @@
     make mutants COUNT=100 SEED=2026-11-28
     cd tests && python -m mutants.harness [--count N] [--seed S] [module ...]
 
-Mutants are written into a copy of ``src``, one at a time. The tests of a mutant run in a fork of a process
-that has imported the packages of others, and have a limit of processor time: a mutant that loops is killed
-by it. Exit codes: 0, at least :data:`WANTED` of the mutants are killed; 1, fewer; 2, the tests fail without
-a mutant.
+Mutants are first made in memory (``quick.py``): a fork of a process that has collected the tests gets the
+code of the changed function, which costs a mutant that is killed a second. What these tests do not notice, or
+what cannot be made in this way, is written into a copy of ``src``, one at a time, and tested from the start,
+in a fork of a process that has imported the packages of others. Tests have a limit of processor time: a
+mutant that loops is killed by it. Exit codes: 0, at least :data:`WANTED` of the mutants are killed; 1, fewer;
+2, the tests fail without a mutant.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 
 from mutants.making import Mutant, drawn
+from mutants.quick import killed_in_memory
 from mutants.table import EQUIVALENT, MODULES
 
 TESTS = Path(__file__).parents[1]
@@ -42,9 +45,9 @@ FOREIGN = (
 
 
 def copied(folder: Path) -> Path:
-    """The ``src`` of a copy of what the package consists of, in ``folder``."""
+    """The ``src`` of a copy of what the package consists of, with its machine code, in ``folder``."""
     for name in ("src", "conf", "pipelines"):
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("*.pyc"))
     shutil.copy(ROOT / "pyproject.toml", folder)
     return folder / "src"
 
@@ -137,18 +140,29 @@ def survivors(chosen: Sequence[Mutant], tests: Mapping[str, tuple[str, ...]], so
     ``source`` is a copy, whose files are as they were afterwards.
     """
     limits, alive = Limits(source), list[Mutant]()
-    for number, mutant in enumerate(chosen, 1):
-        file, limit = file_of(mutant.module, source), limits.of(tests[mutant.module])
-        before = file.read_text(encoding="utf-8")
-        try:
-            _write(file, mutant.source)
-            passed, seconds, _ = run(tests[mutant.module], source, limit)
-        finally:
-            _write(file, before)
-        alive += [mutant] * passed
-        told = "SURVIVES" if passed else "killed"
-        print(f"{number:4} {told:8} {seconds:5.1f} s  {mutant.text()}", flush=True)
+    for names in dict.fromkeys(tests[mutant.module] for mutant in chosen):
+        of_tests = [mutant for mutant in chosen if tests[mutant.module] == names]
+        killed = killed_in_memory(of_tests, names, source, limits.of(names), TESTS)
+        for mutant in of_tests:
+            passed, seconds = (
+                (False, killed[mutant]) if mutant in killed else _from_start(mutant, names, limits)
+            )
+            alive += [mutant] * passed
+            told = "SURVIVES" if passed else "killed"
+            print(f"{told:8} {seconds:5.1f} s  {mutant.text()}", flush=True)
     return alive
+
+
+def _from_start(mutant: Mutant, tests: tuple[str, ...], limits: Limits) -> tuple[bool, float]:
+    """Whether the tests pass with a mutant that is written into the source, and their processor time [s]."""
+    file = file_of(mutant.module, limits.source)
+    before = file.read_text(encoding="utf-8")
+    try:
+        _write(file, mutant.source)
+        passed, seconds, _ = run(tests, limits.source, limits.of(tests))
+    finally:
+        _write(file, before)
+    return passed, seconds
 
 
 def _write(file: Path, text: str) -> None:

@@ -10,7 +10,7 @@ import ast
 import random
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
@@ -125,8 +125,16 @@ def _meant(node: ast.AST) -> Iterator[ast.AST]:
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             continue
         for one in content if isinstance(content, list) else [content]:
-            if isinstance(one, ast.AST):
+            if _is_unknown_length(node, one):
+                yield one
+            elif isinstance(one, ast.AST):
                 yield from _meant(one)
+
+
+def _is_unknown_length(call: ast.AST, argument: object) -> TypeGuard[ast.UnaryOp]:
+    """Whether ``argument`` is the -1 of ``reshape(-1, 2)``, in whose place -2 means the same."""
+    reshape = isinstance(call, ast.Call) and getattr(call.func, "attr", "") == "reshape"
+    return reshape and isinstance(argument, ast.UnaryOp)
 
 
 def drawn(modules: Mapping[str, Path], count: int, seed: str) -> list[Mutant]:

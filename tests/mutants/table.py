@@ -5,6 +5,7 @@ from __future__ import annotations
 LOGIC = ("logic/test_formula.py", "logic/test_tables.py", "logic/test_semantics.py")
 HOA = ("logic/test_formats.py", "logic/test_hoa_limits.py")
 PARTS = ("wind/test_law_of_parts.py", "wind/test_law_of_currents.py")
+COSTS = ("containment", "duration", "energy", "length", "turns")
 
 MODULES: dict[str, tuple[str, ...]] = {
     "pareto_ltl.logic.dfa": (*LOGIC, "logic/test_progress.py"),
@@ -12,9 +13,9 @@ MODULES: dict[str, tuple[str, ...]] = {
     "pareto_ltl.logic.hoa": HOA,
     "pareto_ltl.logic.labels": HOA,
     "pareto_ltl.logic.normal_form": LOGIC,
-    "pareto_ltl.logic.progression": LOGIC,
+    "pareto_ltl.logic.progression": ("logic/test_progression.py", *LOGIC),
     "pareto_ltl.logic.timed": ("logic/test_deadlines.py",),
-    "pareto_ltl.planning.costs": ("planning/test_costs.py",),
+    **{f"pareto_ltl.planning.costs.{name}": ("planning/test_costs.py",) for name in COSTS},
     "pareto_ltl.planning.error_tail": ("simulation/test_error_tail.py",),
     "pareto_ltl.planning.power": ("planning/test_power.py",),
     "pareto_ltl.planning.product_graph": ("planning/test_product_graph.py",),
@@ -55,4 +56,28 @@ MODULES: dict[str, tuple[str, ...]] = {
 # By module, line, old and new text.
 EQUIVALENT: dict[tuple[str, str, str, str], str] = {
     ("pareto_ltl.wind.coverage", "if 0.0 < held < np.inf:", "0.0", "1.0"): "wind.max_gap is given in hours",
+    (
+        "pareto_ltl.planning.product_graph",
+        "EXACT_LEADS = 20_000  # up to so many product states leads are exact shortest paths",
+        "20_000",
+        "20001",
+    ): "a limit of time, on either side of which leads are right",
+    (
+        "pareto_ltl.logic.labels",
+        "self.known.clear()",
+        "self.known.clear()",
+        "pass",
+    ): "what is known is worked out again: memory, not results",
+    (
+        "pareto_ltl.logic.labels",
+        "if len(self.known) * self.letters > MAX_STORED:",
+        "len(self.known) * self.letters > MAX_STORED",
+        "(len(self.known) * self.letters >= MAX_STORED)",
+    ): "what is known is worked out again: memory, not results",
+    (
+        "pareto_ltl.logic.progression",
+        "if 0 in clauses:",
+        "0",
+        "1",
+    ): "0 implies nothing else, so that the loop below keeps it alone; no clause is the bit of true, 1",
 }

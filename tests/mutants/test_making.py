@@ -43,6 +43,12 @@ def test_each_kind_of_place_has_a_mutant_and_what_changes_no_result_has_none() -
     ]
 
 
+def test_an_unknown_length_has_no_mutant_that_is_another_negative_number() -> None:
+    assert [(one.old, one.new) for one in mutants("x.reshape(-1, 2)")] == [
+        ("x.reshape(-1, 2)", "pass"), ("-1", "(1)"), ("2", "3"),
+    ]  # fmt: skip
+
+
 def test_a_mutant_differs_from_the_source_in_its_place_alone() -> None:
     for one in mutants(SOURCE):
         ast.parse(one.source)

@@ -52,6 +52,25 @@ def test_edges_follow_doors_and_the_automaton(formula):
 
 
 @pytest.mark.parametrize("formula", ["F(a & F b)", "!b U a", "F(a & X b)", "F a & F b"])
+def test_arrays_of_states_and_cells_are_those_of_the_automaton_and_the_map(formula):
+    problem = two_goals(formula)
+    graph, automaton, cells = graph_of(problem), problem.automaton, problem.decomposition.cells
+    states = range(automaton.n_states)
+    lost = np.array([q == automaton.trap for q in states])
+    np.testing.assert_array_equal(graph.goal, automaton.accepting)
+    np.testing.assert_array_equal(graph.open, ~lost)
+    area = np.array([shapely.Polygon(cell).area for cell in cells])
+    np.testing.assert_allclose(graph.volume, area / area.sum())
+    np.testing.assert_allclose(graph.urgency[~lost], 1 / (automaton.distance[~lost] + 1))
+    assert (graph.urgency[lost] < 1e-5).all()
+    assert graph.ahead.tolist() == [0.0] * len(states)
+    tail = np.repeat(np.arange(len(cells)), np.diff(graph.ptr))
+    found = list(zip(tail.tolist(), graph.beyond.tolist(), strict=True))
+    doors = {tuple(door) for door in problem.decomposition.doors.tolist()}
+    assert found == sorted({*doors, *((s, r) for r, s in doors), *((r, r) for r in range(len(cells)))})
+
+
+@pytest.mark.parametrize("formula", ["F(a & F b)", "!b U a", "F(a & X b)", "F a & F b"])
 def test_the_network_and_the_arrays_of_the_kernels_are_one_graph(formula):
     problem = two_goals(formula)
     graph, cells = graph_of(problem), len(problem.labels)
@@ -62,6 +81,33 @@ def test_the_network_and_the_arrays_of_the_kernels_are_one_graph(formula):
             beyond = network.adj.get((q, r), {})
             assert heads == {then * cells + s for then, s in beyond}
             assert bool(graph.open[q]) == ((q, r) in network)
+
+
+@pytest.mark.parametrize(("formula", "places"), [("F(a & F b)", 2), ("F a & F b", 2), ("F a", 1)])
+def test_the_cost_ahead_is_a_sum_over_the_letters_that_are_left(formula, places, monkeypatch):
+    """Σ c (k + 1)² over the letters k = 1..d; c is the median way from a place to the nearest other one."""
+    monkeypatch.setattr(guide, "EXACT_LEADS", 0)
+    problem = two_goals(formula)
+    graph, automaton = graph_of(problem), problem.automaton
+    matter = [
+        r
+        for r, label in enumerate(problem.labels)
+        if any(automaton.step(q, label) != automaton.step(q, frozenset()) for q in range(automaton.n_states))
+    ]
+    assert len(matter) >= places
+    tail = np.repeat(np.arange(len(problem.labels)), np.diff(graph.ptr))
+    cost = graph.metres / (graph.volume[tail] * graph.volume[graph.beyond])
+    network = nx.DiGraph()
+    network.add_weighted_edges_from(zip(tail.tolist(), graph.beyond.tolist(), cost.tolist(), strict=True))
+    near = []
+    for r in matter:
+        far = nx.single_source_dijkstra_path_length(network, r)
+        near.append(min((far[s] for s in matter if s != r), default=np.inf))
+    finite = [far for far in near if np.isfinite(far)]
+    letter = np.median(finite) if finite else cost.max()
+    left = [0 if np.isinf(d) else int(d) for d in automaton.distance]
+    wanted = [letter * sum((k + 1) ** 2 for k in range(1, d + 1)) for d in left]
+    np.testing.assert_allclose(graph.ahead, wanted, rtol=1e-9)
 
 
 def test_the_cells_and_the_automaton_are_graphs_with_their_properties():
@@ -144,3 +190,13 @@ def test_fans_of_a_box_are_two_halves():
     fans = guide.cell_fans(workspace.decompose(make_scene({"a": box(0, 0, 20, 20)}, start=(1, 1))))
     np.testing.assert_allclose(fans.share, [0.5, 1.0])
     assert shapely.area(shapely.polygons(fans.corner)).sum() == pytest.approx((20 * KM) ** 2)
+
+
+def test_up_to_the_limit_of_states_leads_are_exact_and_beyond_it_costs_are_estimated(monkeypatch):
+    problem = two_goals("F(a & F b)")
+    size = len(problem.labels) * problem.automaton.n_states
+    start = (problem.automaton.initial, int(problem.locate(problem.scene.start[None])[0]))
+    for limit, exact in ((size, True), (size - 1, False)):
+        monkeypatch.setattr(guide, "EXACT_LEADS", limit)
+        assert (graph_of(problem).ahead == 0.0).all() == exact
+        assert bool(guide.farthest_states(problem.decomposition, problem.logic, start)) == exact

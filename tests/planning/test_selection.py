@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import replace
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,7 +23,9 @@ from pareto_ltl.planning.selection_rules import (
     SelectionRule,
     bound_warning,
     choose_path,
+    safest_of_front,
     selection_rule,
+    within_capacity,
 )
 from pareto_ltl.settings import PlannerConfig, SelectionConfig
 from pareto_ltl.settings.fidelity import PAPER
@@ -443,3 +446,134 @@ def test_a_mission_risk_far_below_the_ordered_bound_is_a_warning(risk, ordered, 
         assert "f_o of the plan" in warning
         assert "in independent winds" in warning
         assert "fidelity.mission_bound=ordered" in warning
+
+
+# --- ties, further costs, and what a battery holds ------------------------------------------------
+
+
+def costly_front(*rows, failed=None):
+    """Paths (risk, length, energy), whose flights ``failed`` (P, n) judge them if given."""
+    paths = []
+    for risk, length, energy in rows:
+        path = path_of(risk, 0.0, length)
+        paths.append(
+            replace(path, objectives=replace(path.objectives, costs={"length": length, "energy": energy}))
+        )
+    failed = np.zeros((0, 0), bool) if failed is None else np.asarray(failed, bool)
+    rates = tuple(FailureRate.counted("coherent", int(row.sum()), failed.shape[1]) for row in failed)
+    return Front(tuple(paths), (), 0.0, np.array([1.0, 1e3, 1e3]), rates, failed=failed)
+
+
+def number_of(front, **how):
+    path = choose_path(SelectionConfig(**how), front)
+    return next(k for k, one in enumerate(front.paths) if one is path)
+
+
+def test_of_equally_good_paths_the_shortest_is_taken_wherever_it_stands():
+    for order in ((0, 1, 2), (2, 1, 0), (1, 2, 0)):
+        rows = [((0.01, 300.0, 5.0), (0.01, 200.0, 5.0), (0.01, 250.0, 5.0))[k] for k in order]
+        front = costly_front(*rows)
+        for how in (
+            {"rule": "energy", "alpha": 0.01}, {"rule": "length", "length": 300.0},
+            {"rule": "least", "least": "energy", "alpha": 0.5}, {"rule": "priority"},
+        ):  # fmt: skip
+            assert rows[number_of(front, **how)][1] == 200.0
+
+
+def test_a_rule_keeps_to_its_limit_and_then_to_its_cost():
+    front = costly_front((0.001, 300.0, 9.0), (0.02, 200.0, 4.0), (0.03, 100.0, 6.0))
+    assert [number_of(front, rule="energy", alpha=a) for a in (0.001, 0.0199, 0.02, 0.9)] == [0, 0, 1, 1]
+    assert [number_of(front, rule="least", least="length", alpha=a) for a in (0.02, 0.03)] == [1, 2]
+    with pytest.raises(ConfigError, match=r"selection\.least=turns: the front has no such cost"):
+        number_of(front, rule="least", least="turns")
+    with pytest.raises(ConfigError, match="needs the power curve of the robot"):
+        number_of(front_of(*CHOICE), rule="energy")
+
+
+def test_the_knee_of_several_is_the_safest_of_them():
+    """Paths on one line are all as far from the chord; rounding does not decide between them."""
+    for lengths in ((300.0, 200.0, 100.0), (100.0, 200.0, 300.0)):
+        front = flown_front(lengths, same_flights(*(10 * (4 - length / 100.0) for length in lengths)))
+        assert chosen(front, rule="knee")[2] == 300.0
+    front = flown_front((300.0, 250.0, 200.0, 100.0), same_flights(0, 100, 600, 1000))
+    assert chosen(front, rule="knee")[2] == 250.0
+
+
+def test_weights_reach_further_costs_and_one_too_many_is_refused():
+    rows = ((0.1, 200.0, 20.0), (0.2, 100.0, 40.0), (0.3, 300.0, 10.0))
+    front = costly_front(*rows)
+    for weights, wanted in (
+        ([1, 0, 0, 0], 0),
+        ([0, 0, 1, 0], 1),
+        ([0, 0, 0, 1], 2),
+        ([0, 0, 1], 1),
+        ([2, 2, 0, 1, 0], 2),
+    ):
+        assert number_of(front, rule="weighted", weights=[float(w) for w in weights]) == wanted
+        sums = [w[0] * r[0] + w[2] * r[1] / 100 + w[3] * r[2] / 10 for r in rows for w in [[*weights, 0, 0]]]
+        assert sums[wanted] == min(sums)
+    with pytest.raises(ConfigError, match=r"has 5 numbers, and the front has 2 costs .* at most 4 numbers"):
+        number_of(front, rule="weighted", weights=[1.0, 0.0, 0.0, 0.0, 0.1])
+    flown = costly_front(*rows, failed=same_flights(100, 200, 300))
+    for weights, wanted in (
+        ([1, 1, 0, 0], 0),
+        ([0, 0, 1, 0], 1),
+        ([0, 0, 0, 1], 2),
+        ([3, 2, 0.3, 0], 0),
+        ([1, 0, 0.3, 0], 1),
+    ):
+        assert number_of(flown, rule="weighted", weights=[float(w) for w in weights]) == wanted
+
+
+def test_a_cost_that_a_path_does_not_have_is_compared_as_it_is():
+    front = costly_front((0.1, 200.0, 0.0), (0.1, 100.0, 0.5), (0.1, 150.0, 3.0))
+    assert number_of(front, rule="weighted", weights=[0.0, 0.0, 1.0, 1.0]) == 1  # 2, 1.5, 4.5
+    assert number_of(front, rule="weighted", weights=[0.0, 0.0, 1.0, 3.0]) == 0  # 2, 2.5, 10.5
+
+
+@pytest.mark.parametrize(("capacity", "kept"), [(None, 3), (9.0, 3), (8.9, 2), (4.0, 1)])
+def test_paths_that_need_more_than_the_battery_holds_are_left_out(capacity, kept, caplog):
+    front = costly_front(
+        (0.1, 3.0, 9.0), (0.2, 2.0, 6.0), (0.3, 1.0, 4.0), failed=same_flights(100, 200, 300)
+    )
+    problem = SimpleNamespace(energy=SimpleNamespace(capacity=capacity))
+    found = within_capacity(SelectionConfig(rule="knee"), front, problem)
+    assert found.paths == front.paths[3 - kept :]
+    assert found.rates == front.rates[3 - kept :]
+    np.testing.assert_array_equal(found.failed, front.failed[3 - kept :])
+    assert within_capacity(SelectionConfig(rule="point", point=0), front, problem) is front
+    told = [record.getMessage() for record in caplog.records]
+    assert len(told) == (kept < 3)
+    assert all(text.startswith(f"{3 - kept} of 3 paths of the front need more than") for text in told)
+
+
+def test_a_battery_that_holds_no_path_is_named_and_a_robot_without_one_keeps_all(monkeypatch):
+    monkeypatch.setattr("pareto_ltl.planning.shortest_mission.capacity_advice", lambda *_: "fly less")
+    front = costly_front((0.1, 3.0, 7200.0), (0.2, 2.0, 3600.0))
+    cfg, problem = SelectionConfig(rule="knee"), SimpleNamespace(energy=SimpleNamespace(capacity=1800.0))
+    with pytest.raises(InfeasibleError, match=r"the least is 1 Wh.*: fly less"):
+        within_capacity(cfg, front, problem)
+    assert within_capacity(cfg, front, SimpleNamespace(energy=None)) is front
+    bounds = replace(front, failed=np.zeros((0, 0), bool))
+    problem.energy.capacity = 3600.0
+    assert within_capacity(cfg, bounds, problem).paths == front.paths[1:]
+    assert within_capacity(cfg, bounds, problem).rates == ()
+
+
+def test_the_safest_of_a_front_is_of_equal_ones_the_shortest_with_its_own_hypervolume():
+    rows = ((0.5, 3.0, 9.0), (0.5, 2.0, 6.0), (0.5, 1.0, 4.0))
+    front = costly_front(*rows, failed=same_flights(100, 100, 300))
+    safest = safest_of_front(front)
+    assert safest.paths == (front.paths[1],)
+    assert safest.rates == (front.rates[1],)
+    shares = 1.0 - np.array([0.1, 2.0, 6.0]) / front.reference
+    assert safest.hypervolume == pytest.approx(np.prod(shares))
+
+
+@pytest.mark.parametrize(("risk", "advised"), [(0.3, True), (0.55, False)])
+def test_a_limit_of_one_or_more_is_not_advised(risk, advised):
+    """The sum of both bounds, twice ``risk``, can be more than 1."""
+    front = front_of((risk, risk, 2.0))
+    with pytest.raises(InfeasibleError) as told:
+        choose_path(SelectionConfig(rule="threshold", alpha=0.1), front)
+    assert ("set selection.alpha=" in str(told.value)) == advised

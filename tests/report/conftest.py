@@ -11,6 +11,7 @@ from exported_plans import SMALL
 from pareto_ltl.run.results import load_results
 from pareto_ltl_apps.view.records import ShownRun
 from pareto_ltl_apps.view.showing import shown_results
+from shared import made_once
 
 PAGE_ONLY = {"figures": False, "page": True}
 
@@ -18,12 +19,14 @@ PAGE_ONLY = {"figures": False, "page": True}
 @pytest.fixture(scope="session")
 def page_result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A results directory with ``report.html``."""
-    place = tmp_path_factory.mktemp("page") / "result"
     sections = SMALL | {"deployment": {"runs": 120}, "report": PAGE_ONLY, "exports": {"flights": 300}}
     # Without errors of the robot the front of this small search has several points, which the suites need.
     sections["robot"] = SMALL["robot"] | dict.fromkeys(("airspeed_sd", "heading_sd", "clock_sd"))
-    pareto_ltl.plan("phi1", "F(a & F b & F c)", out=place, **sections)
-    return place
+
+    def make(place: Path) -> None:
+        pareto_ltl.plan("phi1", "F(a & F b & F c)", out=place / "result", **sections)
+
+    return made_once(tmp_path_factory, "page", make) / "result"
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ import gpxpy
 import numpy as np
 import pytest
 from fastkml.validator import validate
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 
 import pareto_ltl
 from chromium import PAUSE, Opened, launched, needs_chromium, opened_page
@@ -71,12 +71,12 @@ def test_a_click_on_a_point_of_the_front_shows_its_path(opened: Opened) -> None:
     wanted = opened.value("PAGE.chosen === 0 ? PAGE.points.length - 1 : 0")
     opened.page.locator(f"#front [data-point='{wanted}'] circle").click(force=True)
     opened.wait(f"shown.point === {wanted}")
-    assert opened.page.locator("#point").input_value() == str(wanted)
+    expect(opened.page.locator("#point")).to_have_value(str(wanted))
     assert drawn(opened, ".track") == [opened.value(f"map.line(PAGE.paths[{wanted}].line)")]
     assert opened.page.locator("#front .point.shown").get_attribute("data-point") == str(wanted)
     assert f"--point {wanted}" in (opened.page.locator("#export-command").text_content() or "")
     opened.page.locator("#home").click()
-    assert opened.value("shown.point === PAGE.chosen")
+    opened.wait("shown.point === PAGE.chosen")
 
 
 def test_points_are_chosen_with_the_keyboard(opened: Opened) -> None:
@@ -85,31 +85,31 @@ def test_points_are_chosen_with_the_keyboard(opened: Opened) -> None:
     opened.page.locator("#point").focus()
     opened.page.keyboard.press("End")
     opened.wait(f"shown.point === {last}")
-    assert opened.page.locator("#next").is_disabled()
+    expect(opened.page.locator("#next")).to_be_disabled()
     opened.page.locator("#previous").press("Enter")
     opened.wait(f"shown.point === {last - 1}")
     opened.page.locator("#home").press("Space") if opened.value("shown.point !== PAGE.chosen") else None
-    assert opened.value("shown.point === PAGE.chosen")
+    opened.wait("shown.point === PAGE.chosen")
 
 
 def test_the_slider_moves_robot_wind_flights_risk_and_automaton(opened: Opened) -> None:
     opened.value("showPoint(PAGE.chosen); player.go(0)")
     kinds = (".vehicle", ".speed", ".flight")
     before = {kind: drawn(opened, kind) for kind in kinds}
-    now = opened.page.locator("#risk .now").get_attribute("d")
-    clock = opened.page.locator("#clock").text_content()
+    now = opened.page.locator("#risk .now").get_attribute("d") or ""
+    clock = opened.page.locator("#clock").text_content() or ""
     opened.page.locator("#time").focus()
     for _ in range(3):
         opened.page.keyboard.press("ArrowRight")
-    assert opened.value("shown.step") == 3
+    opened.becomes("shown.step", 3)
     assert all(drawn(opened, kind) != shapes for kind, shapes in before.items())
-    assert opened.page.locator("#clock").text_content() != clock
+    expect(opened.page.locator("#clock")).not_to_have_text(clock)
     opened.page.keyboard.press("End")
-    assert opened.value("shown.step === path().line.length - 1")
-    assert opened.page.locator("#risk .now").get_attribute("d") != now
+    opened.wait("shown.step === path().line.length - 1")
+    expect(opened.page.locator("#risk .now")).not_to_have_attribute("d", now)
     end = opened.value("path().q.at(-1)")
-    assert opened.page.locator("#machine .state.now").get_attribute("data-state") == str(end)
-    assert "mission complete" in (opened.page.locator("#progress .now").text_content() or "")
+    expect(opened.page.locator("#machine .state.now")).to_have_attribute("data-state", str(end))
+    expect(opened.page.locator("#progress .now")).to_contain_text("mission complete")
 
 
 def test_speeds_of_a_glider_have_two_decimals(opened: Opened) -> None:
@@ -121,11 +121,11 @@ def test_the_flight_plays_pauses_and_ends(opened: Opened) -> None:
     opened.value("showPoint(PAGE.chosen); player.go(0)")
     play = opened.page.locator("#play")
     play.click()
-    assert play.get_attribute("aria-label") == "pause"
+    expect(play).to_have_attribute("aria-label", "pause")
     opened.wait("shown.step >= 2")
     play.press("Space")
+    expect(play).to_have_attribute("aria-label", "play")
     stopped = opened.value("shown.step")
-    assert play.get_attribute("aria-label") == "play"
     opened.page.wait_for_timeout(400)
     assert opened.value("shown.step") == stopped
     opened.value("player.go(path().line.length - 2)")
@@ -207,20 +207,21 @@ def test_a_click_on_a_tight_place_goes_to_its_step_and_its_text_is_no_markup(ope
 
 def test_the_map_moves_and_zooms_and_the_wheel_scrolls_the_page(opened: Opened) -> None:
     opened.page.locator("#fit").click()
+    opened.wait("!map.waiting")
     whole = opened.value("map.scale")
     opened.page.locator("#zoom-in").click()
-    assert opened.value("map.scale") == pytest.approx(1.5 * whole)
+    opened.becomes("map.scale", pytest.approx(1.5 * whole))
     opened.page.locator("#map").focus()
     middle = opened.value("map.middle")
     opened.page.keyboard.press("ArrowRight")
-    assert opened.value("map.middle") != middle
+    opened.wait(f"map.middle.join() !== {middle}.join()")
     scale = opened.value("map.scale")
     opened.page.locator("#map").hover()
     opened.page.mouse.wheel(0, 200)
     opened.page.wait_for_timeout(2 * PAUSE)
     assert opened.value("map.scale") == scale
     opened.page.locator("#fit").click()
-    assert opened.value("map.scale") == pytest.approx(whole)
+    opened.becomes("map.scale", pytest.approx(whole))
 
 
 def test_everything_has_a_name_for_those_who_do_not_see_it(opened: Opened) -> None:
@@ -308,6 +309,7 @@ def test_results_with_less_have_pages_without_faults(
     address = (tmp_path / "run" / "report.html").as_uri()
     with opened_page(browser, address, PHONE, "page") as shown:
         shown.page.locator("#time").press("End") if shown.page.locator("#time").is_enabled() else None
+        shown.drawn()
         assert shown.page.locator("#files a").count() == 0
         assert shown.page.locator("#layer-places").count() == bool(
             shown.value("PAGE.places.length + PAGE.pricedObstacles.length")

@@ -117,7 +117,11 @@ def test_a_map_comes_as_settings_as_a_mapping_as_a_file_or_as_a_record(tmp_path:
     corners = [[13e3, 2e3], [17e3, 2e3], [17e3, 6e3], [13e3, 6e3]]
     keys = {"border": "open", "bounds": [[0, 0], [2e4, 2e4]], "start": [2e3, 3e3], "regions": {"a": corners}}
     record = make_scene({"a": box(13, 2, 17, 6)}, start=(2.0, 3.0))
-    options = {"wind": "calm", "robot": {"dt": 100, "u_max": 12}, "planner": {"trees": 1, "n_max": 200}}
+    options = SMALL | {
+        "wind": "calm",
+        "robot": {"dt": 100, "u_max": 12},
+        "planner": {"trees": 1, "n_max": 200},
+    }
     first = pareto_ltl.plan(keys, "F a", out=tmp_path / "keys", **options)
     file = tmp_path / "keys" / "scene.json"
     given = (SceneConfig(**keys), file, str(file), record)

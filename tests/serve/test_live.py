@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 from numpy.random import SeedSequence
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 
 from chromium import launched, needs_chromium, opened_page
 from desk import DirectClient
@@ -109,13 +109,13 @@ def test_a_browser_shows_the_flight_and_no_text_becomes_markup(browser: Browser)
         assert shown.page.inner_text("#name") == HOSTILE
         assert HOSTILE in shown.page.inner_text("#formula")
         assert shown.page.locator("img").count() == 0
-        assert "standard deviations" in shown.page.inner_text("#alarms")
-        assert shown.value("document.querySelectorAll('#map .mark.used').length") == 1
-        assert shown.value("document.querySelectorAll('#map .mark.refused').length") == 1
-        assert shown.value("document.querySelector('#promise .rate').getTotalLength()") > 50
-        assert shown.value("document.querySelector('#map .believed').getTotalLength()") > 50
-        assert shown.value("document.querySelector('#map .ellipse.now') !== null")
-        assert "%" in shown.page.inner_text("#facts .main dd")
+        expect(shown.page.locator("#alarms")).to_contain_text("standard deviations")
+        shown.becomes("document.querySelectorAll('#map .mark.used').length", 1)
+        shown.becomes("document.querySelectorAll('#map .mark.refused').length", 1)
+        shown.wait("document.querySelector('#promise .rate').getTotalLength() > 50")
+        shown.wait("document.querySelector('#map .believed').getTotalLength() > 50")
+        shown.wait("document.querySelector('#map .ellipse.now') !== null")
+        expect(shown.page.locator("#facts .main dd")).to_contain_text("%")
         page.opened(results("another plan"))
         shown.wait("document.getElementById('name').textContent === 'another plan'")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,14 @@ from hypothesis import strategies as st
 
 from pareto_ltl.settings import ExportsConfig, RobotConfig, SceneConfig, Settings, WindConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.settings.heights import FlownAir, MeasuredAir, flight_air, flight_height, temperature_doubt
+from pareto_ltl.settings.heights import (
+    FlownAir,
+    Height,
+    MeasuredAir,
+    flight_air,
+    flight_height,
+    temperature_doubt,
+)
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import parse_level
 
@@ -213,3 +221,11 @@ def test_a_temperature_of_the_settings_wins_and_a_contradiction_is_said() -> Non
     assert words.startswith("robot.air_temperature=-2 is used, but the wind file has 16.0 °C at the height")
     cured = settings_of(level="925hPa")
     assert temperature_doubt(cured, flight_height(cured), measured) == ""
+
+
+def test_there_is_air_at_the_surface_and_a_height_is_stated_unless_it_is_said_otherwise() -> None:
+    surface = Height(0.0, above_sea=False, level="0m")
+    assert surface.stated
+    assert not surface.of_sea
+    assert flight_air(Settings(), surface) is not None
+    assert flight_air(Settings(), replace(surface, metres=-1.0)) is None

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import doctest
 import math
+from types import ModuleType
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pareto_ltl.support import atmosphere, display, levels, speed_units
 from pareto_ltl.support.display import interval_text, probability_text, rate_text, round_up
 
 
@@ -49,3 +52,12 @@ def test_a_rate_stands_beside_its_interval() -> None:
 @given(st.floats(1e-9, 0.99))
 def test_a_limit_rounded_up_allows_the_probability_and_little_more(value: float) -> None:
     assert value <= round_up(value) <= 1.11 * value
+
+
+@pytest.mark.parametrize(
+    "module", [atmosphere, display, levels, speed_units], ids=lambda module: module.__name__
+)
+def test_the_examples_in_docstrings_are_true(module: ModuleType) -> None:
+    failed, tried = doctest.testmod(module)
+    assert failed == 0
+    assert tried > 0

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import pytest
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.times import seconds, seconds_after, utc_moment
+from pareto_ltl.support.times import hours_text, seconds, seconds_after, utc_moment
 
 TEXTS = ("2018-10-09T06:00", " 2018-10-09T08:00+02:00 ", "2018-10-09T06:00:00Z", "2018-10-09 06:00:00.000")
 
@@ -30,3 +30,14 @@ def test_a_moment_beyond_the_calendar_in_utc_is_no_time_for_any_reader(text: str
 @pytest.mark.parametrize("text", ["0001-01-01T00:00:00Z", "9999-12-31T23:59:59Z"])
 def test_the_ends_of_the_calendar_are_times(text: str) -> None:
     assert seconds(text) == (utc_moment(text) - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.0, "0 s"), (30.0, "30 s"), (59.0, "59 s"), (60.0, "1 min"), (90.0, "1.5 min"), (61.0, "61 s"),
+        (3600.0, "1 h"), (-3600.0, "-1 h"), (5400.0, "1.5 h"), (5460.0, "91 min"), (1800.0, "30 min"),
+    ],
+)  # fmt: skip
+def test_a_duration_is_told_in_its_largest_unit_of_whole_or_half_numbers(seconds: float, text: str) -> None:
+    assert hours_text(seconds) == text

@@ -66,6 +66,7 @@ SETTINGS = {
     r"scene/simplify": "no outline was moved, and none would be with the other limit",
     r"scene/random/(seed|radius/\*|gap)": "no place of the map is drawn at random",
     r"robot/fix_(sd|time)": "the map has no landmarks",
+    r"branch/.*": "the plan has no branches, as one for which none is worth it",
     r"robot/effort_risk": "flights judge, and no airspeed is reserved",
     r"robot/power/(blade|lifting|tip|wake)": "the power curve of a rotor, and the aircraft has wings",
     r"wind/(noise_min|max_points|max_speed)": "limits, which the readings keep with the other value too",

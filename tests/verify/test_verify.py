@@ -8,11 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import pareto_ltl
 from honest_results import PRESETS, SMALL
-from levels import BY_DAY, first_of_each
+from levels import first_of_each
 from lies import LIES, Lie, edited
 from lies.editing import in_plan, setting
 from pareto_ltl.support.errors import InfeasibleError
@@ -44,7 +45,6 @@ def test_a_lie_is_caught(lie: Lie, preset: str, honest: dict[str, Path], tmp_pat
         assert not finding.holds, finding
 
 
-@pytest.mark.skipif(BY_DAY, reason="not by day: 20,000 flights of several plans")
 def test_a_promise_that_is_a_fifth_too_low_is_caught(tmp_path: Path) -> None:
     """As many new flights as the promise has contradict it; 2,000 would not."""
     often = {
@@ -63,6 +63,17 @@ def test_a_promise_that_is_a_fifth_too_low_is_caught(tmp_path: Path) -> None:
     assert not next(findings(open_evidence(place), claim)).holds
     in_plan(lambda plan: plan["promise"].update(runs=2000))(place)
     assert next(findings(open_evidence(place), claim)).holds
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_path_and_its_beginning_are_flown_in_the_same_winds(preset: str, honest: dict[str, Path]) -> None:
+    """Else paths of different lengths would not fail together, as they do in the flights of the planner."""
+    result = open_evidence(honest[preset])
+    for law in ("independent", "coherent"):
+        whole = result.fly(law, result.x, result.u, 20, 3)
+        for steps in (1, len(result.u) // 2, len(result.u) - 1):
+            begun = result.fly(law, result.x[: steps + 1], result.u[:steps], 20, 3)
+            np.testing.assert_array_equal(begun, whole[:, : steps + 1])
 
 
 def test_each_lie_has_a_name_of_its_own() -> None:
@@ -158,7 +169,7 @@ EXPORTED = ("plan.gpx", "plan.kml", "plan.geojson", "mission.plan", "mavlink_scr
     [
         *[(name,) for name in ("plan.json", "scene.json", "cells.json", "automaton.json", "wind.nc")],
         *[("trees.npz",), ("front.csv",), EXPORTED],
-    ][: 1 if BY_DAY else None],
+    ],
     ids=lambda names: names[0],
 )
 def test_a_damaged_file_is_a_claim_that_fails(
@@ -202,7 +213,7 @@ def test_a_time_step_that_was_left_to_the_planner_is_that_of_the_metrics(
     assert wrong == ["run: fingerprint of the settings", "page: all texts"]  # which shows the settings
 
 
-@pytest.mark.parametrize("runs", [20] if BY_DAY else [20, 300])
+@pytest.mark.parametrize("runs", [20, 300])
 def test_a_promise_of_few_flights_holds(runs: int, tmp_path: Path) -> None:
     """Few flights with no failure among them: the promise is computed from weighted ones in any case."""
     small = SMALL | {"selection": {"draws": 200, "runs": runs}, "deployment": {"runs": 100}}

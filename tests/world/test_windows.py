@@ -13,7 +13,7 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.times import duration_seconds, seconds_after
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
-from pareto_ltl.world.windows import TimedPlace, Window, missed_windows, span_text
+from pareto_ltl.world.windows import TimedPlace, Window, missed_windows, read_span, shown_span, span_text
 
 DEPARTURE = "2018-10-09T06:00:00Z"
 SQUARE = [[1, 1], [2, 1], [2, 2], [1, 2]]
@@ -136,3 +136,15 @@ def test_windows_that_no_plan_meets_are_named():
         "the time window of 'gone' ended 1 h before the departure: it never holds",
         "the time window of 'late' begins 25 h after departure, and a plan ends after 24 h: it never holds",
     ]
+
+
+@pytest.mark.parametrize(
+    ("span", "text"),
+    [
+        ((0.0, 21_600.0), "[0,6h]"), ((21_600.0, 86_400.0), "[6,24h]"), ((0.0, 43_200.0), "[0,0.5d]"),
+        ((60.0, 3600.0), "[1,60min]"), ((1.0, 60.0), "[1,60s]"),
+    ],
+)  # fmt: skip
+def test_a_span_is_told_in_the_largest_unit_that_fits_both_ends_and_is_read_again(span, text) -> None:
+    assert shown_span(span) == text
+    assert read_span(text) == span

@@ -77,7 +77,7 @@ def parse_level(text: str, key: str = "wind.level") -> Level:
     >>> parse_level("80 m"), parse_level("92500Pa").text, parse_level("1000ft amsl").text
     (Level(kind='height', value=80.0), '925hPa', '304.8m amsl')
     >>> parse_level("FL45").phrase
-    'at 859.1 hPa'
+    'at 859 hPa'
     """
     text = "10m" if text == "auto" else text  # settings of a run have replaced auto already
     plain = text.strip().lower()

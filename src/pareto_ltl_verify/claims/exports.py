@@ -205,12 +205,14 @@ def lonlat(rows: Rows) -> FloatArray:
     return np.column_stack([column(rows, "lon_deg"), column(rows, "lat_deg")])
 
 
-def unlike_at(fault: str, stated: Iterable[Any], wanted: Iterable[Any], least: float = 1e-6) -> list[str]:
-    """``fault`` with the number of each entry that differs by more than 10⁻⁴ of its value and ``least``."""
+def unlike_at(
+    fault: str, stated: Iterable[Any], wanted: Iterable[Any], least: float = 1e-6, share: float = 1e-4
+) -> list[str]:
+    """``fault`` with the number of entries that are off by more than ``share`` of the value and ``least``."""
     a, b = np.array(list(stated), float), np.array(list(wanted), float)
     if a.shape != b.shape:
         return [fault.format(min(len(a), len(b)))]
-    return [fault.format(k) for k in np.flatnonzero(~(np.abs(a - b) <= np.maximum(1e-4 * np.abs(b), least)))]
+    return [fault.format(k) for k in np.flatnonzero(~(np.abs(a - b) <= np.maximum(share * np.abs(b), least)))]
 
 
 PLAN = ("plan.json", "scene.json")

@@ -89,7 +89,7 @@ def _track_faults(rows: Rows) -> list[str]:
     ways = np.asarray(way, float)
     over_ground = ways / column(legs, "duration_s")
     return [
-        *unlike_at("leg {}: distance_m", column(legs, "distance_m"), ways, 1e-3),
+        *unlike_at("leg {}: distance_m", column(legs, "distance_m"), ways, 1e-2, 1e-7),
         *unlike_at("leg {}: ground_speed_m_s", column(legs, "ground_speed_m_s"), over_ground),
         *_direction_faults(legs, "track_true_deg", np.asarray(track, float), ways),
     ]

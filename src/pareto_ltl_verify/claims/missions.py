@@ -55,6 +55,7 @@ FIXED: dict[int, dict[int, int]] = {  # parameters of each command that are the 
     43000: {0: 0, 2: 0, 3: 0, 4: 0, 5: 0, 6: 0}, 43002: {0: 1, 3: 0, 4: 0, 5: 0, 6: 0},
     43004: {4: 0, 5: 0, 6: 0}, 43003: {1: 0, 3: 0},
 }  # fmt: skip
+NOWHERE = 2  # MAV_FRAME_MISSION: the item has no place
 DEGREE = 1e7  # units of places of MAVLink in a degree
 LEG = re.compile(r"^ {4}\{ (.*) \},$", re.MULTILINE)
 START = re.compile(r"^local START = \{ lat = (-?\d+), lng = (-?\d+), sd = ([\d.e+-]+) \}", re.MULTILINE)
@@ -93,6 +94,7 @@ def items(result: Evidence) -> Verdict:
         faults += [f"item {number}: {fault}" for fault in unlike(item, about)]
         if item["command"] == CHANGE_SPEED:
             good = item["params"][:1] + item["params"][2:] == [int(rotor), -1, 0, 0, 0, 0]
+            faults += [f"item {number}: frame {item['frame']}"] * (item["frame"] != NOWHERE)
         else:
             good = item["params"][:4] == [0, 0, 0, None]
         faults += [f"item {number}: parameters {item['params']}"] * (not good)
@@ -119,6 +121,7 @@ def fences(result: Evidence) -> Verdict:
     drawn = [np.array(fence["polygon"], float)[:, ::-1] for fence in polygons]
     inside = [fence["inclusion"] for fence in polygons]
     faults = ["circles"] * bool(content["circles"])
+    faults += [f"fence {number}: version" for number, one in enumerate(polygons, 1) if one["version"] != 1]
     for keep_in, title, corners in areas:
         parts = 1
         if _crosses_180(crs, corners):

@@ -79,7 +79,7 @@ def _link_faults(
     faults = {
         "the root is not the start": np.abs(x[0] - result.start).max() > result.grain or step[0] or length[0],
         "a step does not follow the step of its parent": (step[1:] != step[before] + 1).any(),
-        "a length is not the length of its path": gap.max(initial=0.0) > 1e-6 * max(length.max(), 1.0),
+        "a length is not the length of its path": gap.max(initial=0.0) > 1e-9 * max(length.max(), 1.0),
         "a state does not follow from the label": q[0] != root or (q[1:] != after).any(),
     }
     yield from true_of(faults)

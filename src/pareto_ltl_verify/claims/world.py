@@ -40,7 +40,7 @@ def _not_set(result: Evidence) -> bool:
 def drawn_map(result: Evidence) -> Verdict | None:
     """scene.json is the map of the settings: bounds, start, regions, obstacles and landmarks.
 
-    On a map with random places only the places that the settings name are compared.
+    On a map with random places only the places that the settings name are compared, and the number of others.
     """
     settings, scene = result.settings["scene"], result.scene
     if _not_set(result):
@@ -51,7 +51,7 @@ def drawn_map(result: Evidence) -> Verdict | None:
         "bounds differs": not _same_outline(bounds, scene["bounds"]),
         "start differs": not _same_outline(start, [scene["start"]]),
         f"outlines moved by {moved:g} m": moved > _allowed(settings, scene) * (1 + RELATIVE),
-        f"regions {sorted(others)}": others and not settings["random"]["regions"],
+        f"regions {sorted(others)} are not in the settings": len(others) != settings["random"]["regions"],
     }
     for name, corners in settings["regions"].items():
         drawn = [_outline(settings, part) for part in _parts(corners)]
@@ -212,7 +212,9 @@ def _area_faults(result: Evidence, kind: str) -> Iterator[str]:
             yield f"{kind} {number} differs"
         else:
             rest.append(one)
-    if kind == "obstacles" and settings["random"]["obstacles"]:
+    if kind == "obstacles" and (drawn := settings["random"]["obstacles"]):
+        if not rest and len(written) != drawn:
+            yield f"{len(written)} obstacles that are not in the settings, and {drawn} at random places"
         return
     if not _same_area(result, rest, written, [*rest, *written], kind == "obstacles"):
         yield f"{kind} that are not in the settings"

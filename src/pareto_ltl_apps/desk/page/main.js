@@ -26,7 +26,7 @@ function failed(error) {
 
 function forgive() { byId("problem").hidden = true; spot = null; }
 
-const store = new Store(() => { if (ready) { panels.show(); drawing.hint(); } backdrop.show(store.mission.backdrop).catch(failed); byId("no-backdrop").hidden = !store.mission.backdrop; map.refresh(); readyToPlan(); }, failed);
+const store = new Store(() => { if (ready) { panels.show(); drawing.hint(); } backdrop.show(store.mission.backdrop).catch(failed); byId("no-backdrop").hidden = !store.mission.backdrop; map.refresh(); readyToPlan(); }, failed, state => { document.documentElement.dataset.mission = state; });
 let ready = false, earth, drawing, panels, result, studies;
 const backdrop = new Backdrop(() => map.refresh());
 

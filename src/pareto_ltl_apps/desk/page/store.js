@@ -12,15 +12,16 @@ export const ROLES = {
 };
 
 export class Store {
-  /** `changed()` is called after every change; `failed(error)` if the server did not keep it. */
-  constructor(changed, failed) {
-    Object.assign(this, { changed, failed, mission: structuredClone(EMPTY), past: [], future: [], revision: 0, timer: null, stale: false, unsent: false, sending: null });
+  /** `changed()` is called after every change; `failed(error)` if the server did not keep it; `state("changed")`, or `state("kept")` when the server has it. */
+  constructor(changed, failed, state) {
+    Object.assign(this, { changed, failed, state, mission: structuredClone(EMPTY), past: [], future: [], revision: 0, timer: null, stale: false, unsent: false, sending: null });
   }
 
   async load() {
     const { revision, mission } = await ask("GET", "/api/mission");
     this.revision = revision;
     if (mission) this.mission = { ...structuredClone(EMPTY), ...mission };
+    this.state("kept");
   }
 
   /** Change the mission with `act`, so that it can be undone. */
@@ -47,6 +48,7 @@ export class Store {
 
   keep() {
     this.unsent = true;
+    this.state("changed");
     this.changed();
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.send(), PAUSE);
@@ -59,7 +61,7 @@ export class Store {
     if (this.stale || !this.unsent) return;
     this.unsent = false;
     this.sending = ask("PUT", "/api/mission", { revision: this.revision, mission: this.mission })
-      .then(({ revision }) => { this.revision = revision; })
+      .then(({ revision }) => { this.revision = revision; if (!this.unsent) this.state("kept"); })
       .catch(error => { this.stale = error.status === 409; this.failed(error); })
       .finally(() => { this.sending = null; });
     await this.sending;
