@@ -131,7 +131,7 @@ def built_name(source: str) -> str:
 FORMULA = re.compile(
     r'<div class="formula"><div>(<math.*?</math>)</div>(?:<span class="formula-number">(.*?)</span>)?'
 )
-MATHEMATICS = ("mathematics", "mathematics_methods", "wind_error", "follow_filter")
+MATHEMATICS = ("mathematics", "mathematics_methods", "wind_error", "follow")
 
 
 @pytest.mark.parametrize("page", MATHEMATICS)
