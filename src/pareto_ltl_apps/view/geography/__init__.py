@@ -21,8 +21,8 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 
 UNIT = 500.0  # of a degree
 AREAS, LINES = ("land", "lakes", "islands"), ("borders", "states")
-MOST_CITIES = 300  # of a map, the largest ones
-MOST_FOUND = 8  # places that a search answers
+CITY_LIMIT = 300  # of a map, the largest ones
+ANSWER_LIMIT = 8  # places that a search answers
 FINEST, SHARE = 0.004, 1 / 1200  # detail of a map: [deg], and as a share of its side
 BESIDE = 1.0  # of what a page shows around its map, in sides of the map
 COARSE = 0.05  # [deg] detail of the outlines of views of half the Earth
@@ -115,7 +115,7 @@ def places_named(text: str) -> list[tuple[str, float, float]]:
     inside = [k for k, name in enumerate(names) if wanted in name and not name.startswith(wanted)]
     exact = [k for k in begin if names[k] == wanted]
     order = dict.fromkeys([*exact, *begin, *inside])
-    return [_city(k) for k in list(order)[:MOST_FOUND]]
+    return [_city(k) for k in list(order)[:ANSWER_LIMIT]]
 
 
 def folded(text: str) -> str:
@@ -199,5 +199,5 @@ def _cities(box: Box) -> Iterator[tuple[str, float, float]]:
     west, south, east, north = box
     lon, lat = _world()["places"].T
     turned = west + (lon - west) % 360.0
-    for k in np.flatnonzero((turned <= east) & (lat >= south) & (lat <= north))[:MOST_CITIES]:
+    for k in np.flatnonzero((turned <= east) & (lat >= south) & (lat <= north))[:CITY_LIMIT]:
         yield _world()["names"][k], float(turned[k]), float(lat[k])
