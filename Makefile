@@ -126,7 +126,7 @@ archives: $(READY)
 	$(BIN)/python -m build --outdir $(DIST) .
 
 docs: $(READY) ## the site of the documentation, into site/
-	$(BIN)/python release/site
+	$(BIN)/python release/docs_site
 
 docs-numbers: $(READY) ## the outputs that README and documents show, made anew
 	$(BIN)/python release/docs_numbers.py

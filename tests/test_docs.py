@@ -28,7 +28,7 @@ from pareto_ltl.settings import Settings, declarations
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.support.schemas import SCHEMA_NAMES, schema_text
 
-SITE = ROOT / "release" / "site"
+SITE = ROOT / "release" / "docs_site"
 CHROMIUM = shutil.which("chromium")
 APPLICATIONS = PACKAGE.with_name("pareto_ltl_apps")
 JOURNEY = re.compile(r"^ *(?P<names>\w[\w.*>, -]*?) {2,}(?P<file>[\w/]+\.py)", re.MULTILINE)
@@ -109,7 +109,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
 
 
 def maker(name: str) -> ModuleType:
-    """A module of release/site."""
+    """A module of release/docs_site."""
     spec = importlib.util.spec_from_file_location(name, SITE / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None

@@ -23,7 +23,7 @@ SHOWN = [
 ]
 RATE = re.compile(r"\d[\d.,]*(?= %| of (?:100|10,000)\b)")
 RATE_OF_FLIGHTS = re.compile(r"\d\.\d+ %")
-WITHOUT_STAMP = ("index.md", "peers.md")  # no rates of ours; its benchmark writes its own
+WITHOUT_STAMP = ("front.md", "peers.md")  # the test above is for the first; a benchmark writes the other
 SOURCES = (
     "docs/why_believe.md",
     "docs/results.md",
@@ -90,6 +90,13 @@ def test_rates_in_tables_are_rounded_and_columns_are_aligned() -> None:
         "paper     coherent     2,165     35 %",
         "smoothed  independent  1,629  0.060 %",
     ]
+
+
+@pytest.mark.parametrize("page", ["docs/start.md", "docs/front.md"])
+def test_a_tutorial_has_no_rate_beside_its_blocks(page: str) -> None:
+    """But those that a user chooses, and levels of intervals."""
+    text = docs_numbers.BLOCK.sub("", (ROOT / page).read_text(encoding="utf-8"))
+    assert set(re.findall(r"\d[\d.,]* %", text)) <= {"95 %", "97.5 %", "98.9 %", "5 %", "1 %", "0.1 %"}
 
 
 def test_every_rate_of_the_first_page_stands_where_it_was_computed() -> None:

@@ -77,7 +77,7 @@ def limits_figure(run: DrawnRun, plan: Plan) -> Figure:
 
 
 def faintest(plan: Plan) -> float:
-    """The collision probability of a segment from which on it has a colour of its own."""
+    """The collision probability of a segment below which all have the darkest colour."""
     return min(plan.epsilon, 1.0) * 10.0**-DECADES
 
 
