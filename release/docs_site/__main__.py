@@ -1,9 +1,9 @@
-"""Build the site of the documentation: ``python release/docs_site [--builder mkdocs|zensical] [--out FOLDER]``.
+"""Build the site of the documentation: ``python release/docs_site [--builder zensical] [--out FOLDER]``.
 
 1. All pages are written as plain Markdown into ``WORK/pages``: those of ``docs/``, and what is made from
    settings, schemas, formulas and files outside of ``docs/``.
-2. A builder turns them into HTML in ``WORK/site``. It runs no code of this project but ``docstrings.py``, so that
-   another one can take its place (docs/decisions/site.md).
+2. A builder turns them into HTML in ``WORK/site``. It runs no code of this project but ``docstrings.py``, so
+   that another one can take its place (docs/decisions/site.md).
 3. In the HTML, settings become links to their line, and what Markdown shows wrongly is mended.
 """
 

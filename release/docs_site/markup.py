@@ -1,4 +1,4 @@
-r"""What Python's Markdown and mkdocstrings show differently from what the sources mean, in the HTML of a page.
+r"""What Python's Markdown and mkdocstrings show differently from what the sources mean, in HTML.
 
 Inside code in a table, ``\|`` stands for ``|``, as on the forges. Of a parameter of several types,
 ``(str, Path or Scene)``, the brackets come from mkdocstrings and not from the docstring.
