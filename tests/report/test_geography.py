@@ -131,3 +131,12 @@ def test_a_view_round_the_earth_has_each_place_once() -> None:
     found = ground_view("-500,-80,500,80", "1000")
     assert found["box"][2] - found["box"][0] == 360.0
     assert len({name for name, *_ in found["cities"]}) > 200
+
+
+def test_a_view_of_one_place_has_its_ground() -> None:
+    """As the desk asks for when a start is all that is drawn."""
+    found = ground_view("14.4053,67.2822,14.4053001,67.2822001", "1936")
+    west, south, east, north = found["box"]
+    assert west <= 14.4053 < east
+    assert south <= 67.2822 < north
+    assert set(found) >= {"land", "cities"}

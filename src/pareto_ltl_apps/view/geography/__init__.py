@@ -69,7 +69,7 @@ class Geography:
 
 def geography_of(box: Box, detail: float) -> Geography:
     """What lies in ``box``, with deviations of outlines of up to ``detail`` [deg]."""
-    box = (round(box[0], DIGITS), round(box[1], DIGITS), round(box[2], DIGITS), round(box[3], DIGITS))
+    box = _rounded(box)
     west, _, east, _ = box
     shapes: dict[str, list[FloatArray]] = {}
     for layer in (*AREAS, *LINES):
@@ -81,6 +81,16 @@ def geography_of(box: Box, detail: float) -> Geography:
             parts = list(shapely.get_parts(shapely.union_all(parts)))  # no seam at 180 degrees
         shapes[layer] = [_outline(part) for part in parts]
     return Geography(box, **shapes, cities=list(_cities(box)))
+
+
+def _rounded(box: Box) -> Box:
+    """``box`` with rounded sides; where these are equal, it is one unit wider on each side."""
+    sides = [round(side, DIGITS) for side in box]
+    for low, high in ((0, 2), (1, 3)):
+        if sides[low] >= sides[high]:
+            unit = 10.0**-DIGITS
+            sides[low], sides[high] = round(sides[low] - unit, DIGITS), round(sides[high] + unit, DIGITS)
+    return sides[0], sides[1], sides[2], sides[3]
 
 
 def geography_around(scene: Scene, beside: float = BESIDE) -> Geography | None:
