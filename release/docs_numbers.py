@@ -51,6 +51,12 @@ def printed(text: str, _: Path) -> list[str]:
     return squeezed([line.rstrip() for line in text.splitlines()])
 
 
+def table(text: str, _: Path) -> list[str]:
+    """The lines of a table, without those that explain it."""
+    lines = printed(text, _)
+    return lines[: next((k for k, line in enumerate(lines) if k and not line), len(lines))]
+
+
 def comparison(_: str, folder: Path) -> list[str]:
     """Of ``compare.csv``: length, bound and failures of each planner, in the winds of each law."""
     shown = [
@@ -129,7 +135,7 @@ OUTPUTS = {
     "shorter plan of phi2": Output(
         ("choose", "outputs/first", "--failure", "0.05", "--out", "outputs/shorter"), summary
     ),
-    "front of phi2": Output(("front", "outputs/first"), printed),
+    "front of phi2": Output(("front", "outputs/first"), table),
     "comparison on phi1": Output(
         ("pipelines=compare", "+experiment=phi1", *STUDY, "hydra.run.dir=outputs/compare_phi1"), comparison
     ),
