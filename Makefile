@@ -128,9 +128,8 @@ dist: archives ## the source archive, the wheel, and the wheel with machine code
 archives: $(READY)
 	$(BIN)/python -m build --outdir $(DIST) .
 
-# The variable keeps an advertisement of the theme off the screen.
 docs: $(READY) ## the site of the documentation, into site/
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	$(BIN)/python release/docs_site
 
 docs-numbers: $(READY) ## the outputs that README and documents show, made anew
 	$(BIN)/python release/docs_numbers.py

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import importlib.util
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -27,17 +28,7 @@ from pareto_ltl.settings import Settings, declarations
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.support.schemas import SCHEMA_NAMES, schema_text
 
-BUILD = """
-import socket, sys
-
-def refused(*_):
-    raise AssertionError("the site is built without a network")
-
-socket.socket.connect = refused
-from mkdocs.__main__ import cli
-
-cli(["build", "--strict", "--quiet", "--site-dir", sys.argv[1]])
-"""
+SITE = ROOT / "release" / "docs_site"
 CHROMIUM = shutil.which("chromium")
 APPLICATIONS = PACKAGE.with_name("pareto_ltl_apps")
 JOURNEY = re.compile(r"^ *(?P<names>\w[\w.*>, -]*?) {2,}(?P<file>[\w/]+\.py)", re.MULTILINE)
@@ -99,23 +90,27 @@ def page_parts(path: Path) -> PageParts:
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
-    """The site, built with warnings as errors."""
-    place = tmp_path_factory.mktemp("site").resolve()
+    """The site, built with warnings as errors, where every connection is refused."""
+    work = tmp_path_factory.mktemp("site").resolve()
+    guard = os.pathsep.join((str(ROOT / "tests" / "guard"), str(ROOT / "src")))
     done = subprocess.run(
-        [sys.executable, "-c", BUILD, str(place)],
+        [sys.executable, str(SITE), "--work", str(work / "work"), "--out", str(work / "built")],
         cwd=ROOT,
-        env={"PYTHONPATH": str(ROOT / "src"), "PATH": "", "NO_MKDOCS_2_WARNING": "1", "LC_ALL": "C.UTF-8"},
+        env={
+            "PYTHONPATH": guard, "PARETO_LTL_NOTES": str(work / "notes"), "PATH": "", "LC_ALL": "C.UTF-8",
+        },
         capture_output=True,
         text=True,
         check=False,
-    )
+    )  # fmt: skip
     assert (done.returncode, done.stdout + done.stderr) == (0, "")
-    return Site(place)
+    assert not (work / "notes").exists()
+    return Site(work / "built")
 
 
-def hook(name: str) -> ModuleType:
-    """A module of docs/hooks."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "hooks" / f"{name}.py")
+def maker(name: str) -> ModuleType:
+    """A module of release/docs_site."""
+    spec = importlib.util.spec_from_file_location(name, SITE / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -131,7 +126,7 @@ def built_name(source: str) -> str:
 FORMULA = re.compile(
     r'<div class="formula"><div>(<math.*?</math>)</div>(?:<span class="formula-number">(.*?)</span>)?'
 )
-MATHEMATICS = ("mathematics", "mathematics_methods", "wind_error", "follow_filter")
+MATHEMATICS = ("mathematics", "mathematics_methods", "wind_error", "follow")
 
 
 @pytest.mark.parametrize("page", MATHEMATICS)
@@ -167,7 +162,7 @@ def test_a_page_loads_nothing_from_elsewhere(site: Site) -> None:
 
 def test_links_in_the_repository_hold_on_the_site(site: Site) -> None:
     """With their anchors, also in the README, of which the site has only a part."""
-    outside = hook("outside")
+    outside = maker("outside")
     for document in DOCUMENTS:
         source = document.relative_to(ROOT).as_posix()
         text = outside.site_links(document.read_text(encoding="utf-8"), source, outside.site_path(source))
@@ -178,7 +173,7 @@ def test_links_in_the_repository_hold_on_the_site(site: Site) -> None:
 
 
 def test_every_document_is_in_the_navigation(site: Site) -> None:
-    outside = hook("outside")
+    outside = maker("outside")
     pages = {built_name(outside.site_path(d.relative_to(ROOT).as_posix())) for d in DOCUMENTS}
     assert pages <= set(site.pages[site.place / "maps.html"].links)
 

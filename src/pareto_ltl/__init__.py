@@ -35,7 +35,7 @@ from typing import Any
 
 from pareto_ltl.support.stated_names import stated_names
 
-__version__ = "1.0.0rc1"
+__version__ = "1.0.0"
 
 __all__ = sorted((*stated_names(__file__), "__version__"))  # noqa: PLE0605
 

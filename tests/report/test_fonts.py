@@ -54,6 +54,14 @@ def test_letters_of_no_font_are_one_warning(caplog: pytest.LogCaptureFixture) ->
     assert f"boxes in place of {NOWHERE}, which no installed font has" in record.getMessage()
 
 
+@pytest.mark.parametrize(
+    ("letter", "font"),
+    [("ക", "Noto Sans Malayalam"), ("島", "Noto Sans CJK"), ("の", "Noto Sans CJK"), ("ท", "Noto Sans Thai")],
+)
+def test_a_font_is_named_that_has_the_script_of_the_letter(letter: str, font: str) -> None:
+    assert style.font_for(letter) == font
+
+
 def test_other_warnings_pass() -> None:
     with pytest.warns(UserWarning, match="something else"), style.missing_letters_reported():
         warnings.warn("something else", UserWarning, stacklevel=1)

@@ -13,9 +13,9 @@ from pareto_ltl.extend import Frame
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_apps.desk.earth import ground_view
 from pareto_ltl_apps.view.geography import (
+    ANSWER_LIMIT,
     AREAS,
     LINES,
-    MOST_FOUND,
     geography_around,
     geography_of,
     places_named,
@@ -97,7 +97,7 @@ def test_a_city_is_found_without_its_accents(text: str, name: str, place: tuple[
 def test_the_same_name_comes_before_longer_ones_and_larger_cities_before_small_ones() -> None:
     assert places_named("paris")[0][0] == "Paris"
     assert places_named("paris")[0][1:] == pytest.approx((2.35, 48.86), abs=0.05)
-    assert len(places_named("san")) == MOST_FOUND
+    assert len(places_named("san")) == ANSWER_LIMIT
     assert places_named("") == places_named("no city has this name") == []
 
 
@@ -131,3 +131,12 @@ def test_a_view_round_the_earth_has_each_place_once() -> None:
     found = ground_view("-500,-80,500,80", "1000")
     assert found["box"][2] - found["box"][0] == 360.0
     assert len({name for name, *_ in found["cities"]}) > 200
+
+
+def test_a_view_of_one_place_has_its_ground() -> None:
+    """As the desk asks for when a start is all that is drawn."""
+    found = ground_view("14.4053,67.2822,14.4053001,67.2822001", "1936")
+    west, south, east, north = found["box"]
+    assert west <= 14.4053 < east
+    assert south <= 67.2822 < north
+    assert set(found) >= {"land", "cities"}

@@ -21,7 +21,7 @@ from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_tex
 from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.settings import ReportConfig
-from pareto_ltl.support.display import probability_text
+from pareto_ltl.support.display import allowed_text, probability_text
 from pareto_ltl.support.medium import AIR, WATER, Medium
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.figures import draw_run_figures
@@ -295,6 +295,17 @@ def test_the_path_has_the_colours_of_its_probabilities_between_the_ends_of_the_s
     assert {"2", "4", "5"}.isdisjoint(texts)
     above = replace(plan, limits=replace(plan.limits, probability=2.0 * plan.limits.probability))
     assert "≥ 5 (limit)" in texts_of(figure_of(above))
+
+
+def test_a_plan_far_from_its_limits_has_a_sentence_in_place_of_a_scale() -> None:
+    plan = limited_plan()
+    assert plan.limits is not None
+    far = replace(plan, prices=(), limits=replace(plan.limits, probability=1e-9 * plan.limits.probability))
+    figure = figure_of(far)
+    assert len(figure.axes) == 1
+    text = " ".join(" ".join(texts_of(figure)).split())
+    most = allowed_text(1e-9 * plan.limits.probability.max(), plan.epsilon).partition(" of")[0]
+    assert f"No segment comes near its limit: likeliest collision {most}" in text
 
 
 LONG = Price("region", "a_region_with_a_very_long_name_indeed", 40, 3e-6)

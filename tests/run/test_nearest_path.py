@@ -90,6 +90,9 @@ def test_the_nearest_path_is_the_plan_and_every_file_says_so(planned: Run) -> No
     assert f"closest to {nearest}" in page
     rows = dict(limit_rows(plan))
     assert "above the 5.0 % allowed" in rows["likeliest collision, coherent winds"]
+    named = replace(planned.scene, obstacle_names=("EFKU CTR",) * len(planned.scene.obstacles))
+    (text,) = dict(limit_rows(plan, scene=named)).values()
+    assert text.endswith("(EFKU CTR)") or "obstacle" not in text
     paragraphs = list(plan_paragraphs(planned, place, plan))
     assert paragraphs[0].startswith("The plan is the path nearest to planner.epsilon")
     assert ("What helps, tried with 4,000 flights" in " ".join(paragraphs)) is bool(plan.remedies)

@@ -419,6 +419,40 @@ def test_a_server_that_has_gone_is_said_and_the_mission_is_kept(browser: Browser
         expect(opened.page.locator("#features li")).to_have_count(4)
 
 
+def test_features_of_a_text_join_what_is_drawn(browser: Browser, desk: RunningDesk) -> None:
+    area = [[[-92.5, 37.0], [-92.3, 37.0], [-92.3, 37.2], [-92.5, 37.0]]]
+    texts = {
+        "start": json.dumps({"type": "Point", "coordinates": [-92.4, 36.8]}),
+        "region": json.dumps({"type": "Polygon", "coordinates": area}),
+        "obstacle": "<kml><Document><Placemark><name>Røst</name><ExtendedData><Data name='buffer'><value>900"
+        "</value></Data></ExtendedData><Point><coordinates>-92.1,37.1</coordinates></Point></Placemark>"
+        "</Document></kml>",
+    }
+    with opened_desk(browser, desk.address, NARROW, "light") as opened:
+        page = opened.page
+        begin_anew(opened)
+        for number, (role, text) in enumerate(texts.items(), 1):
+            page.locator("#import-part summary").click()
+            page.locator("#import-role").select_option(role)
+            page.locator("#paste").fill(text)
+            page.locator("#import-text").click()
+            opened.wait(f"document.querySelectorAll('#features li').length === {number}")
+        assert page.locator("#features").inner_text().split("\n")[::2][1:] == ["area 1 (area_1)", "Røst"]
+        opened.kept()
+        kept = desk.client.get("/api/mission").json()["mission"]
+        assert [(one["role"], one["buffer"]) for one in kept["features"]] == [
+            ("start", ""), ("region", ""), ("obstacle", "900 m"),
+        ]  # fmt: skip
+        assert kept["goals"] == ["area_1"]
+        page.locator("#import-part summary").click()
+        page.locator("#paste").fill("not a map")
+        page.locator("#import-text").click()
+        opened.wait("!document.getElementById('problem').hidden")
+        assert len(desk.client.get("/api/mission").json()["mission"]["features"]) == 3
+        assert all("400 (Bad Request)" in text for text in opened.said)
+        opened.said.clear()
+
+
 def test_other_settings_reach_the_command_line(browser: Browser, desk: RunningDesk) -> None:
     with opened_desk(browser, desk.address, NARROW, "light") as opened:
         page = opened.page

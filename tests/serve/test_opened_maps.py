@@ -10,16 +10,31 @@ import pytest
 
 from map_files import DRAWN, GOAL, KML, START, collection, feature
 from map_samples import AREA, ED269, OPENAIR, box
-from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.desk.missions import read_map
 
 OVER_A = [box(10.5, 60, 10.7, 60.3)]
 
 
-def opened(tmp_path: Path, name: str, content: Any) -> dict[str, Any]:
+def opened(tmp_path: Path, name: str, content: Any, role: str = "") -> dict[str, Any]:
     text = content if isinstance(content, str) else json.dumps(content)
-    return read_map(DeskFolder.opened(tmp_path), name, text.encode())
+    return read_map(DeskFolder.opened(tmp_path), name, text.encode(), role)
+
+
+def test_a_feature_without_a_role_gets_the_one_that_is_asked_for_and_keeps_its_own(tmp_path):
+    plain = {
+        "type": "Feature",
+        "properties": {"name": "Røst"},
+        "geometry": {"type": "Polygon", "coordinates": AREA},
+    }
+    for role in ("region", "obstacle"):
+        (found,) = opened(tmp_path, "the text", plain, role)["features"]
+        assert found["properties"]["role"] == role
+    (found,) = opened(tmp_path, "the text", feature("landmark", "Polygon", AREA), "obstacle")["features"]
+    assert found["properties"]["role"] == "landmark"
+    with pytest.raises(ConfigError, match=r"scene\.roles must"):
+        opened(tmp_path, "the text", plain, "harbour")
 
 
 def test_airspace_comes_with_its_role_and_its_limits(tmp_path):

@@ -136,6 +136,26 @@ def test_messages_list_what_other_packages_add(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_cost_of_the_example_package_is_computed_for_every_path_and_chosen_by(
+    installed: dict[str, str], tmp_path: Path
+) -> None:
+    script = (
+        "import csv, pareto_ltl\n"
+        "import numpy as np\n"
+        "mission = {'pattern': 'all_but_one', 'goals': ['a', 'b', 'c']}\n"
+        "rule = {'costs': ['from_home'], 'rule': 'least', 'least': 'from_home', 'alpha': 1.0}\n"
+        "result = pareto_ltl.plan('harbour', mission, robot='glider', wind='steady', selection=rule,\n"
+        f"    out='one', **{SMALL!r})\n"
+        "far = [np.hypot(*(path.x - path.x[0]).T).max() for path in result.front.paths]\n"
+        "column = [float(row['from_home_m']) for row in csv.DictReader(open('one/front.csv'))]\n"
+        "np.testing.assert_allclose(column, far, rtol=1e-9)\n"
+        "assert result.plan.path.objectives.costs['from_home'] == min(column)\n"
+    )
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=tmp_path, env=installed, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_example_package_does_not_slow_the_start(installed: dict[str, str], tmp_path: Path) -> None:
     code = (
         "import sys\n"

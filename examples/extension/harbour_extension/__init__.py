@@ -1,4 +1,4 @@
-"""An example of every extension: stage, wind source, mission pattern, selection rule, choices in ``conf/``.
+"""An example of every extension: stage, wind source, mission pattern, rule, cost, choices in ``conf/``.
 
 ``pyproject.toml`` names them as entry points. Large packages are imported inside the functions, so that the
 program can report a wrong setting before it imports them.
@@ -51,10 +51,34 @@ def _steady_wind():
     return WindSource(read=read_steady, files=lambda cfg, wanted: ())
 
 
+def distance_from_home(problem, positions, velocities) -> float:
+    """The largest distance of the expected path from the start [m]; ``positions`` (T+1, 2) [m]."""
+    import numpy as np
+
+    return float(np.linalg.norm(positions - positions[0], axis=1).max())
+
+
+def _from_home():
+    from pareto_ltl.extend import Cost
+
+    return Cost(
+        name="from_home",
+        column="from_home_m",
+        of=distance_from_home,
+        text=lambda metres: f"{metres / 1000:.1f} km",
+        note="largest distance from the start",
+        label="largest distance from the start [km]",
+        scale=1e-3,
+    )
+
+
+MADE = {"STEADY_WIND": _steady_wind, "FROM_HOME": _from_home}
+
+
 def __getattr__(name: str):
-    """Make ``STEADY_WIND`` at its first use: the module of its type imports numerical packages."""
-    if name == "STEADY_WIND":
-        return _steady_wind()
+    """Make ``STEADY_WIND`` and ``FROM_HOME`` at their first use: their modules import numerical packages."""
+    if name in MADE:
+        return MADE[name]()
     raise AttributeError(name)
 
 

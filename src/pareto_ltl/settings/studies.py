@@ -268,7 +268,7 @@ class DepartureConfig(CheckedSettings, section="departure"):
 
 @dataclass
 class LevelsConfig(CheckedSettings, section="levels"):
-    """Levels that pipelines=levels plans and compares (docs/levels.md)."""
+    """Levels that pipelines=levels plans and compares (docs/departure.md)."""
 
     levels: list[str] = setting([], "levels of the wind files, each the height of a flight: [10m, 925hPa]")
     starts: list[Any] = setting(

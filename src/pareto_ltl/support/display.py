@@ -202,13 +202,15 @@ def plain_power(value: float) -> str:
 
 
 def energy_text(joules: float) -> str:
-    """An energy [J] as text in Wh and, from 1 MJ, also in MJ: ``48.25 Wh``, ``9650 Wh (34.74 MJ)``.
+    """An energy [J] as text in Wh, or from 1 kWh in kWh: ``48.25 Wh``, ``9.65 kWh``, ``153.8 kWh``.
 
-    >>> energy_text(36_000.0), energy_text(36e6)
-    ('10 Wh', '10000 Wh (36 MJ)')
+    >>> energy_text(36_000.0), energy_text(36e6), energy_text(5.4e9)
+    ('10 Wh', '10 kWh', '1,500 kWh')
     """
-    hours = f"{joules / 3600.0:.4g}" if abs(joules) < 3.6e7 else f"{joules / 3600.0:.0f}"
-    return f"{hours} Wh" + (f" ({joules / 1e6:.4g} MJ)" if abs(joules) >= 1e6 else "")
+    hours = joules / 3600.0
+    if abs(hours) < 999.95:
+        return f"{hours:.4g} Wh"
+    return f"{hours / 1000.0:.4g} kWh" if abs(hours) < 999_950.0 else f"{hours / 1000.0:,.0f} kWh"
 
 
 def in_kilometres(metres: float) -> bool:

@@ -134,10 +134,12 @@ def read_map(path: Any, altitude: float | None = None) -> Scene:
             raise DataError(text.replace(str(file), "the given features")) from None
 
 
-def opened_features(path: Path) -> tuple[list[dict[str, Any]], tuple[str, ...], Mapping[str, Any]]:
+def opened_features(
+    path: Path, roles: Any = None
+) -> tuple[list[dict[str, Any]], tuple[str, ...], Mapping[str, Any]]:
     """The features of a map file with their roles [deg], what was not read, and the file's other members.
 
-    The map may lack its start or regions, so that somebody can draw them.
+    The map may lack its start or regions, so that somebody can draw them. ``roles`` is as ``scene.roles``.
 
     Raises
     ------
@@ -147,7 +149,7 @@ def opened_features(path: Path) -> tuple[list[dict[str, Any]], tuple[str, ...], 
     found = read_map_file(path)
     if not isinstance(found, MapFile):
         raise DataError(f"scene file {path} is a run's scene.json, in metres; open a map in degrees")
-    reader = FeatureReader(RoleRules())
+    reader = FeatureReader(RoleRules.of(roles or {}))
     sketch = sketch_features([found], reader)
     if len(sketch.start) and sketch.regions:
         checked_scene(sketch, DrawingRules())

@@ -405,7 +405,7 @@ TOOL_COMMANDS = (
         "warm", "a process that has loaded everything and answers plans at once", "warm_process.warm",
         "Start a process beside this one that has loaded what a plan needs. It answers the plans of the same "
         "user on this machine, with the same results, as long as it lives; without it they run as always. It "
-        "ends by itself. Linux only. docs/warm.md says more.",
+        "ends by itself. Linux only. docs/speed.md says more.",
         (
             argument("--minutes", "M", "idle time after which it ends (default 10)", default=10.0,
                      type=accepted(float, lambda minutes: 0 < minutes <= 1e4, "a number of minutes above 0")),

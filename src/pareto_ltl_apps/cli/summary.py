@@ -17,7 +17,7 @@ from pareto_ltl_apps.view import PAGE_FILE
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from pareto_ltl import Run
+    from pareto_ltl import Run, Scene
     from pareto_ltl.extend import Plan
     from pareto_ltl_apps.studies.sweep_summary import SweepSummary
 
@@ -43,7 +43,7 @@ def run_answer(
     """
     from rich.text import Text
 
-    settings, plan = run.settings, run.get("plan")
+    settings, plan, scene = run.settings, run.get("plan"), run.get("scene")
     covers = {key: text for key in ("covered", "not_covered") if (text := getattr(plan, key, ""))}
     document = {
         "directory": directory, "name": settings.name, "law": settings.fidelity.law, "metrics": metrics,
@@ -58,7 +58,7 @@ def run_answer(
     answer = answer_line(metrics, settings.fidelity.law, settings.medium, gap)
     lines: list[object] = [
         *([Text(answer, style="bold")] if answer else []),
-        _summary_table(settings.name, [*rows, *limit_rows(plan, settings.medium), last]),
+        _summary_table(settings.name, [*rows, *limit_rows(plan, settings.medium, scene), last]),
         *([f"No promise: {gap}; the rates count flights in the {flow} used."] if gap else []),
         *warning_paragraphs(warnings, directory),
         *([] if plan is None else plan_paragraphs(run, directory, plan)),
@@ -125,19 +125,24 @@ def plan_paragraphs(run: Run, directory: Path, plan: Plan) -> Iterator[str]:
         yield from (f"Detour: {line}." for line in detour_lines(scene, front, plan))
 
 
-def limit_rows(plan: Plan | None, medium: Medium = AIR) -> Iterator[tuple[str, str]]:
-    """The segment of ``plan`` that is closest to its chance constraint, if there is one."""
-    if plan is not None and plan.worst is not None and not plan.epsilon_kept:
-        yield (
-            f"likeliest collision, {plan.models.law} {medium.flows}",
-            f"{allowed_text(plan.worst.probability, plan.epsilon)}, {plan.worst.nearest}",
-        )
-    elif plan is not None and plan.limits is not None:
+def limit_rows(
+    plan: Plan | None, medium: Medium = AIR, scene: Scene | None = None
+) -> Iterator[tuple[str, str]]:
+    """The segment of ``plan`` that is closest to its chance constraint, if any; ``scene`` has names."""
+    if plan is None:
+        return
+    if plan.worst is not None and not plan.epsilon_kept:
+        probability, barrier = plan.worst.probability, plan.worst.nearest
+    elif plan.limits is not None:
         k = int(plan.limits.probability.argmax())
-        yield (
-            f"likeliest collision, {plan.models.law} {medium.flows}",
-            f"{allowed_text(float(plan.limits.probability[k]), plan.epsilon)}, {plan.limits.nearest[k]}",
-        )
+        probability, barrier = float(plan.limits.probability[k]), plan.limits.nearest[k]
+    else:
+        return
+    title = barrier if scene is None else scene.barrier_title(barrier)
+    yield (
+        f"likeliest collision, {plan.models.law} {medium.flows}",
+        f"{allowed_text(probability, plan.epsilon)}, {title}",
+    )
 
 
 def summary_rows(

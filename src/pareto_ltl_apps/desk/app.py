@@ -285,8 +285,9 @@ async def explain(requested: DeskRequest) -> Answer:
 
 @operation("POST", "/api/maps", body="the file")
 def read_map(requested: DeskRequest) -> Answer:
-    """A GeoJSON or KML file (?name=FILE) as features with roles."""
-    return missions.read_map(requested.folder, requested.query("name", "map.geojson"), requested.content)
+    """A GeoJSON or KML file (?name=FILE) as features with roles; ?role=ROLE for those that state none."""
+    name, role = requested.query("name", "map.geojson"), requested.query("role")
+    return missions.read_map(requested.folder, name, requested.content, role)
 
 
 @operation("POST", "/api/backdrops", body="the file")

@@ -52,15 +52,17 @@ def command_words(folder: DeskFolder, request: Mapping[str, Any]) -> list[str]:
     return [command, *found]
 
 
-def read_map(folder: DeskFolder, name: str, content: bytes) -> dict[str, Any]:
+def read_map(folder: DeskFolder, name: str, content: bytes, role: str = "") -> dict[str, Any]:
     """The features of a map file, with roles, in degrees, and ``warnings`` of what was not read.
+
+    ``role`` is the role of features that state none.
 
     DataError for a map that a plan would refuse, except that it may lack its start or regions.
     """
     suffix = Path(name).suffix.lower()
     path = folder.inside(folder.keep_map(content, suffix if SUFFIX.fullmatch(suffix) else ".geojson"))
     try:
-        features, warnings, members = opened_features(path)
+        features, warnings, members = opened_features(path, role)
     except DataError as error:
         raise DataError(str(error).replace(str(path), name)) from None
     return {**members, "type": "FeatureCollection", "features": features, "warnings": list(warnings)}

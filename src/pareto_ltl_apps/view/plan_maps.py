@@ -18,7 +18,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from pareto_ltl import Scene
 from pareto_ltl.extend import BeaconMap, Deployment, Plan, SegmentLimits
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, probability_text
+from pareto_ltl.support.display import allowed_text, distance_text, probability_text
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl.support.times import hours_text
 from pareto_ltl_apps.view import map_layers, style
@@ -41,6 +41,7 @@ from pareto_ltl_apps.view.records import DrawnRun
 
 BARS = 6  # prices that are shown, at most
 DECADES = 3  # of collision probability below epsilon that colours distinguish
+PLAIN_BELOW = 0.44  # below a map without a scale [in]
 BAR, BARS_LEFT, BARS_RIGHT = 0.29, 1.62, 0.40  # height of a bar with its gap, left and right margins [in]
 BARS_BELOW, BARS_ABOVE = 0.36, 0.32  # below the bars for their axis, above them for their heading [in]
 NUMBER_SIZE = 8.0  # of the numbers of obstacles [pt]
@@ -52,22 +53,32 @@ CHANGE_SIZE = 6.0  # of the changes beside the bars [pt]
 def limits_figure(run: DrawnRun, plan: Plan) -> Figure:
     """Map with the path coloured by the collision probability of its segments, above bars of its prices.
 
-    A plan without limits has a black path, one without prices no bars.
+    A plan without limits, or far from them, has a black path, one without prices no bars.
     """
     reported = PlanLimits(run.scene, plan, run.medium)
     rows = reported.prices(BARS)
     below = BARS_BELOW + BAR * len(rows) + BARS_ABOVE if rows else 0.06
     heading = [f"What limits the plan of {plan.formula}", *promise_lines(plan, run.medium.flows)]
-    figure, chart = column_map(run.scene, heading, below + (0.44 if plan.limits is None else SCALE_BELOW))
+    coloured = plan.limits is not None and bool((plan.limits.probability > faintest(plan)).any())
+    if plan.limits is not None and not coloured:
+        most = allowed_text(float(plan.limits.probability.max()), plan.epsilon)
+        heading.append(f"No segment comes near its limit: likeliest collision {most}")
+    figure, chart = column_map(run.scene, heading, below + (SCALE_BELOW if coloured else PLAIN_BELOW))
     draw_route(chart, run.scene, plan)
     _number_priced(chart, run.scene, plan)
-    if plan.limits is not None:
+    if coloured:
+        assert plan.limits is not None
         _colour_path(chart, plan, plan.limits, reported.law)
     if rows:
         _draw_bars(figure, rows)
         text = f"What a small change of one limit saves, {reported.law}:"
         style.text_at(figure, LEFT, below - BARS_ABOVE + 0.08, text, va="bottom")
     return figure
+
+
+def faintest(plan: Plan) -> float:
+    """The collision probability of a segment below which all have the darkest colour."""
+    return min(plan.epsilon, 1.0) * 10.0**-DECADES
 
 
 def _number_priced(chart: Axes, scene: Scene, plan: Plan) -> None:

@@ -12,6 +12,7 @@ import logging
 import math
 import re
 import threading
+import unicodedata
 import warnings
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
@@ -39,10 +40,13 @@ FIRST_FONT = "DejaVu Sans"  # comes with matplotlib: the same letters on every m
 OTHER_FONTS = (  # of Linux, macOS and Windows, for letters that the first font does not have
     "Noto Sans CJK JP", "Noto Sans CJK SC", "Noto Sans CJK KR", "Noto Sans JP", "Noto Sans SC",
     "Noto Sans KR", "Noto Sans Devanagari", "Noto Sans Bengali", "Noto Sans Tamil", "Noto Sans Thai",
-    "Noto Sans Ethiopic", "Hiragino Sans", "PingFang SC", "Apple SD Gothic Neo", "Yu Gothic",
-    "Microsoft YaHei", "Malgun Gothic", "Nirmala UI", "WenQuanYi Zen Hei", "Arial Unicode MS",
-    "Unifont",
+    "Noto Sans Ethiopic", "Noto Sans Malayalam", "Noto Sans Telugu", "Noto Sans Kannada",
+    "Noto Sans Gujarati", "Noto Sans Gurmukhi", "Noto Sans Sinhala", "Noto Sans Khmer", "Noto Sans Lao",
+    "Noto Sans Myanmar", "Noto Sans Georgian", "Noto Sans Armenian", "Lohit Malayalam", "Hiragino Sans",
+    "PingFang SC", "Apple SD Gothic Neo", "Yu Gothic", "Microsoft YaHei", "Malgun Gothic", "Nirmala UI",
+    "WenQuanYi Zen Hei", "Arial Unicode MS", "Unifont",
 )  # fmt: skip
+EAST_ASIAN = ("HIRAGANA", "KATAKANA", "HANGUL", "FULLWIDTH", "IDEOGRAPHIC", "BOPOMOFO")
 MISSING = r"Glyph (\d+) .*missing from font"
 
 COLUMN_WIDTH, PAGE_WIDTH = 3.5, 7.16  # widths of a column and of a page [in]
@@ -135,8 +139,14 @@ def missing_letters_reported() -> Iterator[None]:
     if missing:
         LOG.warning(
             "figures have boxes in place of %s, which no installed font has; install one that has them, "
-            "for example Noto Sans CJK", " ".join(sorted(missing)),
+            "for example %s", " ".join(sorted(missing)), " and ".join(sorted({*map(font_for, missing)})),
         )  # fmt: skip
+
+
+def font_for(letter: str) -> str:
+    """A font of Noto that has ``letter``, by the script in its name in Unicode."""
+    script = unicodedata.name(letter, "").partition(" ")[0]
+    return "Noto Sans CJK" if script in ("", "CJK", *EAST_ASIAN) else f"Noto Sans {script.title()}"
 
 
 @contextmanager

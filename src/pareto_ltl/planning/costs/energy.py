@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
 
 
-@cost("energy_j", energy_text, "for the airspeeds", "energy [MJ]", 1e-6)
+@cost("energy_j", energy_text, "for the airspeeds", "energy [Wh]", 1 / 3600)
 def energy(problem: Problem, _x: FloatArray, u: FloatArray) -> float | None:
     """Energy of the airspeeds [J]; None without a power curve."""
     return None if problem.energy is None else problem.energy.of(u, problem.motion.dt)

@@ -9,7 +9,7 @@ import { ChartMap } from "./map.js";
 import { Panels } from "./panels.js";
 import { Result } from "./result.js";
 import { byId, html, percent, svg } from "./shapes.js";
-import { kml, outline, Store } from "./store.js";
+import { kml, outline, Store, withRole } from "./store.js";
 import { Studies } from "./studies.js";
 
 const EXAMPLE_FORMULAS = { hop: "F(a & F b)", phi1: "F a & F b & F c", phi2: "F(a & F(b & F c)) | F(a & F(d & F c))" };
@@ -117,6 +117,26 @@ function take(collection) {
   if (words) failed(new Error(words));
 }
 
+/** Add the features of a text, or of a file, to what is drawn. */
+async function include(content, name) {
+  forgive();
+  const role = byId("import-role").value, found = await ask("POST", `/api/maps?name=${encodeURIComponent(name)}&role=${role}`, new Blob([withRole(content, role, byId("import-buffer").value.trim())]));
+  drawing.stop();
+  const added = store.include(found);
+  byId("paste").value = "";
+  byId("import-part").open = false;
+  map.fit(everything());
+  byId("hint").textContent = `Added: ${added} ${added === 1 ? "feature" : "features"}.`;
+  const words = (found.warnings ?? []).join(" ");
+  if (words) failed(new Error(words));
+}
+
+async function includeFile(input) {
+  const [file] = input.files;
+  input.value = "";
+  if (file) await include(/\.kmz$/i.test(file.name) ? file : await file.text(), file.name);
+}
+
 async function openExample(name) {
   if (name) take({ ...await ask("GET", `/api/examples/${name}`), mission: { pattern: "formula", formula: EXAMPLE_FORMULAS[name] ?? "", robot: name === "hop" ? "light_aircraft" : "airframe", wind: "sample", departure: "" } });
 }
@@ -138,6 +158,9 @@ function listen() {
   for (const layer of ["wind", "doubt", "flights"]) on(`layer-${layer}`, "change", () => map.refresh());
   on("open", "click", () => byId("file").click());
   on("file", "change", event => openFile(event.target));
+  on("import-text", "click", () => include(byId("paste").value, "the text"));
+  on("import-open", "click", () => byId("import-file").click());
+  on("import-file", "change", event => includeFile(event.target));
   on("backdrop", "click", () => byId("backdrop-file").click());
   on("backdrop-file", "change", event => openBackdrop(event.target));
   on("no-backdrop", "click", () => store.change(mission => { mission.backdrop = ""; }));

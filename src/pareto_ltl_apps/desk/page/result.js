@@ -1,6 +1,7 @@
 // A plan while it is made and after: progress, front, path with ellipses, wind, what limits it, files, a fix.
 
 import { ask, download, follow } from "./api.js";
+import { localText } from "./clock.js";
 import { ellipse, ellipses, flown, stepLines, track, vehicle } from "./flight.js";
 import { drawFront } from "./front.js";
 import { lengthText, placeText } from "./geo.js";
@@ -214,7 +215,7 @@ export class Result {
     byId("result").classList.toggle("checking", this.checking);
     const [rate, range] = row.failure_low === null ? [`≤ ${percent(row.failure)}`, "upper bound"] : row.failure < (promise?.floor ?? 0) ? [`fewer than ${flightsText(promise.floor, promise.floor, promise.floor)[0]}`, `of the simulated ones ${flightsText(row.failure, row.failure_low, row.failure_high).join(", ")}`] : flightsText(row.failure, row.failure_low, row.failure_high), order = row.order ? row.order.split(">").map(one => one.trim()).filter(one => one && one !== "-") : [];
     const facts = [["Fails", rate, `${range}${row.failure_low === null ? "" : " (95 %)"}, in ${SOURCES[this.front.law] ?? this.front.law}`], ["Length", lengthText(row.length_m), order.length ? `order ${order.map(this.title).join(" → ")}` : ""],
-      ["Duration", duration(row.duration_s), `${row.steps} steps`], ...view.utc ? [["Arrival", `${view.utc.at(-1).slice(11, 16)} UTC`, view.utc.at(-1).slice(0, 10)]] : []];
+      ["Duration", duration(row.duration_s), `${row.steps} steps`], ...view.utc ? [["Arrival", `${view.utc.at(-1).slice(11, 16)} UTC`, `${view.utc.at(-1).slice(0, 10)}${localText(view.utc.at(-1))}`]] : []];
     byId("facts").replaceChildren(...facts.map(([name, value, note]) => html("div", {}, html("dt", {}, name), html("dd", {}, value, html("small", {}, note)))));
     byId("trade").textContent = tradeText(this.front.points, this.shown, this.front.promise?.floor);
     this.showComparison();
@@ -272,7 +273,7 @@ export class Result {
 
   get clock() {
     const { view, step } = this;
-    return view.utc ? `${view.utc[step].slice(0, 10)} ${view.utc[step].slice(11, 16)} UTC` : duration(view.t[step]);
+    return view.utc ? `${view.utc[step].slice(0, 10)} ${view.utc[step].slice(11, 16)} UTC${localText(view.utc[step])}` : duration(view.t[step]);
   }
 
   // --- choose, files, fix -----------------------------------------------------------------------

@@ -134,7 +134,35 @@ export class Store {
     return [left ? `${left} features without a role were left out.` : "", holes ? "Holes of areas were left out: the desk draws outlines only." : ""].filter(Boolean).join(" ");
   }
 
+  /** Add the features of a map; a start or border replaces the one before. Returns how many were added. */
+  include(map) {
+    const taken = this.names, features = (map.features ?? []).flatMap(feature => fromGeojson(feature, taken));
+    if (!features.length) throw new Error("there is no feature to add: give a GeoJSON geometry, a Feature, or KML with a Placemark");
+    this.change(mission => {
+      const once = new Set(features.map(one => one.role).filter(role => ROLES[role].one));
+      mission.features = [...mission.features.filter(one => !once.has(one.role)), ...features];
+      for (const one of features) if (one.role === "region" && !mission.goals.includes(one.name)) mission.goals.push(one.name);
+    });
+    return features.length;
+  }
+
   clear() { this.change(mission => Object.assign(mission, structuredClone(EMPTY))); }
+}
+
+/** A text of GeoJSON whose features have what the reader needs: a name for a region, a radius for points and lines. */
+export function withRole(content, role, buffer) {
+  if (typeof content !== "string") return content;
+  let found;
+  try { found = JSON.parse(content); } catch { return content; }  // KML, or a fault that the server names
+  const list = found?.features ?? [found?.type === "Feature" ? found : { type: "Feature", properties: {}, geometry: found }];
+  if (!Array.isArray(list)) return content;
+  const features = list.map((one, number) => {
+    const properties = { ...one?.properties }, stated = Object.keys(properties).map(key => key.trim().toLowerCase()), flat = /Point|LineString/.test(one?.geometry?.type ?? "");
+    if ((roleOf(one) || role) === "region" && !stated.includes("name")) properties.name = `area ${number + 1}`;
+    if (flat && buffer && (roleOf(one) || role) !== "start" && !stated.includes("buffer") && !stated.includes("radius")) properties.buffer = buffer;
+    return { ...one, properties };
+  });
+  return JSON.stringify({ ...found?.features ? found : {}, type: "FeatureCollection", features });
 }
 
 /** The outline of a feature on the map [lon, lat]; circles have a radius. */

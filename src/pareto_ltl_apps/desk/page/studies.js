@@ -1,13 +1,14 @@
 // Questions beside a plan: when to leave (a heat map of starts), what a beacon would buy, the wind before a plan.
 
 import { ask, follow } from "./api.js";
+import { localText } from "./clock.js";
 import { lengthText } from "./geo.js";
 import { byId, html, percent, svg } from "./shapes.js";
 import { WindLayer } from "./wind.js";
 
 const EDGE = { left: 58, right: 6, top: 6, bottom: 34 };  // of the heat map [pixels]
 const HALF_HOUR = 1800e3;  // [ms] between two positions of the slider of departures
-const utcText = time => `${time.slice(0, 10)} ${time.slice(11, 16)} UTC`;
+const utcText = time => `${time.slice(0, 10)} ${time.slice(11, 16)} UTC`, bothTexts = time => `${utcText(time)}${localText(time)}`;
 
 export class Studies {
   /** `departs(time)` takes a departure; `request(command)` is the body of a plan. */
@@ -105,7 +106,7 @@ export class Studies {
 
   moveTo(time) {
     this.time = (time - Date.parse(this.before.view.utc[0])) / 1000;
-    const text = utcText(new Date(time).toISOString());
+    const text = bothTexts(new Date(time).toISOString());
     byId("leave-said").textContent = `Leaves ${text}${this.before.view.level ? `; wind at ${this.before.view.level}` : ""}${this.age(time)}. ${this.before.legend}`;
     byId("leave").setAttribute("aria-valuetext", text);
     this.redraw();

@@ -46,6 +46,21 @@ function scales(points, km, w, h) {
   };
 }
 
+const MARK_WIDTH = 6.2, MARK_HEIGHT = 13;  // of a letter and of a line [px]
+
+/** The words of marks beside their points, within the chart of width `w` and none on another. Of two levels the lower one says both. */
+function markTexts(marks, w) {
+  const taken = [];
+  return marks.sort((a, b) => a.up - b.up).map(({ at, up, words }) => {
+    const levels = words.filter(word => word !== "knee"), text = [...levels.length ? [`below ${levels.at(-1)}`] : [], ...words.filter(word => word === "knee")].join(", ");
+    const wide = text.length * MARK_WIDTH, left = at + 9 + wide > w, begin = left ? at - 9 - wide : at + 9;
+    let y = up - 8;
+    for (const other of taken) if (begin < other.end && other.begin < begin + wide && Math.abs(y - other.y) < MARK_HEIGHT) y = other.y + MARK_HEIGHT;
+    taken.push({ begin, end: begin + wide, y });
+    return svg("text", { class: "mark", x: left ? at - 9 : at + 9, y, "text-anchor": left ? "end" : "start" }, text);
+  });
+}
+
 /** Draw `points` ({failure, failure_low, failure_high, length_m}); `choose(number)` is called for a chosen one.
  *  `text(number)` is the description of a point; points for which `hollow(number)` is true are empty circles.
  *  Arrow keys lead from one point to the next; the Tab key stops once. */
@@ -72,7 +87,7 @@ export function drawFront(root, points, { shown, chosen, choose, pinned = [], te
     parts.push(svg("g", { class: marks, "data-point": k, tabindex: k === reach ? 0 : -1, role: "button", "aria-label": name, "aria-pressed": String(k === shown), onkeydown: event => keys(event, k) },
       svg("circle", { cx: x(km[k]), cy: y(point.failure), r: k === shown ? 7 : 4.5 }), svg("title", {}, name)));
   });
-  for (const [k, words] of named) parts.push(svg("text", { class: "mark", x: x(km[k]) + 9, y: y(points[k].failure) - 8 }, words.map(word => word === "knee" ? word : `below ${word}`).join(", ")));
+  parts.push(...markTexts([...named].map(([k, words]) => ({ at: x(km[k]), up: y(points[k].failure), words })), w));
   for (const one of pinned) parts.push(svg("circle", { class: "pinned", cx: x(one.length_m / 1000), cy: y(one.failure), r: 9 }, svg("title", {}, "kept for comparison")));
   root.onclick = event => {  // the nearest point: marks can overlap
     const box = root.getBoundingClientRect(), [px, py] = [event.clientX - box.left, event.clientY - box.top], away = points.map((point, k) => Math.hypot(x(km[k]) - px, y(point.failure) - py));

@@ -21,8 +21,8 @@ from pareto_ltl.support.arrays import FloatArray, IntArray
 
 UNIT = 500.0  # of a degree
 AREAS, LINES = ("land", "lakes", "islands"), ("borders", "states")
-MOST_CITIES = 300  # of a map, the largest ones
-MOST_FOUND = 8  # places that a search answers
+CITY_LIMIT = 300  # of a map, the largest ones
+ANSWER_LIMIT = 8  # places that a search answers
 FINEST, SHARE = 0.004, 1 / 1200  # detail of a map: [deg], and as a share of its side
 BESIDE = 1.0  # of what a page shows around its map, in sides of the map
 COARSE = 0.05  # [deg] detail of the outlines of views of half the Earth
@@ -69,7 +69,7 @@ class Geography:
 
 def geography_of(box: Box, detail: float) -> Geography:
     """What lies in ``box``, with deviations of outlines of up to ``detail`` [deg]."""
-    box = (round(box[0], DIGITS), round(box[1], DIGITS), round(box[2], DIGITS), round(box[3], DIGITS))
+    box = _rounded(box)
     west, _, east, _ = box
     shapes: dict[str, list[FloatArray]] = {}
     for layer in (*AREAS, *LINES):
@@ -81,6 +81,16 @@ def geography_of(box: Box, detail: float) -> Geography:
             parts = list(shapely.get_parts(shapely.union_all(parts)))  # no seam at 180 degrees
         shapes[layer] = [_outline(part) for part in parts]
     return Geography(box, **shapes, cities=list(_cities(box)))
+
+
+def _rounded(box: Box) -> Box:
+    """``box`` with rounded sides; where these are equal, it is one unit wider on each side."""
+    sides = [round(side, DIGITS) for side in box]
+    for low, high in ((0, 2), (1, 3)):
+        if sides[low] >= sides[high]:
+            unit = 10.0**-DIGITS
+            sides[low], sides[high] = round(sides[low] - unit, DIGITS), round(sides[high] + unit, DIGITS)
+    return sides[0], sides[1], sides[2], sides[3]
 
 
 def geography_around(scene: Scene, beside: float = BESIDE) -> Geography | None:
@@ -115,7 +125,7 @@ def places_named(text: str) -> list[tuple[str, float, float]]:
     inside = [k for k, name in enumerate(names) if wanted in name and not name.startswith(wanted)]
     exact = [k for k in begin if names[k] == wanted]
     order = dict.fromkeys([*exact, *begin, *inside])
-    return [_city(k) for k in list(order)[:MOST_FOUND]]
+    return [_city(k) for k in list(order)[:ANSWER_LIMIT]]
 
 
 def folded(text: str) -> str:
@@ -199,5 +209,5 @@ def _cities(box: Box) -> Iterator[tuple[str, float, float]]:
     west, south, east, north = box
     lon, lat = _world()["places"].T
     turned = west + (lon - west) % 360.0
-    for k in np.flatnonzero((turned <= east) & (lat >= south) & (lat <= north))[:MOST_CITIES]:
+    for k in np.flatnonzero((turned <= east) & (lat >= south) & (lat <= north))[:CITY_LIMIT]:
         yield _world()["names"][k], float(turned[k]), float(lat[k])

@@ -12,14 +12,6 @@ import posixpath
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from mkdocs.structure.files import File
-
-if TYPE_CHECKING:
-    from mkdocs.config.defaults import MkDocsConfig
-    from mkdocs.structure.files import Files
-    from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[2]
 SINGLE_FILES = (
@@ -37,19 +29,13 @@ LINK = re.compile(r"(?P<before>\]\(|\b(?:src|href)=\")(?P<target>[^)\"\s#]+)(?P<
 PART = re.compile(r"<!-- (?P<file>[\w./]+): (?P<first>#+ .+?) \.\.\. (?P<beyond>#+ .+?) -->")
 
 
-def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the files of the repository that pages lead to."""
-    for path in outside_files():
-        place = path.relative_to(ROOT).as_posix()
-        if files.get_file_from_path(place) is None:
-            files.append(File.generated(config, place, abs_src_path=str(path)))
-    return files
+def with_parts(markdown: str, place: str) -> str:
+    """Put in the parts of other files, and turn links within the repository into links within the site.
 
-
-def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
-    """Put in the parts of other files, and turn links within the repository into links within the site."""
-    source = repository_path(page.file.src_uri)
-    return PART.sub(lambda found: _part(found, source), site_links(markdown, source, page.file.src_uri))
+    ``place`` is the page of the site, e.g. ``maps.md``.
+    """
+    source = repository_path(place)
+    return PART.sub(lambda found: _part(found, source), site_links(markdown, source, place))
 
 
 def outside_files() -> Iterator[Path]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from html import escape
-from typing import Any
 
 from latex2mathml.converter import convert
 
@@ -17,7 +16,7 @@ BARS = re.compile(r"<mo>(?=&#x(?:02016|0007C);)")  # of norms, which browsers st
 NUMBER = re.compile(r"\s*\\tag\{(?P<number>\w+)\}")
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
+def with_formulas(markdown: str) -> str:
     """Put in the MathML of each formula."""
     return BLOCK.sub(lambda found: formula_html(found["latex"]), markdown)
 

@@ -16,7 +16,7 @@ DOWNLOADS = "/".join(("src", PACKAGE.name, *FOLDER.relative_to(PACKAGE).parts))
 Node = Mapping[str, Any]
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
+def with_schemas(markdown: str) -> str:
     """Put in the tables."""
     return markdown.replace(MARK, "\n\n".join(map(_schema_section, SCHEMA_NAMES)))
 

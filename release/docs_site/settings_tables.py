@@ -6,22 +6,19 @@
 from __future__ import annotations
 
 import json
+import posixpath
 import re
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from functools import cache
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.checks import Declaration, declarations, field_kinds, kind_text
 
-if TYPE_CHECKING:
-    from mkdocs.structure.files import Files
-    from mkdocs.structure.pages import Page
-
-PLACE = "settings.md"
-WITHOUT_LINKS = (PLACE, "CHANGELOG.md", "schemas.md")  # old names; keys of files that are named alike
+PLACE = "settings.html"
+WITHOUT_LINKS = (PLACE, "CHANGELOG.html", "schemas.html")  # old names; keys of files that are named alike
 MARK = "<!-- settings -->"
 BAR = r"\|"  # that is no border of a cell
 HEAD = "| setting | default | type and range | unit | meaning |\n|---|---|---|---|---|"
@@ -30,16 +27,16 @@ NAMED = r"<code>(?P<key>[a-z_]+\.[a-z_.]+)(?:=[^<]*)?</code>"
 CODE = re.compile(f"(?P<linked>{LINKED})|{NAMED}", re.DOTALL)
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
+def with_settings(markdown: str) -> str:
     """Put in the tables."""
     return markdown.replace(MARK, settings_text())
 
 
-def on_page_content(html: str, page: Page, files: Files, **_: Any) -> str:
-    """Link the settings that a page names to their line in the tables."""
-    if page.file.src_uri in WITHOUT_LINKS:
+def with_setting_links(html: str, page: str) -> str:
+    """Link the settings that a page of the site names to their line in the tables."""
+    if page in WITHOUT_LINKS:
         return html
-    place = files.src_uris[PLACE].url_relative_to(page.file)
+    place = posixpath.relpath(PLACE, posixpath.dirname(page) or ".")
 
     def linked(found: re.Match[str]) -> str:
         if found["linked"] or found["key"] not in keys():
