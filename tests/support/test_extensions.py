@@ -32,7 +32,7 @@ SMALL = {"planner": {"trees": 2, "n_max": 500}, "fidelity": {"refine": "none"}}
 ARGUMENTS = (
     "pipelines=briefed", "scene=harbour", "robot=glider", "wind=steady", "mission.pattern=all_but_one",
     "mission.goals=[a,b,c]", "selection.rule=shortest", "planner.trees=2", "planner.n_max=500",
-    "fidelity.refine=none",
+    "fidelity.refine=none", "exports.formats=[legs,gpx]",
 )  # fmt: skip
 
 
@@ -66,7 +66,8 @@ def test_the_example_package_plans_from_the_command_line_and_from_python(
         "import pareto_ltl\n"
         "mission = {'pattern': 'all_but_one', 'goals': ['a', 'b', 'c']}\n"
         "result = pareto_ltl.plan('harbour', mission, robot='glider', wind='steady', pipelines='briefed',\n"
-        f"    selection={{'rule': 'shortest'}}, out='two', **{SMALL!r})\n"
+        f"    selection={{'rule': 'shortest'}}, out='two', exports={{'formats': ['legs', 'gpx']}},\n"
+        f"    **{SMALL!r})\n"
         "lengths = [path.objectives.length for path in result.front.paths]\n"
         "assert result.plan.path.objectives.length == min(lengths)\n"
     )
@@ -79,7 +80,7 @@ def test_the_example_package_plans_from_the_command_line_and_from_python(
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    for name in ("plan.json", "front.csv", "briefing.txt"):
+    for name in ("plan.json", "front.csv", "briefing.txt", "legs.txt"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
     briefing = (tmp_path / "one" / "briefing.txt").read_text()
     assert briefing.startswith("F a & F b | F a & F c | F b & F c\nregions: a, b, c\n")
@@ -143,7 +144,7 @@ def test_a_cost_of_the_example_package_is_computed_for_every_path_and_chosen_by(
         "import csv, pareto_ltl\n"
         "import numpy as np\n"
         "mission = {'pattern': 'all_but_one', 'goals': ['a', 'b', 'c']}\n"
-        "rule = {'costs': ['from_home'], 'rule': 'least', 'least': 'from_home', 'alpha': 1.0}\n"
+        "rule = {'costs': ['from_home'], 'rule': 'least', 'least': 'from_home', 'alpha': 0.99}\n"
         "result = pareto_ltl.plan('harbour', mission, robot='glider', wind='steady', selection=rule,\n"
         f"    out='one', **{SMALL!r})\n"
         "far = [np.hypot(*(path.x - path.x[0]).T).max() for path in result.front.paths]\n"

@@ -1,4 +1,4 @@
-"""An example of every extension: stage, wind source, mission pattern, rule, cost, choices in ``conf/``.
+"""An example of every extension: stage, wind, mission pattern, rule, cost, export, choices in ``conf/``.
 
 ``pyproject.toml`` names them as entry points. Large packages are imported inside the functions, so that the
 program can report a wrong setting before it imports them.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from itertools import combinations
 from pathlib import Path
 
-from pareto_ltl import ConfigError, InfeasibleError, Run
+from pareto_ltl import ConfigError, ExportFormat, InfeasibleError, Run
 from pareto_ltl.extend import MissionConfig, SelectionConfig, WindConfig, record
 
 
@@ -21,6 +21,16 @@ def briefing(run: Run) -> Path:
     regions = ", ".join(run.scene.regions)
     path.write_text(f"{run.plan.formula}\nregions: {regions}\nflight time: {hours:.1f} h\n")
     return path
+
+
+def legs(exported) -> bytes:
+    """True course over ground [deg] and length [km] of each leg, as a table for a notebook on a kneeboard."""
+    log = exported.log
+    rows = zip(log.track, log.distance, strict=True)
+    return "".join(f"{track % 360:05.1f} {metres / 1e3:7.1f}\n" for track, metres in rows).encode()
+
+
+LEGS = ExportFormat("legs.txt", legs)
 
 
 def read_steady(cfg: WindConfig, wanted):
