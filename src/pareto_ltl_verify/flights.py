@@ -195,7 +195,7 @@ def fly(
     x[:, 0] = mean[0] + robot.start_sd * rng.standard_normal((runs, 2))
     filters = Filters(law, mean, landmarks, runs) if landmarks else None
     theta, before = rng.standard_normal((runs, law.coefficients)), np.broadcast_to(u[:1], (runs, 2))
-    # In a stream of its own, which is longer for a path in more slots: all paths meet the same winds.
+    # Other random numbers, as many as the path has slots: the winds of paths of any length stay the same.
     scales = drawn_scales(law, runs, rng.spawn(1)[0])
     x[:, 0] += theta[:, law.modes :] @ law.errors.start.T
     limited = robot.capacity is not None and (filters is not None or robot.feedback > 0.0)

@@ -104,7 +104,7 @@ def front_rows(result: Evidence) -> Verdict:
 
 
 def front_numbers(result: Evidence) -> Verdict:
-    """Size, shortest length and least risk of the front, and of that of the trees, agree with the metrics."""
+    """Size, shortest length and least risk of the front, raw and refined, agree with the metrics."""
     metrics, (safest, shortest) = result.metrics, columns(result, "mission_risk", "length_m").min(axis=0)
     wanted = {"front_size": len(result.front), "shortest_m": shortest, "safest": safest}
     if flights_judge(result):
