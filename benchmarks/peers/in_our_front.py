@@ -159,9 +159,11 @@ def peer_lines(peers: dict[str, Peer], name: str, scene: Figures, orders: list[O
             line = ompl_line(peers["ompl"], name, scene, orders, PLANNERS[planner][0])
             yield f"OMPL {planner}", None if line is None else corner + unit * line
     if "drake" in peers:
-        keys = ("cells", "doors", "inside", "start")
-        told = peers["drake"].ask(op="mission", orders=orders, **{key: scene[key] for key in keys})
-        path = told["path"]
+        keys, path = ("cells", "doors", "inside", "start"), None
+        possible = [order for order in orders if all(scene["inside"][region] for region in order)]
+        if possible:  # a wide buffer may cover a region
+            told = peers["drake"].ask(op="mission", orders=possible, **{key: scene[key] for key in keys})
+            path = told["path"]
         yield "Drake GCS", None if path is None else corner + unit * np.array(path)
 
 
