@@ -21,7 +21,7 @@ LINES = [
     for name, size in (("steps", 500), ("coverage", 10), ("obstacles", 300), ("obstacles", 1000))
     for model in ("paper", "full")
 ]  # coverage of ten regions is an automaton of 1,024 states
-LINES += [("vertices, full", 1_000_000)]  # of each of ten trees
+LINES += [("vertices", 1_000_000)]  # of each of ten trees
 AIMS = [
     ("coverage", 14, 3.0),
     ("coverage", 12, 1.5),

@@ -10,9 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
-from peers import ratios, tables
+from pareto_ltl.world.scene import Scene
+from peers import in_our_front, ratios, tables
 from peers.channel import missing
+from problems import box
 
 INF = float("inf")
 
@@ -138,3 +141,72 @@ def test_a_missing_peer_is_named_with_what_to_install(tmp_path: Path):
     assert told is not None
     assert "make build/peers/drake" in told
     assert "\n" not in told
+
+
+# --- paths of peers in our front ----------------------------------------------------------------
+
+
+def map_with(obstacle: np.ndarray, border: str = "open") -> Scene:
+    region = box(14, 14, 18, 18)
+    return Scene(
+        np.array([[0.0, 0.0], [20e3, 20e3]]), np.array([2e3, 2e3]), {"a": region}, (obstacle,), border=border
+    )
+
+
+def test_obstacles_are_wider_and_regions_smaller_by_the_buffer():
+    scene = in_our_front.buffered(map_with(box(8, 8, 11, 11)), 500.0)
+    (wide,), (small,) = scene.obstacles, scene.regions["a"]
+    assert shapely.Polygon(wide).equals(shapely.box(7.5e3, 7.5e3, 11.5e3, 11.5e3))
+    assert shapely.Polygon(small).equals(shapely.box(14.5e3, 14.5e3, 17.5e3, 17.5e3))
+    np.testing.assert_array_equal(scene.bounds, [[0.0, 0.0], [20e3, 20e3]])
+
+
+def test_a_wide_buffer_leaves_the_start_and_something_of_each_region():
+    scene = in_our_front.buffered(map_with(box(2.5, 1, 5, 4), "wall"), 4000.0)
+    assert all(not shapely.Polygon(one).intersects(shapely.Point(scene.start)) for one in scene.obstacles)
+    assert (scene.bounds[0] < scene.start).all()
+    left = shapely.Polygon(scene.regions["a"][0])
+    assert shapely.box(14e3, 14e3, 18e3, 18e3).contains(left)
+    assert left.area == pytest.approx(0.4e3**2)
+
+
+def entry(
+    buffer: float, length: float | None, failure: float | None, ours: float | None
+) -> dict[str, object]:
+    numbers = {"planner": "P", "buffer": buffer, "length": length, "failure": failure, "ours": ours}
+    return numbers | {"epsilon_kept": failure is not None and failure < 0.3}
+
+
+def test_the_table_of_peers_in_our_front_compares_paths_of_one_length():
+    theirs = [
+        entry(0.0, 90e3, 0.9, None), entry(1.0, 100e3, 0.2, 0.1), entry(1.5, None, None, None),
+        entry(2.0, 120e3, None, None),
+    ]  # fmt: skip
+    case = {
+        "mission": "m",
+        "sd": 1.0,
+        "orders": [["a"]],
+        "ours": [[0.1, 95e3], [0.05, 130e3]],
+        "theirs": theirs,
+    }
+    data = {
+        "date": "2026-01-02", "commit": "abc", "machine": {"processor": "CPU"}, "versions": {"ompl": "2"},
+        "runs": 1000, "missions": [case], "absent": ["drake"],
+    }  # fmt: skip
+    lines = in_our_front.markdown(data).splitlines()
+    assert lines[0] == "2026-01-02, commit abc, CPU; ompl 2; 1,000 flights."
+    assert "drake: not installed, left out." in lines
+    cells = ["m", "95 to 130 km: 10 to 5 %", "P", "90 km: 90 / - %", "100 km: 20 / 10 %", "no path"]
+    assert f"| {' | '.join([*cells, '120 km: cannot be flown'])} |" in lines
+    assert any("1 are at least as long as our shortest path: they fail 2 times as often" in k for k in lines)
+
+
+def test_without_any_peer_the_comparison_of_fronts_ends_with_one_line(tmp_path):
+    folder = Path(__file__).parents[1] / "benchmarks"
+    ended = subprocess.run(
+        [sys.executable, "-m", "peers.in_our_front", "--environments", tmp_path], cwd=folder,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 1
+    assert ended.stderr.splitlines()[-1] == "no peer is installed"
+    assert "make build/peers/ompl" in ended.stderr

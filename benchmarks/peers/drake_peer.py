@@ -21,7 +21,7 @@ ROUNDED_PATHS = 10
 
 
 def mission(request: dict[str, Any]) -> dict[str, Any]:
-    """Length and CPU times for the ``orders`` of regions over the ``cells`` and their ``doors``."""
+    """Length, path and CPU times for the ``orders`` of regions over the ``cells`` and their ``doors``."""
     began = time.process_time()
     gcs, start, end = product_graph(request)
     built = time.process_time()
@@ -31,14 +31,13 @@ def mission(request: dict[str, Any]) -> dict[str, Any]:
     options.solver = options.restriction_solver = options.preprocessing_solver = ClarabelSolver()
     path, result = gcs.SolvePath(start, end, options)
     solved = time.process_time()
-    length = None
+    length, line = None, None
     if result.is_success():
-        length = sum(
-            float(np.hypot(*np.diff(piece.control_points(), axis=1)).sum())
-            for piece in (path.segment(k) for k in range(path.get_number_of_segments()))
-        )
+        pieces = [path.segment(k).control_points() for k in range(path.get_number_of_segments())]
+        length = sum(float(np.hypot(*np.diff(points, axis=1)).sum()) for points in pieces)
+        line = np.hstack(pieces).T.tolist()
     sets = len(gcs.graph_of_convex_sets().Vertices())
-    return {"length": length, "build": built - began, "solve": solved - built, "sets": sets}
+    return {"length": length, "path": line, "build": built - began, "solve": solved - built, "sets": sets}
 
 
 def product_graph(request: dict[str, Any]) -> tuple[GcsTrajectoryOptimization, Any, Any]:

@@ -78,14 +78,14 @@ class Motions(ob.MotionValidator):
 
 
 class Map:
-    """A map as OMPL's space."""
+    """A map as OMPL's space; ``side`` is its width and height, or both."""
 
-    def __init__(self, side: float, obstacles: list[list[list[float]]]) -> None:
+    def __init__(self, side: float | list[float], obstacles: list[list[list[float]]]) -> None:
         self.space = ob.RealVectorStateSpace(2)
         bounds = ob.RealVectorBounds(2)
-        for axis in range(2):
+        for axis, length in enumerate(np.broadcast_to(side, 2)):
             bounds.setLow(axis, 0.0)
-            bounds.setHigh(axis, side)
+            bounds.setHigh(axis, float(length))
         self.space.setBounds(bounds)
         self.information = ob.SpaceInformation(self.space)
         self.clear = segment_test([np.array(polygon) for polygon in obstacles])
@@ -144,8 +144,9 @@ class Map:
         if not problem.hasExactSolution():
             return told | {"length": None}
         path = problem.getSolutionPath()
-        last = path.getState(path.getStateCount() - 1)
-        return told | {"length": path.length(), "end": [last[0], last[1]]}
+        states = [path.getState(k) for k in range(path.getStateCount())]
+        line = [[state[0], state[1]] for state in states]
+        return told | {"length": path.length(), "end": line[-1], "path": line}
 
     def check_seconds(self, calls: int = 20_000) -> float:
         """CPU time of one collision test through OMPL [s]."""
