@@ -201,6 +201,34 @@ def test_hypervolumes_are_areas_of_rectangles() -> None:
     assert judging.relative_volumes([[], []]) == []
 
 
+def test_failures_of_seeds_are_compared_at_the_lengths_that_all_of_them_reach() -> None:
+    """Three fronts with one slope: failure c / length, so that the ratios are those of c."""
+    fronts = [[[c / at, 0, 0, at] for at in (10.0, 20.0, 40.0)] for c in (1.0, 2.0, 3.0)]
+    fronts[0] += [[1e-9, 0, 0, 1e3]]  # beyond the others
+    assert judging.relative_failures([*fronts, []]) == pytest.approx([0.5, 1.0, 1.5])
+    assert judging.relative_failures([fronts[0], []]) == []
+    far = [[0.5, 0, 0, 100.0]]
+    assert judging.relative_failures([fronts[1], far]) == []
+    nothing = [[[0.0, 0, 0, 10.0]], [[0.0, 0, 0, 10.0]]]
+    assert judging.relative_failures(nothing) == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize(("worst", "equal"), [(0.11, True), (0.13, False)])
+def test_the_summary_says_how_far_fronts_of_seeds_lie_apart(worst: float, equal: bool) -> None:
+    rows = [row(seed, promise, 1e3) for seed, promise in enumerate((0.1, 0.1, worst))]
+    judged = judging.judge(rows, {"m": {}})
+    goals = {goal.text: goal for goal in judging.summary(judged, None)}
+    assert judged[0].equal is equal
+    assert goals["worst seed fails at most 1.15 x the median at equal length"].met is equal
+    ratio = f"{worst / 0.1:.2f}"
+    assert (
+        goals["failure at equal length, worst seed over the median"].value
+        == f"{ratio} (median), {ratio} (largest)"
+    )
+    least = (1.0 - worst) / 0.9  # of rectangles between 1 km and 2 km
+    assert goals["hypervolume of the worst seed over that of all"].value.startswith(f"{least:.3f} (median)")
+
+
 @pytest.mark.parametrize(
     ("promises", "agrees"),
     [([0.1, 0.11, 0.12], True), ([0.1, 0.1, 0.14], False), ([0.001, 0.001, 0.009], True), ([0.1], True)],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
@@ -12,9 +12,14 @@ from typing import Any
 import moocore
 import numpy as np
 
+from compare_fronts import LENGTHS, failures_at
+from pareto_ltl.support.arrays import FloatArray
+
 RARE = 0.01  # failure rates up to this one need not agree between seeds
 SPREAD = 1.3  # largest promise over the median of the seeds
 SHARE = 0.9  # of the hypervolume of all seeds together
+EQUAL = 1.15  # largest failure at equal length over the median of the seeds
+LEAST = 1e-4  # failure rates below count as this one where they are divided
 LONGER = 1.01  # a path that is longer by less counts as no longer
 
 Row = Mapping[str, Any]
@@ -30,6 +35,8 @@ class Judged:
         Rows by variant, by increasing seed.
     volumes : list of float
         Hypervolume of the front of each run of ``full`` over the hypervolume of the fronts of all seeds.
+    ratios : list of float
+        Failure at equal length of each run of ``full`` over the median of all seeds.
     spread : float or None
         Worst promise over the median promise of ``full``; None for one seed or a median of 0.
     worse : dict of dict
@@ -40,6 +47,7 @@ class Judged:
     tags: Mapping[str, Any]
     rows: dict[str, list[Row]]
     volumes: list[float] = field(default_factory=list)
+    ratios: list[float] = field(default_factory=list)
     spread: float | None = None
     worse: dict[str, dict[int, str]] = field(default_factory=dict)
 
@@ -62,6 +70,11 @@ class Judged:
         return min(self.volumes, default=0.0) >= SHARE
 
     @property
+    def equal(self) -> bool:
+        """Whether no seed fails much more often at equal length than the median of them."""
+        return max(self.ratios, default=1.0) <= EQUAL
+
+    @property
     def cpu(self) -> list[float]:
         """CPU seconds of the runs of ``full`` that found their machine code on disk."""
         return [row["cpu"] for row in self.rows.get("full", []) if not row["cold"]]
@@ -81,7 +94,8 @@ def judge_mission(name: str, tags: Mapping[str, Any], rows: dict[str, list[Row]]
     promises = [row["promise"] for row in judged.planned]
     if len(promises) > 1 and median(promises) > 0.0:
         judged.spread = max(promises) / median(promises)
-    judged.volumes = relative_volumes([row.get("front", []) for row in rows.get("full", [])])
+    fronts = [row.get("front", []) for row in rows.get("full", [])]
+    judged.volumes, judged.ratios = relative_volumes(fronts), relative_failures(fronts)
     for variant in ("quick", "bare"):
         others = {row["seed"]: row for row in rows.get(variant, [])}
         pairs = [(row, others[row["seed"]]) for row in rows.get("full", []) if row["seed"] in others]
@@ -103,6 +117,24 @@ def relative_volumes(fronts: Sequence[Sequence[Sequence[float]]]) -> list[float]
     if whole <= 0.0:
         return [1.0 for _ in fronts]
     return [float(moocore.hypervolume(part, ref=corner) / whole) if len(part) else 0.0 for part in points]
+
+
+def relative_failures(fronts: Sequence[Sequence[Sequence[float]]]) -> list[float]:
+    """Failure of each front that is not empty over the median of them at equal length.
+
+    It is the geometric mean over lengths that all of them reach. The list is empty for fewer than two fronts,
+    and if no length is on all of them.
+    """
+    points = [np.array([[max(row[0], LEAST), row[3]] for row in front]) for front in fronts if front]
+    if len(points) < 2:
+        return []
+    shortest = max(part[:, 1].min() for part in points)
+    longest = min(part[:, 1].max() for part in points)
+    if shortest > longest:
+        return []
+    lengths = np.geomspace(shortest, longest, LENGTHS)
+    logs: FloatArray = np.log([failures_at(part, lengths) for part in points])
+    return [float(ratio) for ratio in np.exp((logs - np.median(logs, axis=0)).mean(axis=1))]
 
 
 def why_worse(row: Row, other: Row) -> str:
@@ -165,6 +197,7 @@ def summary(judged: Sequence[Judged], unit: float | None) -> list[Goal]:
             f"worst seed promises at most {SPREAD} x the median", several, [one.agrees for one in several]
         ),
         _share(f"worst seed has {SHARE} of the hypervolume", several, [one.covers for one in several]),
+        *_equal(several),
         _worse("full is worse than quick", judged, "quick"),
         _worse("landmarks hurt", judged, "bare"),
         Goal("points of a quick front that full misses", _missed(judged)),
@@ -186,6 +219,21 @@ def _share(text: str, of: Sequence[Judged], good: Sequence[bool]) -> Goal:
     return Goal(
         text, f"{sum(good)} of {len(of)} ({percent(sum(good) / len(of))})", sum(good) >= 0.95 * len(of)
     )
+
+
+def _equal(several: Sequence[Judged]) -> Iterator[Goal]:
+    """How far the fronts of the seeds lie apart: the goal, and what a reader may expect."""
+    able = [one for one in several if one.ratios]
+    worst = sorted(max(one.ratios) for one in able)
+    least = sorted(min(one.volumes) for one in able)
+    yield _share(
+        f"worst seed fails at most {EQUAL} x the median at equal length", able, [o.equal for o in able]
+    )
+    if able:
+        text = f"{median(worst):.2f} (median), {worst[-1]:.2f} (largest)"
+        yield Goal("failure at equal length, worst seed over the median", text)
+        text = f"{median(least):.3f} (median), {least[0]:.3f} (least)"
+        yield Goal("hypervolume of the worst seed over that of all", text)
 
 
 def _worse(text: str, judged: Sequence[Judged], variant: str) -> Goal:

@@ -126,6 +126,8 @@ def mission_row(judged: Judged, record: Mapping[str, Any], out: Path) -> dict[st
         "volume": f"{min(judged.volumes):.2f}" if judged.volumes else "",
         "spread": "" if judged.spread is None else f"{judged.spread:.2f}",
         "seeds": f"{len(judged.planned)} of {len(full)} seeds" if len(judged.planned) < len(full) else "",
+        "equal": f"{max(judged.ratios):.2f}" if judged.ratios else "",
+        "apart": not judged.equal,
         "disagrees": several and not judged.agrees,
         "misses": several and not judged.covers,
         "cpu": span(judged.cpu, 2),
