@@ -154,3 +154,15 @@ def test_labels_hold_their_codes_and_no_other_and_none_is_redundant(chosen: int)
     assert held(cubes) == set(inside.tolist())
     for cube in cubes:
         assert held([one for one in cubes if one != cube]) != held(cubes)
+
+
+def test_a_proposition_that_is_listed_twice_is_refused() -> None:
+    assert "a proposition is listed twice" in refusal(text().replace('"a" "b"', '"a" "a"'))
+
+
+def test_a_table_of_as_many_entries_as_the_limit_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two states and a trap, times four letters."""
+    monkeypatch.setattr(hoa, "MAX_ENTRIES", 12)
+    assert hoa.parse_hoa(text()).accepts([{"a"}])
+    monkeypatch.setattr(hoa, "MAX_ENTRIES", 11)
+    assert "2 states x 4 letters are more than 11" in refusal(text())

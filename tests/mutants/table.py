@@ -63,6 +63,12 @@ EQUIVALENT: dict[tuple[str, str, str, str], str] = {
         "20001",
     ): "a limit of time, on either side of which leads are right",
     (
+        "pareto_ltl.logic.progression",
+        "now = 0",
+        "0",
+        "1",
+    ): "letters are told apart by a proposition more, and lead to the same states",
+    (
         "pareto_ltl.logic.labels",
         "self.known.clear()",
         "self.known.clear()",
