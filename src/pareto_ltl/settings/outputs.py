@@ -25,7 +25,9 @@ EXPORT_FILES = {
     "netcdf": "trajectory.nc",
     "f3548": "operational_intent.json",
 }  # the file of each format
-BRANCH_FILES = ("branch_?.csv", "branch_?_card.csv", "branch_cards.html")  # of plans that branch
+BRANCH_FILES = (  # of plans that branch, the second pair after a second fix
+    "branch_?.csv", "branch_?_card.csv", "branch_??.csv", "branch_??_card.csv", "branch_cards.html",
+)  # fmt: skip
 ON_REQUEST = ("f3548", "fpl", "lua")  # formats that are written only if asked for
 HIGHEST = 100_000.0  # limit of the absolute value of an exported height [m]
 
