@@ -30,6 +30,7 @@ from pareto_ltl.run.plan_stage import branched
 from pareto_ltl.settings import BranchConfig
 from pareto_ltl.simulation.tree_flights import TreeFlights, fly_branches
 from pareto_ltl.support.counts import paired_difference
+from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl_apps.studies.replanning import (
     ReplanningContext,
     Way,
@@ -66,7 +67,9 @@ def planned(folder: Path, words: Sequence[str], extra: Sequence[str]) -> str:
 def measured(folder: Path, replans: int) -> dict[str, Any]:
     """The row of a mission whose plan is in ``folder``: failures of each way, and how the trees came out."""
     run = Run.open(folder / "run")
-    plan, problem = run.plan, run.problem
+    problem, plan = run.problem, run.plan
+    own = next(path for path in run.front.paths if np.array_equal(path.x, plan.path.x))
+    plan = replace(plan, path=own)  # the stage of the plan looks for it in the front
     steps, dt = len(plan.path.u), problem.motion.dt
     sd = FIX_SHARE * float(np.ptp(run.scene.bounds, axis=0).max())
     winds = TreeFlights.drawn(problem, FLIGHTS, SeedSequence(20261128))
@@ -89,8 +92,8 @@ def measured(folder: Path, replans: int) -> dict[str, Any]:
         tree = with_tree.branching
         failed = alone if tree is None else fly_branches(winds, with_tree.path.u, tree).failed
         if len(at) == 1:
-            own = replace(run.settings, branch=replace(branch, fit_trunk=False))
-            simple = branched(run.with_settings(own), plan)
+            plain = replace(run.settings, branch=replace(branch, fit_trunk=False))
+            simple = branched(run.with_settings(plain), plan)
             other = simple.branching
             lost = alone if other is None else fly_branches(winds, simple.path.u, other).failed
             row[OTHER_TRUNK] = lost.mean()
@@ -209,7 +212,10 @@ def main() -> int:
             continue
         folder = out / "missions" / mission.name
         fault = planned(folder, mission.write(folder), asked.words)
-        row = {"mission": mission.name, "said": fault} if fault else measured(folder, asked.replans)
+        try:
+            row = {"said": fault} if fault else measured(folder, asked.replans)
+        except (ConfigError, DataError, InfeasibleError) as error:
+            fault, row = str(error), {"said": str(error)}
         with (out / "rows.jsonl").open("a") as stream:
             stream.write(json.dumps({"mission": mission.name, **row}) + "\n")
         print(mission.name, fault or f"{100 * row['as planned']:.1f} % fail as planned", flush=True)
