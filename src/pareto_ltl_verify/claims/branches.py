@@ -365,7 +365,9 @@ def _row_faults(result: Evidence, node: Node, row: dict[str, Any]) -> dict[str, 
     x, u, t = (np.array(row[key], float) for key in ("x", "u", "t"))
     speed = np.hypot(*u.T)
     name = f"branch {row['name']}"
+    orders = result.orders(np.vstack([node.x[: begin + 1], x[1:]]))
     return {
+        f"{name}: order {row['order']}": not any(order.endswith(row["order"]) for order in orders),
         f"{name}: times": not np.allclose(t, dt * (begin + np.arange(len(x))), rtol=1e-9),
         f"{name}: airspeed": not np.allclose(row["airspeed"], speed, rtol=1e-6),
         f"{name}: airspeed above u_max": (speed > robot.u_max * (1 + 1e-5)).any(),

@@ -207,7 +207,7 @@ def branch_path(
         u=tree.rests[rest],
         objectives=Objectives(problem.costs_of(x, tree.rests[rest]), unknown, unknown, unknown, unknown),
         origin="the rest of the plan" if rest == 0 else f"rest {rest} of the branches",
-        order=mission_order_text(problem, q, cell),
+        order=mission_order_text(problem, q, cell, int(q[0])),
     )
     return told.share, path
 
