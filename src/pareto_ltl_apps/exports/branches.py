@@ -60,7 +60,7 @@ class ExportedBranch:
 
 
 def exported_branches(problem: Problem, plan: Plan, air: FlownAir | None) -> tuple[ExportedBranch, ...]:
-    """The branches of ``plan`` with their logs, those of a branch after it; none if it has none."""
+    """The branches of ``plan`` with their logs, A, A1, A2, B, ...; none if it has none."""
     found = []
     for before, branch, on_it in plans_on_branches(plan):
         tree = before.branching

@@ -43,7 +43,7 @@ def measured_moments(passed: Sequence[Passed], among: FloatArray, means: FloatAr
     The share is the one of the last cell, of the flights that are in the cells before it and take the fix;
     mean (2n,) and covariance (2n, 2n) are in the plane [m, m²]. ``among`` (2n, 2n) [m²] is Cov(e), and
     ``means`` (n, 2) [m] are the expected positions of all flights of these controls. One fix that can be
-    taken anywhere has the moments of (M79). Others have those of a fixed sample of positions: a fix that only
+    taken anywhere has the moments of (M79), others have moments of a fixed sample: a fix that only
     a landmark gives tells that the robot is in it.
     """
     if len(passed) == 1 and passed[0].fix.landmark is None:

@@ -19,7 +19,7 @@ from pareto_ltl.world.cells import inside_depth
 from pareto_ltl.world.projection import Navigation
 
 TRUNK = -1  # the branch of a flight that takes no fix: the plan goes on
-NAMES = "ABCD"  # of the branches of a plan, in order; those of branch A are A1, A2, ...
+NAMES = "ABCD"  # of the branches of a plan, in order; branch A goes on as A1, A2, ...
 LEVELS = 2  # fixes, one after another, at which a plan can branch
 
 

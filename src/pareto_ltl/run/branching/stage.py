@@ -245,7 +245,7 @@ class Outlook:
 def promising_trunks(grower: Grower, front: Front, own: int, fixes: Sequence[BranchFix]) -> list[int]:
     """The plan, and with ``selection.rule=worth`` the path of the front that is likely to be the best trunk.
 
-    Other rules take their path for other reasons, and ``branch.fit_trunk=false`` keeps to the plan.
+    Other rules take their path for other reasons, and ``branch.fit_trunk=false`` takes the plan.
     A path is taken to fail as often as its flights are lost at the fix, and :data:`SAVED` of the others that
     fail without one.
     """
